@@ -19,12 +19,12 @@ import numpy as np
 
 from defsense_fab.core.device.device import COMPRESSION
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.pipeline.artifacts.layout import load_layout
-from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.design.design_task import DesignTask, load_task
-from defsense_fab.pipeline.design.predict import Scored, predict
+from defsense_fab.optimize.prediction.design_task import DesignTask, load_task
+from defsense_fab.optimize.prediction.predict import Scored, predict
 from defsense_fab.sensing.built_cord import BuiltCord, needed_prestretch
-from defsense_fab.sensing.signal import mean_strain
+from defsense_fab.sensing.layout import load_layout
+from defsense_fab.sensing.response import mean_strain
+from defsense_fab.workflow.build.build import build
 
 
 def untrained(task: DesignTask, designed: Scored, found: Scored) -> float:

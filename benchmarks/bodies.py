@@ -49,7 +49,7 @@ def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.geometry.bodies.body import SIZES
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
-    from defsense_fab.pipeline.build.build import build
+    from defsense_fab.workflow.build.build import build
 
     begun = cpu()
     (file,) = folder.glob("body.*")

@@ -37,7 +37,7 @@ def originals() -> dict[str, bytes]:
 
     from defsense_fab.core.mesh import Surface
     from defsense_fab.geometry.kernels import occ
-    from defsense_fab.geometry.kernels.export import write_3mf
+    from defsense_fab.geometry.printing.export import write_3mf
 
     from .defective_bodies import creature
 
@@ -237,8 +237,8 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
     where something is left behind, or what is made is no closed surface."""
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.core.errors import DefsenseError
-    from defsense_fab.pipeline.artifacts.body import load_surface
-    from defsense_fab.pipeline.build import stage_body
+    from defsense_fab.geometry.bodies.body_record import load_surface
+    from defsense_fab.workflow.build import stage_body
 
     (folder / name).write_bytes(content)
     kind = "step" if name.endswith(".step") else "mesh"
@@ -265,7 +265,7 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
 def dropped(name: str, content: bytes) -> str:
     """What the studio makes of a file."""
     from defsense_fab.core.errors import DefsenseError
-    from defsense_fab.pipeline.starts.dropped_body import look_at_file
+    from defsense_fab.workflow.starts.dropped_body import look_at_file
 
     try:
         look_at_file(name, content)

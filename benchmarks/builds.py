@@ -27,9 +27,9 @@ import trimesh
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DefsenseError
-from defsense_fab.pipeline.artifacts.layout import load_layout
-from defsense_fab.pipeline.artifacts.mesh import load_mesh_record
-from defsense_fab.pipeline.build.build import build
+from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh_record
+from defsense_fab.sensing.layout import load_layout
+from defsense_fab.workflow.build.build import build
 
 
 def outcome(made: Callable[[], Device], until: str) -> tuple[str, str, float]:

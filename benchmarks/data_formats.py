@@ -27,18 +27,18 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.sessions.result_files import ALIGNED, SAMPLES, SIGNALS
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.trained_model import TrainedModel
-from defsense_fab.pipeline.sessions.results.result_files import ALIGNED, SAMPLES, SIGNALS
-from defsense_fab.pipeline.train.data.data_files import DataFiles
-from defsense_fab.pipeline.train.data.dataset_parquet import write_dataset
-from defsense_fab.pipeline.train.models.prepare import prepare
-from defsense_fab.pipeline.train.models.train_device import train_dataset
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions
-from tests.pipeline.train.data.xdf_writer import stream, write_xdf
+from defsense_fab.training.models.prepare import prepare
+from defsense_fab.training.models.train_device import train_dataset
+from defsense_fab.training.recordings.data_files import DataFiles
+from defsense_fab.training.recordings.dataset_parquet import write_dataset
+from tests.training.models.data.xdf_writer import stream, write_xdf
 
 SESSION, PLAIN = "session", "session without sigma"
 _TEST = 0.3

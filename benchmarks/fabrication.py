@@ -82,8 +82,8 @@ def load(name: str, cell: float | None):
 
 
 def parts(device, body, seed: int | None) -> dict:
-    from defsense_fab.pipeline.design.as_built import fabricate
-    from defsense_fab.pipeline.design.design_task import limits
+    from defsense_fab.optimize.prediction.as_built import fabricate
+    from defsense_fab.optimize.prediction.design_task import limits
     from tests.geometry.parts.random_layouts import random_layout
 
     coarse = load(device.name, None)[0].surface
@@ -97,7 +97,7 @@ def parts(device, body, seed: int | None) -> dict:
 
 def straight(body):
     """A plane through the middle and a wavy path along the body's longest axis."""
-    from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+    from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 
     low, high = body.surface.bounds
     axis = int(np.ptp(body.surface.bounds, axis=0).argmax())
@@ -125,9 +125,9 @@ def by_manifold(body, device) -> dict:
 def by_build123d(body, device) -> dict:
     import build123d as bd
 
-    from defsense_fab.core.curves.biarc import arcs
+    from defsense_fab.core.curve_conversion import arcs
     from defsense_fab.geometry.kernels import occ
-    from defsense_fab.geometry.kernels.export import write_stl
+    from defsense_fab.geometry.printing.export import write_stl
 
     plane, curve = straight(body)
     with tempfile.TemporaryDirectory() as folder:

@@ -20,8 +20,8 @@ import cv2
 import numpy as np
 
 from defsense_fab.capture.cameras.rig_file import read_rig
-from defsense_fab.capture.tags.tag_detection import Detector
-from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
+from defsense_fab.capture.tags.detection import Detector
+from defsense_fab.capture.tags.tag_patterns import Dictionary, dictionary
 from defsense_fab.cli.main import main as defsense
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera

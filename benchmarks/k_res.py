@@ -22,9 +22,8 @@ from collections.abc import Callable
 import numpy as np
 
 from defsense_fab.calibration.calibrate import calibrate
-from defsense_fab.calibration.memory import Memory
-from defsense_fab.calibration.readings import Geometry, Piece, Readings
-from defsense_fab.core.curves.bending import RADII
+from defsense_fab.calibration.readings import Geometry, Memory, Piece, Readings
+from defsense_fab.core.response import RADII
 
 TRUE = 2.0
 _STEP, _READ = 30.0, 20.0  # s per jig, and after which it is read

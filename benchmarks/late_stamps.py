@@ -17,13 +17,13 @@ import sys
 
 import numpy as np
 
+from defsense_fab.capture.cameras.image_sources import timing
 from defsense_fab.capture.cameras.rig_file import Rig
-from defsense_fab.capture.cameras.video import timing
-from defsense_fab.capture.tags.tag_detection import TagView
-from defsense_fab.capture.tracking.tag_store import stored
+from defsense_fab.capture.tags.detection import TagView
+from defsense_fab.capture.tracking.observations import stored
+from defsense_fab.capture.videos.video_detection import VideoDetections
+from defsense_fab.capture.videos.video_tracks import assemble
 from defsense_fab.core.arrays import Float
-from defsense_fab.pipeline.tracking.video_detection import VideoDetections
-from defsense_fab.pipeline.tracking.video_tracks import assemble
 from tests.capture.rigs import flat, rig, spread, tags
 
 NOISE, TAGS, SIDE = 0.03, 12, 15.0

@@ -21,12 +21,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks import joint
-from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.curve import sample_path
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.prediction.design_task import DesignTask, load_task
+from defsense_fab.optimize.prediction.predict import predict
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
 from defsense_fab.optimize.problem.cord_parameters import CordParameters
 from defsense_fab.optimize.problem.cord_signals import SignalModel
@@ -38,10 +40,8 @@ from defsense_fab.optimize.search import baselines
 from defsense_fab.optimize.search.candidate_families import through
 from defsense_fab.optimize.search.candidates import build_pool
 from defsense_fab.optimize.search.starting_layouts import choices, seeds
-from defsense_fab.pipeline.build import build
-from defsense_fab.pipeline.design.design_task import DesignTask, load_task
-from defsense_fab.pipeline.design.predict import predict
 from defsense_fab.sensing.built_cord import BuiltCord
+from defsense_fab.workflow.build import build
 
 BAR = Path("fixtures/devices/bar")
 

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.pipeline.live.live_device import live_device
-from defsense_fab.pipeline.live.live_run import RunOptions, live_run
+from defsense_fab.runtime.live.live_device import live_device
+from defsense_fab.runtime.live.live_run import RunOptions, live_run
 from defsense_fab.runtime.outputs.live_file import parse_output
 
 _EVERY = 30.0  # s

@@ -18,8 +18,7 @@ from scipy.optimize import least_squares
 
 from defsense_fab.core.arrays import Float
 from defsense_fab.runtime.controls.least_squares import add_poses
-from defsense_fab.runtime.controls.pose_amplitudes import PoseAmplitudes
-from defsense_fab.runtime.controls.pose_amplitudes import PoseBasis
+from defsense_fab.runtime.controls.pose_amplitudes import PoseAmplitudes, PoseBasis
 from tests.runtime.bars import markers, poses
 
 SD = 0.5

@@ -20,13 +20,12 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Bool, Float
-from defsense_fab.pipeline.live.live_device import LiveDevice, live_device
-from defsense_fab.pipeline.twin.recordings.twin_recordings import TwinRun, TwinRuns, simulate_runs
-from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
-from defsense_fab.runtime.frames.live_faults import fault_told
+from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Reading
 from defsense_fab.runtime.frames.live_frame import LiveFrame
+from defsense_fab.runtime.live.live_device import LiveDevice, live_device
 from defsense_fab.sensing.voltage_divider import Dividers
 from defsense_fab.twin.electronics.replayed_cords import CUT, SHORT, STUCK, SWAP
+from defsense_fab.twin.recordings.twin_recordings import TwinRun, TwinRuns, simulate_runs
 
 _SECONDS = 10.0  # of a fault
 _BEGIN, _EVERY = 75.0, 25.0  # s, of the first fault and between two
@@ -38,16 +37,12 @@ class Played:
 
     frames: list[LiveFrame]
 
-    def alarms(self, device: LiveDevice) -> list[tuple[float, str]]:
+    def alarms(self) -> list[tuple[float, str]]:
         """Times, s, and words of each alarm, when it begins."""
-        names = device.model.channels
-        kinds = ("torn", "shorted", "stuck", "loose")
-        words = {fault_told(names, k, (c,)) for k in kinds for c in range(len(names))}
-        pairs = combinations(range(len(names)), 2)
-        words |= {fault_told(names, "swapped", pair) for pair in pairs}
+        codes = {"torn", "shorted", "stuck", "loose", "swapped"}
         out, before = [], set[str]()
         for frame in self.frames:
-            now = words & set(frame.notes)
+            now = {note.text for note in frame.notes if note.code in codes}
             out += [(frame.time, word) for word in sorted(now - before)]
             before = now
         return out
@@ -67,11 +62,11 @@ def play(
         read[on, channel] = read[np.flatnonzero(on)[0], channel]
     order = [device.wired.index(name) for name in device.model.channels]
     decoder = LiveDecoder(
-        device.model, None, device.trained_rest, lying=device.lying, fallback=fallback
+        device.model, None, device.trained_rest, first_rest_signals=device.lying, fallback=fallback
     )
     frames = []
     for t, now in zip(run.truth.sample_time, read[:, order], strict=True):
-        frame = decoder(Sample(float(t), now, float(t)))
+        frame = decoder(Reading(float(t), now, float(t)))
         if frame is not None:
             frames.append(frame)
     return Played(frames)
@@ -113,9 +108,9 @@ def faults_of(device: LiveDevice, options: argparse.Namespace) -> None:
         run = made.runs[0]
         time, ohm = run.truth.sample_time, run.truth.ohm
         normal = play(device, made, ohm)
-        false += len(normal.alarms(device))
+        false += len(normal.alarms())
         hours += float(time[-1]) / 3600
-        for word in normal.alarms(device):
+        for word in normal.alarms():
             print(f"    false alarm, seed {seed}: {word[0]:.0f} s: {word[1]}")
         for k, (kind, channels) in enumerate(cases):
             begin = _BEGIN + _EVERY * k

@@ -46,8 +46,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from defsense_fab.runtime.controls.control_bank import ControlBank
-from defsense_fab.runtime.controls.control_spec import ControlSpec, default_specs
-from defsense_fab.runtime.controls.control_spec import Shaping
+from defsense_fab.runtime.controls.control_spec import ControlSpec, Shaping, default_specs
 from defsense_fab.runtime.frames.live_frame import LiveFrame, Quality
 from defsense_fab.runtime.outputs.live_file import open_outputs, parse_output
 from defsense_fab.runtime.outputs.output import NewestWins

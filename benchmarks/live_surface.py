@@ -25,12 +25,10 @@ from functools import partial
 import igl
 import numpy as np
 
-from defsense_fab.runtime.surface.surface_solvers import ArapSolver
-from defsense_fab.runtime.surface.surface_mesh import Attachment
 from defsense_fab.runtime.surface.elastic_net import ElasticNet
 from defsense_fab.runtime.surface.live_surface import make_surface
-from defsense_fab.runtime.surface.surface_mesh import SurfaceBasis
-from defsense_fab.runtime.surface.surface_solvers import TimeBudget
+from defsense_fab.runtime.surface.surface_mesh import Attachment, SurfaceBasis
+from defsense_fab.runtime.surface.surface_solvers import ArapSolver, TimeBudget
 
 LENGTH, WIDTH, MARKERS = 150.0, 30.0, 40
 CELLS = {1_000: 34, 10_000: 107, 50_000: 239}  # along the bar

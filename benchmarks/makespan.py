@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.errors import DefsenseError
-from defsense_fab.pipeline.study.runs.making import LOST
-from defsense_fab.pipeline.study.runs.planned import Run, batches
-from defsense_fab.pipeline.study.runs.run_log import RunRecord, read_records
+from defsense_fab.workflow.study.runs.making import LOST
+from defsense_fab.workflow.study.runs.planned import Run, batches
+from defsense_fab.workflow.study.runs.run_log import RunRecord, read_records
 
 START = 0.7  # CPU s of a batch's process until its first run begins, measured
 

@@ -20,22 +20,18 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.cameras.camera_threads import one_thread_per_call
 from defsense_fab.capture.cameras.extrinsics import estimate_extrinsics
+from defsense_fab.capture.cameras.image_sources import one_thread_per_call
 from defsense_fab.capture.cameras.intrinsics import calibrate
-from defsense_fab.capture.tags.board_detection import BoardFinder
-from defsense_fab.capture.tags.charuco_board import CharucoBoard
-from defsense_fab.capture.tags.tag_detection import Detector, TagView
-from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
-from defsense_fab.capture.tags.tag_follower import TagFollower
+from defsense_fab.capture.tags.detection import BoardFinder, Detector, TagFollower, TagView
+from defsense_fab.capture.tags.tag_patterns import CharucoBoard, Dictionary, dictionary
 from defsense_fab.capture.tracking.alignment import align
-from defsense_fab.capture.tracking.observations import observe
-from defsense_fab.capture.tracking.reconstruction import reconstruct
-from defsense_fab.capture.tracking.single_camera import square
-from defsense_fab.capture.tracking.tag_store import stored
+from defsense_fab.capture.tracking.observations import observe, stored
+from defsense_fab.capture.tracking.reconstruction import reconstruct, square
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
-from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Patch, Scene
 
 SIZE, FOCAL, AWAY, BASE, TAGS, SIDE = (1280, 720), 900.0, 400.0, 160.0, 20, 15.0
@@ -82,7 +78,7 @@ def bent(tags: list[Patch], t: float) -> list[Patch]:
         curl = Rotation.from_rotvec([0, angle, 0])
         x = p.center[0]
         at = np.array([x * np.sinc(angle / np.pi), p.center[1], p.center[2] - x * angle / 2])
-        out.append(p.moved(held.apply(at) + move, (held * curl).as_matrix() @ p.axes))
+        out.append(p.moved_to(held.apply(at) + move, (held * curl).as_matrix() @ p.axes))
     return out
 
 
@@ -204,7 +200,7 @@ def apriltags(rig: list[Camera], side: float) -> Callable[[list[Float]], Result]
 
 def speed(frames: int = 30) -> None:
     rng = np.random.default_rng(0)
-    optics = Optics(blur=0.8, exposure=0, read=2.0)
+    optics = Optics(blur=0.8, exposure=0, read_noise=2.0)
     true = cameras()
     rig = calibrated(true, optics)
     pairs = []
@@ -250,7 +246,7 @@ def cpu(frames: int = 40, count: int = 12, rounds: int = 5) -> None:
     """Pairs per CPU second, on one core, of pictures that follow each other at 30 a second."""
     rng = np.random.default_rng(0)
     rig, family = cameras(), dictionary("4X4_50")
-    renderers = [Renderer(c, Optics(blur=0.8, exposure=0, read=2.0), rng) for c in rig]
+    renderers = [Renderer(c, Optics(blur=0.8, exposure=0, read_noise=2.0), rng) for c in rig]
     tags = device(rng, family, SIDE, 30)[:count]
     scenes = [Scene(patches=tuple(bent(tags, k / 30))) for k in range(frames)]
     films = [[r.shoot(s).image for s in scenes] for r in renderers]
@@ -294,9 +290,9 @@ def trial(
 ) -> tuple[float, float, float]:  # fmt: skip
     """RMS error, mm; that over the stated standard deviation; part of the tags not located."""
     rng = np.random.default_rng(seed)
-    optics = Optics(blur=blur, exposure=0, read=noise, shot=0)
+    optics = Optics(blur=blur, exposure=0, read_noise=noise, shot_noise=0)
     true = cameras(base)
-    rig = calibrated(true, Optics(blur=0.8, exposure=0, read=2.0, shot=0), seed)
+    rig = calibrated(true, Optics(blur=0.8, exposure=0, read_noise=2.0, shot_noise=0), seed)
     family = dictionary("4X4_50")
     tags = device(rng, family, side, tilt)
     detectors = [Detector(c, family) for c in rig]

@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.capture.cameras.rig_file import write_rig
-from defsense_fab.capture.tracking.single_camera import square
+from defsense_fab.capture.sessions import session as sessions
+from defsense_fab.capture.tracking.reconstruction import square
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.markers import Markers
-from defsense_fab.pipeline.sessions.recording import session as sessions
 from defsense_fab.sensing.voltage_divider import Dividers
 
 SIZE, FOCAL, SIDE = (1280, 720), 900.0, 15.0
@@ -41,7 +41,7 @@ _CHILD = """
 import json, sys, time
 from pathlib import Path
 from benchmarks.memory import peak
-from defsense_fab.pipeline.sessions.processing.processing import process_session
+from defsense_fab.workflow.sessions.processing import process_session
 before, began = peak(), time.perf_counter()
 process_session(Path(sys.argv[1]))
 print(json.dumps([before, peak(), time.perf_counter() - began]))

@@ -22,16 +22,15 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.late_stamps import NOISE, SIDE, TAGS, moved
+from defsense_fab.capture.cameras.image_sources import timing
 from defsense_fab.capture.cameras.rig_file import Rig
-from defsense_fab.capture.cameras.video import timing
-from defsense_fab.capture.tags.tag_detection import TagView
+from defsense_fab.capture.tags.detection import TagView
 from defsense_fab.capture.tracking.alignment import align
-from defsense_fab.capture.tracking.tag_store import stored
+from defsense_fab.capture.tracking.observations import stored
+from defsense_fab.capture.videos.video_detection import VideoDetections
+from defsense_fab.capture.videos.video_tracks import assemble
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.camera import Camera
-from defsense_fab.core.curves.rotation_vectors import rotations
-from defsense_fab.pipeline.tracking.video_detection import VideoDetections
-from defsense_fab.pipeline.tracking.video_tracks import assemble
+from defsense_fab.core.camera import Camera, rotations
 from tests.capture.rigs import flat, rig, spread, tags
 
 _PIVOT, _TAKES, _HALVES = np.array([0.0, 0.0, -60.0]), 0.1, 0.05

@@ -26,14 +26,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.markers import bent, cameras
-from defsense_fab.capture.tags.tag_detection import Detector
-from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
-from defsense_fab.capture.tracking.triangulation import triangulate
+from defsense_fab.capture.tags.detection import Detector
+from defsense_fab.capture.tags.tag_patterns import Dictionary, dictionary
+from defsense_fab.capture.tracking.reconstruction import triangulate
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
-from defsense_fab.twin.filming.camera_kinds import KINDS, CameraKind
+from defsense_fab.twin.filming.camera_kinds import CAMERA_KINDS, CameraKind, print_patch
 from defsense_fab.twin.filming.renderer import Renderer
-from defsense_fab.twin.scenes.printed import printed
 from defsense_fab.twin.scenes.scene import Patch, Scene
 
 Image = NDArray[np.uint8]
@@ -203,7 +202,7 @@ def filmed(
     camera: Camera, patches: list[Patch], kind: CameraKind, rng: np.random.Generator
 ) -> Image:
     """The picture (h, w) of tags by the twin's camera."""
-    prints = tuple(printed(p, kind.ink, kind.curl) for p in patches)
+    prints = tuple(print_patch(p, kind.ink, kind.curl) for p in patches)
     renderer = Renderer(camera, kind.optics, rng)
     return renderer.shoot(Scene(prints, gloss=kind.gloss), time=float(rng.uniform(0, 10))).image
 
@@ -270,7 +269,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    every = CONDITIONS | {f"twin-{name}": kind for name, kind in KINDS.items()}
+    every = CONDITIONS | {f"twin-{name}": kind for name, kind in CAMERA_KINDS.items()}
     parser.add_argument("condition", nargs="*", help=f"of {', '.join(every)}")
     parser.add_argument("--frames", type=int, default=12)
     parser.add_argument("--seed", type=int, default=0)

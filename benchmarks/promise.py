@@ -28,22 +28,22 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.device.default_states import agree, opposite
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.states import agree, opposite
 from defsense_fab.decoding.decoders import fit_decoder
+from defsense_fab.geometry.bodies.body_record import load_surface
+from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh_record
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.material import Material, split
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.solver.batch import solve_all
-from defsense_fab.pipeline.artifacts.body import load_surface
-from defsense_fab.pipeline.artifacts.layout import LayoutRecord, load_layout, load_prediction
-from defsense_fab.pipeline.artifacts.mesh import load_mesh_record
-from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.build.load_cases import Loading, jobs, loadings
 from defsense_fab.sensing.built_cord import CordReading
+from defsense_fab.sensing.layout import LayoutRecord, load_layout, load_prediction
+from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.load_cases import Loading, jobs, loadings
 
 _READINGS = 40  # of each state by each device, at least
 

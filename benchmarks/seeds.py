@@ -21,13 +21,13 @@ import numpy as np
 from defsense_fab.core.device.device import DECODERS
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
+from defsense_fab.optimize.prediction.as_built import assumed_cords
+from defsense_fab.optimize.prediction.design_task import SEED, load_task
+from defsense_fab.optimize.prediction.predict import predict
 from defsense_fab.optimize.refinement.refine import optimise
-from defsense_fab.pipeline.artifacts.layout import load_layout
-from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.build.stage_optimize import searches
-from defsense_fab.pipeline.design.as_built import assumed_cords
-from defsense_fab.pipeline.design.design_task import SEED, load_task
-from defsense_fab.pipeline.design.predict import predict
+from defsense_fab.sensing.layout import load_layout
+from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.stage_optimize import searches
 
 _SETS = 10_000  # of seeds, drawn at random
 

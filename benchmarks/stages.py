@@ -33,7 +33,7 @@ def built(folder: Path) -> list[tuple[str, float, float]]:
     what importing takes."""
     begun = cpu(), time.perf_counter()
     from defsense_fab.core.device.device_file import load_device
-    from defsense_fab.pipeline.build.build import build
+    from defsense_fab.workflow.build.build import build
 
     device = load_device(folder)
     marks = [("imports", *begun)]

@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.curves.curve import Plane
-from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.curve import Plane, sample_path
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.pipeline.artifacts.build_folder import build_folder
-from defsense_fab.pipeline.design.body_section import BodySection
-from defsense_fab.pipeline.design.layout_judge import LayoutJudge
-from defsense_fab.pipeline.design.next_cord import next_cord, shortest
+from defsense_fab.core.storage.build_folder import build_folder
+from defsense_fab.optimize.prediction.body_section import BodySection
+from defsense_fab.optimize.prediction.layout_judge import LayoutJudge
+from defsense_fab.optimize.prediction.next_cord import next_cord, shortest
 from defsense_fab.studio.inside.looks import LOOKS
 from defsense_fab.studio.inside.section_picture import Pictures, Wanted
 from defsense_fab.studio.inside.section_planes import first_plane, first_state

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.machine.blas_threads import one_blas_thread
+from defsense_fab.core.machine.processes import one_blas_thread
 from defsense_fab.runtime.view.local_page import end_page, local_page
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.poses.poses_mode import PosesMode

@@ -26,7 +26,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from defsense_fab.pipeline.study.runs.run_log import FILE, FOLDER, RunRecord, read_records
+from defsense_fab.workflow.study.runs.run_log import FILE, FOLDER, RunRecord, read_records
 
 BAR = Path("fixtures/devices/bar")
 _SEED = "[[sensors]]"
@@ -67,7 +67,7 @@ def lines(folder: Path) -> list[RunRecord]:
     if not path.exists():
         return []
     from defsense_fab.core.storage.append_log import LogLines
-    from defsense_fab.pipeline.study.runs.run_log import decoded
+    from defsense_fab.workflow.study.runs.run_log import decoded
 
     return [decoded(line) for number, line in LogLines(path) if number > 1]
 

@@ -24,14 +24,13 @@ from sklearn.linear_model import RidgeCV
 from sklearn.model_selection import PredefinedSplit
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.decoding.past import Past
+from defsense_fab.decoding.signal_history import Past
 from defsense_fab.training.data.dataset import Dataset, Recording
-from defsense_fab.training.fitting.select_decoder import try_candidate
+from defsense_fab.training.fitting.decoder_selection import try_candidate
 from defsense_fab.training.fitting.train_model import train
-from defsense_fab.training.ridge.candidates import AFFINE, Candidate
-from defsense_fab.training.ridge.frames import Frames
-from defsense_fab.training.ridge.splits import first_and_last, fold_of
-from defsense_fab.training.ridge.weighted_ridge import NOISES
+from defsense_fab.training.regression.candidates import AFFINE, Candidate
+from defsense_fab.training.regression.frames import Frames, assign_folds, split_frames
+from defsense_fab.training.regression.weighted_ridge import INPUT_NOISES
 
 
 def recorded(minutes: float, markers: int, seed: int = 0) -> Dataset:
@@ -59,11 +58,11 @@ def cpu(work: Callable[[], object]) -> float:
 
 
 def affine(dataset: Dataset, rounds: int) -> tuple[float, float]:
-    frames, _ = first_and_last(Frames.all_of(dataset))
+    frames, _ = split_frames(Frames.from_dataset(dataset))
     x: Float = frames.inputs(Past(), range(3))
     outputs = frames.points - dataset.rest_points
-    weights, fold = np.ones(outputs.shape[:2]), fold_of(len(frames))
-    peer = RidgeCV(alphas=len(frames) * NOISES**2, cv=PredefinedSplit(fold))
+    weights, fold = np.ones(outputs.shape[:2]), assign_folds(len(frames))
+    peer = RidgeCV(alphas=len(frames) * INPUT_NOISES**2, cv=PredefinedSplit(fold))
 
     def own() -> None:
         try_candidate(Candidate(AFFINE, Past()), frames, range(3), outputs, weights, fold).decoder()

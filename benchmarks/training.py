@@ -29,20 +29,20 @@ from defsense_fab.core.arrays import Float
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
+from defsense_fab.core.storage.build_folder import build_folder
 from defsense_fab.decoding.trained_model import TrainedModel
-from defsense_fab.pipeline.artifacts.build_folder import build_folder
-from defsense_fab.pipeline.artifacts.layout import LayoutRecord, load_layout
-from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.train.evaluation.prediction import promised
-from defsense_fab.pipeline.train.models.simulated_prior import simulated_prior
-from defsense_fab.pipeline.twin.recordings.twin_recordings import simulate_runs
+from defsense_fab.sensing.layout import LayoutRecord, load_layout
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
 from defsense_fab.training.evaluation.predicted_error import predicted_error
-from defsense_fab.training.fitting.pose_signals import shows
+from defsense_fab.training.evaluation.prediction import promised
+from defsense_fab.training.fitting.pose_signals import list_pose_samples
 from defsense_fab.training.fitting.recalibration import recalibrate
 from defsense_fab.training.fitting.train_model import Training, TrainingOptions, train
-from defsense_fab.training.regression.simulated_decoder import simulated_model
+from defsense_fab.training.models.simulated_prior import simulated_prior
+from defsense_fab.training.regression.simulated_decoder import fit_simulated_model
+from defsense_fab.twin.recordings.twin_recordings import simulate_runs
+from defsense_fab.workflow.build.build import build
 
 _TEST = 0.3
 
@@ -89,7 +89,7 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
         prior = simulated_prior(device, whole.channels, whole.rest_points)
         result = train(whole, prior=prior)
         r = whole.recordings[0]
-        after = slice(int(result.tested.row[0]), len(r.time))
+        after = slice(int(result.tested.frame_index[0]), len(r.time))
         off, radius = errors(result.model, r, after)
         tell(
             seed,
@@ -145,12 +145,12 @@ def foretold(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
 def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: ignore[no-untyped-def]
     r = whole.recordings[0]
     goal = rmse(errors(full.model, r, after)[0])
-    alone = simulated_model(
+    alone = fit_simulated_model(
         whole.device, whole.layout, whole.channels, whole.ids, whole.rest_points, prior
     )
     print(f"    no picture: {rmse(errors(alone, r, after)[0]):.2f}; all: {goal:.2f}")
     rate = 1 / float(np.median(np.diff(r.time)))
-    cut = int(full.tested.row[0])
+    cut = int(full.tested.frame_index[0])
     cases = {
         "60 pictures of the first minute": slice(0, round(60 * rate), round(rate)),
         "60 pictures of the training": slice(0, cut, cut // 60),
@@ -198,10 +198,10 @@ def later(model: TrainedModel, r: Recording) -> None:
 
 def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0) -> Recording:
     """Rounds of up to three poses, and a rest, a few seconds of each, after half a minute of
-    movement: of each pose the shows that went farthest, as the hand of the twin often goes a part
+    movement: of each pose the list_pose_samples that went farthest, as the hand of the twin often goes a part
     of the way."""
     parts, marks, at = [], [], 0.0
-    warm = [(n, s) for n, s in shows(r) if r.sample_time[s.start] > 30]
+    warm = [(n, s) for n, s in list_pose_samples(r) if r.sample_time[s.start] > 30]
     poses = [n for n in model.poses if any(n == name for name, _ in warm)][:3]
     taken = {
         name: sorted((s for n, s in warm if n == name), key=lambda s: -_reach(r, s))[:rounds]

@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 
 from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
+from defsense_fab.capture.sessions.session import load
 from defsense_fab.cli.main import main as defsense
 from defsense_fab.core.arrays import Float
-from defsense_fab.pipeline.sessions.processing.recorded_tags import read_camera_tags
-from defsense_fab.pipeline.sessions.recording.session import load
-from defsense_fab.pipeline.twin.live import live_twin
-from defsense_fab.twin.filming.camera_kinds import KINDS
+from defsense_fab.twin.filming.camera_kinds import CAMERA_KINDS
+from defsense_fab.twin.live import live_twin
 
 #: mm/s and mm: what tells the cameras' lag.
 _FAST, _SURE = 20.0, 0.2
@@ -88,11 +88,11 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("device", type=Path)
-    parser.add_argument("kind", nargs="*", help=f"of {', '.join(KINDS)}")
+    parser.add_argument("kind", nargs="*", help=f"of {', '.join(CAMERA_KINDS)}")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cameras", type=int, default=2)
     options = parser.parse_args()
-    for kind in options.kind or KINDS:
+    for kind in options.kind or CAMERA_KINDS:
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / "session"
             twin = record(options.device, out, kind, options.seed, options.cameras)

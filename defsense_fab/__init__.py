@@ -9,53 +9,53 @@ from typing import TYPE_CHECKING
 from .core.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from .api.device import Device as Device
-    from .api.layout import Layout as Layout
-    from .api.layout import optimise as optimise
-    from .api.models.live import Live as Live
-    from .api.models.live import live as live
-    from .api.models.model import Model as Model
-    from .api.models.model import train as train
-    from .api.models.surface import MovingSurface as MovingSurface
-    from .api.parts import Parts as Parts
-    from .api.parts import fabricate as fabricate
-    from .api.picture import Picture as Picture
-    from .api.poses import Drag as Drag
-    from .api.poses import DrawnCord as DrawnCord
-    from .api.poses import Handle as Handle
-    from .api.poses import Pose as Pose
-    from .api.poses import Pressure as Pressure
-    from .api.poses import Symmetry as Symmetry
-    from .api.prediction import predict as predict
-    from .api.recordings import dataset as dataset
-    from .api.recordings import load_sessions as load_sessions
-    from .api.recordings import record_twin as record_twin
-    from .api.regions import box as box
-    from .api.regions import cylinder as cylinder
-    from .api.regions import half_space as half_space
-    from .api.regions import sphere as sphere
-    from .api.simulation import Simulation as Simulation
-    from .api.simulation import simulate as simulate
+    from .workflow.device import Device as Device
+    from .workflow.layout import Layout as Layout
+    from .workflow.layout import optimise as optimise
+    from .workflow.models.live import Live as Live
+    from .workflow.models.live import live as live
+    from .workflow.models.model import Model as Model
+    from .workflow.models.model import train as train
+    from .workflow.models.surface import MovingSurface as MovingSurface
+    from .workflow.parts import Parts as Parts
+    from .workflow.parts import fabricate as fabricate
+    from .workflow.picture import Picture as Picture
+    from .workflow.poses import Drag as Drag
+    from .workflow.poses import DrawnCord as DrawnCord
+    from .workflow.poses import Handle as Handle
+    from .workflow.poses import Pose as Pose
+    from .workflow.poses import Pressure as Pressure
+    from .workflow.poses import Symmetry as Symmetry
+    from .workflow.prediction import predict as predict
+    from .workflow.recordings import dataset as dataset
+    from .workflow.recordings import load_sessions as load_sessions
+    from .workflow.recordings import record_twin as record_twin
+    from .workflow.regions import box as box
+    from .workflow.regions import cylinder as cylinder
+    from .workflow.regions import half_space as half_space
+    from .workflow.regions import sphere as sphere
+    from .workflow.simulation import Simulation as Simulation
+    from .workflow.simulation import simulate as simulate
     from .core.errors import DefsenseError as DefsenseError
     from .core.mesh import Surface as Surface
-    from .core.prediction import Prediction as Prediction
+    from .decoding.expected_errors import Prediction as Prediction
     from .runtime.frames.live_frame import LiveFrame as LiveFrame
     from .training.data.dataset import Dataset as Dataset
     from .training.data.dataset import Recording as Recording
 
 _MODULES = {
-    "api.device": ("Device",),
-    "api.layout": ("Layout", "optimise"),
-    "api.models.live": ("Live", "live"),
-    "api.models.model": ("Model", "train"),
-    "api.models.surface": ("MovingSurface",),
-    "api.parts": ("Parts", "fabricate"),
-    "api.picture": ("Picture",),
-    "api.poses": ("Drag", "DrawnCord", "Handle", "Pose", "Pressure", "Symmetry"),
-    "api.prediction": ("predict",),
-    "api.recordings": ("dataset", "load_sessions", "record_twin"),
-    "api.regions": ("box", "cylinder", "half_space", "sphere"),
-    "api.simulation": ("Simulation", "simulate"),
+    "workflow.device": ("Device",),
+    "workflow.layout": ("Layout", "optimise"),
+    "workflow.models.live": ("Live", "live"),
+    "workflow.models.model": ("Model", "train"),
+    "workflow.models.surface": ("MovingSurface",),
+    "workflow.parts": ("Parts", "fabricate"),
+    "workflow.picture": ("Picture",),
+    "workflow.poses": ("Drag", "DrawnCord", "Handle", "Pose", "Pressure", "Symmetry"),
+    "workflow.prediction": ("predict",),
+    "workflow.recordings": ("dataset", "load_sessions", "record_twin"),
+    "workflow.regions": ("box", "cylinder", "half_space", "sphere"),
+    "workflow.simulation": ("Simulation", "simulate"),
     "core.errors": ("DefsenseError",),
     "core.mesh": ("Surface",),
     "core.prediction": ("Prediction",),

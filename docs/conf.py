@@ -41,10 +41,11 @@ def _links(_app, _docname, source):
 
 def setup(app):
     """Sphinx calls this."""
-    from device_reference import DeviceKeys
+    from file_reference import FileKeys, write_schemas
     from python_reference import PythonNames
 
     app.connect("source-read", _links)
-    app.add_directive("device-keys", DeviceKeys)
+    app.connect("build-finished", write_schemas)
+    app.add_directive("file-keys", FileKeys)
     app.add_directive("python-names", PythonNames)
     return {"parallel_read_safe": True}

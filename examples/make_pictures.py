@@ -16,12 +16,12 @@ from PIL import Image, ImageDraw
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
-from defsense_fab.pipeline.artifacts.build_folder import build_folder
-from defsense_fab.pipeline.artifacts.fields import load_fields
-from defsense_fab.pipeline.report.colors import COLORS
-from defsense_fab.pipeline.report.pictures.scene import Scene, poly
-from defsense_fab.pipeline.report.pictures.views import looking
-from defsense_fab.pipeline.twin.devices.simulated_device import simulated_device
+from defsense_fab.core.storage.build_folder import build_folder
+from defsense_fab.mechanics.solver.field_files import load_fields
+from defsense_fab.report.colors import COLORS
+from defsense_fab.report.pictures.scene import poly, Scene
+from defsense_fab.report.pictures.views import looking
+from defsense_fab.twin.devices.simulated_device import simulated_device
 
 VIEW = looking(np.array([0.45, -1.0, 0.55]), np.array([0, 0, 1.0]))
 COLUMNS, SMOOTH = 5, 2

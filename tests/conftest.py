@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 
 from benchmarks.grid import grid_of_tets
-from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise

@@ -18,8 +18,8 @@ from benchmarks.damage.copies import (
     tell,
     train,
 )
+from defsense_fab.capture.sessions.result_files import SAMPLES
 from defsense_fab.core.arrays import Float
-from defsense_fab.pipeline.sessions.results.result_files import SAMPLES
 
 
 def swapped(values: dict[str, Float], one: str, two: str) -> None:

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from defsense_fab.cli.main import main as defsense
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.tracks import Tracks
-from defsense_fab.pipeline.sessions.results.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
-from defsense_fab.pipeline.train.data.tables import read_table
+from defsense_fab.core.markers import Tracks
+from defsense_fab.training.recordings.tables import read_table
 
 REFUSED, TOLD, SILENT = "refused", "told", "no one"
 QUICK = ("--decoder", "affine", "--no-memory")

@@ -21,8 +21,8 @@ from benchmarks.damage.copies import (
     train,
 )
 from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from defsense_fab.core.arrays import Float
-from defsense_fab.pipeline.sessions.results.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 
 for _file in (SAMPLES, SIGNALS, ALIGNED, QUALITY, "session.json", "markers.json"):
 

@@ -25,9 +25,9 @@ from benchmarks.damage.copies import (
     train,
 )
 from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.tracks import Tracks
-from defsense_fab.pipeline.sessions.results.result_files import ALIGNED, QUALITY, SAMPLES
+from defsense_fab.core.markers import Tracks
 
 
 def scaled(session: Path, channel: str, gain: float, ohm: float) -> None:

@@ -49,19 +49,19 @@ def within(option: str, value: float, low: float, high: float) -> None:
 def twin_values(option: str, word: str) -> tuple[int, int, str]:
     """Seed, number and kind of the cameras of twin:webcam,seed=1,cameras=2, each or none. Raises
     DeviceError."""
-    from ..twin.filming.camera_kinds import KINDS, USUAL
+    from ..twin.filming.camera_kinds import CAMERA_KINDS, DEFAULT_CAMERA_KIND
 
-    values, kind = {"seed": 1, "cameras": 2}, USUAL
+    values, kind = {"seed": 1, "cameras": 2}, DEFAULT_CAMERA_KIND
     for part in filter(None, word.partition(":")[2].split(",")):
         name, equals, number = part.partition("=")
-        if not equals and name in KINDS:
+        if not equals and name in CAMERA_KINDS:
             kind = name
         elif equals and name in values and number.isdecimal():
             values[name] = int(number)
         else:
             raise DeviceError(
                 f"{option} {word}: write twin:webcam,seed=1,cameras=2, each or none; the kinds of"
-                f" cameras are {', '.join(KINDS)}"
+                f" cameras are {', '.join(CAMERA_KINDS)}"
             )
     within(f"{option} twin:cameras", values["cameras"], 1, 6)
     return values["seed"], values["cameras"], kind

@@ -1,1 +1,1 @@
-"""The live loop: readings in; markers, controls and a moving surface out."""
+"""Run a device live: decode its signals, control other programs, show and record its surface."""

@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from defsense_fab.core.progress import silent
-from defsense_fab.pipeline.reproduce.devices.layouts import built_layout, simulated_device
-from defsense_fab.pipeline.reproduce.devices.sessions import tags_of, tested_unit
-from defsense_fab.pipeline.reproduce.experiments.experiment_file import load_experiment
-from defsense_fab.pipeline.twin.devices.device_fields import share_fields
+from defsense_fab.workflow.reproduce.devices.layouts import built_layout, simulated_device
+from defsense_fab.workflow.reproduce.devices.sessions import tags_of, tested_unit
+from defsense_fab.workflow.reproduce.experiments.experiment_file import load_experiment
+from defsense_fab.twin.devices.device_fields import share_fields
 
 quick = "--quick" in sys.argv
 out = Path("reproduced-quick" if quick else "reproduced") / "bar"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.geometry.bodies.foreign_body import read_foreign
+from defsense_fab.geometry.bodies.body_file import read_foreign
 
 HEIGHT = 150.0  # mm
 #: Of the half width, from which on there are hands; of the height, the feet, and the trunk.

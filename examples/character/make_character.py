@@ -55,7 +55,7 @@ def character():
 
 if __name__ == "__main__":
     from defsense_fab.core.mesh import Surface
-    from defsense_fab.geometry.kernels.export import write_stl
+    from defsense_fab.geometry.printing.export import write_stl
 
     vertices, faces = character()
     surface = Surface(vertices.astype(float), faces.astype(np.int64))

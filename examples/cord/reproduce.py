@@ -6,10 +6,10 @@ python reproduce.py
 import tempfile
 from pathlib import Path
 
-from defsense_fab.pipeline.calibrate.fit_response import fit_response
-from defsense_fab.pipeline.calibrate.synthetic_session import record_twin
-from defsense_fab.pipeline.reproduce.cords.cord_experiment import truth_of
-from defsense_fab.twin.electronics.cord_twin import CordTraits
+from defsense_fab.workflow.calibrate.fit_response import fit_response
+from defsense_fab.twin.calibration_session import record_twin
+from defsense_fab.workflow.reproduce.cords.cord_experiment import truth_of
+from defsense_fab.twin.electronics.cords import CordTraits
 
 K_RES = 2.0  # the twin's slope at rest; its response bends off beyond, as no fitted model does
 

@@ -9,8 +9,8 @@ python reproduce.py --quick        # in minutes
 import sys
 from pathlib import Path
 
-from defsense_fab.pipeline.reproduce.experiments.experiment_file import load_experiment
-from defsense_fab.pipeline.reproduce.run import reproduce
+from defsense_fab.workflow.reproduce.experiments.experiment_file import load_experiment
+from defsense_fab.workflow.reproduce.run import reproduce
 
 quick = "--quick" in sys.argv
 experiment = load_experiment(Path(__file__).parent).at_size(quick=quick, units=1)

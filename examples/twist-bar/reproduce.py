@@ -8,8 +8,8 @@ import tempfile
 from pathlib import Path
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.pipeline.artifacts.layout import load_layout
-from defsense_fab.pipeline.build.build import build
+from defsense_fab.sensing.layout import load_layout
+from defsense_fab.workflow.build.build import build
 
 here = Path(__file__).parent
 with tempfile.TemporaryDirectory() as folder:

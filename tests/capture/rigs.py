@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from defsense_fab.capture.tracking.observations import observe
+from defsense_fab.capture.tracking.observations import observe, stored
 from defsense_fab.capture.tracking.reconstruction import square
-from defsense_fab.capture.tracking.observations import stored
 from tests.twin.views import camera, turn
 
 EYES = {"left": (-120, -380, 60), "right": (120, -380, 60), "top": (0, -300, 260)}

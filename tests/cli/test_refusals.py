@@ -9,7 +9,7 @@ import pytest
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CapacityError
-from defsense_fab.pipeline.build import stage_body
+from defsense_fab.workflow.build import stage_body
 from tests.places import BAR
 
 
@@ -102,7 +102,7 @@ def test_want_of_memory_says_what_was_being_done(device, tmp_path, capsys, monke
 
 def test_want_of_memory_in_a_stage_is_an_error_of_its_own(device, monkeypatch):
     from defsense_fab.core.device.device_file import load_device
-    from defsense_fab.pipeline.build.build import build
+    from defsense_fab.workflow.build.build import build
 
     def fail(*_):
         raise MemoryError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.foreign_body import read_foreign
+from defsense_fab.geometry.bodies.body_file import read_foreign
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

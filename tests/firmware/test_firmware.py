@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from defsense_fab.workflow.doctor import boards
 
 from defsense_fab.capture.readout.ports import open_port
-from defsense_fab.capture.readout.reader import Reader, Settings
+from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.pipeline.doctor import boards
 from tests.errors import raises
 from tests.firmware.build import FIRMWARE
 from tests.firmware.conftest import collect
@@ -33,9 +33,9 @@ def test_golden_frames_in_c(built):
 @pytest.mark.parametrize(
     ("sketch", "settings", "options"),
     [
-        ("divider", Settings(channels=3, average=16, rate=50), ()),
-        ("divider", Settings(channels=8, average=4, rate=100), ()),
-        ("ads1115", Settings(channels=16, average=1, rate=75), ("--ads", "4")),
+        ("divider", ReadoutSettings(channels=3, average=16, rate=50), ()),
+        ("divider", ReadoutSettings(channels=8, average=4, rate=100), ()),
+        ("ads1115", ReadoutSettings(channels=16, average=1, rate=75), ("--ads", "4")),
     ],
 )
 def test_every_sample_is_what_the_converter_read(board, sketch, settings, options):
@@ -81,7 +81,7 @@ def test_every_sample_is_what_the_converter_read(board, sketch, settings, option
 
 def test_the_host_sets_the_board_up(board):
     running = board("divider")
-    reader = Reader(partial(open_port, running.port), "board", Settings(2, 8, 40, 100))
+    reader = Reader(partial(open_port, running.port), "board", ReadoutSettings(2, 8, 40, 100))
     with reader:
         info = reader.info
         assert (info.channels, info.averages, info.rate, info.led_period) == (2, 8, 40, 100)
@@ -108,7 +108,7 @@ def test_doctor_tells_the_board_and_its_firmware(board):
 
 def test_a_board_that_cannot_do_what_is_asked(board):
     running = board("divider")
-    reader = Reader(partial(open_port, running.port), "board", Settings(channels=16))
+    reader = Reader(partial(open_port, running.port), "board", ReadoutSettings(channels=16))
     with raises(CaptureError, "board-command-refused"):
         reader.start()
 
@@ -122,7 +122,7 @@ def test_no_converter_answers(board):
 @pytest.mark.slow
 def test_a_chip_that_falls_silent_is_not_read(board):
     running = board("ads1115", "--ads", "2", "--stop-chip", "3")
-    with Reader(partial(open_port, running.port), "board", Settings(channels=8)) as reader:
+    with Reader(partial(open_port, running.port), "board", ReadoutSettings(channels=8)) as reader:
         last, end = np.zeros(8), time.monotonic() + 30  # a busy machine's board is behind its time
         while not np.isnan(last[:4]).all() and time.monotonic() < end:
             found = [i.sample.counts for i in collect(reader, 0.5) if isinstance(i, StampedSample)]
@@ -137,7 +137,7 @@ def test_unplugged_and_plugged_in_again(board, tmp_path):
     link = tmp_path / "port"
     first = board("divider")
     link.symlink_to(first.port)
-    with Reader(partial(open_port, str(link)), "board", Settings(channels=3)) as reader:
+    with Reader(partial(open_port, str(link)), "board", ReadoutSettings(channels=3)) as reader:
         before = collect(reader, 1)
         first.stop()
         time.sleep(0.5)

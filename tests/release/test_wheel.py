@@ -73,8 +73,8 @@ import defsense_fab
 assert defsense_fab.__file__.startswith({here!r}), defsense_fab.__file__
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.storage.package_data import package_data
-from defsense_fab.pipeline.reproduce.experiments.examples import example_names, find_experiments
-from defsense_fab.pipeline.starts.starting_devices import STARTS, begin_with
+from defsense_fab.workflow.reproduce.experiments.examples import example_names, find_experiments
+from defsense_fab.workflow.starts.starting_devices import STARTS, begin_with
 from pathlib import Path
 for start in STARTS:
     begin_with(start, Path(start.name), "grip")
@@ -82,8 +82,8 @@ for start in STARTS:
 for one in find_experiments(example_names()):
     assert one.cords or load_device(one.folder).body.path.is_file()
 assert (package_data("firmware") / "DefSense" / "src" / "DefSense.cpp").is_file()
-from defsense_fab.core.device.catalogue import read_rows
-from defsense_fab.pipeline.report.viewer import page
+from defsense_fab.core.storage.package_data import read_rows
+from defsense_fab.report.viewer import page
 """
 
 

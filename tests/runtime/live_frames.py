@@ -1,4 +1,4 @@
-"""Frames of a bar that bends."""
+"""Live frames of a bending bar."""
 
 import time
 
@@ -28,19 +28,19 @@ def frame(number=1, count=3, **changes):
     return LiveFrame(**{**values, **changes})
 
 
-def unrested(number=1, **changes):
-    """A frame before the resistances at rest are known."""
-    none = {
+def frame_before_rest(number=1, **changes):
+    """Return a frame from before the resistances at rest are known."""
+    unknown = {
         "quality": Quality.LOST,
         "signals": np.full(2, np.nan),
         "controls": {},
         "confidence": {},
     }
-    return frame(number, **{**none, **changes})
+    return frame(number, **{**unknown, **changes})
 
 
 def wait_for(condition, seconds=120.0):
-    """Whether a condition comes true before long."""
+    """Wait for a condition; return whether it came true in time."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if condition():

@@ -1,1 +1,1 @@
-"""Clocks of read-out board and cameras: fits, LED, motion, frame times."""
+"""Synchronization of the clocks of read-out boards, cameras and the host."""

@@ -1,8 +1,9 @@
-"""How the device's clock and the host's go together: offset, drift and delay of arrival.
+"""Fit clocks to time stamps that are late at random.
 
-Frames are late by what buffers and schedulers add, never early. So the line that relates the clocks
-runs below all arrivals, as close to them as can be: the edge of their lower convex hull at the mean
-time, which solves that linear program (Moon, Skelly & Towsley 1999).
+Buffers and schedulers make stamps late, never early, so the line that relates two clocks runs below
+all stamps, as close to them as possible. `fit_clocks` relates a device's clock to the host's.
+`even_frame_times` finds the times of a free-running camera. It takes frames at even steps of its
+own clock, so its frames are numbered, and the line of number and stamp is fitted.
 """
 
 from __future__ import annotations
@@ -13,129 +14,62 @@ import numpy as np
 
 from ...core.arrays import Float
 
-# The times at which a camera took its frames, from stamps that are late by some ms.
-#
-# A camera that runs freely takes frames at even steps of its own clock; what computers add on the way
-# is never negative. Frames are numbered, and the line of number and stamp runs below all stamps.
-
-_ABOUT = 0.06  # of the period, by which the median step may be off
-_SOME = 2000  # frames by which a period is found
-_FIRST = 64  # frames that are numbered by their period alone
-_SAME = 3  # frames that may seem to be the next one, among a hundred two more: so late they came
-_BLOCK = 40  # frames among which one is expected almost in time
-_NEAR = 0.1  # periods by which that one is late at most
-_SPREAD = 0.6  # periods by which nine of ten are late at most
-_BACK = 0.05  # periods that a stamp may be before its time
-_EARLY = 0.03  # periods before the earliest fiftieth of the stamps: misnumbered
-_MIDDLE = 0.33  # periods by which the median of any _BLOCK frames is late at most: the rate is one
-_APART = 0.3  # periods, of the median step of those from whole ones
-_STRAY = 0.01  # of the frames, that may seem to come before their time
-_ONSET = 0.4  # periods within which most stamps are
-
-
-@dataclass(frozen=True)
-class FrameTimes:
-    """`time` (t,) s of frames; whether they were found `even`, otherwise they are the stamps
-    themselves; `late` s, by which stamps were later in the median."""
-
-    time: Float
-    even: bool
-    late: float
-
-
-def even_frame_times(stamp: Float) -> FrameTimes:
-    """Of stamps (t,) s that do not go back. Frames may be missing."""
-    as_is = FrameTimes(stamp, False, 0.0)
-    step = np.diff(stamp)
-    if len(stamp) < _BLOCK or not (step > 0).any():
-        return as_is
-    n, line, first = min(_FIRST, len(stamp)), np.zeros(0), float(stamp[0])
-    period, reach = float(np.median(step[step > 0])), _ABOUT
-    while True:
-        period = _period(stamp[:n] - first, period, reach)
-        for _ in range(3):
-            place = (stamp[:n] - first) / period
-            number = _number(place)
-            if n - len(np.unique(number)) > _SAME + 0.02 * n:
-                return as_is
-            number = _in_order(number)
-            x = number - number[0]
-            rest = stamp[:n] - np.polyval(np.polyfit(x, stamp[:n], 1), x)
-            # One that came so late that it seems the next one's would bend the line.
-            fair = rest >= np.quantile(rest, 0.02) - _EARLY * period
-            clocks = fit_clocks(number[fair], stamp[:n][fair])
-            first, period = clocks.offset, 1 + clocks.drift
-        line = first + period * number
-        if n == len(stamp):
-            break
-        n = min(2 * n, len(stamp))
-        reach = 1 / n  # by which the last of them would be a frame off
-    late = stamp - line
-    parts = np.array_split(late, max(len(late) // _BLOCK, 1))
-    worst = max(float(part.min()) for part in parts)
-    # A camera that changes its rate, as where it exposes for longer, is not even.
-    ends = (late[:_BLOCK], late[-_BLOCK:])
-    middle = max(float(np.median(part)) for part in (*parts, *ends))
-    step = np.diff(stamp) / period
-    usual = [float(np.median(p)) for p in (*np.array_split(step, len(parts)), step[-_BLOCK:])]
-    apart = max(abs(s - round(s)) for s in usual)
-    early = (late < -_NEAR * period).sum() > _STRAY * len(late)
-    if (
-        worst > _NEAR * period
-        or middle > _MIDDLE * period
-        or apart > _APART
-        or np.quantile(late, 0.9) > _SPREAD * period
-        or early
-    ):
-        return as_is
-    return FrameTimes(line, True, float(np.median(late)))
-
-
-def _period(place: Float, about: float, reach: float) -> float:
-    """At which the fractions of some stamps, in periods, are most alike."""
-    place = place[:: max(len(place) // _SOME, 1)]
-    periods = about * np.linspace(1 - reach, 1 + reach, 241)
-    turns = [abs(np.exp(2j * np.pi * place / p).mean()) for p in periods]
-    return float(periods[int(np.argmax(turns))])
-
-
-def _in_order(number: Float) -> Float:
-    """Numbers that increase: a frame that came more than a period late seems to be the next one."""
-    x = np.arange(len(number))
-    return np.asarray(np.minimum.accumulate((number - x)[::-1])[::-1] + x)
-
-
-def _number(place: Float) -> Float:
-    """Whole numbers of frames from their places, in periods, late by less than one: most are by
-    little, so that fractions begin where many follow and few precede, on a circle."""
-    fraction = np.sort(place % 1)
-    around = np.concatenate([fraction - 1, fraction, fraction + 1])
-    here, after, before = (
-        np.searchsorted(around, fraction + d) for d in (0.0, _ONSET, -_ONSET / 2)
-    )
-    edge = fraction[int(((after - here) - 2 * (here - before)).argmax())]
-    return np.asarray(np.floor(place - edge + _BACK))
+PERIOD_TOLERANCE = 0.06  # of the period, by which the median step may be wrong
+MAX_PERIOD_FRAMES = 2000  # frames from which the period is found
+FIRST_FRAMES = 64  # numbered by their period alone
+#: Frames that may get the number of the next one because they were so late: this many, and a share.
+MAX_SHARED_NUMBERS, MAX_SHARED_SHARE = 3, 0.02
+BLOCK_FRAMES = 40  # frames of which at least one should be almost in time
+# In periods of the camera:
+MAX_LATENESS_OF_EARLIEST = 0.1  # of the earliest frame in each block
+MAX_LATENESS_QUANTILE = 0.6  # of nine frames in ten
+MAX_MEDIAN_LATENESS = 0.33  # of each block; more means that the rate is not constant
+MAX_STEP_FRACTION = 0.3  # of a block's median step from whole periods
+STAMP_TOLERANCE = 0.05  # by which a stamp may be before its time
+MISNUMBERED_MARGIN = 0.03  # before the earliest fiftieth of the stamps
+ONSET_WIDTH = 0.4  # within which most stamps are
+MAX_EARLY_SHARE = 0.01  # of the frames may seem to come before their time
 
 
 @dataclass(frozen=True)
 class Clocks:
-    """host = offset + (1 + drift) device, s; `delay`, the median time by which frames arrived later
-    than the earliest ones, s."""
+    """Relation of two clocks: host = offset + (1 + drift) device.
+
+    Attributes:
+        offset: Host time at device time zero, s.
+        drift: Relative rate difference.
+        delay: Median time by which frames arrived later than the earliest ones, s.
+    """
 
     offset: float
     drift: float
     delay: float
 
     def to_host(self, device: Float) -> Float:
-        """The host's time, s, at device times, s."""
+        """Return the host's times, s, of device times, s."""
         return np.asarray(self.offset + (1 + self.drift) * np.asarray(device))
 
 
 def fit_clocks(device: Float, host: Float) -> Clocks:
-    """From the times (t,) s of both clocks at which frames were sent and arrived; from fewer than
-    two different ones no drift."""
-    start, first = float(device[0]), float(host[0])
-    x, y = device - start, host - first - (device - start)  # the drift alone keeps its digits
+    """Relate a device's clock to the host's.
+
+    The line that runs closest below all arrivals is the edge of their lower convex hull at the mean
+    time, which solves that linear program.
+
+    Args:
+        device: Times (t,) of the device's clock at which frames were sent, s.
+        host: Times (t,) of the host's clock at which they arrived, s.
+
+    Returns:
+        The relation; without drift if there are fewer than two different device times.
+
+    References:
+        Moon, Skelly & Towsley (1999), Estimation and removal of clock skew from network delay
+        measurements.
+    """
+    device_start, host_start = float(device[0]), float(host[0])
+    # Subtracted before the fit, so that the drift keeps its digits.
+    x, y = device - device_start, host - host_start - (device - device_start)
     if np.ptp(x) <= 0:
         offset = float((host - device).min())
         return Clocks(offset, 0.0, float(np.median(host - device) - offset))
@@ -149,9 +83,114 @@ def fit_clocks(device: Float, host: Float) -> Clocks:
     a, b = hull[k - 1], hull[k]
     drift = float((y[b] - y[a]) / (x[b] - x[a]))
     offset = float(y[a] - drift * x[a])
-    late = y - (offset + drift * x)
-    return Clocks(first + offset - (1 + drift) * start, drift, float(np.median(late)))
+    delay = y - (offset + drift * x)
+    return Clocks(host_start + offset - (1 + drift) * device_start, drift, float(np.median(delay)))
 
 
 def _turns_right(x: Float, y: Float, a: int, b: int, c: int) -> bool:
     return bool((x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]) <= 0)
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """Times of a camera's frames.
+
+    Attributes:
+        time: Times (t,), s.
+        is_even: Whether the frames have one rate; if not, `time` holds the stamps.
+        delay: Median delay of the stamps, s.
+    """
+
+    time: Float
+    is_even: bool
+    delay: float
+
+
+def even_frame_times(stamp: Float) -> FrameTimes:
+    """Find the times of frames from late stamps.
+
+    Args:
+        stamp: Stamps (t,), s, that never go back; frames may be missing.
+
+    Returns:
+        Times on an even grid, or the stamps themselves if the frames do not have one rate.
+    """
+    unchanged = FrameTimes(stamp, False, 0.0)
+    step = np.diff(stamp)
+    if len(stamp) < BLOCK_FRAMES or not (step > 0).any():
+        return unchanged
+    count, line, start = min(FIRST_FRAMES, len(stamp)), np.zeros(0), float(stamp[0])
+    period, tolerance = float(np.median(step[step > 0])), PERIOD_TOLERANCE
+    while True:
+        period = _find_period(stamp[:count] - start, period, tolerance)
+        for _ in range(3):
+            number = _number_frames((stamp[:count] - start) / period)
+            if count - len(np.unique(number)) > MAX_SHARED_NUMBERS + MAX_SHARED_SHARE * count:
+                return unchanged
+            number = _make_increasing(number)
+            x = number - number[0]
+            residual = stamp[:count] - np.polyval(np.polyfit(x, stamp[:count], 1), x)
+            # A frame that was so late that it got the next number would bend the line.
+            limit = np.quantile(residual, 0.02) - MISNUMBERED_MARGIN * period
+            is_fair = residual >= limit
+            clocks = fit_clocks(number[is_fair], stamp[:count][is_fair])
+            start, period = clocks.offset, 1 + clocks.drift
+        line = start + period * number
+        if count == len(stamp):
+            break
+        count = min(2 * count, len(stamp))
+        tolerance = 1 / count  # by which the last of them would be a frame off
+    delay = stamp - line
+    if not _has_one_rate(stamp, delay, period):
+        return unchanged
+    return FrameTimes(line, True, float(np.median(delay)))
+
+
+def _has_one_rate(stamp: Float, delay: Float, period: float) -> bool:
+    """Return whether stamps (t,) s with these delays (t,) s are those of an even camera."""
+    blocks = np.array_split(delay, max(len(delay) // BLOCK_FRAMES, 1))
+    earliest = max(float(block.min()) for block in blocks)
+    # A camera that changes its rate, for example by a longer exposure, is not even.
+    ends = (delay[:BLOCK_FRAMES], delay[-BLOCK_FRAMES:])
+    median = max(float(np.median(block)) for block in (*blocks, *ends))
+    step = np.diff(stamp) / period
+    step_blocks = (*np.array_split(step, len(blocks)), step[-BLOCK_FRAMES:])
+    steps = [float(np.median(block)) for block in step_blocks]
+    fraction = max(abs(s - round(s)) for s in steps)
+    early = (delay < -MAX_LATENESS_OF_EARLIEST * period).sum() > MAX_EARLY_SHARE * len(delay)
+    return not (
+        earliest > MAX_LATENESS_OF_EARLIEST * period
+        or median > MAX_MEDIAN_LATENESS * period
+        or fraction > MAX_STEP_FRACTION
+        or np.quantile(delay, 0.9) > MAX_LATENESS_QUANTILE * period
+        or early
+    )
+
+
+def _find_period(time: Float, guess: float, tolerance: float) -> float:
+    """Return the period at which the fractions of the times, in periods, agree best."""
+    time = time[:: max(len(time) // MAX_PERIOD_FRAMES, 1)]
+    periods = guess * np.linspace(1 - tolerance, 1 + tolerance, 241)
+    agreement = [abs(np.exp(2j * np.pi * time / p).mean()) for p in periods]
+    return float(periods[int(np.argmax(agreement))])
+
+
+def _make_increasing(number: Float) -> Float:
+    """Make frame numbers increase: a frame more than a period late got the next one's number."""
+    x = np.arange(len(number))
+    return np.asarray(np.minimum.accumulate((number - x)[::-1])[::-1] + x)
+
+
+def _number_frames(time: Float) -> Float:
+    """Number frames from their times, in periods, which are late by less than one period.
+
+    Most frames are late by little. So the fractions of the times, on a circle, start where many
+    follow and few precede.
+    """
+    fraction = np.sort(time % 1)
+    circle = np.concatenate([fraction - 1, fraction, fraction + 1])
+    here, after, before = (
+        np.searchsorted(circle, fraction + d) for d in (0.0, ONSET_WIDTH, -ONSET_WIDTH / 2)
+    )
+    onset = fraction[int(((after - here) - 2 * (here - before)).argmax())]
+    return np.asarray(np.floor(time - onset + STAMP_TOLERANCE))

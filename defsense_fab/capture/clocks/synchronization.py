@@ -1,8 +1,7 @@
-"""How the read-out board's clock and a camera's go together: by the read-out board's LED, or by
-what moves.
+"""Relate the read-out board's clock to a camera's, by the board's LED or by motion.
 
-camera = offset + (1 + drift) * device, s. What a camera adds between an exposure and its stamp is
-in the offset, and so is, of a rolling shutter, the place of the LED in the image.
+camera = offset + (1 + drift) device, s. The offset includes the camera's delay between an exposure
+and its stamp, and for a rolling shutter the LED's position in the image.
 """
 
 from __future__ import annotations
@@ -14,24 +13,40 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from .clock_fit import Clocks, even_frame_times
-from .led_likelihood import normalise, posterior, shift_of, shifts_alike
-from .led_schedule import PAUSE, check_clock, find_schedule
+from .led_likelihood import (
+    LedFit,
+    LedStates,
+    find_other_shift,
+    find_shift,
+    normalize_brightness,
+    refine_shift,
+)
+from .led_schedule import MAX_SAMPLE_GAP_S, LedSchedule, check_clock, find_schedule
 from .motion_sync import find_lag
 
-_SHORTEST = 5.0  # s that both clocks must have in common
-_FEWEST = 6  # toggles
-_AGREE = 0.6  # frames that are as the read-out board says, less those that are not: of all
-_LOOP = 0.3e-3  # s, standard deviation of where the read-out board's loop puts all toggles
-_MOST_ERROR = 0.05  # s: what is known less well is not known
+MIN_DURATION_S = 5.0  # of both recordings
+MIN_TOGGLES = 6
+MIN_AGREEMENT = 0.6  # share of the frames that agree with the LED, less those that do not
+LOOP_SIGMA_S = 0.3e-3  # standard deviation of where the board's loop puts all toggles
+MAX_MOTION_ERROR_S = 0.05
 
 
 @dataclass(frozen=True)
 class Sync:
-    """camera = offset + (1 + drift) device, s. Standard deviations: `offset_sigma` s at the
-    device's time `middle` s, `drift_sigma`; `error` s: what the camera's time of a sample may be
-    wrong by within the recording, twice a standard deviation at its ends, with what is unsure about
-    the read-out board's toggles or the cords' lag. `method`: led or motion; `evidence`: the toggles
-    seen, or the seconds compared."""
+    """Relation of two clocks: camera = offset + (1 + drift) device, s.
+
+    Attributes:
+        offset: Camera time at device time zero, s.
+        drift: Relative rate difference.
+        offset_sigma: Standard deviation of the offset at the device time `middle`, s.
+        drift_sigma: Standard deviation of the drift.
+        middle: Device time in the middle of the recording, s.
+        error: Largest expected error of a sample's camera time within the recording, s: twice a
+            standard deviation at its ends, with the uncertainty of the board's toggles or of the
+            cords' lag.
+        method: `led` or `motion`.
+        evidence: Number of toggles, or the seconds that were compared.
+    """
 
     offset: float
     drift: float
@@ -43,15 +58,15 @@ class Sync:
     evidence: float
 
     def to_camera(self, device: Float) -> Float:
-        """The camera's time, s, at device times (n,), s."""
+        """Return the camera's times, s, of device times (n,), s."""
         return np.asarray(self.offset + (1 + self.drift) * np.asarray(device))
 
     def to_device(self, camera: Float) -> Float:
-        """The device's time, s, at times (t,), s, of the camera."""
+        """Return the device's times, s, of camera times (t,), s."""
         return np.asarray((np.asarray(camera) - self.offset) / (1 + self.drift))
 
 
-def by_led(
+def synchronize_by_led(
     frame_time: Float,
     brightness: Float,
     exposure: float | None,
@@ -60,137 +75,186 @@ def by_led(
     rough: Clocks | float | None = None,
     within: float = 0.35,
     conversion: float = 0.0,
-    pause: float | None = PAUSE,
+    max_gap: float | None = MAX_SAMPLE_GAP_S,
 ) -> Sync:
-    """From the LED's `brightness` (t,) in frames with stamps (t,) s, NaN where not known, and its
-    flags (n,) in samples with times (n,) s: what `micros` said. `exposure` s; None: found from
-    frames in which the LED switched. `rough`: clocks or an offset known beforehand to `within` s;
-    None: none is known, and a blinking that never changes is refused. `conversion` s that the
-    conversions of a sample take (`readout.conversion_time`): half of it is what a sample's flag is
-    older than its time. A longer `pause` s between samples is taken for a jump of the clock; None:
-    for a pause, where it was compared with another clock's.
+    """Relate the clocks by the board's LED.
 
-    Raises CaptureError for clocks that jump, too short a recording, no toggles in either, and where
-    several offsets explain the same."""
-    _check_pair("frames", frame_time, brightness)
-    _check_pair("samples", device_time, led)
+    Args:
+        frame_time: Stamps of the frames (t,), s.
+        brightness: Brightness of the LED in the frames (t,), NaN where not known.
+        exposure: Exposure of a frame, s; None finds it from frames in which the LED switched.
+        device_time: Times of the samples (n,), s, as `micros` states them.
+        led: Whether the LED was on (n,).
+        rough: Clocks or an offset, s, known beforehand; None if nothing is known. Then blinking
+            that never changes is refused.
+        within: Largest error of `rough`, s.
+        conversion: Time that the conversions of a sample take, s (see
+            `voltage_divider.conversion_time`). A sample's flag is older than its time by half of it.
+        max_gap: Longest gap between samples that is not a jump of the clock, s. None accepts any,
+            for clocks that were compared with another.
+
+    Raises:
+        CaptureError: If a clock jumps, a recording is too short, the LED is not seen to switch, or
+            several offsets explain the same frames.
+    """
+    _check_lengths("frames", frame_time, brightness)
+    _check_lengths("samples", device_time, led)
     check_clock("camera", frame_time)
-    toggles = find_schedule(device_time, led, conversion, pause)
-    before = _clocks(rough)
-    _check_length(frame_time, device_time)
+    schedule = find_schedule(device_time, led, conversion, max_gap)
+    expected, limit = _expected(rough), within if rough is not None else None
+    _check_durations(frame_time, device_time)
     frames = even_frame_times(frame_time)
-    lit = normalise(frames.time, brightness)
-    if lit is None:
+    states = normalize_brightness(frames.time, brightness)
+    if states is None:
         raise CaptureError(
-            "synchronise: no LED is seen to switch in the images; turn it to the camera and record"
-            " again, or go without it, by motion",
+            "no LED is seen to switch in the images",
             code="led-not-seen",
+            where="synchronization",
+            action="Turn it to the camera and record again, or synchronize by motion",
         )
-    start = shift_of(lit, toggles, before, within if rough is not None else None)
-    if start is None or start.score < _AGREE:
+    start = find_shift(states, schedule, expected, limit)
+    if start is None or start.score < MIN_AGREEMENT:
+        range_ = f" at an offset within {within:g} s of the expected one" if rough else ""
         raise CaptureError(
-            "synchronise: what blinks in the images is not the read-out board's LED"
-            + (f" at an offset within {within:g} s of what was expected" if rough else "")
-            + "; check that both are of one recording, or go without it, by motion",
+            f"the light that blinks in the images is not the read-out board's LED{range_}",
             code="led-unrelated",
+            where="synchronization",
+            action="Check that both files are of one recording, or synchronize by motion",
         )
-    found = posterior(lit, toggles, start, exposure, before.drift)
-    if found.toggles < _FEWEST:
-        raise CaptureError(
-            f"synchronise: {found.toggles} toggles of the LED were seen, {_FEWEST} are needed;"
-            " record longer",
-            code="toggles-too-few",
-            count=found.toggles,
-        )
-    reach = within if rough is not None else None
-    other = shifts_alike(lit, toggles, found, before, reach)
-    if other is not None:
-        raise CaptureError(
-            f"synchronise: an offset {abs(other):.2f} s {'later' if other > 0 else 'earlier'}"
-            " explains the LED's blinking as well; give the offset more closely, or switch the LED"
-            " off for some seconds while recording",
-            code="offset-ambiguous",
-        )
-    half = found.span / 2
-    spread = float(np.hypot(found.shift_sigma, found.drift_sigma * half))
-    # Where one toggle may be, all may: a uniform distribution; the loop is late as well.
-    same = float(np.hypot(toggles.slack / np.sqrt(3), _LOOP))
-    spread = float(np.hypot(spread, same))
-    unsteady = 0.0 if frames.even else 3 * found.jitter  # late stamps: all in one sense
-    offset = found.middle + found.shift - (1 + found.drift) * found.device_middle
-    sigma = float(np.hypot(found.shift_sigma, same))
+    fit = refine_shift(states, schedule, start, exposure, expected.drift)
+    _check_fit(states, schedule, fit, expected, limit)
+    spread = float(np.hypot(fit.shift_sigma, fit.drift_sigma * (fit.span / 2)))
+    # All toggles may be moved together: by a uniform distribution, and by the loop's delay.
+    common = float(np.hypot(schedule.slack / np.sqrt(3), LOOP_SIGMA_S))
+    spread = float(np.hypot(spread, common))
+    lateness = 0.0 if frames.is_even else 3 * fit.jitter  # late stamps are all late
     return Sync(
-        offset, found.drift, sigma, found.drift_sigma, found.device_middle,
-        2 * spread + unsteady, "led", float(found.toggles),
-    )  # fmt: skip
+        offset=fit.middle + fit.shift - (1 + fit.drift) * fit.device_middle,
+        drift=fit.drift,
+        offset_sigma=float(np.hypot(fit.shift_sigma, common)),
+        drift_sigma=fit.drift_sigma,
+        middle=fit.device_middle,
+        error=2 * spread + lateness,
+        method="led",
+        evidence=float(fit.toggles),
+    )
 
 
-def by_motion(
+def synchronize_by_motion(
     frame_time: Float,
     motion: Float,
     device_time: Float,
     signals: Float,
     rough: Clocks | float | None = None,
     within: float = 1.0,
-    pause: float | None = PAUSE,
+    max_gap: float | None = MAX_SAMPLE_GAP_S,
 ) -> Sync:
-    """Without an LED: from `motion` (t, d) of frames with stamps (t,) s, as main components or
-    distances of aligned markers, and `signals` (n, c) of samples with times (n,) s; NaN where not
-    known. The offset and drift at which they have most in common; the offset is looked for within
-    `within` s of `rough` (None: at all at which half of the shorter recording is in both). `pause`
-    as in `by_led`.
+    """Relate the clocks by motion, without an LED.
 
-    What the cords lag behind the body is not told from the offset, and not in `error`: a lag of
-    0.1 s in a third of the signal moves it by some 30 ms. With cords that lag only the LED tells.
+    The offset and drift are those at which motion and signals have most in common. The time by
+    which the cords lag behind the body cannot be told from the offset and is not in `error`: a lag
+    of 0.1 s in a third of the signal moves the offset by about 30 ms. With cords that lag, only the
+    LED gives the offset.
 
-    Raises CaptureError for clocks that jump, too short a recording, and where nothing moves, or
-    motion and signals have nothing in common, or several offsets explain the same."""
-    _check_pair("frames", frame_time, motion)
-    _check_pair("samples", device_time, signals)
+    Args:
+        frame_time: Stamps of the frames (t,), s.
+        motion: Motion in the frames (t, d), such as main components or distances of aligned
+            markers; NaN where not known.
+        device_time: Times of the samples (n,), s.
+        signals: Signals of the samples (n, c), NaN where not known.
+        rough: Clocks or an offset, s, known beforehand. None searches all offsets at which half of
+            the shorter recording is in both.
+        within: Largest error of `rough`, s.
+        max_gap: As in `synchronize_by_led`.
+
+    Raises:
+        CaptureError: If a clock jumps, a recording is too short, nothing moves, motion and signals
+            have nothing in common, or several offsets explain the same.
+    """
+    _check_lengths("frames", frame_time, motion)
+    _check_lengths("samples", device_time, signals)
     check_clock("camera", frame_time)
-    check_clock("read-out board", device_time, pause)
-    _check_length(frame_time, device_time)
+    check_clock("read-out board", device_time, max_gap)
+    _check_durations(frame_time, device_time)
     frames = even_frame_times(frame_time)
     motion, signals = (np.asarray(a, float).reshape(len(a), -1) for a in (motion, signals))
-    before = _clocks(rough)
-    found = find_lag(
-        frames.time, motion, device_time, signals, before, within if rough is not None else None
-    )
-    spread = float(np.hypot(found.shift_sigma, found.drift_sigma * found.span / 2))
-    error = 2 * spread + abs(found.disagree)
-    if error > _MOST_ERROR:
+    limit = within if rough is not None else None
+    lag = find_lag(frames.time, motion, device_time, signals, _expected(rough), limit)
+    spread = float(np.hypot(lag.shift_sigma, lag.drift_sigma * lag.span / 2))
+    error = 2 * spread + abs(lag.disagreement)
+    if error > MAX_MOTION_ERROR_S:
         raise CaptureError(
-            f"synchronise: motion and signals tell the offset to {1e3 * error:.0f} ms only; move"
-            " the device faster and for longer, or put the LED in view",
+            f"motion and signals determine the offset only to {1e3 * error:.0f} ms",
             code="offset-uncertain",
+            where="synchronization",
+            action="Move the device faster and for longer, or put the LED in view",
             error=error,
         )
-    offset = found.middle + found.shift - (1 + found.drift) * found.device_middle
     return Sync(
-        offset, found.drift, found.shift_sigma, found.drift_sigma, found.device_middle, error,
-        "motion", found.span,
-    )  # fmt: skip
+        offset=lag.middle + lag.shift - (1 + lag.drift) * lag.device_middle,
+        drift=lag.drift,
+        offset_sigma=lag.shift_sigma,
+        drift_sigma=lag.drift_sigma,
+        middle=lag.device_middle,
+        error=error,
+        method="motion",
+        evidence=lag.span,
+    )
 
 
-def _clocks(rough: Clocks | float | None) -> Clocks:
+def _expected(rough: Clocks | float | None) -> Clocks:
     return rough if isinstance(rough, Clocks) else Clocks(float(rough or 0.0), 0.0, 0.0)
 
 
-def _check_pair(name: str, time: Float, values: Float | Bool) -> None:
+def _check_fit(
+    states: LedStates,
+    schedule: LedSchedule,
+    fit: LedFit,
+    expected: Clocks,
+    within: float | None,
+) -> None:
+    """Raise CaptureError for a fit by few toggles, or if another offset fits as well."""
+    if fit.toggles < MIN_TOGGLES:
+        raise CaptureError(
+            f"{fit.toggles} toggles of the LED were seen, at least {MIN_TOGGLES} are needed",
+            code="toggles-too-few",
+            where="synchronization",
+            action="Record longer",
+            count=fit.toggles,
+        )
+    other = find_other_shift(states, schedule, fit, expected, within)
+    if other is not None:
+        raise CaptureError(
+            f"an offset {abs(other):.2f} s {'later' if other > 0 else 'earlier'} explains the"
+            " LED's blinking as well",
+            code="offset-ambiguous",
+            where="synchronization",
+            action=(
+                "State the offset more closely, or switch the LED off for some seconds while"
+                " recording"
+            ),
+        )
+
+
+def _check_lengths(name: str, time: Float, values: Float | Bool) -> None:
     if values.ndim < 1 or len(values) != len(time):
         raise CaptureError(
-            f"synchronise: {len(time)} times do not go with {len(values)} {name}",
+            f"there are {len(time)} times, but {len(values)} {name}",
             code="length-differs",
+            where="synchronization",
+            action="Pass one time for each value",
             input=name,
         )
 
 
-def _check_length(frame_time: Float, device_time: Float) -> None:
+def _check_durations(frame_time: Float, device_time: Float) -> None:
     for name, time in (("camera", frame_time), ("read-out board", device_time)):
-        if np.ptp(time) < _SHORTEST:
+        if np.ptp(time) < MIN_DURATION_S:
             raise CaptureError(
-                f"synchronise: {np.ptp(time):.1f} s of the {name}, {_SHORTEST:g} s are needed;"
-                " record longer",
+                f"{np.ptp(time):.1f} s of the {name} are too short, at least {MIN_DURATION_S:g} s"
+                " are needed",
                 code="recording-too-short",
+                where="synchronization",
+                action="Record longer",
                 clock=name,
             )

@@ -1,1 +1,1 @@
-"""Samples of the read-out board: ports, reader, recordings, replay."""
+"""Sources of read-out samples, and recordings of them."""

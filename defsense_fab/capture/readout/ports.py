@@ -1,4 +1,4 @@
-"""Serial ports and sockets: opening them, and which there are."""
+"""Serial ports and sockets of read-out boards."""
 
 from __future__ import annotations
 
@@ -13,35 +13,48 @@ from ...core.errors import CaptureError
 from .reader import Transport
 
 BAUD = 115200
-_WAIT = 0.05  # s that a read waits
+READ_TIMEOUT_S = 0.05
+WRITE_TIMEOUT_S = 2.0
 
 
 @dataclass(frozen=True)
 class Port:
-    """A port that is plugged in: its device, and what it says of itself."""
+    """A serial port that is plugged in.
+
+    Attributes:
+        device: Name by which the port is opened, such as `/dev/ttyUSB0` or `COM3`.
+        description: Description that the port gives of itself; empty if none.
+    """
 
     device: str
     description: str
 
 
-def ports() -> list[Port]:
-    """Serial ports that belong to something: those without an address on a bus are left out."""
-    found = sorted(list_ports.comports(), key=lambda p: p.device)
+def serial_ports() -> list[Port]:
+    """List the serial ports that belong to a device.
+
+    Ports without an address on a bus are left out.
+    """
+    ports = sorted(list_ports.comports(), key=lambda p: p.device)
     return [
         Port(p.device, p.description if p.description != "n/a" else "")
-        for p in found
+        for p in ports
         if p.hwid != "n/a" or p.vid is not None
     ]
 
 
 def open_port(url: str) -> Transport:
-    """A port by its device (/dev/ttyUSB0, /dev/cu.usbmodem1, COM3) or a socket (socket://host:port).
+    """Open a serial port or a socket.
 
-    Raises CaptureError where it is absent, busy or not ours to open.
+    Args:
+        url: A device (`/dev/ttyUSB0`, `/dev/cu.usbmodem1`, `COM3`) or `socket://host:port`.
+
+    Raises:
+        CaptureError: If the port is absent, busy, or may not be opened.
     """
     try:
         port = serial.serial_for_url(url, do_not_open=True)
-        port.baudrate, port.timeout, port.write_timeout = BAUD, _WAIT, 2.0
+        port.baudrate, port.timeout, port.write_timeout = BAUD, READ_TIMEOUT_S, WRITE_TIMEOUT_S
         if "://" not in url:
             port.exclusive = True
         port.open()
@@ -51,34 +64,47 @@ def open_port(url: str) -> Transport:
 
 
 def _port_error(url: str, error: Exception) -> CaptureError:
+    """Explain why a port could not be opened."""
     number = getattr(error, "errno", None)
     text = str(error)
-    taken = "exclusively lock" in text or (sys.platform == "win32" and "PermissionError" in text)
-    if number in (errno.EAGAIN, errno.EBUSY) or taken:
+    is_locked = "exclusively lock" in text or (
+        sys.platform == "win32" and "PermissionError" in text
+    )
+    if number in (errno.EAGAIN, errno.EBUSY) or is_locked:
         return CaptureError(
-            f"{url}: is in use by another program (the Arduino IDE's monitor?); close that",
+            "is in use by another program",
             code="port-busy",
+            where=url,
+            action="Close the other program, such as the serial monitor of the Arduino IDE",
             port=url,
         )
     if number == errno.EACCES:
         return CaptureError(
-            f"{url}: you may not open it; on Linux join the group 'dialout' (sudo usermod -aG"
-            " dialout $USER) and log in again",
+            "permission denied",
             code="port-forbidden",
+            where=url,
+            action=(
+                "On Linux join the group 'dialout' (sudo usermod -aG dialout $USER) and log in"
+                " again"
+            ),
             port=url,
         )
-    have = [p.device for p in ports()]
-    names = ", ".join(have) or "none"
+    devices = [p.device for p in serial_ports()]
+    names = ", ".join(devices) or "none"
     if number in (errno.ENOENT, errno.ENXIO) or "FileNotFoundError" in text:
         return CaptureError(
-            f"{url}: there is no such port; plugged in: {names}; defsense doctor tells more",
+            f"there is no such port; ports plugged in: {names}",
             code="port-not-found",
+            where=url,
+            action="Plug the board in, or run defsense doctor for details",
             port=url,
-            ports=have,
+            ports=devices,
         )
     return CaptureError(
-        f"{url}: cannot be opened ({text}); plugged in: {names}",
+        f"cannot be opened ({text}); ports plugged in: {names}",
         code="port-unavailable",
+        where=url,
+        action="Choose another port",
         port=url,
-        ports=have,
+        ports=devices,
     )

@@ -1,5 +1,4 @@
-"""A thread that reads a read-out board, whatever it hangs on, and carries on when it was
-unplugged."""
+"""Read a read-out board in a thread, and reconnect after it was unplugged."""
 
 from __future__ import annotations
 
@@ -15,20 +14,26 @@ from ...core.errors import CaptureError
 from ...sensing.serial_frames import PROTOCOL, Info, Sample, Stream, Text
 from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
 
-#: Boards restart when their port is opened; a boot loader may wait for two seconds.
-_PATIENCE = 6.0
-_ASK_AGAIN = 0.5
-_AGAIN = 0.5  # s between attempts to open a port that went away
-_STRANGE = 2_000_000  # us by which a read-out board's clock may differ from the host's over a gap
-_SILENT, _SILENT_SAMPLES = 1.5, 20  # s, or samples, that a read-out board may be silent
-_WRAP = 1 << 32
-_KEPT = 100_000  # items that wait to be drained: a quarter of an hour at 100 Hz
-_HANGS = 5.0  # s after which a thread that does not come back is left to itself
+#: Boards restart when their port is opened, and a boot loader may wait for two seconds.
+GREETING_TIMEOUT_S = 6.0
+COMMAND_RETRY_S = 0.5
+REOPEN_INTERVAL_S = 0.5
+#: Largest difference, us, between the board's and the host's clock over a gap.
+MAX_CLOCK_DIFFERENCE_US = 2_000_000
+#: A board is silent after this time, or this many sample periods if they are longer.
+SILENCE_S, SILENCE_SAMPLES = 1.5, 20
+COUNTER_RANGE = 1 << 32
+MAX_WAITING_ITEMS = 100_000  # a quarter of an hour at 100 Hz
+THREAD_JOIN_TIMEOUT_S = 5.0
+_GREETING_BYTES = 400  # of an answer, kept for the error message
+_QUOTED_BYTES = 40
 
 
 class Transport(Protocol):
-    """Bytes both ways, as pyserial's ports have them; reading waits for a short time at most and
-    raises OSError when the other end is gone."""
+    """A two-way byte stream with the methods of pyserial's ports.
+
+    `read` waits for a short time at most. All methods raise OSError when the other end is gone.
+    """
 
     def read(self, size: int) -> bytes: ...
 
@@ -41,9 +46,15 @@ class Transport(Protocol):
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What the read-out board is asked for: channels, conversions averaged, samples per second
-    (Hz), period of the LED (ms); None leaves it as it is."""
+class ReadoutSettings:
+    """Settings requested from a read-out board; None leaves a setting as it is.
+
+    Attributes:
+        channels: Number of channels to read.
+        average: Number of conversions that are summed per sample.
+        rate: Samples per second, Hz.
+        led: Period of the LED, ms.
+    """
 
     channels: int | None = None
     average: int | None = None
@@ -51,96 +62,120 @@ class Settings:
     led: int | None = None
 
     def fits(self, sample: Sample) -> bool:
-        """Whether a sample was taken with these settings."""
+        """Return whether a sample was taken with these settings."""
         return self.channels in (None, len(sample.sums)) and self.average in (
             None,
             sample.averages,
         )
 
-    def missing(self, info: Info) -> str | None:
-        """The next command that the read-out board needs, None when it does all that it was asked
-        for."""
-        for command, asked, is_ in (
+    def next_command(self, info: Info) -> str | None:
+        """Return the next command that brings a board to these settings.
+
+        Args:
+            info: The board's present settings.
+
+        Returns:
+            The command; None if the board has all the settings.
+        """
+        for command, requested, present in (
             ("channels", self.channels, info.channels),
             ("average", self.average, info.averages),
             ("rate", self.rate, info.rate),
             ("led", self.led, info.led_period),
         ):
-            if asked is not None and asked != is_:
-                return f"{command} {asked}"
+            if requested is not None and requested != present:
+                return f"{command} {requested}"
         return None
 
 
 class Reader:
-    """A `Source` on whatever `opener` opens.
+    """A `Source` that reads a board through a transport.
 
-    Frames are stamped on arrival. A sink gets every one of them. For `drain` the latest 100,000
-    items wait; where nobody drains, older ones are dropped: `statistics` counts them, and an event
-    `dropped` stands in their place. `read_latest` tells how fresh it is.
+    Frames are stamped on arrival, and the sink receives every one. The newest 100,000 items wait
+    for `drain`; older ones are dropped. `statistics` counts the dropped items, and an event
+    `dropped` stands in their place.
+
+    Args:
+        opener: Opens the transport; called again after a gap.
+        name: Name of the source in messages, such as its port.
+        settings: Settings requested from the board; by default it keeps its own.
+
+    Attributes:
+        info: The board's latest description of itself; None before `start`.
     """
 
     def __init__(
-        self, opener: Callable[[], Transport], name: str, settings: Settings | None = None
+        self,
+        opener: Callable[[], Transport],
+        name: str,
+        settings: ReadoutSettings | None = None,
     ) -> None:
         self.name = name
-        self._opener, self._settings = opener, settings or Settings()
+        self._opener, self._settings = opener, settings or ReadoutSettings()
         self._items: deque[StampedSample | Event] = deque()
-        self._dropped = self._dropped_now = 0  # in all, and since the last `drain`
+        self._dropped = self._dropped_since_drain = 0
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._port_lock = threading.Lock()  # a port is not closed while `send` writes to it
         self._stream, self._thread = Stream(), threading.Thread(target=self._run, daemon=True)
         self._port: Transport | None = None
         self._latest: StampedSample | None = None
         self._samples = self._gaps = 0
-        self._reopened, self._heard = False, 0
-        self._away = False  # from a gap until a sample comes again
+        self._was_reopened, self._last_sample_ns = False, 0
+        self._is_in_gap = False  # from a gap until the next sample
         self._failure: Exception | None = None
         self.sink: Sink | None = None
         self.info: Info | None = None
 
     def start(self) -> Info:
-        """Open the port and set the read-out board up. Raises CaptureError where it is absent,
-        busy, says nothing, or speaks something else."""
+        """Open the port, set the board up and start the thread.
+
+        Raises:
+            CaptureError: If the port is absent or busy, or if the board is silent, has other
+                firmware or refuses a setting.
+        """
         self._port = self._opener()
         try:
-            info, early = self._begin(self._port)
-            self._put(Event(self._heard, "start", _told(info)))
-            for sample, now in early:
-                self._take(sample, now)
+            info, early_samples = self._connect(self._port)
+            self._put(Event(self._last_sample_ns, "start", _start_data(info)))
+            for sample, now in early_samples:
+                self._receive(sample, now)
         except BaseException:
-            self._shut()
+            self._close_port()
             raise
         self._thread.start()
         return info
 
     def drain(self) -> list[StampedSample | Event]:
+        """Return the items since the last call, or raise the error that ended the thread."""
         with self._lock:
-            out = list(self._items)
+            items = list(self._items)
             self._items.clear()
-            dropped, self._dropped_now = self._dropped_now, 0
+            dropped, self._dropped_since_drain = self._dropped_since_drain, 0
         if dropped:
-            out.insert(0, Event(out[0].host_ns, "dropped", {"items": dropped}))
-        if not out and self._failure:
+            items.insert(0, Event(items[0].host_ns, "dropped", {"items": dropped}))
+        if not items and self._failure:
             raise self._failure
-        return out
+        return items
 
     def read_latest(self, max_age: float) -> StampedSample:
+        """Return the newest sample, at most `max_age` s old."""
         if self._failure:
             raise self._failure
         latest = self._latest
         if latest is None:
-            raise StaleError(f"{self.name}: no sample has arrived yet", code="no-sample-yet")
+            raise StaleError("no sample has arrived yet", code="no-sample-yet", where=self.name)
         age = (time.monotonic_ns() - latest.host_ns) / 1e9
         if age > max_age:
             raise StaleError(
-                f"{self.name}: the last sample is {age:.2f} s old, more than {max_age:g} s; is the"
-                " read-out board still plugged in?",
+                f"the last sample is {age:.2f} s old, more than {max_age:g} s",
                 code="reading-stale",
+                where=self.name,
+                action="Check that the read-out board is plugged in",
             )
         return latest
 
     def send(self, command: str) -> None:
-        """One command line; what the read-out board answers is an event."""
+        """Send a command line; the board's answer arrives as an event."""
         with self._port_lock:
             if self._port is not None:
                 with contextlib.suppress(OSError):
@@ -148,19 +183,23 @@ class Reader:
 
     @property
     def statistics(self) -> ReadoutStatistics:
+        """Counts of received and lost items."""
         s = self._stream
         return ReadoutStatistics(
             self._samples, s.lost, s.bad, self._gaps, s.restarts, self._dropped
         )
 
     def close(self) -> None:
-        """End the thread and close the port. A thread that hangs in a driver is left to itself: it
-        closes the port when it comes back, for a descriptor must not be closed under it."""
+        """Stop the thread and close the port.
+
+        A thread that hangs in a driver closes the port itself when it returns, because a
+        descriptor must not be closed while a thread uses it.
+        """
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(_HANGS)
+            self._thread.join(THREAD_JOIN_TIMEOUT_S)
         if not self._thread.is_alive():
-            self._shut()
+            self._close_port()
 
     def __enter__(self) -> Reader:
         self.start()
@@ -169,81 +208,101 @@ class Reader:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _shut(self) -> None:
+    def _close_port(self) -> None:
         with self._port_lock:
             if self._port is not None:
                 with contextlib.suppress(OSError):
                     self._port.close()
                 self._port = None
 
-    def _begin(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
-        """Greet the read-out board: what it is, and the samples that came meanwhile."""
-        info, early = self._greet(port)
-        self.info, self._heard = info, time.monotonic_ns()
-        return info, early
+    def _connect(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
+        """Greet the board and remember its description."""
+        info, early_samples = self._greet(port)
+        self.info, self._last_sample_ns = info, time.monotonic_ns()
+        return info, early_samples
 
     def _greet(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
-        """Ask for frames until the read-out board tells what it is, then for the settings; samples
-        that came with them, and when."""
-        begun, asked, heard = time.monotonic(), 0.0, b""
+        """Ask for frames until the board describes itself, then send the settings.
+
+        Returns:
+            The board's description, and the samples that arrived meanwhile with their arrival
+            times, ns.
+        """
+        started_at, sent_at, answer = time.monotonic(), 0.0, b""
         self._stream.forget()
         info: Info | None = None
-        early: list[tuple[Sample, int]] = []
-        done, command = False, "frames"
-        while time.monotonic() - begun < _PATIENCE and not self._stop.is_set():
-            if time.monotonic() - asked > _ASK_AGAIN:
-                asked = time.monotonic()
+        early_samples: list[tuple[Sample, int]] = []
+        is_set_up, command = False, "frames"
+        while time.monotonic() - started_at < GREETING_TIMEOUT_S and not self._stop.is_set():
+            if time.monotonic() - sent_at > COMMAND_RETRY_S:
+                sent_at = time.monotonic()
                 port.write(f"\n{command}\n".encode("ascii"))
             data = self._read(port)
-            heard, now = (heard + data)[-400:], time.monotonic_ns()
+            answer, now = (answer + data)[-_GREETING_BYTES:], time.monotonic_ns()
             for message in self._stream.feed(data):
                 if isinstance(message, Info):
-                    if message.protocol != PROTOCOL:
-                        raise CaptureError(
-                            f"{self.name}: the read-out board's firmware speaks protocol"
-                            f" {message.protocol}, this version reads {PROTOCOL}: upload the"
-                            " firmware of this version (firmware/), or update defsense-fab",
-                            code="firmware-protocol-differs",
-                            protocol=message.protocol,
-                        )
-                    if not message.most_channels:
-                        raise CaptureError(
-                            f"{self.name}: the read-out board finds no ADS1115; check its wiring",
-                            code="converter-not-found",
-                        )
-                    info, asked = message, 0.0
-                    missing = self._settings.missing(info)
-                    done, command = missing is None, missing or command
+                    self._check(message)
+                    info, sent_at = message, 0.0
+                    next_command = self._settings.next_command(info)
+                    is_set_up, command = next_command is None, next_command or command
                 elif isinstance(message, Sample):
                     if self._settings.fits(message):
-                        early.append((message, now))
+                        early_samples.append((message, now))
                 elif isinstance(message, Text) and info is not None:
                     raise CaptureError(
-                        f"{self.name}: the read-out board does not take {command!r}:"
-                        f" {message.text}",
+                        f"the read-out board refuses the command {command!r}: {message.text}",
                         code="board-command-refused",
+                        where=self.name,
+                        action="Choose another setting",
                         command=command,
                     )
-            if info is not None and done:
-                return info, early
+            if info is not None and is_set_up:
+                return info, early_samples
         if info is not None:
             raise CaptureError(
-                f"{self.name}: the read-out board does not answer {command!r}",
+                f"the read-out board does not answer the command {command!r}",
                 code="board-command-unanswered",
+                where=self.name,
+                action="Unplug the board, plug it in and try again",
                 command=command,
             )
-        if not heard:
+        raise self._silence_error(answer)
+
+    def _check(self, info: Info) -> None:
+        """Raise CaptureError for a board of another protocol or without a converter."""
+        if info.protocol != PROTOCOL:
             raise CaptureError(
-                f"{self.name}: nothing answers; is the firmware on the read-out board"
-                " (firmware/), and is this its port?",
-                code="board-silent",
+                f"the read-out board's firmware speaks protocol {info.protocol}, this version"
+                f" reads {PROTOCOL}",
+                code="firmware-protocol-differs",
+                where=self.name,
+                action="Upload the firmware of this version (firmware/), or update defsense-fab",
+                protocol=info.protocol,
             )
-        sample = heard[-40:].decode("ascii", "replace")
-        raise CaptureError(
-            f"{self.name}: what answers is not this firmware (it sends {sample!r}); upload"
-            " firmware/ to the read-out board, or choose another port",
+        if not info.most_channels:
+            raise CaptureError(
+                "the read-out board finds no ADS1115",
+                code="converter-not-found",
+                where=self.name,
+                action="Check the converter's wiring",
+            )
+
+    def _silence_error(self, answer: bytes) -> CaptureError:
+        """Explain a port on which no board described itself."""
+        if not answer:
+            return CaptureError(
+                "nothing answers",
+                code="board-silent",
+                where=self.name,
+                action="Check that this is the board's port and that firmware/ is on the board",
+            )
+        text = answer[-_QUOTED_BYTES:].decode("ascii", "replace")
+        return CaptureError(
+            f"the device does not run this firmware (it sends {text!r})",
             code="board-firmware-unknown",
-            text=sample,
+            where=self.name,
+            action="Upload firmware/ to the read-out board, or choose another port",
+            text=text,
         )
 
     def _read(self, port: Transport) -> bytes:
@@ -251,13 +310,13 @@ class Reader:
 
     def _run(self) -> None:
         try:
-            self._read_on()
-        except Exception as error:  # a sink's, above all: told by `drain` and `read_latest`
+            self._read_until_stopped()
+        except Exception as error:  # mostly a sink's; `drain` and `read_latest` raise it
             self._failure = error
         finally:
-            self._shut()
+            self._close_port()
 
-    def _read_on(self) -> None:
+    def _read_until_stopped(self) -> None:
         while not self._stop.is_set():
             port = self._port
             if port is None:
@@ -266,94 +325,103 @@ class Reader:
             try:
                 data = self._read(port)
             except (OSError, TypeError) as error:  # pyserial: TypeError if closed while reading
-                self._gap(str(error))
+                self._start_gap(str(error))
                 continue
             now = time.monotonic_ns()
-            if now - self._heard > self._silence():
-                self._gap(f"silent: no sample for {self._silence() / 1e9:g} s; was it reset?")
+            limit_ns = self._silence_limit_ns()
+            if now - self._last_sample_ns > limit_ns:
+                self._start_gap(f"silent: no sample for {limit_ns / 1e9:g} s; was it reset?")
                 continue
             for message in self._stream.feed(data):
                 if isinstance(message, Sample):
-                    self._heard = now
-                    self._take(message, now)
+                    self._last_sample_ns = now
+                    self._receive(message, now)
                 elif isinstance(message, Info):
                     self.info = message
-                    self._put(Event(now, "info", _about(message)))
+                    self._put(Event(now, "info", _info_data(message)))
                 else:
                     self._put(Event(now, "text", {"text": message.text}))
 
-    def _silence(self) -> float:
-        """ns without a sample that mean something happened to the read-out board: one that was
-        reset behind an open port speaks in plain lines."""
-        rate = self.info.rate if self.info else 1
-        return 1e9 * max(_SILENT, _SILENT_SAMPLES / rate)
+    def _silence_limit_ns(self) -> float:
+        """Return the time without a sample, ns, after which a board is greeted again.
 
-    def _gap(self, why: str) -> None:
-        """Close the port, to greet the read-out board anew. A board that answers and sends nothing
-        comes here again and again: all that is one gap."""
-        self._shut()
-        if self._away:
+        A board that was reset behind an open port sends plain lines instead of frames.
+        """
+        rate = self.info.rate if self.info else 1
+        return 1e9 * max(SILENCE_S, SILENCE_SAMPLES / rate)
+
+    def _start_gap(self, reason: str) -> None:
+        """Close the port, so that the board is greeted again.
+
+        A board that answers but sends no samples leads here repeatedly; that is one gap.
+        """
+        self._close_port()
+        if self._is_in_gap:
             return
-        self._away = True
+        self._is_in_gap = True
         self._gaps += 1
-        self._put(Event(time.monotonic_ns(), "gap", {"why": why}))
+        self._put(Event(time.monotonic_ns(), "gap", {"why": reason}))
 
     def _reopen(self) -> None:
         try:
             port = self._opener()
             try:
-                self._reopened = True
-                _, early = self._begin(port)
+                self._was_reopened = True
+                _, early_samples = self._connect(port)
             except BaseException:
                 port.close()
                 raise
         except (CaptureError, OSError):
-            self._stop.wait(_AGAIN)
+            self._stop.wait(REOPEN_INTERVAL_S)
             return
         self._port = port
-        for sample, now in early:  # a sink's error is none of the port's
-            self._take(sample, now)
+        for sample, now in early_samples:  # outside of `try`: a sink's error is not the port's
+            self._receive(sample, now)
 
-    def _take(self, sample: Sample, now: int) -> None:
-        if self._away and self.info is not None:
-            self._away = False
-            self._put(Event(now, "resumed", _told(self.info)))
-        stamped = StampedSample(now, self._clock(sample, now), sample)
+    def _receive(self, sample: Sample, now: int) -> None:
+        """Stamp a sample that arrived at `now`, ns, and pass it on."""
+        if self._is_in_gap and self.info is not None:
+            self._is_in_gap = False
+            self._put(Event(now, "resumed", _start_data(self.info)))
+        stamped = StampedSample(now, self._device_time(sample, now), sample)
         self._latest = stamped
         self._samples += 1
         self._put(stamped)
 
-    def _clock(self, sample: Sample, now: int) -> int:
-        """The device's clock without wraps. Where its counter begins anew, or where after a gap it
-        does not fit the host's clock, the read-out board was restarted: then that carries it on."""
+    def _device_time(self, sample: Sample, now: int) -> int:
+        """Return the device's time, us, without wraps.
+
+        The board was restarted if its counter started again, or if after a gap its clock does not
+        fit the host's. Then the host's clock carries the device's time on.
+        """
         if self._latest is None:
             return sample.micros
-        before, host = self._latest, (now - self._latest.host_ns) // 1000
-        went = (sample.micros - before.sample.micros) % _WRAP
-        went += max(0, round((host - went) / _WRAP)) * _WRAP
-        again = (sample.counter - before.sample.counter) % _WRAP > _WRAP // 2
-        strange = self._reopened and abs(went - host) > _STRANGE
-        self._reopened = False
-        if again or strange:
+        previous, host_step = self._latest, (now - self._latest.host_ns) // 1000
+        step = (sample.micros - previous.sample.micros) % COUNTER_RANGE
+        step += max(0, round((host_step - step) / COUNTER_RANGE)) * COUNTER_RANGE
+        counter_step = (sample.counter - previous.sample.counter) % COUNTER_RANGE
+        clocks_differ = self._was_reopened and abs(step - host_step) > MAX_CLOCK_DIFFERENCE_US
+        self._was_reopened = False
+        if counter_step > COUNTER_RANGE // 2 or clocks_differ:
             self._put(Event(now, "restart", {}))
-            went = max(host, 1)
-        return before.device_us + went
+            step = max(host_step, 1)
+        return previous.device_us + step
 
     def _put(self, item: StampedSample | Event) -> None:
         if self.sink is not None:
             self.sink(item)
         with self._lock:
-            if len(self._items) >= _KEPT:
+            if len(self._items) >= MAX_WAITING_ITEMS:
                 self._items.popleft()
                 self._dropped += 1
-                self._dropped_now += 1
+                self._dropped_since_drain += 1
             self._items.append(item)
 
 
-def _told(info: Info) -> dict[str, object]:
-    """Of an event from which on samples come."""
-    return {**_about(info), "at": round(time.time(), 3)}
+def _start_data(info: Info) -> dict[str, object]:
+    """Return the data of an event after which samples follow."""
+    return {**_info_data(info), "at": round(time.time(), 3)}
 
 
-def _about(info: Info) -> dict[str, object]:
+def _info_data(info: Info) -> dict[str, object]:
     return {**vars(info), "version": list(info.version)}

@@ -1,4 +1,4 @@
-"""What every source of samples can do: a port, a socket, a replayed file, a twin."""
+"""Sources of samples: the interface that ports, sockets, recordings and twins share."""
 
 from __future__ import annotations
 
@@ -13,74 +13,25 @@ from ...core.arrays import Int
 from ...core.errors import CaptureError
 from ...sensing.serial_frames import Info, Sample
 
-# Samples that are known beforehand, given out as they fall due: what sources that play have in
-# common.
-
-
-class PacedSamples:
-    """A `Source` but for its `start`, which calls `_play`."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.sink: Sink | None = None
-        self._latest: StampedSample | None = None
-        self._sample: Callable[[int], tuple[int, Sample]] | None = None
-        self._due, self._next = np.zeros(0, np.int64), 0
-
-    def _play(self, after_ns: Int, sample: Callable[[int], tuple[int, Sample]]) -> None:
-        """From now on: samples `after_ns` (n,) ns, increasing; `sample` gives the k-th with its
-        time by the device's clock, us."""
-        self._due, self._next = time.monotonic_ns() + np.asarray(after_ns, np.int64), 0
-        self._sample = sample
-
-    def drain(self) -> list[StampedSample | Event]:
-        """Those that have fallen due since the last call. Raises RecordingEnd after the last."""
-        if self._sample is None:
-            raise CaptureError(f"{self.name}: is not being played", code="source-not-started")
-        if self._next >= len(self._due):
-            raise RecordingEnd(f"{self.name}: the recording is at its end", code="recording-ended")
-        last = int(np.searchsorted(self._due, time.monotonic_ns(), side="right"))
-        out: list[StampedSample | Event] = []
-        for k in range(self._next, last):
-            micros, sample = self._sample(k)
-            self._latest = StampedSample(int(self._due[k]), micros, sample)
-            if self.sink is not None:
-                self.sink(self._latest)
-            out.append(self._latest)
-        self._next = max(self._next, last)
-        return out
-
-    def read_latest(self, max_age: float) -> StampedSample:
-        """The newest; raises StaleError where it is older than `max_age` s."""
-        if self._latest is None or time.monotonic_ns() - self._latest.host_ns > max_age * 1e9:
-            raise StaleError(
-                f"{self.name}: no sample of the last {max_age:g} s; drain() plays",
-                code="reading-stale",
-            )
-        return self._latest
-
-    @property
-    def statistics(self) -> ReadoutStatistics:
-        """Of the samples that were given out."""
-        return ReadoutStatistics(samples=self._next)
-
-    def close(self) -> None:
-        """End the playing."""
-        self._sample = None
-
 
 class StaleError(CaptureError):
-    """There is no reading that is fresh enough."""
+    """No reading is recent enough."""
 
 
 class RecordingEnd(CaptureError):
-    """A recording that is played is at its end, which is how it should end."""
+    """The recording that is played back has ended, as it should."""
 
 
 @dataclass(frozen=True)
 class StampedSample:
-    """A sample, the host's monotonic clock when it arrived, ns, and the device's own clock, us:
-    without wraps, and carried on by the host's clock over gaps and restarts."""
+    """A sample with the times of both clocks.
+
+    Attributes:
+        host_ns: The host's monotonic clock when the sample arrived, ns.
+        device_us: The device's own clock, us. It does not wrap; over gaps and restarts the host's
+            clock carries it on.
+        sample: The sample as the read-out board sent it.
+    """
 
     host_ns: int
     device_us: int
@@ -89,8 +40,14 @@ class StampedSample:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened between samples: `start`, `gap`, `resumed`, `restart`, `text`; and
-    `dropped`, of items that waited too long to be drained, which only `drain` gives."""
+    """Something that happened between samples.
+
+    Attributes:
+        host_ns: The host's monotonic clock, ns.
+        kind: `start`, `gap`, `resumed`, `restart`, `text`, `info`, or a step of a protocol.
+            `dropped` stands for items that waited too long to be drained; only `drain` returns it.
+        data: Facts about the event, as plain values.
+    """
 
     host_ns: int
     kind: str
@@ -99,8 +56,16 @@ class Event:
 
 @dataclass(frozen=True)
 class ReadoutStatistics:
-    """Samples that arrived, that the counter misses, frames that were none, gaps, restarts of the
-    read-out board; items that nobody drained in time."""
+    """Counts of what a source has received and lost.
+
+    Attributes:
+        samples: Samples that arrived.
+        lost: Samples that the counter shows as missing.
+        bad: Frames that could not be decoded.
+        gaps: Interruptions of the connection.
+        restarts: Restarts of the read-out board.
+        dropped: Items that were not drained in time.
+    """
 
     samples: int = 0
     lost: int = 0
@@ -110,30 +75,135 @@ class ReadoutStatistics:
     dropped: int = 0
 
 
-#: Takes samples and events as soon as they arrive, in their order, in the source's own thread.
+#: Receives samples and events as soon as they arrive, in order, in the source's own thread.
 Sink = Callable[["StampedSample | Event"], None]
 
 
 class Source(Protocol):
-    """Samples as they come. `start` before the rest, `close` after it; both from one thread. A
-    `sink`, set before `start`, gets everything at once: a recording that is to survive its
-    program."""
+    """A source of samples.
+
+    Call `start` first and `close` last, both from one thread. A `sink` that is set before `start`
+    receives everything at once, so a recording survives a crash of its program.
+
+    Attributes:
+        name: Name of the source in messages, such as its port.
+        sink: Receiver of all samples and events; None for none.
+    """
 
     name: str
     sink: Sink | None
 
     def start(self) -> Info:
-        """Begin; raises CaptureError where there is nothing to read."""
+        """Start reading.
+
+        Returns:
+            The description that the read-out board gives of itself.
+
+        Raises:
+            CaptureError: If there is nothing to read.
+        """
 
     def drain(self) -> list[StampedSample | Event]:
-        """All since the last call, in order, or an event `dropped` and the latest of them; raises
-        what ended the source when there is no more: RecordingEnd for the end of a recording."""
+        """Return everything since the last call, in order.
+
+        If items were dropped, an event `dropped` comes first.
+
+        Raises:
+            RecordingEnd: If a recording has ended and nothing is left.
+            DefsenseError: The error that ended the source, if nothing is left.
+        """
 
     def read_latest(self, max_age: float) -> StampedSample:
-        """The newest sample; raises StaleError if it arrived more than `max_age` s ago, and what
-        ended the source if something did."""
+        """Return the newest sample.
+
+        Args:
+            max_age: Largest age of the sample, s.
+
+        Raises:
+            StaleError: If the newest sample is older than `max_age`.
+            DefsenseError: The error that ended the source, if one did.
+        """
 
     @property
-    def statistics(self) -> ReadoutStatistics: ...
+    def statistics(self) -> ReadoutStatistics:
+        """Counts of received and lost items."""
+        ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Stop reading and release the source."""
+        ...
+
+
+class PacedSamples:
+    """Base of sources that play known samples back at their own pace.
+
+    A subclass adds `start`, which calls `_play`.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.sink: Sink | None = None
+        self._latest: StampedSample | None = None
+        self._sample: Callable[[int], tuple[int, Sample]] | None = None
+        self._due, self._next = np.zeros(0, np.int64), 0
+
+    def _play(self, delays_ns: Int, sample: Callable[[int], tuple[int, Sample]]) -> None:
+        """Play samples from now on.
+
+        Args:
+            delays_ns: Times (n,) at which samples fall due, ns from now, increasing.
+            sample: Returns the device's time, us, and the sample for an index.
+        """
+        self._due, self._next = time.monotonic_ns() + np.asarray(delays_ns, np.int64), 0
+        self._sample = sample
+
+    def drain(self) -> list[StampedSample | Event]:
+        """Return the samples that have fallen due since the last call.
+
+        Raises:
+            RecordingEnd: After the last sample.
+            CaptureError: If playback has not been started.
+        """
+        if self._sample is None:
+            raise CaptureError(
+                "is not playing", code="source-not-started", where=self.name, action="Call start()"
+            )
+        if self._next >= len(self._due):
+            raise RecordingEnd("the recording has ended", code="recording-ended", where=self.name)
+        end = int(np.searchsorted(self._due, time.monotonic_ns(), side="right"))
+        items: list[StampedSample | Event] = []
+        for k in range(self._next, end):
+            device_us, sample = self._sample(k)
+            self._latest = StampedSample(int(self._due[k]), device_us, sample)
+            if self.sink is not None:
+                self.sink(self._latest)
+            items.append(self._latest)
+        self._next = max(self._next, end)
+        return items
+
+    def read_latest(self, max_age: float) -> StampedSample:
+        """Return the newest sample that was drained.
+
+        Args:
+            max_age: Largest age of the sample, s.
+
+        Raises:
+            StaleError: If there is no sample, or it is older than `max_age`.
+        """
+        if self._latest is None or time.monotonic_ns() - self._latest.host_ns > max_age * 1e9:
+            raise StaleError(
+                f"no sample arrived within the last {max_age:g} s",
+                code="reading-stale",
+                where=self.name,
+                action="Call drain(), which plays the recording",
+            )
+        return self._latest
+
+    @property
+    def statistics(self) -> ReadoutStatistics:
+        """Counts of the samples that were returned."""
+        return ReadoutStatistics(samples=self._next)
+
+    def close(self) -> None:
+        """Stop playing."""
+        self._sample = None

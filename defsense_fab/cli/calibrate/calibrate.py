@@ -139,7 +139,7 @@ def _add_fit(steps: Commands, bars: Bars) -> None:
 
 def _fit(options: argparse.Namespace, bars: Bars) -> int:
     from ...calibration.readings import Geometry
-    from ...pipeline.calibrate.fit_response import fit_response
+    from ...workflow.calibrate.fit_response import fit_response
 
     if not 0 <= options.spread <= 50:
         raise DeviceError(f"--spread {options.spread:g}: give per cent, from 0 to 50")
@@ -193,8 +193,8 @@ def _common(sub: argparse.ArgumentParser) -> None:
 
 
 def _specimen(options: argparse.Namespace, bars: Bars) -> int:
-    from ...core.curves.bending import RADII
-    from ...pipeline.calibrate.specimen_files import write_specimen
+    from ...core.response import RADII
+    from ...workflow.calibrate.specimen_files import write_specimen
 
     with bars(options) as progress:
         found = write_specimen(
@@ -216,7 +216,7 @@ def _specimen(options: argparse.Namespace, bars: Bars) -> int:
 
 
 def _coupon(options: argparse.Namespace) -> int:
-    from ...pipeline.calibrate.coupon_files import CLEARANCES, write_coupon
+    from ...workflow.calibrate.coupon_files import CLEARANCES, write_coupon
 
     asked = options.clearances
     found = write_coupon(
@@ -238,8 +238,8 @@ def _coupon(options: argparse.Namespace) -> int:
 
 
 def _clearance(options: argparse.Namespace) -> int:
-    from ...pipeline.calibrate.clearance import write_clearance
-    from ...pipeline.calibrate.coupon_files import NO_MOULD
+    from ...calibration.clearance import write_clearance
+    from ...workflow.calibrate.coupon_files import NO_MOULD
 
     found = write_clearance(options.folder, options.fits)
     now, process = found.fabrication.clearance, found.fabrication.process
@@ -268,7 +268,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ...pipeline.calibrate.specimen_files import OFFSET
+    from ...workflow.calibrate.specimen_files import OFFSET
 
     console = Console()
     table = Table(title="strain of the cords, %")

@@ -15,10 +15,10 @@ from ..exit_codes import DONE, STOPPED
 from ..options import REFERENCE, numbers, references, within
 
 if TYPE_CHECKING:
+    from ...calibration.session import CalibrationSession
     from ...capture.readout.ports import Port
     from ...capture.readout.source import Source
     from ...core.arrays import Float
-    from ...pipeline.calibrate.session import CalibrationSession
     from ...sensing.serial_frames import Info
     from ..options import Commands
 
@@ -137,15 +137,15 @@ def _ends(sub: argparse.ArgumentParser) -> None:
 
 
 def _ports(options: argparse.Namespace) -> int:
-    from ...capture.readout.ports import ports
-    from ...capture.readout.reader import Settings
-    from ...pipeline.twin.live.sample_sources import open_source
+    from ...capture.readout.ports import serial_ports
+    from ...capture.readout.reader import ReadoutSettings
+    from ...twin.live.sample_sources import open_source
 
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e6)
     if options.port is None:
-        return _survey(options, ports())
-    source = open_source(options.port, Settings(rate=options.rate, average=options.average)).source
+        return _survey(options, serial_ports())
+    source = open_source(options.port, ReadoutSettings(rate=options.rate, average=options.average)).source
     info = source.start()
     try:
         return _watch(options, source, info)
@@ -170,7 +170,7 @@ def _survey(options: argparse.Namespace, found: Sequence[Port]) -> int:
         return 0
     from rich.console import Console
 
-    from ...terminal.guided_measurement import bars
+    from ..terminal.guided_measurement import bars
 
     console = Console()
     for p, look in zip(found, looks, strict=True):
@@ -192,11 +192,11 @@ def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
     """Resistances on a port, or why there are none."""
     import numpy as np
 
-    from ...capture.readout.reader import Settings
-    from ...pipeline.twin.live.sample_sources import open_source
+    from ...capture.readout.reader import ReadoutSettings
     from ...sensing.voltage_divider import Dividers
+    from ...twin.live.sample_sources import open_source
 
-    source = open_source(port, Settings()).source
+    source = open_source(port, ReadoutSettings()).source
     try:
         info = source.start()
         time.sleep(0.5)
@@ -218,7 +218,7 @@ def _watch(options: argparse.Namespace, source: Source, info: Info) -> int:
 
     from ...capture.readout.source import StampedSample
     from ...sensing.voltage_divider import Dividers
-    from ...terminal.guided_measurement import bars
+    from ..terminal.guided_measurement import bars
 
     dividers = Dividers(
         np.array(references(options.reference or f"{REFERENCE:g}", info.channels)),
@@ -250,11 +250,11 @@ def _watch(options: argparse.Namespace, source: Source, info: Info) -> int:
 
 
 def _record(options: argparse.Namespace) -> int:
-    from ...capture.readout.reader import Settings
-    from ...pipeline.calibrate import session as sessions
-    from ...pipeline.calibrate.guided_measurement import run_guided_measurement
-    from ...pipeline.twin.live.sample_sources import open_source
-    from ...terminal.guided_measurement import MeasurementLines, MeasurementTerminal
+    from ...calibration import session as sessions
+    from ...calibration.guided_measurement import run_guided_measurement
+    from ...capture.readout.reader import ReadoutSettings
+    from ...twin.live.sample_sources import open_source
+    from ..terminal.guided_measurement import MeasurementLines, MeasurementTerminal
 
     if options.port.endswith(".csv"):
         raise DeviceError(f"--port {options.port}: a recording cannot be measured again")
@@ -265,7 +265,7 @@ def _record(options: argparse.Namespace) -> int:
     session, begun = sessions.begin_or_go_on(
         folder, wanted, [k for k in wanted if k in _given(options)]
     )
-    settings = Settings(channels=3, average=session.average, rate=session.rate)
+    settings = ReadoutSettings(channels=3, average=session.average, rate=session.rate)
     try:
         opened = open_source(options.port, settings, session.geometry, session.length)
         if options.auto:
@@ -302,8 +302,8 @@ def _given(options: argparse.Namespace) -> set[str]:
 
 def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any]:
     """Of a new session. Raises DeviceError for options that make none."""
+    from ...calibration.protocol import Criterion
     from ...calibration.readings import LEAST_RADII
-    from ...calibration.settling import Criterion
 
     o: dict[str, Any] = {
         n: d if getattr(options, n) is None else getattr(options, n) for n, d in _PLAN.items()
@@ -336,7 +336,7 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
 
 
 def _recorded(options: argparse.Namespace, session: CalibrationSession, done: bool) -> int:
-    from ...pipeline.calibrate import session as sessions
+    from ...calibration import session as sessions
 
     left = len(sessions.unfinished(session))
     total = len(session.steps)
@@ -359,15 +359,15 @@ def _recorded(options: argparse.Namespace, session: CalibrationSession, done: bo
 def _reference(options: argparse.Namespace) -> int:
     import numpy as np
 
-    from ...capture.readout.reader import Settings
+    from ...capture.readout.reader import ReadoutSettings
     from ...capture.readout.source import StampedSample
-    from ...pipeline.twin.live.sample_sources import open_source
     from ...sensing.voltage_divider import measured_reference
+    from ...twin.live.sample_sources import open_source
 
     within("--known", options.known, 1e-3, 1e9)
     within("--seconds", options.seconds, 0.1, 3600)
     within("--channels", options.channels, 1, 16)
-    source = open_source(options.port, Settings(channels=options.channels)).source
+    source = open_source(options.port, ReadoutSettings(channels=options.channels)).source
     info = source.start()
     try:
         time.sleep(options.seconds)
@@ -387,9 +387,9 @@ def _reference(options: argparse.Namespace) -> int:
 
 def _twin(options: argparse.Namespace) -> int:
     from ...core.response import ResponseSpec
-    from ...pipeline.calibrate.synthetic_session import record_twin
     from ...sensing.response import response_of
-    from ...twin.electronics.cord_twin import CordTraits
+    from ...twin.calibration_session import record_twin
+    from ...twin.electronics.cords import CordTraits
 
     for name, low, high in (
         ("k", -100, 100), ("q", -1000, 1000), ("noise", 0, 1), ("play", 0, 1), ("healing", 0, 1),

@@ -116,8 +116,8 @@ def _add_convert(steps: Commands) -> None:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from ...capture.files.axes import AXES, turned
     from ...capture.files.formats import check_suffix, read_any, write_any
+    from ...capture.files.track_conversion import AXES, turned
 
     check_suffix(options.out)
     if options.up and not options.source_up:
@@ -153,10 +153,10 @@ def ends(sub: argparse.ArgumentParser) -> None:
 
 
 def _process(options: argparse.Namespace, bars: Bars) -> int:
-    from ...capture.files.axes import AXES, turned
     from ...capture.files.formats import check_suffix, write_any
-    from ...capture.tracking.smoothing import smooth
-    from ...pipeline.tracking.video_tracks import process_videos
+    from ...capture.files.track_conversion import AXES, turned
+    from ...capture.tracking.track_filters import smooth
+    from ...capture.videos.video_tracks import process_videos
 
     if (options.session is None) == (options.videos is None):
         raise DeviceError("give either a SESSION or --videos")
@@ -220,9 +220,9 @@ def _writable(out: Path) -> None:
 
 def _process_session(options: argparse.Namespace, bars: Bars) -> int:
     from ...capture.files.formats import write_any
-    from ...capture.tracking.smoothing import smooth
-    from ...pipeline.sessions.processing.processing import process_session
-    from ...pipeline.sessions.results.result_files import REPORT
+    from ...capture.sessions.result_files import REPORT
+    from ...capture.tracking.track_filters import smooth
+    from ...workflow.sessions.processing import process_session
 
     with bars(options) as progress:
         found = process_session(

@@ -16,11 +16,11 @@ from ..options import twin_values
 from ..output import say
 
 if TYPE_CHECKING:
-    from ...capture.cameras.rig_diagnosis import Diagnosis
-    from ...capture.tags.charuco_board import CharucoBoard
-    from ...pipeline.twin.live.board_twin import BoardTwin
-    from ...terminal.camera_calibration import BoardLines, BoardTerminal
+    from ...capture.cameras.rig_check import Diagnosis
+    from ...capture.tags.tag_patterns import CharucoBoard
+    from ...twin.live.board_twin import BoardTwin
     from ..options import Bars, Commands
+    from ..terminal.camera_calibration import BoardLines, BoardTerminal
 
 
 def add(steps: Commands, bars: Bars) -> None:
@@ -123,7 +123,7 @@ def _board(options: argparse.Namespace) -> CharucoBoard:
         raise DeviceError(f"--views {options.views}: give a number from 1 to 80")
     if not options.calibration.parent.is_dir():
         raise DeviceError(f"{options.calibration}: there is no folder {options.calibration.parent}")
-    from ...capture.tags.charuco_board import load_board
+    from ...capture.tags.tag_patterns import load_board
 
     board = load_board(options.board)
     if board.measured is None and not options.json:
@@ -147,7 +147,7 @@ def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
     if not _twin_meant(options):
         return None
     seed, count, kind = twin_values("SOURCE", options.sources[0])
-    from ...pipeline.twin.live.board_twin import BoardTwin
+    from ...twin.live.board_twin import BoardTwin
 
     twin = BoardTwin(board, seed, count, kind)
     options.sources = [c.name for c in twin.cameras]
@@ -156,7 +156,7 @@ def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
 
 def _screen(twin: BoardTwin | None) -> BoardTerminal | BoardLines:
     """What shows live cameras; lines, where a twin needs no keys and there is no terminal."""
-    from ...terminal.camera_calibration import BoardLines, BoardTerminal
+    from ..terminal.camera_calibration import BoardLines, BoardTerminal
 
     terminal = twin is None or (sys.stdin.isatty() and sys.stdout.isatty())
     return BoardTerminal() if terminal else BoardLines()
@@ -185,8 +185,8 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
     twin = _twin(options, board)
     names = _names(options)
     if twin or _live(options.sources):
-        from ...capture.cameras.webcam import Webcam
-        from ...pipeline.cameras.live_views import Opener, calibrate_live
+        from ...capture.cameras.image_sources import Webcam
+        from ...workflow.cameras.live_views import Opener, calibrate_live
 
         done = []
         opener: Opener = twin.alone if twin else Webcam
@@ -197,7 +197,7 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
                     fisheye=options.lens == "fisheye",
                 )  # fmt: skip
     else:
-        from ...pipeline.cameras.recorded_views import calibrate_cameras
+        from ...workflow.cameras.recorded_views import calibrate_cameras
 
         with bars(options) as progress:
             done = calibrate_cameras(
@@ -236,8 +236,8 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
     if not 2 <= len(options.sources) <= 6:
         raise DeviceError("arrange takes 2 to 6 cameras; one alone needs no arranging")
     if twin or _live(options.sources):
-        from ...capture.cameras.webcam import Webcam
-        from ...pipeline.cameras.live_views import Opener, arrange_live
+        from ...capture.cameras.image_sources import Webcam
+        from ...workflow.cameras.live_views import Opener, arrange_live
 
         opener: Opener = twin.together() if twin else Webcam
         with _screen(twin) as screen:
@@ -246,7 +246,7 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
                 keep=options.keep_world,
             )  # fmt: skip
     else:
-        from ...pipeline.cameras.recorded_views import arrange_cameras
+        from ...workflow.cameras.recorded_views import arrange_cameras
 
         with bars(options) as progress:
             data = arrange_cameras(
@@ -287,8 +287,8 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
     board = _board(options)
     twin = _twin(options, board)
     if twin or _live(options.sources):
-        from ...capture.cameras.webcam import Webcam
-        from ...pipeline.cameras.live_views import Opener, check_live
+        from ...capture.cameras.image_sources import Webcam
+        from ...workflow.cameras.live_views import Opener, check_live
 
         opener: Opener = twin.together(again=True) if twin else Webcam
         with _screen(twin) as screen:
@@ -296,7 +296,7 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
                 options.sources, board, options.calibration, options.views, screen, opener
             )
     else:
-        from ...pipeline.cameras.recorded_views import check_cameras
+        from ...workflow.cameras.recorded_views import check_cameras
 
         with bars(options) as progress:
             found = check_cameras(

@@ -125,7 +125,7 @@ def _direction(text: str | None) -> Float | None:
 
 def _markers(options: argparse.Namespace, bars: Bars) -> int:
     from ...core.device.device_file import load_device
-    from ...pipeline.tags.markers import SHEETS, write_markers
+    from ...workflow.tags.markers import SHEETS, write_markers
 
     device = load_device(options.device, complete=False)
     with bars(options) as progress:
@@ -169,8 +169,8 @@ _PRINT_BOARD = "print it at 100 % (the rulers must be 100 mm), glue it flat on a
 
 
 def _board(options: argparse.Namespace) -> int:
-    from ...capture.tags.charuco_board import FILE, MARKER, CharucoBoard, load_board, save_board
     from ...capture.tags.print_sheets import write_board
+    from ...capture.tags.tag_patterns import FILE, MARKER, CharucoBoard, load_board, save_board
     from ...core.storage.files import storage_errors
 
     folder: Path = options.folder
@@ -219,7 +219,7 @@ def _board(options: argparse.Namespace) -> int:
 
 
 def _was_measured(path: Path) -> bool:
-    from ...capture.tags.charuco_board import load_board
+    from ...capture.tags.tag_patterns import load_board
 
     try:
         return load_board(path).measured is not None

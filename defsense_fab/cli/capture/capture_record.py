@@ -15,9 +15,9 @@ from ..exit_codes import DONE, STOPPED
 from ..options import REFERENCE, references, twin_values, within
 
 if TYPE_CHECKING:
-    from ...pipeline.sessions.recording.guided_recording import CaptureScreen
-    from ...pipeline.sessions.recording.session import CaptureSession
-    from ...pipeline.twin.live.capture_setup import CaptureOptions
+    from ...capture.sessions.guided_recording import CaptureScreen
+    from ...capture.sessions.session import CaptureSession
+    from ...twin.live.capture_setup import CaptureOptions
     from ..options import Commands
 
 _CAMERAS = (
@@ -79,8 +79,8 @@ def add(steps: Commands) -> None:
 def _record(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
     from ...core.markers import read_markers
-    from ...pipeline.twin.live.capture_setup import set_up_capture
-    from ...terminal.guided_recording import CaptureLines, CaptureTerminal
+    from ...twin.live.capture_setup import set_up_capture
+    from ..terminal.guided_recording import CaptureLines, CaptureTerminal
 
     for name, low, high in (("rounds", 1, 100), ("seconds", 1, 600), ("free", 0, 600),
                             ("rest", 1, 60), ("rate", 1, 500)):  # fmt: skip
@@ -100,7 +100,7 @@ def _record(options: argparse.Namespace) -> int:
 
 
 def _asked(options: argparse.Namespace) -> CaptureOptions:
-    from ...pipeline.twin.live.capture_setup import CaptureOptions
+    from ...twin.live.capture_setup import CaptureOptions
 
     word = options.cameras[0]
     simulated = word.partition(":")[0] == "twin"
@@ -119,7 +119,7 @@ def _note(text: str) -> None:
 
 
 def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> int:
-    from ...pipeline.sessions.recording.session import as_mapping, ending, finished
+    from ...capture.sessions.session import as_mapping, ending, finished
 
     if options.json:
         sys.stdout.write(json.dumps(as_mapping(session), indent=1) + "\n")

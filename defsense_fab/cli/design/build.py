@@ -14,8 +14,8 @@ from ..output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
     from ...core.progress import Progress
-    from ...pipeline.build.asked import Asked
-    from ...pipeline.build.stages import Solve
+    from ...workflow.build.asked import Asked
+    from ...workflow.build.stages import Solve
     from ..options import Commands
 
 _STAGES = {
@@ -63,8 +63,8 @@ def _build(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
 
     device, asked = load_device(options.folder, overrides(options.set)), _asked(options)
-    from ...pipeline.build.asked import recorded
-    from ...pipeline.build.build import build, summary
+    from ...workflow.build.asked import recorded
+    from ...workflow.build.build import build, summary
 
     before = recorded(device, device.source / "build")
     with silent_stdout(), progress_bars(options) as progress:
@@ -90,7 +90,7 @@ def _solve_elsewhere(options: argparse.Namespace, progress: Progress) -> Solve |
     address = getattr(options, "scheduler", None)
     if address is None:
         return None
-    from ...pipeline.study.runs.poses_on_cluster import cluster_solver
+    from ...workflow.study.runs.poses_on_cluster import cluster_solver
 
     return cluster_solver(address, lambda told: progress("simulate", 0.0, told))
 
@@ -98,7 +98,7 @@ def _solve_elsewhere(options: argparse.Namespace, progress: Progress) -> Solve |
 def _asked(options: argparse.Namespace) -> Asked:
     """The copies and the bed of the command line. Raises DeviceError for what cannot be."""
     from ...core.device.device_file import MOST_COPIES
-    from ...pipeline.build.asked import Asked
+    from ...workflow.build.asked import Asked
 
     copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)
     if copies is not None:
@@ -126,7 +126,7 @@ def _told(error: float | dict[str, float]) -> str:
 
 def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
     """What it costs to keep the affine map where another decoder does better on unseen states."""
-    from ...decoding.unseen import NONE
+    from ...decoding.expected_errors import NONE
 
     tried = layout["unseen"]
     if layout["prediction"]["how"] == NONE:
@@ -198,7 +198,7 @@ def _plates(manifest: dict[str, Any]) -> list[str]:
 def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> None:
     from rich.table import Table
 
-    from ...decoding.unseen import MEANING
+    from ...decoding.expected_errors import MEANING
 
     out = console()
     if not data["made"]:

@@ -12,7 +12,7 @@ from ..device import device_arguments, overrides
 from ..output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
-    from ...pipeline.study.propose_poses import Proposal
+    from ...workflow.study.propose_poses import Proposal
     from ..options import Commands
 
 
@@ -38,7 +38,7 @@ def _modes(options: argparse.Namespace) -> int:
     if not 1 <= options.count <= 50:
         raise DeviceError(f"--count {options.count}: give a number from 1 to 50")
     device = load_device(options.folder, overrides(options.set), complete=False)
-    from ...pipeline.study import propose_poses
+    from ...workflow.study import propose_poses
 
     with silent_stdout(), progress_bars(options) as progress:
         found = propose_poses.propose_poses(device, options.fixed, options.count, progress)

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BodyError, DeviceError, StorageError
-from ...pipeline.starts.usual import CORD, CORDS, MOST_CORDS, PROCESS
+from ...workflow.starts.usual import CORD, CORDS, MOST_CORDS, PROCESS
 from ..output import progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
-    from ...pipeline.starts.dropped_body import DroppedBody
+    from ...workflow.starts.dropped_body import DroppedBody
     from ..options import Commands
 
 
@@ -71,7 +71,7 @@ def add(commands: Commands) -> None:
 def _new(options: argparse.Namespace) -> int:
     from ...core.device.device_file import DEVICE
     from ...core.storage.file_names import check_folder_name
-    from ...pipeline.starts.starting_devices import STARTS
+    from ...workflow.starts.starting_devices import STARTS
 
     folder: Path = options.folder
     check_folder_name(folder)
@@ -96,8 +96,8 @@ def _new(options: argparse.Namespace) -> int:
 
 def _body(options: argparse.Namespace) -> DroppedBody | None:
     """The body of a file; None where `options.body` names a device of the package."""
-    from ...pipeline.starts.dropped_body import look_at
-    from ...pipeline.starts.starting_devices import STARTS
+    from ...workflow.starts.dropped_body import look_at
+    from ...workflow.starts.starting_devices import STARTS
     from .new_questions import answered, ask_body
 
     starts = {start.name for start in STARTS}
@@ -135,8 +135,8 @@ def _path(word: str) -> Path:
 def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device of the package, with its own body and poses."""
     from ...core.device.device_file import load_device
-    from ...pipeline.starts.first_device import usual_material
-    from ...pipeline.starts.starting_devices import STARTS, begin_with
+    from ...workflow.starts.first_device import usual_material
+    from ...workflow.starts.starting_devices import STARTS, begin_with
     from .new_questions import answered, ask_cord, cord_row
 
     for name in ("units", "poses", "cords", "process", "material", "edge_length"):
@@ -168,15 +168,15 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
 def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device from a body of one's own."""
     from ...core.device.device_file import load_device
-    from ...pipeline.starts.body_ends import find_ends
-    from ...pipeline.starts.body_unit import body_unit, check_unit
-    from ...pipeline.starts.first_device import (
+    from ...workflow.starts.body_ends import find_ends
+    from ...workflow.starts.body_unit import body_unit, check_unit
+    from ...workflow.starts.first_device import (
         FirstDevice,
         begin_from,
         check_edge_length,
         usual_material,
     )
-    from ...pipeline.starts.units import unit_name, unusual
+    from ...workflow.starts.units import unit_name, unusual
     from .new_questions import answered, ask_poses, ask_unit, material_row, pose_names, process_row
 
     process = process_row(PROCESS if options.process is None else options.process)
@@ -224,7 +224,7 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
 def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked: bool) -> str:
     """The cord that is named or chosen. Raises DeviceError for one that there is not, BodyError for
     a body that has no room for it, or for none of those that could be chosen."""
-    from ...pipeline.starts.first_device import check_room
+    from ...workflow.starts.first_device import check_room
     from .new_questions import answered, ask_cord, cord_row
 
     def checked(text: str) -> str:
@@ -240,7 +240,7 @@ def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked:
 
 def _usual_cord(found: DroppedBody, unit: str, process: str) -> str:
     """The first that the body has room for. Raises BodyError where there is none."""
-    from ...pipeline.starts.first_device import check_room
+    from ...workflow.starts.first_device import check_room
     from .new_questions import cords
 
     for cord in cords():
@@ -259,7 +259,7 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
-    from ...pipeline.starts.dropped_body import worth_telling
+    from ...workflow.starts.dropped_body import worth_telling
 
     build = f"defsense build {shlex.quote(begun['device'])}"
     with results():

@@ -10,7 +10,7 @@ from ...core.errors import DefsenseError, DeviceError
 from ..output import say
 
 if TYPE_CHECKING:
-    from ...pipeline.starts.dropped_body import DroppedBody
+    from ...workflow.starts.dropped_body import DroppedBody
 
 T = TypeVar("T")
 
@@ -26,7 +26,7 @@ def answered(ask: Callable[[], str], check: Callable[[str], T]) -> T:
 
 def ask_body() -> str:
     """The name of a device of the package, or a file."""
-    from ...pipeline.starts.starting_devices import STARTS
+    from ...workflow.starts.starting_devices import STARTS
 
     rows = [(start.name, start.about) for start in STARTS]
     return _choose(
@@ -39,7 +39,7 @@ def ask_body() -> str:
 
 def ask_unit(found: DroppedBody) -> str:
     """The unit of a mesh whose size is not that of a device in mm."""
-    from ...pipeline.starts.units import UNIT_WORDS
+    from ...workflow.starts.units import UNIT_WORDS
 
     unit = "so large" if found.unit == found.own else f"in {UNIT_WORDS[found.unit]}"
     return _choose(
@@ -51,7 +51,7 @@ def ask_unit(found: DroppedBody) -> str:
 
 def ask_poses(usual: Sequence[str]) -> str:
     """`modes`, or names of poses with commas."""
-    from ...pipeline.starts.body_ends import END_POSES
+    from ...workflow.starts.body_ends import END_POSES
 
     return _choose(
         "Which poses is it to sense? It is held at one end of its length and moved at the other."
@@ -65,7 +65,7 @@ def ask_poses(usual: Sequence[str]) -> str:
 
 def ask_cord(usual: str) -> str:
     """A row of cords.csv; `usual` for no answer."""
-    from ...core.device.catalogue import read_rows
+    from ...core.storage.package_data import read_rows
 
     rows = [
         (
@@ -80,7 +80,7 @@ def ask_cord(usual: str) -> str:
 
 def pose_names(text: str) -> tuple[str, ...]:
     """Raises DeviceError for poses that there are not."""
-    from ...pipeline.starts.first_device import check_poses
+    from ...workflow.starts.first_device import check_poses
 
     names = tuple(word.strip().replace("-", "_") for word in text.split(",") if word.strip())
     check_poses(names)
@@ -94,7 +94,7 @@ def cord_row(text: str) -> str:
 
 def cords() -> list[str]:
     """Those that there are."""
-    from ...core.device.catalogue import read_rows
+    from ...core.storage.package_data import read_rows
 
     return list(read_rows("cords.csv"))
 
@@ -110,7 +110,7 @@ def process_row(text: str) -> str:
 
 
 def _row(table: str, what: str, text: str) -> str:
-    from ...core.device.catalogue import read_rows
+    from ...core.storage.package_data import read_rows
 
     rows = read_rows(table)
     if text not in rows:

@@ -46,8 +46,8 @@ def add(commands: Commands) -> None:
 def _reproduce(options: argparse.Namespace) -> int:
     if options.units is not None:
         within("--units", options.units, 1, 100)
-    from ...pipeline.reproduce.experiments.examples import find_experiments
-    from ...pipeline.reproduce.run import PAGE, RESULTS, reproduce
+    from ...workflow.reproduce.experiments.examples import find_experiments
+    from ...workflow.reproduce.run import PAGE, RESULTS, reproduce
 
     found = find_experiments(options.names)
     sized = [e.at_size(quick=options.quick, units=options.units) for e in found]
@@ -67,7 +67,7 @@ def _show(data: dict[str, Any]) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from ...pipeline.reproduce.results.page import number_words
+    from ...workflow.reproduce.results.page import number_words
 
     table = Table(title="the paper's numbers and ours", box=SIMPLE_HEAD)
     table.add_column("experiment", no_wrap=True)

@@ -77,7 +77,7 @@ def _studio(options: argparse.Namespace) -> int:
 
 
 def _run(studio: Studio, url: str, options: argparse.Namespace) -> None:
-    from ...core.machine.blas_threads import one_blas_thread
+    from ...core.machine.processes import one_blas_thread
 
     if not options.no_browser:
         import webbrowser

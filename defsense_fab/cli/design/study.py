@@ -12,7 +12,7 @@ from ..device import device_arguments, overrides
 from ..output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
-    from ...pipeline.study.cord_count import Study
+    from ...workflow.study.cord_count import Study
     from ..options import Commands
 
 
@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from ...pipeline.study.points.study_toml import FILE, is_there
+    from ...workflow.study.points.study_toml import FILE, is_there
 
     if is_there(options.folder):
         if options.sensors is not None:
@@ -70,7 +70,7 @@ def _count_cords(options: argparse.Namespace) -> int:
 
     least, most = _range(options.sensors or "1..6")
     device = load_device(options.folder, overrides(options.set))
-    from ...pipeline.study import cord_count
+    from ...workflow.study import cord_count
 
     with silent_stdout(), progress_bars(options) as progress:
         found = cord_count.study(device, least, most, progress)
@@ -99,7 +99,7 @@ def _range(text: str) -> tuple[int, int]:
 def _show_study(found: Study, options: argparse.Namespace) -> None:
     from rich.table import Table
 
-    from ...decoding.unseen import MEANING
+    from ...decoding.expected_errors import MEANING
 
     out = console()
     table = Table(title="predicted RMSE, mm, by number of cords")

@@ -65,7 +65,7 @@ def _set_completers(parser: argparse.ArgumentParser) -> None:
 
 def _rows(table: str) -> Callable[..., list[str]]:
     def names(**_: object) -> list[str]:
-        from ...core.device.catalogue import read_rows
+        from ...core.storage.package_data import read_rows
 
         return list(read_rows(table))
 
@@ -73,14 +73,14 @@ def _rows(table: str) -> Callable[..., list[str]]:
 
 
 def _units(**_: object) -> list[str]:
-    from ...pipeline.starts.units import UNITS
+    from ...workflow.starts.units import UNITS
 
     return list(UNITS)
 
 
 def _poses(prefix: str, **_: object) -> list[str]:
     """What may follow the last comma."""
-    from ...pipeline.starts.body_ends import END_POSES
+    from ...workflow.starts.body_ends import END_POSES
 
     before = prefix.rpartition(",")[0].split(",")
     lead = f"{','.join(before)}," if before[0] else ""
@@ -91,7 +91,7 @@ def _bodies(prefix: str, **_: object) -> list[str]:
     """The package's devices, and files."""
     from argcomplete.completers import FilesCompleter
 
-    from ...pipeline.starts.starting_devices import STARTS
+    from ...workflow.starts.starting_devices import STARTS
 
     return [*(s.name for s in STARTS), *FilesCompleter()(prefix)]
 

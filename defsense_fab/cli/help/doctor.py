@@ -17,7 +17,7 @@ from ..options import within
 from ..output import results
 
 if TYPE_CHECKING:
-    from ...pipeline.doctor.finding import Finding
+    from ...workflow.doctor.finding import Finding
     from ..options import Commands
 
 _INDENT = 12
@@ -48,7 +48,7 @@ def add(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from ...pipeline.doctor.doctor import examine
+    from ...workflow.doctor.doctor import examine
 
     within("--timeout", options.timeout, 0.1, 3600)
     found: list[Finding] = []

@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from ...pipeline.doctor.licences import installed_licences
+    from ...workflow.doctor.licences import installed_licences
 
     found = installed_licences()
     with results():

@@ -16,7 +16,7 @@ from .run_end import ending, tell
 
 if TYPE_CHECKING:
     from ...core.progress import Progress
-    from ...pipeline.live.live_run import LiveRun, RunOptions
+    from ...runtime.live.live_run import LiveRun, RunOptions
     from ...runtime.outputs.several_devices import SeveralDevices
     from ..options import Commands
 
@@ -84,7 +84,7 @@ def add(commands: Commands) -> None:
 def _run(options: argparse.Namespace) -> int:
     from ...core.errors import DeviceError
     from ...runtime.outputs.several_devices import SeveralDevices
-    from ...terminal.live_lines import LiveLines
+    from ..terminal.live_lines import LiveLines
 
     count = len(options.models)
     for name, given in (("--port", options.port), ("--device", options.device)):
@@ -114,8 +114,8 @@ def _run(options: argparse.Namespace) -> int:
 def _prepare(
     options: argparse.Namespace, k: int, progress: Progress, several: SeveralDevices
 ) -> LiveRun:
-    from ...pipeline.live.live_device import live_device
-    from ...pipeline.live.live_run import live_run
+    from ...runtime.live.live_device import live_device
+    from ...runtime.live.live_run import live_run
 
     folder = options.device[k] if options.device else None
     live = live_device(options.models[k], folder)
@@ -128,7 +128,7 @@ def _prepare(
 def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | None) -> RunOptions:
     import numpy as np
 
-    from ...pipeline.live.live_run import RunOptions
+    from ...runtime.live.live_run import RunOptions
     from ...runtime.outputs.live_file import LiveSettings, parse_output, read_live_file
 
     path = options.live

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from ..output import say
 
 if TYPE_CHECKING:
-    from ...pipeline.live.live_run import LiveRun
+    from ...runtime.live.live_run import LiveRun
 
 
 @contextlib.contextmanager

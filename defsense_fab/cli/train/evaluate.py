@@ -13,7 +13,7 @@ from ..output import console, progress_bars, results, say
 from .data_arguments import data_arguments, data_given
 
 if TYPE_CHECKING:
-    from ...pipeline.train.evaluation.evaluate_models import SessionEvaluation
+    from ...training.evaluation.evaluate_models import SessionEvaluation
     from ..options import Commands
 
 
@@ -55,9 +55,9 @@ def _evaluate(options: argparse.Namespace) -> int:
     if share is not None and not 0 < share <= 1:
         raise TrainingError(f"--last-share {share:g}: give a share above 0, up to 1")
     from ...core.device.device_file import load_device
-    from ...pipeline.train.evaluation.evaluate_models import evaluate_files
-    from ...pipeline.train.evaluation.evaluation_report import check_folder, write_evaluation
-    from ...pipeline.train.evaluation.tables import as_data
+    from ...report.evaluation.evaluation_report import check_folder, write_evaluation
+    from ...report.evaluation.tables import as_data
+    from ...training.evaluation.evaluate_models import evaluate_files
 
     files = data_given(options)
     if files is None:
@@ -84,8 +84,8 @@ def _evaluate(options: argparse.Namespace) -> int:
 def _show(found: SessionEvaluation, folder: Path) -> None:
     from rich.table import Table
 
-    from ...pipeline.train.evaluation.evaluation_report import PAGE, verdict
-    from ...pipeline.train.evaluation.tables import PAPER, SOURCE
+    from ...report.evaluation.evaluation_report import PAGE, verdict
+    from ...report.evaluation.tables import PAPER, SOURCE
 
     out = console()
     table = Table(title=f"errors of markers, mm; paper: {SOURCE}")

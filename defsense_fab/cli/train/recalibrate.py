@@ -36,10 +36,10 @@ def add(commands: Commands) -> None:
 
 
 def _recalibrate(options: argparse.Namespace) -> int:
-    from ...pipeline.train.models.model_file import MODEL, load_model, write_model
-    from ...pipeline.train.models.recalibration_routine import recalibrate_from
-    from ...pipeline.train.models.train_device import model_path
     from ...training.fitting.recalibration import as_told
+    from ...training.models.model_file import MODEL, load_model, write_model
+    from ...training.models.recalibration_routine import recalibrate_from
+    from ...training.models.train_device import model_path
 
     model = load_model(options.model)
     beside = options.model if options.model.is_dir() else options.model.parent

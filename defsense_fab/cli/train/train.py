@@ -72,8 +72,8 @@ def _train(options: argparse.Namespace) -> int:
                 " simulation's own model"
             )
         return _simulated(options, device)
-    from ...pipeline.train.models.train_files import train_files
     from ...training.fitting.train_model import TrainingOptions
+    from ...training.models.train_files import train_files
 
     how = TrainingOptions(
         options.decoder, not options.no_memory, not options.unweighted, options.test_share,
@@ -102,8 +102,8 @@ def _numbers(text: str) -> list[int]:
 
 
 def _simulated(options: argparse.Namespace, device: Device) -> int:
-    from ...pipeline.train.models.model_file import write_model
-    from ...pipeline.train.models.train_device import model_path, simulate_only
+    from ...training.models.model_file import write_model
+    from ...training.models.train_device import model_path, simulate_only
 
     path = model_path(options.out, device, [])
     model = simulate_only(device)

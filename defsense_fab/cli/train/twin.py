@@ -14,7 +14,7 @@ from ..options import twin_values, within
 from ..output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
-    from ...pipeline.twin.devices.twin_traits import TwinTraits
+    from ...twin.devices.twin_traits import TwinTraits
     from ..options import Commands
 
 
@@ -79,7 +79,7 @@ def _twin(options: argparse.Namespace) -> int:
     for name in ("seed", "unit"):
         within(f"--{name}", getattr(options, name), 0, 1_000_000_000)
     device = load_device(options.folder, overrides(options.set))
-    from ...pipeline.twin.devices.twin_traits import TwinTraits
+    from ...twin.devices.twin_traits import TwinTraits
 
     off = [name.strip() for name in options.off.split(",") if name.strip()]
     traits = TwinTraits.of(device)
@@ -87,19 +87,19 @@ def _twin(options: argparse.Namespace) -> int:
         within("--wrong", options.wrong, 0, 0.5)
         traits = replace(traits, markers=replace(traits.markers, wrong=options.wrong))
     if options.cameras:
-        from ...pipeline.twin.devices.film_traits import FilmTraits
+        from ...twin.devices.twin_traits import FilmTraits
 
         within("--rate", options.rate, 5, 60)
         if "seed" in options.cameras:
             raise DeviceError(f"--cameras {options.cameras}: the seed is given with --seed")
         _, count, kind = twin_values("--cameras", f"twin:{options.cameras}")
         traits = replace(traits, film=FilmTraits(kind, count, options.rate))
-    traits.without(off)
+    traits.disable_traits(off)
     if options.list_assumptions:
-        return _list(traits.without(off), options)
-    from ...pipeline.sessions.results.result_files import QUALITY
-    from ...pipeline.twin.recordings.twin_recordings import simulate_runs
-    from ...pipeline.twin.recordings.twin_session import (
+        return _list(traits.disable_traits(off), options)
+    from ...capture.sessions.result_files import QUALITY
+    from ...twin.recordings.twin_recordings import simulate_runs
+    from ...twin.recordings.twin_session import (
         ASSUMPTIONS,
         check_free,
         session_folder,

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..arrays import Float
-from ..curves.curve import Hermite, Plane
+from ..curve import Hermite, Plane
 from ..response import MeasuredResponse, ResponseSpec
 from .regions import Shape
 

@@ -35,7 +35,7 @@ DEVICE = "device.toml"
 class DeviceFile(Table, kw_only=True):
     """All keys of `device.toml`."""
 
-    schema: Annotated[Literal[1], key("Version of this format.")] = 1
+    schema: Annotated[Literal[1], key("Version of this format; `docs/device.md` has all keys.")] = 1
     name: Annotated[str, key("Name of the device in its report and files.")]
     body: Annotated[BodyTable, key("The body.")]
     material: Annotated[MaterialTable, key("The material of the body.")]

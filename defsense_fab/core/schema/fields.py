@@ -57,9 +57,9 @@ class Field:
 
     @property
     def numbers(self) -> NumberType | None:
-        """Type of its numbers, which has their bounds; None if it has no numbers."""
+        """Type of its numbers, which has their bounds; None if there are none, or of two kinds."""
         numeric = [t for t in members(self.kind) if number_shape(t) is not None]
-        return number_type(numeric[0]) if numeric else None
+        return number_type(numeric[0]) if len(numeric) == 1 else None
 
     @property
     def bounds(self) -> tuple[float | None, float | None]:
@@ -77,6 +77,20 @@ class Field:
             return None
         numbers = [float(row[self.name]) for row in read_rows(words["rows"]).values()]
         return min(numbers), max(numbers)
+
+    @property
+    def tables(self) -> tuple[tuple[str, ...], ...]:
+        """Paths, from the key, of the tables that its value is or holds."""
+        inner = [_inner_table(option) for option in members(self.kind)]
+        return tuple(dict.fromkeys(names for names, table in inner if table is not None))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether its value is a list of tables, or a table of names that the user chooses."""
+        return any(
+            isinstance(option, inspect.DictType) or (item_types(option) and self.tables)
+            for option in members(self.kind)
+        )
 
     @property
     def type_words(self) -> str:
@@ -115,12 +129,25 @@ def table_fields(kind: type) -> tuple[Field, ...]:
 def sections(kind: type, path: tuple[str, ...] = (), is_list: bool = False) -> Iterator[Section]:
     """Yield the table `kind` and all tables in it, in the declared order."""
     yield Section(path, is_list, table_fields(kind))
-    for field in struct_type(kind).fields:
-        for option in members(field.type):
+    for declared in struct_type(kind).fields:
+        seen = []
+        for option in members(declared.type):
             names, inner = _inner_table(option)
-            if inner is not None:
+            if inner is not None and inner.cls not in seen:
+                seen.append(inner.cls)
                 in_list = item_types(option) is not None
-                yield from sections(inner.cls, (*path, field.encode_name, *names), in_list)
+                yield from sections(inner.cls, (*path, declared.encode_name, *names), in_list)
+
+
+def declared_tables(kind: type) -> tuple[type, ...]:
+    """Return the table `kind` and all tables in it, each once."""
+    found = [kind]
+    for declared in struct_type(kind).fields:
+        for option in members(declared.type):
+            _, inner = _inner_table(option)
+            if inner is not None:
+                found += declared_tables(inner.cls)
+    return tuple(dict.fromkeys(found))
 
 
 def field(kind: type, dotted: str) -> Field:

@@ -12,9 +12,9 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import StorageError
 from ...core.mesh import Surface
-from ...geometry.kernels.cutting_tools import Prism
-from . import typed_json
-from .build_folder import BUILD_AGAIN
+from ..kernels.cutting_tools import Prism
+from ...core.storage import typed_json
+from ...core.storage.build_folder import BUILD_AGAIN
 
 FOLDER = "body"
 
@@ -60,6 +60,6 @@ def load_solid(folder: Path) -> Any:
     """The body's TopoDS_Solid; None where the body is a mesh."""
     if not load_body_record(folder).cad:
         return None
-    from ...geometry.kernels import occ
+    from ..kernels import occ
 
     return occ.read_step(folder / FOLDER / "body.step")[0]

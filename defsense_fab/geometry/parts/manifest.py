@@ -12,9 +12,9 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import DefsenseError, StorageError
 from ...decoding.expected_errors import Prediction
-from ...geometry.parts.records import Check
-from . import typed_json
-from .build_folder import BUILD_AGAIN
+from .records import Check
+from ...core.storage import typed_json
+from ...core.storage.build_folder import BUILD_AGAIN
 
 FOLDER, MANIFEST = "parts", "parts/manifest.json"
 

@@ -1,1 +1,1 @@
-"""A sample of the read-out board, and what it says of the device."""
+"""Decode samples of the read-out board into frames: marker positions with their quality."""

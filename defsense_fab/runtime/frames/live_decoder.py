@@ -1,5 +1,7 @@
-"""From a sample of the read-out board to a frame: rest and drift, faults, the decoder that is fit
-for both, and how far it is to be believed."""
+"""Decode readings into frames: track the rest, detect faults, and choose a decoder that fits both.
+
+A frame whose readings cannot be decoded repeats the last good positions.
+"""
 
 from __future__ import annotations
 
@@ -10,37 +12,56 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import LiveError
 from ...decoding.trained_model import Decoded, TrainedModel, decoded
-from ...sensing.response import relative_change
-from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_told
-from .live_frame import LiveFrame, Quality
-from .rest_tracker import Rest, RestTracker, drift_told
+from ...sensing.signal import relative_change
+from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_note
+from .live_frame import LiveFrame, Note, Quality
+from .rest_tracker import Rest, RestTracker, drift_note
 
-_UNTRAINED = 1.5  # distance from the training; of its own, 1 % lie beyond 1
-_ABSURD = 5.0  # such a distance is no shape that the decoder can tell anything of
-_SMOOTH = 0.3  # s over which the distance is averaged for that
-_GROSS = 3.0  # times R0 in training, which no cord of the same length has
-_REPLACED = 0.15  # relative change of R0 from the training's that is no drift
-_PATIENCE = 5.0  # s of readings that make no sense, after which R0 is measured anew
-_SAID = 10.0  # s, for which that is told
-_NONSENSE = (
-    "the readings make no sense: if the device is at rest, let it lie for some seconds, or say so"
-    ' ("At rest now")'
+_UNTRAINED_DISTANCE = 1.5  # from the training; 1 % of the training's own readings lie beyond 1
+_IMPLAUSIBLE_DISTANCE = 5.0  # readings so far from the training cannot be decoded
+_DISTANCE_TIME_CONSTANT_S = 0.3  # of the average that is compared with _UNTRAINED_DISTANCE
+_MAX_REST_RATIO = 3.0  # times R0 in the training, which no cord of the same length has
+_REPLACED_CHANGE = 0.15  # relative change of R0 since the training that is no drift
+_IMPLAUSIBLE_TIMEOUT_S = 5.0  # after which R0 is measured again
+_REST_NOTE_S = 10.0  # for which a new R0 is reported
+
+_IMPLAUSIBLE = Note(
+    "readings-implausible",
+    "the readings are implausible: if the device is at rest, leave it for some seconds or press"
+    ' "At rest now"',
 )
-_MEASURED_ANEW = "R0 was measured anew, since by the former one the readings made no sense"
-_DRIFTED_FAR = (
-    "the rest reading has drifted as far as it is followed: let the device rest and say so"
-    ' ("At rest now"), or train again'
+_REST_REMEASURED = (
+    "R0 was measured again, because the readings were implausible with the former value"
 )
-_SETTLE = (
+_DRIFT_LIMITED = Note(
+    "drift-too-large",
+    "the readings at rest have drifted as far as they are followed: let the device rest and press"
+    ' "At rest now", or train again',
+)
+_NOT_SETTLED = Note(
+    "cords-not-settled",
     "move the device through all its poses once, then leave it at rest for two seconds: rubber sets"
-    " in its first cycles"
+    " in its first cycles",
+)
+_UNTRAINED = Note(
+    "readings-untrained", "the readings are outside the range that the model was trained on"
+)
+_NO_DECODER = Note("no-decoder-without-cord", "the model has no decoder without that cord")
+_WAITING = Note(
+    "measuring-rest",
+    "leave the device at rest for two seconds while its resistances at rest are measured",
 )
 
 
 @dataclass(frozen=True)
-class Sample:
-    """One of the read-out board: its clock `time` (s), resistances (c,) ohm in the model's order of
-    channels, and when it arrived (s, `time.monotonic`)."""
+class Reading:
+    """The resistances of all cords at one sample of the read-out board.
+
+    Attributes:
+        time: Time on the board's clock, s.
+        ohms: Resistances (c,), ohm, in the model's order of channels.
+        arrived: Time of arrival, s, on this machine's `time.monotonic`.
+    """
 
     time: float
     ohms: Float
@@ -48,17 +69,34 @@ class Sample:
 
 
 class LiveDecoder:
-    """Decodes samples one after another. `rest` (c,): R0 in ohm where it is known; otherwise the
-    device must lie at rest for two seconds first. `trained_rest` (c,) is that of the training, to
-    compare with; `lying` (c,) what signals were in its first rest, before cords had set. Without
-    `fallback` a cord that fails is told, and nothing else is done."""
+    """Decode readings one after another.
+
+    Args:
+        model: The trained model.
+        rest: Resistances at rest R0 (c,), ohm, if they are known. Otherwise the device must lie at
+            rest for two seconds first.
+        trained_rest: R0 (c,) in the training, ohm, to compare with.
+        first_rest_signals: Signals (c,) in the training's first rest, before cords had set.
+        follow_drift: Whether R0 follows the drift of the cords.
+        fallback: Whether to decode without a cord that fails; otherwise it is only reported.
+
+    Raises:
+        LiveError: The number of values of `rest` or `trained_rest` differs from the model's
+            channels.
+    """
 
     def __init__(
-        self, model: TrainedModel, rest: Float | None = None, trained_rest: Float | None = None,
-        *, lying: Float | None = None, track: bool = True, fallback: bool = True,
-    ) -> None:  # fmt: skip
+        self,
+        model: TrainedModel,
+        rest: Float | None = None,
+        trained_rest: Float | None = None,
+        *,
+        first_rest_signals: Float | None = None,
+        follow_drift: bool = True,
+        fallback: bool = True,
+    ) -> None:
         c = len(model.channels)
-        for name, values in (("rest", rest), ("trained_rest", trained_rest), ("lying", lying)):
+        for name, values in (("rest", rest), ("trained_rest", trained_rest)):
             if values is not None and np.shape(values) != (c,):
                 raise LiveError(
                     f"has {np.size(values)} values, expected one for each of {c} channels",
@@ -69,186 +107,231 @@ class LiveDecoder:
                 )
         span = np.maximum(model.main.range.high - model.main.range.low, 1e-6)
         self.model = model
-        self._rest, self._fixed = RestTracker(span, rest, lying, trained_rest), not track
+        self._tracker = RestTracker(span, rest, first_rest_signals, trained_rest)
+        self._follow_drift = follow_drift
         self._rest_ohms = None if rest is None else np.asarray(rest, float)
         self._trained_rest, self._fallback = trained_rest, fallback
-        self._faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)
-        lost: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
-        self._streams = {name: model.stream(name) for name in lost}  # each with its own past
-        self._found: list[LiveFault] = []
-        self._number, self._distance, self._rest_asked = 0, 0.0, False
-        self._absurd_since, self._said = np.inf, (-np.inf, "")
-        self._last: Decoded | None = None
+        self._find_faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)
+        without: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
+        self._streams = {name: model.stream(name) for name in without}  # each with its own past
+        self._faults: list[LiveFault] = []
+        self._number, self._mean_distance, self._is_rest_requested = 0, 0.0, False
+        self._implausible_since = np.inf
+        self._rest_note, self._rest_note_until = Note("", ""), -np.inf
+        self._last_good: Decoded | None = None
         self._last_time = -np.inf
         self._ids = tuple(int(i) for i in model.ids)
 
     @property
-    def rested(self) -> bool:
-        """Whether R0 is known: before that, frames are lost."""
+    def has_rest(self) -> bool:
+        """Whether R0 is known; until then, frames are lost."""
         return self._rest_ohms is not None
 
     def rest_now(self) -> None:
-        """The device is at rest at this moment: R0 is what it reads. From any thread."""
-        self._rest_asked = True
+        """Take the next readings as those at rest. May be called from any thread."""
+        self._is_rest_requested = True
 
-    def __call__(self, sample: Sample) -> LiveFrame | None:
-        """The frame; None for a sample that is not later than the one before. Raises
-        LiveError for another number of channels than the model has."""
+    def __call__(self, reading: Reading) -> LiveFrame | None:
+        """Return the frame of a reading, or None if it is not later than the one before.
+
+        Raises:
+            LiveError: The reading has another number of channels than the model.
+        """
         model, c = self.model, len(self.model.channels)
-        if sample.ohms.shape != (c,):
+        if reading.ohms.shape != (c,):
             raise LiveError(
-                f"the sample has {sample.ohms.size} channels, the model was trained on {c}"
+                f"the sample has {reading.ohms.size} channels, the model was trained on {c}"
                 f" ({', '.join(model.channels)})",
                 code="channels-differ",
                 where=model.device,
                 action="Connect the cords that the model was trained on, and no others",
-                count=sample.ohms.size,
+                count=reading.ohms.size,
                 expected=c,
             )
-        if not sample.time > self._last_time:
+        if not reading.time > self._last_time:
             return None
-        since, self._last_time = sample.time - self._last_time, sample.time
-        ohms = self._exchanged(sample.ohms)
-        lost = frozenset(f.channel for f in self._found)
-        rest = self._rest(sample.time, ohms, lost)
-        if self._rest_asked or self._nonsense(sample.time, ohms, rest):
-            rest = self._set_rest(sample.time, rest, lost)
-        if self._rest_ohms is None or not self._fixed:
-            self._refer(rest.ohms)
+        since, self._last_time = reading.time - self._last_time, reading.time
+        ohms = self._unswap(reading.ohms)
+        failed = frozenset(f.channel for f in self._faults)
+        rest = self._tracker(reading.time, ohms, failed)
+        if self._is_rest_requested or self._is_rest_wrong(reading.time, ohms, rest):
+            rest = self._set_rest(reading.time, rest, failed)
+        if self._rest_ohms is None or self._follow_drift:
+            self._use_rest(rest.ohms)
         self._number += 1
         if self._rest_ohms is None:
-            return self._waiting(sample)
-        before = self._swaps.pair
-        self._swaps(sample.time, sample.ohms, self._rest_ohms)
-        if self._swaps.pair != before:
-            self._faults.begin_anew()
-        ohms = self._exchanged(sample.ohms)
-        known = np.isfinite(ohms) & (ohms > 0)
+            return self._frame_before_rest(reading)
+        former_pair = self._swaps.pair
+        self._swaps(reading.time, reading.ohms, self._rest_ohms)
+        if self._swaps.pair != former_pair:
+            self._find_faults.reset()
+        ohms = self._unswap(reading.ohms)
+        readable = np.isfinite(ohms) & (ohms > 0)
         with np.errstate(all="ignore"):
             signals = relative_change(ohms, self._rest_ohms)
-        self._found = self._faults(sample.time, ohms, signals)
-        return self._frame(sample, since, known, np.where(known, signals, np.nan), rest)
+        self._faults = self._find_faults(reading.time, ohms, signals)
+        return self._decode(reading, since, readable, np.where(readable, signals, np.nan), rest)
 
-    def _refer(self, rest: Float | None) -> None:
-        """R0 is `rest` from now on."""
-        before, self._rest_ohms = self._rest_ohms, rest
-        if before is None and rest is not None:
-            self._faults.begin_anew()  # before, they were of signals by R0 in training
-        if before is None or rest is None or np.array_equal(before, rest, equal_nan=True):
+    def _use_rest(self, rest: Float | None) -> None:
+        """Refer signals, also the remembered ones, to another R0."""
+        former, self._rest_ohms = self._rest_ohms, rest
+        if former is None and rest is not None:
+            self._find_faults.reset()  # its signals so far were relative to R0 in the training
+        if former is None or rest is None or np.array_equal(former, rest, equal_nan=True):
             return
-        ratio = np.nan_to_num(before / rest, nan=1.0)
+        ratio = np.nan_to_num(former / rest, nan=1.0)
         for stream in self._streams.values():
             stream.refer(ratio)
 
-    def _exchanged(self, ohms: Float) -> Float:
-        return self._swaps.exchanged(ohms) if self._fallback else ohms
+    def _unswap(self, ohms: Float) -> Float:
+        return self._swaps.unswap(ohms) if self._fallback else ohms
 
-    def _frame(
-        self, sample: Sample, since: float, known: Bool, signals: Float, rest: Rest
+    def _decode(
+        self, reading: Reading, since: float, readable: Bool, signals: Float, rest: Rest
     ) -> LiveFrame:
         model, swapped = self.model, self._swaps.pair
-        notes = [fault_told(model.channels, f.kind, (f.channel,)) for f in self._found]
+        notes = [fault_note(model.channels, f.kind, (f.channel,)) for f in self._faults]
         if swapped is not None:
-            notes.append(fault_told(model.channels, SWAPPED, swapped))
-        inputs = {n: s.inputs(sample.time, signals) for n, s in self._streams.items()}
-        lost, quality = None, Quality.TRUSTED if swapped is None else Quality.FALLBACK
-        names = [model.channels[f.channel] for f in self._found]
-        if len(names) == 1 and names[0] in self._streams and self._fallback:
-            lost, quality = names[0], Quality.FALLBACK
-        elif names and self._fallback:
+            notes.append(fault_note(model.channels, SWAPPED, swapped))
+        inputs = {n: s.inputs(reading.time, signals) for n, s in self._streams.items()}
+        lost_channel, quality = self._choose_decoder(notes)
+        failed = len(self._faults)
+        now = decoded(model.branch(lost_channel), inputs[lost_channel][None], len(self._ids))
+        is_far = not now.distance[0] < _IMPLAUSIBLE_DISTANCE
+        # A single implausible cord has a fault; several that can be read have a wrong R0.
+        is_implausible = (
+            bool(readable.all()) and swapped is None and (failed > 1 or (is_far and not failed))
+        )
+        self._implausible_since = (
+            min(self._implausible_since, reading.time) if is_implausible else np.inf
+        )
+        if is_implausible:
+            notes.append(_IMPLAUSIBLE)
+        if is_far or quality == Quality.LOST or not np.isfinite(now.points).all():
             quality = Quality.LOST
-            if len(names) == 1:
-                notes.append("the model has no decoder without that cord")
-        elif names:
-            quality = Quality.FALLBACK
-        now = decoded(model.branch(lost), inputs[lost][None], len(self._ids))
-        far = not now.distance[0] < _ABSURD
-        # One cord that is off is that cord's; several that can be read are R0's.
-        absurd = bool(known.all()) and swapped is None and (len(names) > 1 or (far and not names))
-        self._absurd_since = min(self._absurd_since, sample.time) if absurd else np.inf
-        if absurd:
-            notes.append(_NONSENSE)
-        if far or quality == Quality.LOST or not np.isfinite(now.points).all():
-            quality = Quality.LOST
-            now = self._last or now
-        elif now.distance[0] < _UNTRAINED or self._last is None:
-            self._last = now
-        self._follow_distance(float(now.distance[0]), since)
-        if quality == Quality.TRUSTED and self._distance > _UNTRAINED:
+            now = self._last_good or now
+        elif now.distance[0] < _UNTRAINED_DISTANCE or self._last_good is None:
+            self._last_good = now
+        self._average_distance(float(now.distance[0]), since)
+        if quality == Quality.TRUSTED and self._mean_distance > _UNTRAINED_DISTANCE:
             quality = Quality.UNTRAINED
-            notes.append("the readings are outside of what the model was trained on")
-        if not rest.settled:
-            notes.append(_SETTLE)
-        drift = drift_told(model.channels, rest.drift)
+            notes.append(_UNTRAINED)
+        if rest.is_drift_limited and quality == Quality.TRUSTED:
+            quality = Quality.UNTRAINED
+        notes += self._rest_notes(reading.time, rest)
+        return self._frame(reading, signals, now, quality, lost_channel, tuple(notes))
+
+    def _choose_decoder(self, notes: list[Note]) -> tuple[str | None, Quality]:
+        """Return the channel to decode without, and the quality, by the present faults."""
+        is_swapped = self._swaps.pair is not None
+        names = [self.model.channels[f.channel] for f in self._faults]
+        if not names:
+            return None, Quality.FALLBACK if is_swapped else Quality.TRUSTED
+        if not self._fallback:
+            return None, Quality.FALLBACK
+        if len(names) == 1 and names[0] in self._streams:
+            return names[0], Quality.FALLBACK
+        if len(names) == 1:
+            notes.append(_NO_DECODER)
+        return None, Quality.LOST
+
+    def _rest_notes(self, time: float, rest: Rest) -> list[Note]:
+        notes = [] if rest.has_settled else [_NOT_SETTLED]
+        drift = drift_note(self.model.channels, rest.drift)
         notes += [drift] if drift else []
-        if rest.farthest:
-            quality = Quality.UNTRAINED if quality == Quality.TRUSTED else quality
-            notes.append(_DRIFTED_FAR)
-        if sample.time < self._said[0]:
-            notes.append(self._said[1])
-        notes += self._replaced()
-        return self._made(sample, signals, now, quality, lost, tuple(notes))
+        if rest.is_drift_limited:
+            notes.append(_DRIFT_LIMITED)
+        if time < self._rest_note_until:
+            notes.append(self._rest_note)
+        return notes + self._replacement_notes()
 
-    def _follow_distance(self, distance: float, since: float) -> None:
+    def _average_distance(self, distance: float, since: float) -> None:
         if np.isfinite(distance):
-            self._distance += (distance - self._distance) * -np.expm1(-since / _SMOOTH)
+            share = -np.expm1(-since / _DISTANCE_TIME_CONSTANT_S)
+            self._mean_distance += (distance - self._mean_distance) * share
 
-    def _nonsense(self, time: float, ohms: Float, rest: Rest) -> bool:
-        """Whether readings have made no sense for so long, and lie so still, that it is R0 that
-        is wrong: it was measured while the device was held in a pose. Then they are nearer to R0
-        in training than it is; of plugs that are swapped they are not."""
-        if self._fixed or not rest.still or not time - self._absurd_since > _PATIENCE:
+    def _is_rest_wrong(self, time: float, ohms: Float, rest: Rest) -> bool:
+        """Tell whether R0 must be measured again, because it was measured in a pose.
+
+        Then the readings have been implausible for some seconds, lie still, and are nearer to R0 in
+        the training than R0 is. The readings of swapped plugs are not.
+        """
+        timeout = time - self._implausible_since > _IMPLAUSIBLE_TIMEOUT_S
+        if not self._follow_drift or not rest.is_still or not timeout:
             return False
         if self._trained_rest is None or self._rest_ohms is None:
             return False
         with np.errstate(all="ignore"):
-            now, before = np.log(np.array([ohms, self._rest_ohms]) / self._trained_rest)
-        return bool(np.abs(now).max() < np.abs(before).max())
+            now, former = np.log(np.array([ohms, self._rest_ohms]) / self._trained_rest)
+        return bool(np.abs(now).max() < np.abs(former).max())
 
-    def _set_rest(self, time: float, rest: Rest, lost: frozenset[int]) -> Rest:
-        """Take what the cords read at this moment for their rest, and say so."""
-        asked, self._rest_asked = self._rest_asked, False
-        self._absurd_since = np.inf
-        if not self._rest.set_now(lost):
-            self._said = (time + _SAID, "no cord can be read, so that R0 stays what it was")
+    def _set_rest(self, time: float, rest: Rest, failed: frozenset[int]) -> Rest:
+        """Take the present readings as those at rest, and report it for some seconds."""
+        is_requested, self._is_rest_requested = self._is_rest_requested, False
+        self._implausible_since = np.inf
+        self._rest_note_until = time + _REST_NOTE_S
+        if not self._tracker.set_now(failed):
+            self._rest_note = Note("rest-unchanged", "no cord can be read: R0 is unchanged")
             return rest
-        left_out = ", ".join(self.model.channels[c] for c in sorted(lost))
-        told = "R0 is what the cords read now" if asked else _MEASURED_ANEW
-        self._said = (time + _SAID, f"{told} (but {left_out})" if left_out else told)
-        return self._rest.told
+        skipped = tuple(self.model.channels[c] for c in sorted(failed))
+        text = "R0 was set to the present readings" if is_requested else _REST_REMEASURED
+        text += f" (except {', '.join(skipped)})" if skipped else ""
+        code = "rest-set" if is_requested else "rest-remeasured"
+        self._rest_note = Note(code, text, {"skipped": skipped})
+        return self._tracker.rest
 
-    def _replaced(self) -> list[str]:
+    def _replacement_notes(self) -> list[Note]:
         if self._trained_rest is None or self._rest_ohms is None:
             return []
-        off = np.nan_to_num(self._rest_ohms / self._trained_rest - 1)
+        change = np.nan_to_num(self._rest_ohms / self._trained_rest - 1)
         return [
-            f"{name} has {100 * d:+.0f} % of its resistance at rest in training: if the cord was"
-            " replaced, run 'defsense recalibrate'"
-            for name, d in zip(self.model.channels, off, strict=True)
-            if abs(d) > _REPLACED
+            Note(
+                "cord-replaced",
+                f"{name} differs by {100 * d:+.0f} % from its resistance at rest in the training: if"
+                " its cord was replaced, recalibrate the model",
+                {"channel": name, "change": float(d)},
+            )
+            for name, d in zip(self.model.channels, change, strict=True)
+            if abs(d) > _REPLACED_CHANGE
         ]
 
-    def _waiting(self, sample: Sample) -> LiveFrame:
-        """Before R0 is known; cords far from their R0 in training are open or shorted."""
+    def _frame_before_rest(self, reading: Reading) -> LiveFrame:
+        """Return a lost frame; cords far from their R0 in the training are open or shorted."""
         c = len(self.model.channels)
-        known = sample.ohms if self._trained_rest is None else self._trained_rest
+        expected = reading.ohms if self._trained_rest is None else self._trained_rest
         with np.errstate(all="ignore"):
-            signals = relative_change(sample.ohms, known)
-        gross = (signals > _GROSS - 1) | (signals < 1 / _GROSS - 1)
-        self._found = self._faults(sample.time, sample.ohms, np.where(gross, signals, 0.0))
-        points = self.model.rest_points[None]
-        none = np.full((1, len(self._ids)), np.nan)
-        now = Decoded(points, none, np.array([np.nan]))
-        note = "leave the device at rest for two seconds: its resistances at rest are measured"
-        notes = [fault_told(self.model.channels, f.kind, (f.channel,)) for f in self._found]
-        return self._made(sample, np.full(c, np.nan), now, Quality.LOST, None, (*notes, note))
+            signals = relative_change(reading.ohms, expected)
+        is_failed = (signals > _MAX_REST_RATIO - 1) | (signals < 1 / _MAX_REST_RATIO - 1)
+        self._faults = self._find_faults(
+            reading.time, reading.ohms, np.where(is_failed, signals, 0.0)
+        )
+        no_radius = np.full((1, len(self._ids)), np.nan)
+        now = Decoded(self.model.rest_points[None], no_radius, np.array([np.nan]))
+        notes = [fault_note(self.model.channels, f.kind, (f.channel,)) for f in self._faults]
+        return self._frame(reading, np.full(c, np.nan), now, Quality.LOST, None, (*notes, _WAITING))
 
-    def _made(
-        self, sample: Sample, signals: Float, now: Decoded, quality: Quality, lost: str | None,
-        notes: tuple[str, ...],
-    ) -> LiveFrame:  # fmt: skip
+    def _frame(
+        self,
+        reading: Reading,
+        signals: Float,
+        now: Decoded,
+        quality: Quality,
+        lost_channel: str | None,
+        notes: tuple[Note, ...],
+    ) -> LiveFrame:
         return LiveFrame(
-            self.model.device, self._number, sample.time, sample.arrived, self.model.channels,
-            sample.ohms, signals, self._ids, now.points[0], now.radius[0], float(now.distance[0]),
-            quality, lost, notes=notes,
-        )  # fmt: skip
+            device=self.model.device,
+            number=self._number,
+            time=reading.time,
+            arrived=reading.arrived,
+            channels=self.model.channels,
+            ohms=reading.ohms,
+            signals=signals,
+            ids=self._ids,
+            markers=now.points[0],
+            radius=now.radius[0],
+            distance=float(now.distance[0]),
+            quality=quality,
+            lost_channel=lost_channel,
+            notes=notes,
+        )

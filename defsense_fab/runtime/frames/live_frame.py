@@ -1,4 +1,4 @@
-"""What is known of the device at one sample of its read-out board."""
+"""The decoded state of a device at one sample, its quality, and notes for the user."""
 
 from __future__ import annotations
 
@@ -9,32 +9,71 @@ from enum import StrEnum
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.errors import DefsenseError
 
 
 class Quality(StrEnum):
-    """How far a frame is to be believed, from the best to the worst."""
+    """How far a frame can be trusted, from the best to the worst."""
 
     TRUSTED = "trusted"
-    UNTRAINED = "untrained"  # readings that training has not seen
-    FALLBACK = "fallback"  # a cord is lost: decoded without it
-    LOST = "lost"  # nothing can be said: the last good positions stand
+    UNTRAINED = "untrained"  # the readings lie outside the range of the training
+    FALLBACK = "fallback"  # a cord has failed: decoded without it
+    LOST = "lost"  # no usable reading: the last good positions are repeated
 
     @property
     def level(self) -> int:
-        """3 of the best to 0 of the worst, for receivers of numbers."""
+        """The quality as a number: 3 for the best to 0 for the worst."""
         return len(Quality) - 1 - list(Quality).index(self)
 
 
 @dataclass(frozen=True)
+class Note:
+    """A message to the user about a frame, an output or a run. Its `str` is the text.
+
+    Attributes:
+        code: Stable identifier of the kind of message, as of `DefsenseError`.
+        text: The message, one sentence or a few.
+        data: Facts for programs, such as the names of channels.
+    """
+
+    code: str
+    text: str
+    data: Mapping[str, object] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.text
+
+    @classmethod
+    def from_error(cls, error: DefsenseError, prefix: str = "") -> Note:
+        """Return the note that reports an error, with a `prefix` before its message."""
+        return cls(error.code, f"{prefix}{error}", error.data)
+
+
+@dataclass(frozen=True)
 class LiveFrame:
-    """`time` (s) is of the sample on the board's clock, `arrived` (s) when it was read, on this
-    machine's `time.monotonic`; `ohms` and `signals` (R - R0)/R0 with drift taken out are (c,),
-    of the cords named `channels`; `markers` (m, 3) mm in the rest frame, by their numbers `ids`
-    (m,), and `radius` (m,) mm of the 90 % interval around each (NaN: not known); `distance` from
-    what was trained on (above 1: outside of it); `controls` by name, 0..1 or -1..1, `confidence` of
-    each, 0..1; `vertices` (v, 3) mm of the surface, None where none is solved; `tracks` (m, 3) mm
-    where cameras saw the markers (NaN: did not), None without cameras. `lost` names a cord that
-    failed, `notes` say in sentences what a user should know."""
+    """The state of a device at one sample of its read-out board.
+
+    Attributes:
+        device: Name of the device.
+        number: Number of the frame, increasing.
+        time: Time of the sample on the board's clock, s.
+        arrived: Time when the sample was read, s, on this machine's `time.monotonic`.
+        channels: Names of the c channels, in the model's order.
+        ohms: Resistances (c,), ohm.
+        signals: Relative changes (R - R0)/R0 (c,) with drift removed; NaN of failed channels.
+        ids: Numbers of the m markers.
+        markers: Marker positions (m, 3), mm, in the rest frame.
+        radius: Radius of the 90 % interval around each marker (m,), mm; NaN if unknown.
+        distance: Distance of the readings from the training data; above 1 they lie outside it.
+        quality: How far the frame can be trusted.
+        lost_channel: Name of the channel that failed and was left out, or None.
+        controls: Values of the controls by name, within 0..1 or -1..1.
+        confidence: Confidence in each control by name, 0..1.
+        vertices: Surface vertices (v, 3), mm; None if no surface is solved.
+        tracks: Marker positions seen by cameras (m, 3), mm, NaN where a marker was not seen; None
+            without cameras.
+        notes: What the user should know about this frame.
+    """
 
     device: str
     number: int
@@ -48,17 +87,16 @@ class LiveFrame:
     radius: Float
     distance: float
     quality: Quality
-    lost: str | None = None
+    lost_channel: str | None = None
     controls: Mapping[str, float] = field(default_factory=dict)
     confidence: Mapping[str, float] = field(default_factory=dict)
     vertices: Float | None = None
     tracks: Float | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
-    def off(self) -> float | None:
-        """Root mean square (mm) of the markers' distances from where cameras saw them; None where
-        they saw none."""
+    def tracking_error(self) -> float | None:
+        """RMS distance of the markers from where cameras saw them, mm; None if they saw none."""
         if self.tracks is None or not np.isfinite(self.tracks).any():
             return None
         return float(np.sqrt(np.nanmean(((self.markers - self.tracks) ** 2).sum(axis=1))))

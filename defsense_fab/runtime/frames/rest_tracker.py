@@ -1,11 +1,10 @@
-"""The resistances at rest, R0, that live signals refer to: measured first, and followed as cords
-drift.
+"""Measure the resistances at rest, R0, and follow their drift.
 
-Rubber cords drift by per cents in hours, more than some poses change them, and set in the first
-cycles after a long rest (the Mullins effect). What that changes is known where the training began
-with a rest, too, and is taken into account from the beginning. What a device says while it lies
-still near its rest is its rest: R0 is the mean of the last half minute of that, and a hand that
-stops in the middle of a pose for a moment counts no more than it lasts.
+Rubber cords drift by per cents in hours, more than some poses change them, and they set in the
+first cycles after a long rest (the Mullins effect). If the training began with a rest, the effect
+of setting is known and taken into account from the start. Readings of a device that lies still
+near its rest count as rest: R0 is their mean over the last half minute, so that a hand that pauses
+in the middle of a pose counts no more than it lasts.
 """
 
 from __future__ import annotations
@@ -16,162 +15,197 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Bool, Float
+from .live_frame import Note
 
-_WINDOW = 1.5  # s in which a device that rests hardly changes
-_STILL = 0.04  # of what a channel spans in training, between the means of parts of that time
-_PARTS = 5
-_NEAR = 0.15  # of that span: farther away it is no rest
-_MOVED = 0.4  # of that span: a device that went so far has been moved
-_KNOWN = 5.0  # s of rest, for which a rest counts that was known before the device was moved
-_SHORTEST, _LONGEST = 0.5, 30.0  # s of rest that R0 is the mean of
-_SETTLED = 2.0  # s of rest after movement, after which it has been set anew
-_FARTHEST = 0.3  # of that span, by which R0 may be followed: farther away it is a pose
-_DRIFTED = 0.01  # relative change of R0 that is told
-_LEAST = 10  # samples
+# Spans are the ranges of channels in the training.
+_WINDOW_S = 1.5  # in which a device at rest hardly changes
+_MAX_STILL_CHANGE = 0.04  # of the span, between the means of the parts of the window
+_WINDOW_PARTS = 5
+_MAX_REST_OFFSET = 0.15  # of the span: readings farther from R0 are no rest
+_MIN_MOVE = 0.4  # of the span: a device that went so far has been moved
+_PRIOR_REST_S = 5.0  # weight of a rest that was known before the device was moved
+_MIN_MEAN_S, _MAX_MEAN_S = 0.5, 30.0  # of rest that R0 is the mean of
+_SETTLING_S = 2.0  # of rest after movement, after which R0 counts as measured again
+_MAX_DRIFT = 0.3  # of the span: a larger change of R0 is a pose
+_MIN_REPORTED_DRIFT = 0.01  # relative change of R0
+_MIN_SAMPLES = 10
+_CHECK_INTERVAL_S = 0.1
 
 
 @dataclass(frozen=True)
 class Rest:
-    """R0 (c,) ohm, None until it was measured, NaN of a channel that never could be; whether the
-    device lies `still` now, and whether that is its rest; whether it has rested after it was moved,
-    so that its cords have set; by how much R0 has changed (c,) since, relative; whether that is as
-    far as it is followed."""
+    """The resistances at rest, as known at one sample.
+
+    Attributes:
+        ohms: R0 (c,), ohm; None until it was measured, NaN of channels that never could be.
+        is_still: Whether the device lies still now.
+        is_resting: Whether it lies still at its rest.
+        has_settled: Whether it has rested after it was moved, so that its cords have set.
+        drift: Relative change (c,) of R0 since then.
+        is_drift_limited: Whether the drift has reached the largest value that is followed.
+    """
 
     ohms: Float | None
-    still: bool
-    resting: bool
-    settled: bool
+    is_still: bool
+    is_resting: bool
+    has_settled: bool
     drift: Float
-    farthest: bool
+    is_drift_limited: bool
 
 
 class RestTracker:
-    """Of channels that span `span` (c,) of (R - R0)/R0 in training. `ohms` (c,): R0 where it is
-    known; otherwise it is the median of the first time that nothing changes, in which signals are
-    `lying` (c,), where the training tells what they are before cords have set. `trained` (c,) ohm
-    is R0 in training, by which that of a channel is guessed while it cannot be measured."""
+    """Track R0, sample after sample.
+
+    Args:
+        span: Range of (R - R0)/R0 of each channel in the training (c,).
+        ohms: R0 (c,), ohm, if it is known. Otherwise R0 is the median of the first period in which
+            nothing changes.
+        first_rest_signals: Signals (c,) in the training's first rest, before cords had set; the
+            first period is corrected by them.
+        trained_ohms: R0 (c,) in the training, ohm, from which R0 of a channel is estimated while it
+            cannot be measured.
+    """
 
     def __init__(
-        self, span: Float, ohms: Float | None = None, lying: Float | None = None,
-        trained: Float | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        span: Float,
+        ohms: Float | None = None,
+        first_rest_signals: Float | None = None,
+        trained_ohms: Float | None = None,
+    ) -> None:
         c = len(span)
-        self._span, self._trained = np.maximum(span, 1e-6), trained
+        self._span, self._trained_ohms = np.maximum(span, 1e-6), trained_ohms
         self._first = self._now = None if ohms is None else np.asarray(ohms, float)
-        self._set = np.ones(c) if lying is None else 1 / (1 + np.asarray(lying, float))
-        self._guessed = np.zeros(c, bool)  # channels whose R0 was not measured yet
+        self._setting = (
+            np.ones(c)
+            if first_rest_signals is None
+            else 1 / (1 + np.asarray(first_rest_signals, float))
+        )
+        self._estimated = np.zeros(c, bool)  # channels whose R0 was not measured yet
         self._window: deque[tuple[float, Float]] = deque()
-        self._checked, self._still, self._resting = -np.inf, False, False
-        self._moved = self._settled = ohms is not None
-        self._known = _KNOWN if lying is not None or ohms is not None else 0.0
-        self._mean_of = self._known  # s of rest
-        self._rested = 0.0  # s since it was moved
+        self._last_check, self._is_still, self._is_resting = -np.inf, False, False
+        self._was_moved = self._has_settled = ohms is not None
+        is_known = first_rest_signals is not None or ohms is not None
+        self._prior_rest_s = _PRIOR_REST_S if is_known else 0.0
+        self._mean_s = self._prior_rest_s  # of rest that R0 is the mean of
+        self._rest_after_move_s = 0.0
 
     def __call__(self, time: float, ohms: Float, lost: frozenset[int] = frozenset()) -> Rest:
-        """Of the sample (c,) ohm at a time, s, later than the one before; channels in `lost` say
-        nothing."""
-        if self._window and time - self._window[-1][0] > _WINDOW:
+        """Return the rest after a sample.
+
+        Args:
+            time: Time of the sample, s, later than of the one before.
+            ohms: Resistances (c,), ohm.
+            lost: Indices of channels that have failed.
+        """
+        if self._window and time - self._window[-1][0] > _WINDOW_S:
             self._window.clear()
         self._window.append((time, ohms))
-        while time - self._window[0][0] > _WINDOW:
+        while time - self._window[0][0] > _WINDOW_S:
             self._window.popleft()
-        if time - self._checked >= 0.1:
-            self._look(time - self._checked, lost)
-            self._checked = time
-        return self.told
+        if time - self._last_check >= _CHECK_INTERVAL_S:
+            self._check(time - self._last_check, lost)
+            self._last_check = time
+        return self.rest
 
     def set_now(self, lost: frozenset[int] = frozenset()) -> bool:
-        """Take the readings of the last moment for those at rest; whether there were any."""
-        good = self._good(lost)
-        R = np.array([ohms for _, ohms in self._window][-_LEAST:]).reshape(-1, len(self._span))
+        """Take the latest readings as R0; return whether any channel could be read."""
+        good = self._good_channels(lost)
+        R = np.array([ohms for _, ohms in self._window][-_MIN_SAMPLES:])
+        R = R.reshape(-1, len(self._span))
         good &= np.isfinite(R).all(axis=0) & (R > 0).all(axis=0)
         if not len(R) or not good.any():
             return False
-        self._begin(good, np.median(R[:, good], axis=0))
-        self._moved = self._settled = True
-        self._mean_of = _KNOWN
+        self._start(good, np.median(R[:, good], axis=0))
+        self._was_moved = self._has_settled = True
+        self._mean_s = _PRIOR_REST_S
         return True
 
     @property
-    def told(self) -> Rest:
+    def rest(self) -> Rest:
+        """The rest after the last sample."""
         if self._first is None or self._now is None:
-            none = np.zeros(len(self._span))
-            return Rest(None, self._still, self._resting, False, none, False)
+            no_drift = np.zeros(len(self._span))
+            return Rest(None, self._is_still, self._is_resting, False, no_drift, False)
         drift = np.nan_to_num(self._now / self._first - 1)
-        farthest = bool((np.abs(drift) >= 0.999 * _FARTHEST * self._span).any())
-        return Rest(self._now, self._still, self._resting, self._settled, drift, farthest)
+        is_limited = bool((np.abs(drift) >= 0.999 * _MAX_DRIFT * self._span).any())
+        return Rest(
+            self._now, self._is_still, self._is_resting, self._has_settled, drift, is_limited
+        )
 
-    def _good(self, lost: frozenset[int]) -> Bool:
+    def _good_channels(self, lost: frozenset[int]) -> Bool:
         return np.array([c not in lost for c in range(len(self._span))])
 
-    def _look(self, since: float, lost: frozenset[int]) -> None:
-        time = self._window[-1][0] - self._window[0][0]
-        good = self._good(lost)
-        self._still = self._resting = False
-        if time < 0.8 * _WINDOW or len(self._window) < _LEAST or not good.any():
+    def _check(self, since: float, lost: frozenset[int]) -> None:
+        duration = self._window[-1][0] - self._window[0][0]
+        good = self._good_channels(lost)
+        self._is_still = self._is_resting = False
+        if duration < 0.8 * _WINDOW_S or len(self._window) < _MIN_SAMPLES or not good.any():
             return
         R = np.array([ohms for _, ohms in self._window])[:, good]
         if not np.isfinite(R).all() or (R <= 0).any():
             return
-        middle = np.median(R, axis=0)
-        if self._now is not None and not self._moved and self._away(good, middle) > _MOVED:
-            self._moved, self._mean_of = True, self._known
-        means = np.array([part.mean(axis=0) for part in np.array_split(R, _PARTS)])
-        if (np.ptp(means, axis=0) / middle > _STILL * self._span[good]).any():
+        median = np.median(R, axis=0)
+        if self._now is not None and not self._was_moved and self._offset(good, median) > _MIN_MOVE:
+            self._was_moved, self._mean_s = True, self._prior_rest_s
+        means = np.array([part.mean(axis=0) for part in np.array_split(R, _WINDOW_PARTS)])
+        if (np.ptp(means, axis=0) / median > _MAX_STILL_CHANGE * self._span[good]).any():
             return
-        self._still = True
-        middle = middle if self._moved else middle * self._set[good]
+        self._is_still = True
+        median = median if self._was_moved else median * self._setting[good]
         if self._now is None:
-            self._begin(good, middle)
-            self._resting = True
-        elif self._away(good, middle) <= _NEAR:
-            self._resting = True
-            self._follow(good, middle, min(since, 0.2))
+            self._start(good, median)
+            self._is_resting = True
+        elif self._offset(good, median) <= _MAX_REST_OFFSET:
+            self._is_resting = True
+            self._follow(good, median, min(since, 0.2))
 
-    def _away(self, good: Bool, middle: Float) -> float:
-        """How far readings of the `good` channels are from R0, at most, in terms of their spans;
-        infinite where no R0 was measured."""
+    def _offset(self, good: Bool, median: Float) -> float:
+        """Return the largest distance from R0 in spans; infinite if no R0 was measured."""
         assert self._now is not None
-        measured = ~self._guessed[good]
+        measured = ~self._estimated[good]
         if not measured.any():
             return float("inf")
-        away = np.abs(middle / self._now[good] - 1) / self._span[good]
-        return float(away[measured].max())
+        offset = np.abs(median / self._now[good] - 1) / self._span[good]
+        return float(offset[measured].max())
 
-    def _begin(self, good: Bool, middle: Float) -> None:
-        """R0 is what `good` channels read; of others it stays as it is, or is guessed."""
-        now = self._guess(good, middle) if self._now is None else self._now.copy()
-        self._guessed = (self._guessed | (self._now is None)) & ~good
-        now[good] = middle
+    def _start(self, good: Bool, median: Float) -> None:
+        """Take the readings of `good` channels as R0; keep or estimate that of the others."""
+        now = self._estimate(good, median) if self._now is None else self._now.copy()
+        self._estimated = (self._estimated | (self._now is None)) & ~good
+        now[good] = median
         self._first = self._now = now
 
-    def _guess(self, good: Bool, middle: Float) -> Float:
-        if self._trained is None:
+    def _estimate(self, good: Bool, median: Float) -> Float:
+        if self._trained_ohms is None:
             return np.full(len(self._span), np.nan)
-        return np.asarray(self._trained * np.median(middle / self._trained[good]))
+        return np.asarray(self._trained_ohms * np.median(median / self._trained_ohms[good]))
 
-    def _follow(self, good: Bool, middle: Float, since: float) -> None:
-        """The mean of rests goes on by the readings `middle` of channels that are `good`."""
+    def _follow(self, good: Bool, median: Float, since: float) -> None:
+        """Update the mean of rests by the readings of `good` channels."""
         assert self._now is not None
         assert self._first is not None
-        self._mean_of = min(self._mean_of + since, _LONGEST)
+        self._mean_s = min(self._mean_s + since, _MAX_MEAN_S)
         now, first = self._now.copy(), self._first.copy()
-        now[good] += since / max(self._mean_of, _SHORTEST) * (middle - now[good])
-        late = self._guessed & good  # measured now for the first time
-        now[late] = first[late] = middle[late[good]]
-        self._guessed &= ~good
-        reach = _FARTHEST * self._span * first
+        now[good] += since / max(self._mean_s, _MIN_MEAN_S) * (median - now[good])
+        first_measured = self._estimated & good
+        now[first_measured] = first[first_measured] = median[first_measured[good]]
+        self._estimated &= ~good
+        reach = _MAX_DRIFT * self._span * first
         self._now, self._first = np.clip(now, first - reach, first + reach), first
-        self._rested += since if self._moved else 0.0
-        if self._rested > _SETTLED and not self._settled:
-            self._first, self._settled = self._now, True
+        self._rest_after_move_s += since if self._was_moved else 0.0
+        if self._rest_after_move_s > _SETTLING_S and not self._has_settled:
+            self._first, self._has_settled = self._now, True
 
 
-def drift_told(names: tuple[str, ...], drift: Float) -> str | None:
-    """A sentence of cords that have drifted, None where none has by 1 %."""
-    far = [
-        f"{name} by {100 * d:+.1f} %"
-        for name, d in zip(names, drift, strict=True)
-        if abs(d) >= _DRIFTED
-    ]
-    return f"drift of the rest reading is taken out: {', '.join(far)}" if far else None
+def drift_note(channels: tuple[str, ...], drift: Float) -> Note | None:
+    """Return a note on the channels (c,) with a relative `drift` (c,) of 1 % or more, if any."""
+    drifted = {
+        name: float(d)
+        for name, d in zip(channels, drift, strict=True)
+        if abs(d) >= _MIN_REPORTED_DRIFT
+    }
+    if not drifted:
+        return None
+    parts = ", ".join(f"{name} by {100 * d:+.1f} %" for name, d in drifted.items())
+    return Note("rest-drifted", f"the drift of the readings at rest is removed: {parts}", drifted)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.device.device import Sensor
-from ...pipeline.design.layout_judge import Judged, LayoutJudge
+from ...optimize.prediction.layout_judge import Judged, LayoutJudge
 from ..workbench.table_cell import table_cell
 
 #: Of two cords' signals over the states: above, one tells hardly anything that the other does not.

@@ -13,10 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.curves.curve import Hermite, Plane, catmull_rom
-from ...core.curves.path_sampling import sample_path
+from ...core.curve import Hermite, Plane, catmull_rom, sample_path
 from ...core.device.device import Sensor
-from ...runtime.view.tube import tube_faces, tube_vertices
+from ...runtime.view.cord_mesh import tube_faces, tube_vertices
 
 _SAMPLES = 120  # points of a tube
 _PLAIN, _CHOSEN, _BROKEN = (70, 70, 75), (31, 119, 180), (214, 39, 40)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...optimize.limits.verification import LayoutCheck
-from ...pipeline.design.layout_judge import Judged
+from ...optimize.prediction.layout_judge import Judged
 from ..workbench.pose_errors import extremes
 from ..workbench.table_cell import table_cell
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.curves.curve import Hermite, Plane
+from ...core.curve import Hermite, Plane
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError
-from ...pipeline.design.layout_judge import Judged
+from ...optimize.prediction.layout_judge import Judged
 from ..edits.cords import add_cord, bend_at, move_point, set_path, set_plane
 from ..edits.tables import free_name
 from ..workbench.latest import Latest

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Hermite, Plane
+from ...core.curve import Hermite, Plane
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...pipeline.design.draw_cord import drawn_curve
+from ...optimize.prediction.draw_cord import drawn_curve
 from ..workbench.workbench import Workbench
 from .planes import moved, planes
 from .sketch import Sketch

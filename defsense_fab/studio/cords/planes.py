@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.device.device import Sensor
 from ...core.mesh import Surface
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.arrays import Float
-from ...pipeline.design.layout_judge import Judged
+from ...optimize.prediction.layout_judge import Judged
 from ..workbench.pose_errors import extremes
 
 #: Blue and orange are told apart by all; text takes the page's colour, light or dark.

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.mesh import Surface
-from ...geometry.kernels.plane_section import plane_section
+from ...geometry.kernels.surface_queries import plane_section
 
 _PAPER, _OUTLINE, _INK = (150, 150, 150), (31, 119, 180), (230, 120, 20)
 _SHEET = 4.0  # times the body's size: strokes begin beside it, too

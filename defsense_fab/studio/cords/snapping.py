@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.device.device import Sensor
 from ...core.mesh import Surface
-from ...geometry.kernels.plane_section import nearest_on_section, plane_section
+from ...geometry.kernels.surface_queries import nearest_on_section, plane_section
 
 #: What a point snaps to, as it is told.
 SKIN, MIDDLE = "the skin", "the body's middle"

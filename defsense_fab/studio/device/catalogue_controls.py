@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ...core.device.catalogue import read_rows
 from ...core.device.device import DECODERS, Device
+from ...core.storage.package_data import read_rows
 from ..edits.body import (
     choose_cord,
     choose_material,

@@ -10,8 +10,8 @@ import numpy as np
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...pipeline.build.freshness import freshness
-from ...runtime.view.first_look import look_at_body
+from ...runtime.view.camera import look_at_body
+from ...workflow.build.freshness import freshness
 from ..edits.body import set_parameter
 from ..workbench.latest import Latest
 from ..workbench.mode import Mode

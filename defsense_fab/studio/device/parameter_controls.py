@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.device.device import BodySpec
 from ...core.errors import BodyError
-from ...geometry.bodies.script_signature import Parameter, read_parameters
+from ...geometry.bodies.script_source import Parameter, read_parameters
 
 _STEPS = 1000  # of a slider, at least
 

@@ -9,7 +9,7 @@ import numpy as np
 from tomlkit import TOMLDocument
 
 from ...core.arrays import Float
-from ...core.curves.curve import Hermite, Plane, catmull_rom
+from ...core.curve import Hermite, Plane, catmull_rom
 from ...core.device.device import FREEDOMS, Sensor
 from ...core.errors import DeviceError
 from .edit import Edit

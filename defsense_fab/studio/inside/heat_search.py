@@ -6,11 +6,11 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.device.device import Sensor
-from ...pipeline.design.body_section import BodySection
-from ...pipeline.design.layout_judge import LayoutJudge
-from ...pipeline.design.next_cord import NextCord, next_cord
+from ...optimize.prediction.body_section import BodySection
+from ...optimize.prediction.layout_judge import LayoutJudge
+from ...optimize.prediction.next_cord import NextCord, next_cord
 from ..workbench.latest import Latest
 
 

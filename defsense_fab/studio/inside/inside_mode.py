@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
-from ...core.curves.path_sampling import sample_path
+from ...core.curve import Plane, sample_path
 from ...core.errors import DefsenseError, LayoutError
-from ...pipeline.design.body_section import BodySection
-from ...pipeline.design.layout_judge import LayoutJudge
-from ...pipeline.design.next_cord import NextCord, sensor_of, shortest
+from ...optimize.prediction.body_section import BodySection
+from ...optimize.prediction.layout_judge import LayoutJudge
+from ...optimize.prediction.next_cord import NextCord, sensor_of, shortest
 from ..edits.cords import add_cord
 from ..edits.tables import free_name
 from ..workbench.latest import Latest

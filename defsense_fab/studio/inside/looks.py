@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...pipeline.design.body_section import Quantity
+from ...optimize.prediction.body_section import Quantity
 from .color_maps import Scale
 
 _PERCENT = 100.0

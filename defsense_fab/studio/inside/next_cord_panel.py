@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...pipeline.design.next_cord import NextCord
+from ...optimize.prediction.next_cord import NextCord
 from ..workbench.workbench import Workbench
 
 _SHORT, _THROUGH = "short ones", "from skin to skin"

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 
 _NAME = "/inside/plane"
 #: Called with the plane as the hand has it, and whether it has let go.

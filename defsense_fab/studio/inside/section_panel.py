@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.device.device import Sensor
 from ..workbench.workbench import Workbench
 from .looks import LOOKS, Look

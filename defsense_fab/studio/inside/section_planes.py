@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 
 #: Normals and x axes of the planes square to X, Y and Z, with z up wherever it is in the plane.
 _FRAMES = (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...runtime.view.tube import tube_faces, tube_vertices
+from ...runtime.view.cord_mesh import tube_faces, tube_vertices
 from .unlit_mesh import unlit_mesh
 
 _BODY, _CORD, _NEW, _MARK = (150, 180, 205), (70, 70, 75), (230, 97, 1), (20, 20, 20)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import LayoutError
-from ...pipeline.design.body_section import BodySection
+from ...optimize.prediction.body_section import BodySection
 from ..workbench.latest import Latest
 from ..workbench.workbench import Workbench
 from .looks import NEXT_CORD

@@ -11,11 +11,11 @@ import numpy as np
 from ...core.arrays import Float, places
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...pipeline.artifacts.layout import LayoutRecord, load_layout
-from ...pipeline.artifacts.manifest import MANIFEST, Manifest, load_manifest
-from ...pipeline.artifacts.part_files import load_parts
-from ...pipeline.report.guide.hands.steps import GuideStep, guide_steps, shifts
-from ...pipeline.report.guide.tables import GuideTable, guide_checks, guide_tables
+from ...geometry.parts.manifest import MANIFEST, Manifest, load_manifest
+from ...geometry.parts.part_files import load_parts
+from ...report.guide.hands.steps import GuideStep, guide_steps, shifts
+from ...report.guide.tables import GuideTable, guide_checks, guide_tables
+from ...sensing.layout import LayoutRecord, load_layout
 
 
 @dataclass(frozen=True)

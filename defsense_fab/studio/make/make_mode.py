@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from ...core.errors import DefsenseError
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.build.asked import changes, recorded
-from ...pipeline.build.export import export, export_name
-from ...pipeline.build.freshness import outdated
+from ...core.storage.build_folder import build_folder
+from ...workflow.build.asked import changes, recorded
+from ...workflow.build.export import export, export_name
+from ...workflow.build.freshness import outdated
 from ..workbench.latest import Latest
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import html
 
-from ...pipeline.report.guide.hands.steps import GuideStep
-from ...pipeline.report.guide.tables import GuideTable
+from ...report.guide.hands.steps import GuideStep
+from ...report.guide.tables import GuideTable
 from ..workbench.table_cell import table_cell
 
 _WIDE = 5  # columns that the panel has room for

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...pipeline.report.colors import COLORS
-from ...pipeline.report.guide.hands.steps import GuideStep, Joint
-from ...runtime.view.tube import tube_faces, tube_vertices
+from ...report.colors import COLORS
+from ...report.guide.hands.steps import GuideStep, Joint
+from ...runtime.view.cord_mesh import tube_faces, tube_vertices
 from .built_device import BuiltDevice
 
 _CORD, _WIRE, _PIN = (230, 140, 30), (31, 119, 180), (240, 228, 180)

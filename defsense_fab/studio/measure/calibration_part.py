@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...capture.readout.reader import Settings
+from ...calibration import session as sessions
+from ...calibration.guided_measurement import run_guided_measurement
+from ...capture.readout.reader import ReadoutSettings
 from ...core.errors import CalibrationError, DefsenseError
-from ...pipeline.artifacts.session_manifest import FILE
-from ...pipeline.calibrate import session as sessions
-from ...pipeline.calibrate.guided_measurement import run_guided_measurement
-from ...pipeline.twin.live.sample_sources import open_source
+from ...core.storage.session_manifest import FILE
+from ...twin.live.sample_sources import open_source
 from ..edits.body import use_response
 from ..workbench.process_work import ProcessWork
 from ..workbench.thread_work import ThreadWork
@@ -132,7 +132,7 @@ class CalibrationPart(ThreadWork):
         folder = (place if place.is_dir() else place.parent) / "session"
         session, begun = sessions.begin_or_go_on(folder, sessions.usual(about))
         try:
-            settings = Settings(channels=3, average=session.average, rate=session.rate)
+            settings = ReadoutSettings(channels=3, average=session.average, rate=session.rate)
             opened = open_source(
                 self._port.value.strip(), settings, session.geometry, session.length
             )

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...pipeline.sessions.recording.guided_recording import CameraView
+from ...capture.sessions.guided_recording import CameraView
 
 WIDTH = 320  # pixels
 #: Told apart by all: tags that several cameras see, and those that one does.

@@ -17,8 +17,8 @@ def record_twin(
 ) -> list[str]:
     """`defsense twin`: the sessions' folders."""
     from ...core.device.device_file import load_device
-    from ...pipeline.twin.recordings.twin_recordings import simulate_runs
-    from ...pipeline.twin.recordings.twin_session import check_free, session_folder, write_sessions
+    from ...twin.recordings.twin_recordings import simulate_runs
+    from ...twin.recordings.twin_session import check_free, session_folder, write_sessions
 
     device = load_device(folder)
     out = session_folder(device, unit, seed)
@@ -29,8 +29,8 @@ def record_twin(
 
 def process(sessions: Sequence[Path], progress: Progress) -> list[str]:
     """`defsense capture process`: lines on each session."""
-    from ...pipeline.sessions.processing.processing import process_session
-    from ...pipeline.sessions.results.result_files import REPORT
+    from ...capture.sessions.result_files import REPORT
+    from ...workflow.sessions.processing import process_session
 
     out = []
     for folder in sessions:
@@ -46,9 +46,9 @@ def process(sessions: Sequence[Path], progress: Progress) -> list[str]:
 def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[str, Any]:
     """`defsense train`: the model's file, what its training tells, and notes."""
     from ...core.device.device_file import load_device
-    from ...pipeline.train.data.data_files import DataFiles
-    from ...pipeline.train.models.train_files import train_files
     from ...training.fitting.train_model import TrainingOptions
+    from ...training.models.train_files import train_files
+    from ...training.recordings.data_files import DataFiles
 
     files = DataFiles(tuple(sessions))
     made = train_files(files, load_device(folder), TrainingOptions(), progress=progress)
@@ -62,8 +62,8 @@ def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[st
 def simulate(folder: Path, progress: Progress) -> dict[str, Any]:
     """`defsense train` without a session: the same of a model of the simulation alone."""
     from ...core.device.device_file import load_device
-    from ...pipeline.train.models.model_file import write_model
-    from ...pipeline.train.models.train_device import model_path, simulate_only
+    from ...training.models.model_file import write_model
+    from ...training.models.train_device import model_path, simulate_only
 
     device = load_device(folder)
     progress("train", 0.0, "the simulated states")
@@ -77,13 +77,9 @@ def evaluate(
 ) -> dict[str, Any]:
     """`defsense evaluate`: the page, the errors in a few numbers, mm, and notes."""
     from ...core.device.device_file import load_device
-    from ...pipeline.train.data.data_files import DataFiles
-    from ...pipeline.train.evaluation.evaluate_models import evaluate_files
-    from ...pipeline.train.evaluation.evaluation_report import (
-        PAGE,
-        check_folder,
-        write_evaluation,
-    )
+    from ...report.evaluation.evaluation_report import PAGE, check_folder, write_evaluation
+    from ...training.evaluation.evaluate_models import evaluate_files
+    from ...training.recordings.data_files import DataFiles
 
     out = model.parent / "evaluation"
     check_folder(out)
@@ -103,9 +99,9 @@ def evaluate(
 def simulate_specimens(folder: Path, progress: Progress) -> list[str]:
     """`defsense calibrate twin`: sessions of two specimens of the device's own cord."""
     from ...core.device.device_file import load_device
-    from ...pipeline.calibrate.synthetic_session import record_twin
     from ...sensing.response import response_of
-    from ...twin.electronics.cord_twin import CordTraits
+    from ...twin.calibration_session import record_twin
+    from ...twin.electronics.cords import CordTraits
 
     traits = CordTraits(response_of(load_device(folder).cord.response), spread=0.02)
     out = []
@@ -119,7 +115,7 @@ def simulate_specimens(folder: Path, progress: Progress) -> list[str]:
 
 def fit(sessions: Sequence[Path], out: Path, progress: Progress) -> dict[str, Any]:
     """`defsense calibrate fit`: what `response.json` holds, and where it is."""
-    from ...pipeline.calibrate.fit_response import fit_response
+    from ...workflow.calibrate.fit_response import fit_response
 
     found = fit_response(sessions, out=out, progress=progress)
     return {"path": str(out), "page": str(out.with_suffix(".html").resolve()), "data": found.data}

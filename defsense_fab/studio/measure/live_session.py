@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ...core.errors import DefsenseError
-from ...pipeline.live.live_device import live_device
-from ...pipeline.live.live_run import LiveRun, RunOptions, live_run
+from ...runtime.live.live_device import live_device
+from ...runtime.live.live_run import LiveRun, RunOptions, live_run
 from ..workbench.thread_work import ThreadWork
 
 _LOOK = 0.2  # s between looks whether it is to end

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from ...pipeline.calibrate.guided_measurement import MeasurementView
+from ...calibration.guided_measurement import MeasurementView
 from ..workbench.workbench import Workbench
 from .measurement_words import jig_words, points_plot
 from .pressed_keys import PressedKeys

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...pipeline.calibrate.guided_measurement import MeasurementView
-from ...pipeline.calibrate.session import CHANNELS
+from ...calibration.guided_measurement import MeasurementView
+from ...calibration.session import CHANNELS
 from .training_words import notes_list
 
 _DOWN = {"a": ("bottom", "top"), "b": ("top", "bottom")}

@@ -6,19 +6,19 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from ...capture.sessions import session as sessions
 from ...core.errors import DefsenseError
 from ...core.markers import read_markers
 from ...core.storage.file_names import refusal
 from ...core.storage.files import free_path
-from ...pipeline.sessions.recording import session as sessions
-from ...pipeline.twin.live.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
-from ...twin.filming.camera_kinds import USUAL
+from ...twin.filming.camera_kinds import DEFAULT_CAMERA_KIND
+from ...twin.live.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
 from ..workbench.thread_work import ThreadWork
 from ..workbench.workbench import Workbench
 from .recording_screen import RecordingScreen
 
 _LEAVES = 10.0  # s that a recording has to end
-_TWIN_CAMERAS = (1, 2, USUAL)  # seed, number and kind
+_TWIN_CAMERAS = (1, 2, DEFAULT_CAMERA_KIND)  # seed, number and kind
 
 
 class RecordingPart(ThreadWork):

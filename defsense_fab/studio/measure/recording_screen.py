@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ...capture.sessions.guided_recording import CaptureView
 from ...core.arrays import Float
-from ...pipeline.sessions.recording.guided_recording import CaptureView
-from ...runtime.view.colors import LINES
+from ...runtime.view.live_scene import LINES
 from ..workbench.workbench import Workbench
 from .camera_pictures import camera_words, small_picture
 from .pressed_keys import PressedKeys

@@ -6,8 +6,8 @@ import html
 import math
 from collections.abc import Mapping
 
+from ...capture.sessions.guided_recording import CaptureView
 from ...core.arrays import Bool
-from ...pipeline.sessions.recording.guided_recording import CaptureView
 
 _SEEN, _NOT = "#1f77b4", "rgba(128,128,128,.25)"
 _THEN = {

@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...capture.sessions.known_sessions import KnownSession, known_sessions
 from ...core.device.device import Device
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.artifacts.layout import LAYOUT
-from ...pipeline.sessions.results.known_sessions import KnownSession, known_sessions
-from ...pipeline.train.models.model_file import MODEL
-from ...pipeline.twin.recordings.twin_session import session_folder
+from ...core.storage.build_folder import build_folder
+from ...sensing.layout import LAYOUT
+from ...training.models.model_file import MODEL
+from ...twin.recordings.twin_session import session_folder
 from ..workbench.latest import Latest
 from ..workbench.process_work import ProcessWork
 from ..workbench.workbench import Workbench

@@ -9,17 +9,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
+from ...core.storage.build_folder import build_folder
 from ...core.storage.files import digest
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.artifacts.layout import LAYOUT
-from ...pipeline.build.freshness import outdated
-from ...pipeline.design.compare_layouts import (
+from ...optimize.prediction.compare_layouts import (
     ComparedLayout,
     compare_layouts,
     seconds_of,
     weighed_layouts,
 )
-from ...pipeline.study.cord_count import studied_layouts
+from ...sensing.layout import LAYOUT
+from ...workflow.build.freshness import outdated
+from ...workflow.study.cord_count import studied_layouts
 from ..edits.cords import take_cords
 from ..workbench.beside import BesideWork, Teller
 from ..workbench.cord_tubes import CordTubes
@@ -180,7 +180,7 @@ def _rounded(seconds: float) -> int:
 def _compare(teller: Teller, source: Path, folder: Path) -> None:
     """In the other process."""
     from ...core.device.device_file import load_device
-    from ...core.machine.blas_threads import one_blas_thread
+    from ...core.machine.processes import one_blas_thread
 
     with one_blas_thread():  # as builds have it
         compare_layouts(load_device(source), folder, teller.found, teller.progress)

@@ -6,7 +6,7 @@ import html
 import math
 from collections.abc import Callable, Sequence
 
-from ...pipeline.design.compare_layouts import ComparedLayout
+from ...optimize.prediction.compare_layouts import ComparedLayout
 
 _BLUE, _ORANGE = "#1f77b4", "#e68c1e"
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP = 300, 170, 44, 34, 12

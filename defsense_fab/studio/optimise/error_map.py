@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import DefsenseError
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.artifacts.layout import LayoutRecord, load_layout
-from ...pipeline.report.surface_errors import SurfaceErrors, surface_errors
+from ...core.storage.build_folder import build_folder
+from ...report.surface_errors import SurfaceErrors, surface_errors
+from ...sensing.layout import LayoutRecord, load_layout
 from ..workbench.latest import Latest
 from ..workbench.workbench import Workbench
 from .color_scale import color_bar, colored

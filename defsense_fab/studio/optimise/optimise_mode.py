@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.artifacts.layout import LAYOUT, load_layout
+from ...core.storage.build_folder import build_folder
+from ...sensing.layout import LAYOUT, load_layout
 from ..edits.cords import take_cords
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...core.arrays import Float
-from ...pipeline.design.layout_judge import Judged
+from ...optimize.prediction.layout_judge import Judged
 from ..workbench.build_work import SeenLayout
 from ..workbench.pose_errors import extremes
 from ..workbench.table_cell import table_cell

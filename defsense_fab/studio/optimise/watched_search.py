@@ -11,8 +11,8 @@ import numpy as np
 
 from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.design.layout_judge import Judged, LayoutJudge
+from ...core.storage.build_folder import build_folder
+from ...optimize.prediction.layout_judge import Judged, LayoutJudge
 from ..workbench.build_work import SeenLayout
 from ..workbench.cord_tubes import CordTubes
 from ..workbench.latest import Latest

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.rotation_vectors import rotations
+from ...core.camera import rotations
 
 _SIZE = 0.22  # of the body
 

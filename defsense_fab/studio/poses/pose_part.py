@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Pose
 from ...mechanics.solver.load_stepping import Status
-from ...pipeline.design.pose_ramp import unreached
+from ...optimize.prediction.pose_ramp import unreached
 from ..edits.edit import Edit
 from ..edits.poses import add_pose, duplicate_pose, remove_pose, rename_pose
 from ..edits.tables import free_name

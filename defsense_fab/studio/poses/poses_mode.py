@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...pipeline.design.pose_preview import PosePreview, Previewed
+from ...optimize.prediction.pose_preview import PosePreview, Previewed
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .pose_part import PosePart

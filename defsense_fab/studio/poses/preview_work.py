@@ -13,7 +13,7 @@ from ...core.device.device import Device, Pose
 from ...core.errors import DefsenseError
 from ...core.mesh import TetMesh
 from ...mechanics.solver.load_stepping import Status
-from ...pipeline.design.pose_preview import PosePreview, Previewed, coarse_mesh
+from ...optimize.prediction.pose_preview import PosePreview, Previewed, coarse_mesh
 from ..workbench.latest import Latest
 
 _TIMES = 500  # answers whose times are kept

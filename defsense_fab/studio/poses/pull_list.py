@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import PointDrag, Pose
-from ...runtime.view.picking import hit
+from ...runtime.view.camera import hit
 from ..edits.movers import remove_drag, stiffen_drag
 from ..edits.poses import drag_point
 from .poses_scene import PosesScene

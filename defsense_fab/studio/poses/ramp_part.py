@@ -12,8 +12,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Pose
 from ...core.errors import DefsenseError
-from ...pipeline.design.pose_preview import PosePreview, Previewed
-from ...pipeline.design.pose_ramp import SHARES, Ramp, followed_ramp, simulated_ramp
+from ...optimize.prediction.pose_preview import PosePreview, Previewed
+from ...optimize.prediction.pose_ramp import SHARES, Ramp, followed_ramp, simulated_ramp
 from .poses_scene import PosesScene
 from .preview_work import Wanted
 

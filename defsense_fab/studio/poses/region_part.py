@@ -10,8 +10,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from ...core.errors import DeviceError
-from ...pipeline.design.region_points import fitted_box, held_points, region_problems
-from ...runtime.view.picking import View, in_rectangle
+from ...optimize.prediction.region_points import fitted_box, held_points, region_problems
+from ...runtime.view.camera import View, in_rectangle
 from ..edits.movers import shift_region
 from ..edits.poses import remove_region, rename_region, set_box
 from ..edits.tables import free_name

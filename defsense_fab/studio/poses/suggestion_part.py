@@ -14,8 +14,8 @@ from tomlkit.exceptions import TOMLKitError
 
 from ...core.device.device_file import load_device
 from ...core.errors import DeviceError
-from ...mechanics.solver.modes import ProposedPose
-from ...pipeline.study.propose_poses import Found, as_toml, continued, find_poses
+from ...mechanics.solver.linear_response import ProposedPose
+from ...workflow.study.propose_poses import Found, as_toml, continued, find_poses
 from ..edits.edit import Edit
 from ..edits.tables import free_name
 from ..workbench.beside import BesideWork, Teller

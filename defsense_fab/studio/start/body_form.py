@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device.catalogue import read_rows
 from ...core.errors import DefsenseError
-from ...pipeline.starts.dropped_body import DroppedBody, worth_telling
-from ...pipeline.starts.first_device import FirstDevice, begin_from
-from ...pipeline.starts.units import UNITS
-from ...runtime.view.first_look import look_at_body
+from ...core.storage.package_data import read_rows
+from ...runtime.view.camera import look_at_body
+from ...workflow.starts.dropped_body import DroppedBody, worth_telling
+from ...workflow.starts.first_device import FirstDevice, begin_from
+from ...workflow.starts.units import UNITS
 
 _COLOR = (230, 159, 0)
 _MATERIAL = "tango-black-plus"

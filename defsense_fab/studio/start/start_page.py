@@ -12,10 +12,10 @@ from typing import Any
 from ...core.device.device_file import load_device
 from ...core.errors import DefsenseError
 from ...core.storage.file_names import safe_name
-from ...geometry.bodies.meshes.mesh_files import KINDS
-from ...pipeline.starts.dropped_body import look_at_file
-from ...pipeline.starts.starting_devices import STARTS, StartingDevice, begin_with
+from ...geometry.bodies.mesh_files import KINDS
 from ...runtime.view.upload_limit import MOST
+from ...workflow.starts.dropped_body import look_at_file
+from ...workflow.starts.starting_devices import STARTS, StartingDevice, begin_with
 from ..project.agreement import Agreement
 from ..workbench.latest import Latest
 from .body_form import BodyForm

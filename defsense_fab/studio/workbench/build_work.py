@@ -49,8 +49,8 @@ class BuildWork(BesideWork):
 def _build(teller: Teller, folder: Path, until: str) -> None:
     """In the other process."""
     from ...core.device.device_file import load_device
-    from ...pipeline.build.build import build
-    from ...pipeline.build.stages import Seen
+    from ...workflow.build.build import build
+    from ...workflow.build.stages import Seen
 
     worked, last = _Clock(), -_SHOWN
 

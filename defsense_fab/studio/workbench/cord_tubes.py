@@ -8,9 +8,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from ...core.curves.path_sampling import sample_path
+from ...core.curve import sample_path
 from ...core.device.device import Sensor
-from ...runtime.view.tube import tube_faces, tube_vertices
+from ...runtime.view.cord_mesh import tube_faces, tube_vertices
 
 _SAMPLES = 80  # points of a tube
 

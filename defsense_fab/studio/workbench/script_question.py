@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Callable
 from typing import Any
 
-from ...geometry.bodies.script_text import ScriptText
+from ...geometry.bodies.script_source import ScriptText
 
 _MOST = 100_000  # characters that are shown
 _STYLE = (

@@ -11,11 +11,11 @@ import numpy as np
 from ...core.device.device import Device
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
-from ...pipeline.artifacts.body import load_surface
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.artifacts.fields import INDEX
-from ...pipeline.design.layout_judge import LayoutJudge
-from ...runtime.view.first_look import look_at_body
+from ...core.storage.build_folder import build_folder
+from ...geometry.bodies.body_record import load_surface
+from ...mechanics.solver.field_files import INDEX
+from ...optimize.prediction.layout_judge import LayoutJudge
+from ...runtime.view.camera import look_at_body
 from ..edits.edit import Edit
 from ..project.agreement import Agreement
 from ..project.project import Project

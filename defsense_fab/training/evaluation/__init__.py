@@ -1,1 +1,1 @@
-"""How good a trained model is on frames that it was not trained on, and why not better."""
+"""Evaluations of trained models on sessions: tables, figures, their page."""

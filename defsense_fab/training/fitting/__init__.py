@@ -1,1 +1,1 @@
-"""Decoders chosen and fitted, with their intervals and limits; re-calibrated."""
+"""Train, select and recalibrate decoders; derive fault limits and repeatability."""

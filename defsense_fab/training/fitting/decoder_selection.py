@@ -1,8 +1,8 @@
-"""Which decoder, which memory of the past, and which ridge: by the errors on folds left out."""
+"""Select a decoder, its memory and its ridge by the errors on folds that are left out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,36 +13,83 @@ from ...decoding.input_decoder import InputDecoder, InputFeatures
 from ...decoding.signal_history import Past
 from ..regression.candidates import AFFINE, FORMS, MEMORY, QUADRATIC, SIMULATED, Candidate
 from ..regression.frames import Frames
-from ..regression.simulated_decoder import PASTS, SimulatedMap
-from ..regression.weighted_ridge import RidgePath, Sums, Whitened, cross_validate, solve, sums
+from ..regression.simulated_decoder import SHARED_MEMORIES, SimulatedMap
+from ..regression.weighted_ridge import (
+    RidgePath,
+    Sums,
+    Whitening,
+    accumulate_sums,
+    cross_validate,
+    solve_ridge,
+)
 
-#: Time constants, s, among which memories are looked for; the best is refined between these.
-_TIMES = np.logspace(-1, 2, 10)
-_WORKED = np.logspace(-0.5, 2, 6)
-_FEWEST_FOR_MEMORY = 300  # pictures: fewer do not tell hysteresis from chance
-_SHORTEST_TO_BEND = 200.0  # s: less does not tell a bent map from what cords do as they set
-_REFINED = 6  # steps of the golden section
-_WORTH = 0.99  # of the error, that another memory must bring it under
-_SIMPLER = 1.01  # of the least error: a simpler decoder that stays below it is taken
+# Time constants among which memories are searched; the best is refined between its neighbors.
+_MOVED_TIMES_S = np.logspace(-1, 2, 10)
+_WORKED_TIMES_S = np.logspace(-0.5, 2, 6)
+_MIN_FRAMES_FOR_MEMORY = 300  # fewer frames do not distinguish hysteresis from chance
+# Shorter recordings do not distinguish a nonlinear map from cords that settle.
+_MIN_NONLINEAR_DURATION_S = 200.0
+_REFINEMENT_STEPS = 6  # of the golden section
+_MEMORY_ERROR_RATIO = 0.99  # of the error, below which another memory must bring it
+_SIMPLER_ERROR_RATIO = 1.01  # of the smallest error; the simplest decoder below it is selected
+_PRINCIPAL_COUNT = 6  # principal components of the outputs, for comparing time constants
 
 
 @dataclass(frozen=True)
-class Tried:
-    """A candidate with its errors: its ridge over the `sums` of `features`, `path` over the ridge's
-    weights, on what a `simulated` map leaves. Where there are no `sums`, it is that map alone.
-    `scores` (k,) are its errors on folds with the weights of the others, where its own differ."""
+class FitData:
+    """Data that candidates are fitted to and tested on.
+
+    Attributes:
+        frames: The t frames.
+        channels: Indices of the channels to use.
+        outputs: Displacements of the markers, shape (t, m, 3), mm.
+        weights: Weights of the markers, shape (t, m); 0 where unknown.
+        fold: Fold of each frame, shape (t,).
+    """
+
+    frames: Frames
+    channels: Sequence[int]
+    outputs: Float
+    weights: Float
+    fold: Int
+
+    def inputs(self, past: Past) -> Float:
+        """Return signals and their memories at the frames, shape (t, d)."""
+        return self.frames.inputs(past, self.channels)
+
+    @property
+    def fold_count(self) -> int:
+        """Number of folds."""
+        return int(self.fold.max()) + 1
+
+
+@dataclass(frozen=True)
+class FittedCandidate:
+    """A candidate with its cross-validated errors.
+
+    Attributes:
+        candidate: The form and the memory.
+        features: The features of its inputs.
+        path: Errors for each noise of the inputs.
+        whitening: Transform of the features; None if `sums` is None.
+        sums: Sums for the ridge regression on what a simulated map does not explain; None if the
+            candidate is that map alone.
+        simulated: The simulated map; None if the candidate does not use one.
+        scores: Errors on the folds with the weights of the other candidates, shape (k,), mm; None
+            if its own weights are the same.
+    """
 
     candidate: Candidate
     features: InputFeatures
     path: RidgePath
-    whitened: Whitened | None = None
+    whitening: Whitening | None = None
     sums: Sums | None = None
     simulated: SimulatedMap | None = None
     scores: Float | None = None
 
     @property
     def name(self) -> str:
-        """affine, simulated + memory, ..."""
+        """Name of the kind of decoder, such as "affine" or "simulated + memory"."""
         if self.simulated is None:
             return self.candidate.name
         parts = [SIMULATED, *([] if self.sums is None else [self.candidate.form])]
@@ -50,195 +97,257 @@ class Tried:
 
     @property
     def folds(self) -> Float:
-        """RMSE (k,) mm of the folds left out."""
+        """Root mean squared errors on the folds left out, shape (k,), mm."""
         return self.path.folds if self.scores is None else self.scores
 
     @property
     def rmse(self) -> float:
-        """mm, on the folds left out."""
+        """Root mean squared error over the folds left out, mm."""
         return float(np.sqrt((self.folds**2).mean()))
 
     @property
     def count(self) -> int:
-        """Numbers that were fitted for each output, or for all together."""
+        """Number of coefficients that were fitted for each output."""
         return self.features.count if self.sums is not None else 0
 
     def decoder(self, without: int | None = None) -> InputDecoder:
-        """Of displacements, besides the simulated map: fitted to all folds or all but one."""
-        if self.sums is None or self.whitened is None:
+        """Return the decoder of displacements, in addition to the simulated map.
+
+        Args:
+            without: The fold to leave out; None to fit all.
+
+        Returns:
+            The decoder; its outputs are zero if the candidate is the simulated map alone.
+        """
+        if self.sums is None or self.whitening is None:
             assert self.simulated is not None
             outputs = len(self.simulated.whole.decoder.constant)
             zeros = np.zeros((self.features.count, outputs))
             return InputDecoder(self.features, zeros, np.zeros(outputs))
-        beta, constant = solve(self.sums.without(without), np.array([self.path.noise]))
-        return InputDecoder(self.features, *self.whitened.plain(beta[0], constant[0]))
+        beta, constant = solve_ridge(self.sums.without(without), np.array([self.path.noise]))
+        return InputDecoder(self.features, *self.whitening.undo(beta[0], constant[0]))
 
     def displacements(self, inputs: Float, without: int | None = None) -> Float:
-        """(t, o) mm of inputs (t, d)."""
-        found = self.decoder(without)(inputs)
-        return found if self.simulated is None else found + self.simulated.map(without)(inputs)
+        """Decode displacements.
+
+        Args:
+            inputs: Inputs of the decoder, shape (t, d).
+            without: The fold to leave out; None to fit all.
+
+        Returns:
+            Displacements, shape (t, o), mm.
+        """
+        out = self.decoder(without)(inputs)
+        if self.simulated is None:
+            return out
+        return out + self.simulated.without_fold(without)(inputs)
 
 
-def try_candidate(
-    candidate: Candidate, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
-    fold: Int, simulated: SimulatedMap | None = None,
-) -> Tried:  # fmt: skip
-    """With outputs (t, m, 3) mm, weights (t, m) and folds (t,) of the frames, on what a `simulated`
-    map leaves of the outputs."""
-    z = frames.inputs(candidate.past, channels)
-    features = candidate.features(z, len(channels))
+def fit_candidate(
+    candidate: Candidate, data: FitData, simulated: SimulatedMap | None = None
+) -> FittedCandidate:
+    """Fit a candidate, and compute its errors on the folds left out.
+
+    Args:
+        candidate: The form and the memory.
+        data: The data to fit.
+        simulated: A simulated map; the candidate is fitted to what it does not explain.
+
+    Returns:
+        The fitted candidate.
+    """
+    z = data.inputs(candidate.past)
+    features = candidate.features(z, len(data.channels))
     phi = features(z)
-    whitened = Whitened.of(phi, features.slopes(z), features.roughness())
-    left = outputs
+    whitening = Whitening.of(phi, features.slopes(z), features.roughness())
+    outputs = data.outputs
     if simulated is not None:
-        left = outputs - simulated.whole(z).reshape(outputs.shape)
-    found = sums(whitened(phi), left, weights, fold)
-    return Tried(candidate, features, cross_validate(found), whitened, found, simulated)
+        outputs = outputs - simulated.whole(z).reshape(outputs.shape)
+    sums = accumulate_sums(whitening(phi), outputs, data.weights, data.fold)
+    return FittedCandidate(candidate, features, cross_validate(sums), whitening, sums, simulated)
 
 
-def _plain(
-    candidate: Candidate, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
-    fold: Int,
-) -> Tried:  # fmt: skip
-    """Fitted to markers that all weigh the same, and scored as those that do not."""
-    found = try_candidate(candidate, frames, channels, outputs, (weights > 0).astype(float), fold)
-    z = frames.inputs(candidate.past, channels)
-    scores = []
-    for k in range(int(fold.max()) + 1):
-        test = fold == k
-        off = found.displacements(z[test], k).reshape(-1, *outputs.shape[1:]) - outputs[test]
-        square = np.where(weights[test] > 0, weights[test] * (off**2).sum(2), 0.0)
-        scores.append(np.sqrt(square.sum() / max(float(weights[test].sum()), 1e-300)))
-    return replace(found, scores=np.array(scores))
+def fit_simulated_candidate(data: FitData, decoder: InputDecoder, past: Past) -> FittedCandidate:
+    """Fit a memory in front of a simulated decoder.
 
+    Args:
+        data: The data to fit.
+        decoder: The simulated decoder of displacements.
+        past: The memory.
 
-def try_simulated(
-    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
-    decoder: InputDecoder, past: Past,
-) -> Tried:  # fmt: skip
-    """A simulated `decoder` of displacements behind a memory with the time constants of `past`."""
-    z = frames.inputs(past, channels)
-    found = SimulatedMap.fitted(decoder, past, z, outputs, weights, fold)
+    Returns:
+        The fitted candidate, which is the simulated map alone.
+    """
+    z = data.inputs(past)
+    simulated = SimulatedMap.fit(decoder, past, z, data.outputs, data.weights, data.fold)
     candidate = Candidate(AFFINE, past)
-    path = RidgePath(np.array([np.inf]), found.errors[:, None])
-    return Tried(candidate, candidate.features(z, len(channels)), path, simulated=found)
+    path = RidgePath(np.array([np.inf]), simulated.errors[:, None])
+    features = candidate.features(z, len(data.channels))
+    return FittedCandidate(candidate, features, path, simulated=simulated)
 
 
-def best_simulated(
-    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
-    decoder: InputDecoder, *, memory: bool = True,
-) -> Tried:  # fmt: skip
-    """The one with the memory that does best."""
-    pasts = PASTS if memory else PASTS[:1]
-    tried = [
-        try_simulated(frames, channels, outputs, weights, fold, decoder, past) for past in pasts
-    ]
-    return min(tried, key=lambda t: t.rmse)
-
-
-def try_all(
-    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
-    forms: Sequence[str] = FORMS, *, memory: bool = True, decoder: InputDecoder | None = None,
+def fit_all_candidates(
+    data: FitData,
+    forms: Sequence[str] = FORMS,
+    *,
+    use_memory: bool = True,
+    decoder: InputDecoder | None = None,
     progress: Progress = silent,
-) -> list[Tried]:  # fmt: skip
-    """All candidates. The affine one comes first, and is the paper's: markers that are seen weigh
-    the same. With a simulated `decoder` of displacements there are those that start from it."""
+) -> list[FittedCandidate]:
+    """Fit all candidates.
+
+    The affine candidate comes first and is the paper's: all visible markers have the same weight.
+
+    Args:
+        data: The data to fit.
+        forms: Forms to fit in addition to the affine one.
+        use_memory: Whether to try memories.
+        decoder: A simulated decoder of displacements; candidates that start from it are added.
+        progress: Called with the stage "train".
+
+    Returns:
+        The fitted candidates.
+    """
     static = [Candidate(form, Past()) for form in dict.fromkeys((AFFINE, *forms))]
-    out = []
+    fitted = []
     for k, candidate in enumerate(static):
         progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
         if candidate.form == AFFINE:
-            out.append(_plain(candidate, frames, channels, outputs, weights, fold))
+            fitted.append(_fit_unweighted(candidate, data))
         else:
-            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
-    few = len(frames) < _FEWEST_FOR_MEMORY
+            fitted.append(fit_candidate(candidate, data))
+    has_few_frames = len(data.frames) < _MIN_FRAMES_FOR_MEMORY
     if decoder is not None:
         progress("train", 0.35, "fitting the simulation's map")
-        start = best_simulated(frames, channels, outputs, weights, fold, decoder, memory=memory)
-        out.append(start)
-        short = frames.lasts < _SHORTEST_TO_BEND
-        bent = [
-            Candidate(f, start.candidate.past) for f in forms if f != AFFINE and not (few or short)
+        start = _fit_best_simulated(data, decoder, use_memory)
+        fitted.append(start)
+        is_short = data.frames.duration_s < _MIN_NONLINEAR_DURATION_S
+        fitted += [
+            fit_candidate(Candidate(form, start.candidate.past), data, start.simulated)
+            for form in forms
+            if form != AFFINE and not (has_few_frames or is_short)
         ]
-        out += [
-            try_candidate(c, frames, channels, outputs, weights, fold, start.simulated)
-            for c in bent
-        ]
-    if not memory or few:
-        return out
+    if not use_memory or has_few_frames:
+        return fitted
     progress("train", 0.4, "fitting time constants")
-    found = fit_past(frames, channels, outputs, weights, fold)
-    pasts = [Past(found.moved)] * bool(found.moved) + [found] * bool(found.worked)
+    best = fit_time_constants(data)
+    pasts = [Past(best.moved)] * bool(best.moved) + [best] * bool(best.worked)
     for k, past in enumerate(pasts):
         for candidate in [Candidate(c.form, past) for c in static]:
             progress("train", 0.6 + 0.1 * k, f"trying {candidate.name}")
-            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
-    return out
+            fitted.append(fit_candidate(candidate, data))
+    return fitted
 
 
-def chosen(tried: Sequence[Tried]) -> Tried:
-    """The one with the fewest features among those that are nearly the best."""
-    least = min(t.rmse for t in tried)
-    near = [t for t in tried if t.rmse <= _SIMPLER * least]
-    return min(near, key=lambda t: t.count)
+def select_simplest(fitted: Sequence[FittedCandidate]) -> FittedCandidate:
+    """Return the candidate with the fewest coefficients among those that are nearly the best."""
+    smallest = min(c.rmse for c in fitted)
+    nearly_best = [c for c in fitted if c.rmse <= _SIMPLER_ERROR_RATIO * smallest]
+    return min(nearly_best, key=lambda c: c.count)
 
 
-def fit_past(
-    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int
-) -> Past:
-    """The time constants with which a quadratic decoder has the least error on folds left out: up
-    to two of where signals were, then one of how much they moved, each only if it is worth it."""
-    few = _principal(outputs, weights)
+def fit_time_constants(data: FitData) -> Past:
+    """Find the time constants with which a quadratic decoder has the smallest error.
 
-    def error(past: Past) -> float:
-        candidate = Candidate(QUADRATIC, past)
-        shared = np.ones((len(few), 1))
-        return try_candidate(candidate, frames, channels, few[:, None], shared, fold).rmse
+    Up to two memories of where the signals were are added, then one of how much they moved; each
+    only if it reduces the error on the folds left out by 1 %.
 
-    best, at = Past(), error(Past())
+    Args:
+        data: The data to fit.
+
+    Returns:
+        The memory.
+    """
+    principal = _principal_outputs(data.outputs, data.weights)
+    equal = np.ones((len(principal), 1))
+    reduced = replace(data, outputs=principal[:, None], weights=equal)
+
+    def error_of(past: Past) -> float:
+        return fit_candidate(Candidate(QUADRATIC, past), reduced).rmse
+
+    best, best_error = Past(), error_of(Past())
     for _ in range(2):
-        moved, now = _least(lambda t, b=best: error(Past((*b.moved, t))), _TIMES)
-        if now > _WORTH * at:
+        moved, error = _minimize_time_constant(
+            lambda t, b=best: error_of(Past((*b.moved, t))),  # type: ignore[misc]
+            _MOVED_TIMES_S,
+        )
+        if error > _MEMORY_ERROR_RATIO * best_error:
             break
-        best, at = Past((*best.moved, moved)), now
-    worked, now = _least(lambda t: error(Past(best.moved, (t,))), _WORKED)
-    return Past(best.moved, (worked,)) if now <= _WORTH * at else best
+        best, best_error = Past((*best.moved, moved)), error
+    worked, error = _minimize_time_constant(
+        lambda t: error_of(Past(best.moved, (t,))), _WORKED_TIMES_S
+    )
+    if error <= _MEMORY_ERROR_RATIO * best_error:
+        return Past(best.moved, (worked,))
+    return best
 
 
-def _least(error, times: Float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
-    """The time constant, s, with the least error: the best of a list, and then the golden section
-    between its neighbours (Kiefer 1953)."""
-    errors = [error(float(t)) for t in times]
+def _fit_unweighted(candidate: Candidate, data: FitData) -> FittedCandidate:
+    """Fit with equal weights of the visible markers, and score with the data's weights."""
+    equal = replace(data, weights=(data.weights > 0).astype(float))
+    fitted = fit_candidate(candidate, equal)
+    z = data.inputs(candidate.past)
+    scores = []
+    for k in range(data.fold_count):
+        test = data.fold == k
+        predicted = fitted.displacements(z[test], k).reshape(-1, *data.outputs.shape[1:])
+        difference = predicted - data.outputs[test]
+        weights = data.weights[test]
+        square = np.where(weights > 0, weights * (difference**2).sum(2), 0.0)
+        scores.append(np.sqrt(square.sum() / max(float(weights.sum()), 1e-300)))
+    return replace(fitted, scores=np.array(scores))
+
+
+def _fit_best_simulated(data: FitData, decoder: InputDecoder, use_memory: bool) -> FittedCandidate:
+    """Return the simulated candidate with the best memory."""
+    pasts = SHARED_MEMORIES if use_memory else SHARED_MEMORIES[:1]
+    fitted = [fit_simulated_candidate(data, decoder, past) for past in pasts]
+    return min(fitted, key=lambda c: c.rmse)
+
+
+def _minimize_time_constant(
+    error_of: Callable[[float], float], times: Float
+) -> tuple[float, float]:
+    """Return the time constant in s with the smallest error, and that error.
+
+    The best of a list is refined between its neighbors by the golden section (Kiefer 1953,
+    Sequential minimax search for a maximum).
+    """
+    errors = [error_of(float(t)) for t in times]
     k = int(np.argmin(errors))
     low, high = np.log(times[max(k - 1, 0)]), np.log(times[min(k + 1, len(times) - 1)])
-    best, at = float(times[k]), errors[k]
+    best, best_error = float(times[k]), errors[k]
     ratio = (np.sqrt(5) - 1) / 2
     a, b = high - ratio * (high - low), low + ratio * (high - low)
-    fa, fb = error(float(np.exp(a))), error(float(np.exp(b)))
-    for _ in range(_REFINED):
+    fa, fb = error_of(float(np.exp(a))), error_of(float(np.exp(b)))
+    for _ in range(_REFINEMENT_STEPS):
         if fa < fb:
             high, b, fb = b, a, fa
             a = high - ratio * (high - low)
-            fa = error(float(np.exp(a)))
+            fa = error_of(float(np.exp(a)))
         else:
             low, a, fa = a, b, fb
             b = low + ratio * (high - low)
-            fb = error(float(np.exp(b)))
-    for t, e in ((np.exp(a), fa), (np.exp(b), fb)):
-        if e < at:
-            best, at = float(t), e
-    return best, at
+            fb = error_of(float(np.exp(b)))
+    for t, error in ((np.exp(a), fa), (np.exp(b), fb)):
+        if error < best_error:
+            best, best_error = float(t), error
+    return best, best_error
 
 
-def _principal(outputs: Float, weights: Float, count: int = 6) -> Float:
-    """The outputs (t, m, 3) by their principal components (t, k): what is not known is filled with
-    its mean. For comparing time constants that suffices."""
-    known = weights > 0
+def _principal_outputs(outputs: Float, weights: Float) -> Float:
+    """Return the principal components (t, k) of the outputs (t, m, 3).
+
+    Unknown outputs are filled with their mean, which suffices for comparing time constants.
+    """
+    is_known = weights > 0
     mean = np.array(
-        [o[k].mean(0) if k.any() else np.zeros(3)
-         for o, k in zip(np.moveaxis(outputs, 1, 0), known.T, strict=True)]
-    )  # fmt: skip
-    flat = np.where(known[..., None], outputs - mean, 0.0).reshape(len(outputs), -1)
+        [
+            o[k].mean(0) if k.any() else np.zeros(3)
+            for o, k in zip(np.moveaxis(outputs, 1, 0), is_known.T, strict=True)
+        ]
+    )
+    flat = np.where(is_known[..., None], outputs - mean, 0.0).reshape(len(outputs), -1)
     values, vectors = np.linalg.eigh(flat.T @ flat)
-    top = np.argsort(values)[::-1][:count]
+    top = np.argsort(values)[::-1][:_PRINCIPAL_COUNT]
     return np.asarray(flat @ vectors[:, top])

@@ -1,8 +1,9 @@
-"""The signals at the extreme of each pose: what a re-calibration compares.
+"""Signals at the extreme of each pose, and at rest, from the poses requested in recordings.
 
-A hand that is asked for a pose often still leaves the one before, and does not always go all the
-way. So the extreme is sought along the direction in which the pose's shows agree, or along that of
-the training, and shows that go less than half as far as the others do not count.
+A user who is asked for a pose is often still leaving the previous one, and does not always
+go all the way. So the extreme is searched along the direction in which the pose's repetitions
+agree, or along that of the training. Repetitions that go less than half as far as the farthest one
+do not count.
 """
 
 from __future__ import annotations
@@ -15,13 +16,80 @@ import numpy as np
 from ...core.arrays import Float
 from ..data.dataset import Dataset, Recording
 
-# What signals are in the first rest of a session, before cords have set.
+_REST_TRANSITION_S = 0.5  # at the start of a rest, in which hands still leave the device
+_POSE_TRANSITION_S = 1.0  # at the start of a pose, in which hands still leave the previous one
+_EXTREME_SHARE = 0.9  # of a repetition's largest signal, from which samples count as the extreme
+_MIN_SAMPLES = 3  # of a repetition
+_MIN_REACH_RATIO = 0.5  # of the reach of the farthest repetition
+_USUAL_SPREAD = 0.06  # of a pose's signals, between repetitions of cords with memory
+_USUAL_WEIGHT = 2.0  # repetitions that the usual spread counts for
+_NOT_POSES = ("rest", "free", "all")
 
-_BEGINS_FIRST_REST = 0.5  # s of it in which hands still leave the device
+
+@dataclass(frozen=True)
+class PoseSignals:
+    """Signals at the extreme of one pose.
+
+    Attributes:
+        signals: Signals (R - R0)/R0, shape (c,).
+        spread: Standard deviation between repetitions: root mean square over the channels, drawn
+            toward the usual value if there are few repetitions.
+        repetitions: Number of repetitions used.
+        reach: How far the farthest repetition went, relative to the expected signals; 1 if none
+            were expected.
+    """
+
+    signals: Float
+    spread: float
+    repetitions: int
+    reach: float
 
 
-def first_rest(dataset: Dataset) -> Mapping[str, float] | None:
-    """By channel: the median over sessions that begin with a rest; None where none does."""
+def extract_pose_signals(
+    recordings: Sequence[Recording], expected: Mapping[str, Float] | None = None
+) -> Mapping[str, PoseSignals]:
+    """Extract the signals at the extreme of each requested pose.
+
+    Args:
+        recordings: The recordings.
+        expected: Expected signals (c,) of the poses to extract, by name; None for all poses.
+
+    Returns:
+        The signals of each pose that was shown, by name.
+    """
+    signals: dict[str, list[Float]] = {}
+    for r in recordings:
+        for name, samples in list_pose_samples(r):
+            time = r.sample_time[samples]
+            s = r.signals[samples][time > time[:1] + _POSE_TRANSITION_S]
+            s = s[np.isfinite(s).all(axis=1)]
+            is_wanted = expected is None or name in expected
+            if name not in _NOT_POSES and is_wanted and len(s) >= _MIN_SAMPLES and s.any():
+                signals.setdefault(name, []).append(s)
+    return {
+        name: _find_extreme(repetitions, (expected or {}).get(name))
+        for name, repetitions in signals.items()
+    }
+
+
+def list_pose_samples(recording: Recording) -> list[tuple[str, slice]]:
+    """Return the name of each requested pose, in order, with its samples."""
+    ends = [*(t for t, _ in recording.poses[1:]), np.inf]
+    return [
+        (name, slice(*np.searchsorted(recording.sample_time, [start, end]).tolist()))
+        for (start, name), end in zip(recording.poses, ends, strict=False)
+    ]
+
+
+def first_rest_signals(dataset: Dataset) -> Mapping[str, float] | None:
+    """Return the signals in the first rest of the sessions, before the cords have set.
+
+    Args:
+        dataset: The dataset.
+
+    Returns:
+        By channel, the median over the sessions that start with a rest; None if there are none.
+    """
     first: dict[str, Recording] = {}
     for r in dataset.recordings:
         first.setdefault(r.session, r)
@@ -29,8 +97,8 @@ def first_rest(dataset: Dataset) -> Mapping[str, float] | None:
     for r in first.values():
         if len(r.poses) < 2 or r.poses[0][1] != "rest":
             continue
-        begin = max(r.poses[0][0], r.sample_time[0]) + _BEGINS_FIRST_REST
-        s = r.signals[(r.sample_time >= begin) & (r.sample_time < r.poses[1][0])]
+        start = max(r.poses[0][0], r.sample_time[0]) + _REST_TRANSITION_S
+        s = r.signals[(r.sample_time >= start) & (r.sample_time < r.poses[1][0])]
         s = s[np.isfinite(s).all(axis=1)]
         if len(s):
             rows.append(np.median(s, axis=0))
@@ -39,79 +107,50 @@ def first_rest(dataset: Dataset) -> Mapping[str, float] | None:
     return dict(zip(dataset.channels, np.median(rows, axis=0).tolist(), strict=True))
 
 
-_TOP = 0.9  # of a show's farthest signals, from which on it counts as the extreme
-_BEGINS = 1.0  # s, in which hands still leave what was shown before
-_SAMPLES = 3  # of a show, at least
-_FAR = 0.5  # of how far the farthest show went, at least
-_SPREAD = (
-    0.06  # of a pose's signals, from one show to another of cords that remember: what is usual
-)
-_USUAL = 2.0  # shows that this counts for
-_NOT_POSES = ("rest", "free", "all")
-
-
-@dataclass(frozen=True)
-class PoseSignals:
-    """At the extreme of one pose: signals (c,), the standard deviation from one show to another
-    (the root mean square over channels, drawn to what is usual where shows are few), how many
-    `shows` that is of, and how far the farthest went, in terms of what was expected (one where
-    nothing was)."""
-
-    signals: Float
-    spread: float
-    shows: int
-    reach: float
-
-
-def pose_signals(
-    recordings: Sequence[Recording], expected: Mapping[str, Float] | None = None
-) -> Mapping[str, PoseSignals]:
-    """Of each pose that was asked for; of those only that are `expected` to have signals (c,), if
-    any are."""
-    found: dict[str, list[Float]] = {}
-    for r in recordings:
-        for name, samples in shows(r):
-            time = r.sample_time[samples]
-            s = r.signals[samples][time > time[:1] + _BEGINS]
-            s = s[np.isfinite(s).all(axis=1)]
-            known = expected is None or name in expected
-            if name not in _NOT_POSES and known and len(s) >= _SAMPLES and s.any():
-                found.setdefault(name, []).append(s)
-    return {name: _extreme(each, (expected or {}).get(name)) for name, each in found.items()}
-
-
-def _extreme(each: Sequence[Float], expected: Float | None) -> PoseSignals:
-    """Of signals (n, c) in each show of a pose."""
-    along = _agreed(each) if expected is None else expected / np.linalg.norm(expected)
-    reach = np.array([(s @ along).max() for s in each])
-    farthest = float(reach.max())
-    whole = 1.0 if expected is None else farthest / float(np.linalg.norm(expected))
-    if farthest <= 0:  # the pose was not shown at all
-        return PoseSignals(np.zeros(len(along)), 0.0, 0, whole)
-    far = [_top(s, s @ along) for s, r in zip(each, reach, strict=True) if r >= _FAR * farthest]
-    each_way = np.array([s / (s @ along) for s in far])
-    half = np.sort(reach)[::-1][: (len(far) + 1) // 2].mean()
-    off = ((each_way - each_way.mean(axis=0)) ** 2).sum() / len(along)
-    square = (off + _USUAL * _SPREAD**2) / (len(far) - 1 + _USUAL)
-    spread = half * float(np.sqrt(square))
-    return PoseSignals(half * np.median(each_way, axis=0), spread, len(far), whole)
-
-
-def _agreed(each: Sequence[Float]) -> Float:
-    """The direction (c,) of that show which is most like all others."""
-    far = np.array([_top(s, np.linalg.norm(s, axis=1)) for s in each])
-    ways = far / np.maximum(np.linalg.norm(far, axis=1, keepdims=True), 1e-12)
-    return np.asarray(ways[np.argmax((ways @ ways.T).sum(axis=1))])
-
-
-def _top(signals: Float, height: Float) -> Float:
-    return np.asarray(np.median(signals[height >= _TOP * height.max()], axis=0))
-
-
-def shows(recording: Recording) -> list[tuple[str, slice]]:
-    """What was asked for, and its samples."""
-    ends = [*(t for t, _ in recording.poses[1:]), np.inf]
-    return [
-        (name, slice(*np.searchsorted(recording.sample_time, [begin, end]).tolist()))
-        for (begin, name), end in zip(recording.poses, ends, strict=False)
+def last_rest_signals(recordings: Sequence[Recording]) -> Float:
+    """Return the median signals (c,) in the last requested rest; zero if there was none."""
+    rests = [
+        r.signals[samples]
+        for r in recordings
+        for name, samples in list_pose_samples(r)
+        if name == "rest"
     ]
+    rests = [s for s in rests if np.isfinite(s).any(axis=0).all()]
+    if not rests:
+        return np.zeros(recordings[0].ohm.shape[1])
+    return np.asarray(np.nanmedian(rests[-1], axis=0))
+
+
+def _find_extreme(repetitions: Sequence[Float], expected: Float | None) -> PoseSignals:
+    """Find the extreme in signals (n, c) of each repetition of a pose."""
+    if expected is None:
+        direction = _common_direction(repetitions)
+    else:
+        direction = expected / np.linalg.norm(expected)
+    reach = np.array([(s @ direction).max() for s in repetitions])
+    farthest = float(reach.max())
+    relative = 1.0 if expected is None else farthest / float(np.linalg.norm(expected))
+    if farthest <= 0:  # the pose was not shown at all
+        return PoseSignals(np.zeros(len(direction)), 0.0, 0, relative)
+    extremes = [
+        _median_extreme(s, s @ direction)
+        for s, r in zip(repetitions, reach, strict=True)
+        if r >= _MIN_REACH_RATIO * farthest
+    ]
+    scaled = np.array([s / (s @ direction) for s in extremes])
+    size = np.sort(reach)[::-1][: (len(extremes) + 1) // 2].mean()
+    square = ((scaled - scaled.mean(axis=0)) ** 2).sum() / len(direction)
+    variance = (square + _USUAL_WEIGHT * _USUAL_SPREAD**2) / (len(extremes) - 1 + _USUAL_WEIGHT)
+    spread = size * float(np.sqrt(variance))
+    return PoseSignals(size * np.median(scaled, axis=0), spread, len(extremes), relative)
+
+
+def _common_direction(repetitions: Sequence[Float]) -> Float:
+    """Return the direction (c,) of the repetition that is most similar to all others."""
+    extremes = np.array([_median_extreme(s, np.linalg.norm(s, axis=1)) for s in repetitions])
+    directions = extremes / np.maximum(np.linalg.norm(extremes, axis=1, keepdims=True), 1e-12)
+    return np.asarray(directions[np.argmax((directions @ directions.T).sum(axis=1))])
+
+
+def _median_extreme(signals: Float, height: Float) -> Float:
+    return np.asarray(np.median(signals[height >= _EXTREME_SHARE * height.max()], axis=0))

@@ -1,13 +1,12 @@
-"""From a dataset to a trained model, with what every candidate was worth."""
+"""Train a model from a dataset, and report the errors of every candidate."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import Bool, Float, Int
+from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
 from ...decoding.decoders import FOLDS
@@ -16,57 +15,92 @@ from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
 from ..regression.candidates import AFFINE, FORMS
-from ..regression.frames import FEWEST, TEST_SHARE, Frames, first_and_last, fold_of
-from ..regression.intervals import LEVEL, conformal, trained_range
-from ..regression.marker_weights import certainty_weights, wrong_markers
-from ..regression.simulated_decoder import simulated_decoder
+from ..regression.frames import MIN_FRAMES, TEST_SHARE, Frames, assign_folds, split_frames
+from ..regression.intervals import INTERVAL_LEVEL, fit_intervals, fit_trained_range
+from ..regression.marker_weights import find_wrong_markers, weight_by_certainty
+from ..regression.simulated_decoder import fit_simulated_decoder
 from ..regression.simulation_prior import Prior
-from .decoder_selection import Tried, chosen, try_all, try_candidate, try_simulated
-from .fault_limits import fault_limits
-from .pose_signals import pose_signals
-from .repeatability import Repeatability, repeatability
+from .decoder_selection import (
+    FitData,
+    FittedCandidate,
+    fit_all_candidates,
+    fit_candidate,
+    fit_simulated_candidate,
+    select_simplest,
+)
+from .fault_limits import fit_fault_limits
+from .pose_signals import extract_pose_signals
+from .repeatability import Repeatability, measure_repeatability
 
 AUTO = "auto"
-_LEAST_FOLD = 2.0  # s
+
+_MIN_FOLD_S = 2.0
+_MIN_MARKER_FRAMES = 20  # in which a marker must be visible
+_RECORDING_GAP_S = 1e6  # between recordings on the common clock
 
 
 @dataclass(frozen=True)
 class TrainingOptions:
-    """`decoder`: a form, or the best of all; whether its past is looked at (`memory`); whether
-    markers weigh by their certainty, and wrong ones are left out (`weighted`); the `test_share` of
-    the pictures, at the end; contiguous `folds`; the `level` of the intervals."""
+    """Options of a training.
+
+    Attributes:
+        decoder: Form of the decoder, or "auto" to select the best.
+        memory: Whether to try memories of past signals.
+        weighted: Whether to weight markers by their certainty and to leave out wrong ones.
+        test_share: Share of the frames to test on, at the end.
+        folds: Number of contiguous folds for cross-validation.
+        level: Probability that a marker lies within its interval.
+
+    Raises:
+        TrainingError: If the form is unknown, or a number is out of range.
+    """
 
     decoder: str = AUTO
     memory: bool = True
     weighted: bool = True
     test_share: float = TEST_SHARE
     folds: int = FOLDS
-    level: float = LEVEL
+    level: float = INTERVAL_LEVEL
 
     def __post_init__(self) -> None:
         if self.decoder != AUTO and self.decoder not in FORMS:
             raise TrainingError(
-                f"no decoder is called {self.decoder}; there are {AUTO}, {', '.join(FORMS)}",
+                f"there is no decoder {self.decoder!r}",
                 code="unknown-decoder",
+                where="decoder",
+                action=f"Choose {AUTO}, {', '.join(FORMS)}",
                 decoder=self.decoder,
             )
         if self.folds < 2:
             raise TrainingError(
-                f"{self.folds} folds: cross-validation needs 2 or more", code="too-few-folds"
+                f"cross-validation needs 2 folds or more, not {self.folds}",
+                code="too-few-folds",
+                where="folds",
             )
         if not 0 < self.level < 1:
             raise TrainingError(
-                f"a level of {self.level:g} cannot be; give one between 0 and 1",
+                f"must be between 0 and 1, not {self.level:g}",
                 code="level-out-of-range",
+                where="level",
             )
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """A candidate's row of the table: the ridge's `noise` (of the inputs) and its lambda (Eq. 8),
-    for a marker that is seen in every picture; RMSE (mm) of the `folds` (k,) left out, and of all
-    of them; errors on the test (None: none); its memory's time constants, s. Where nothing but the
-    simulation's map was fitted, noise and lambda are infinite."""
+class CandidateResult:
+    """Errors of one candidate.
+
+    Attributes:
+        name: Name of the kind of decoder.
+        features: Number of coefficients for each output.
+        noise: Assumed noise of the inputs in the ridge regression; infinite if only the
+            simulation's map was fitted.
+        lambda_: The same as lambda of DefSense's Eq. 8, for a marker visible in every frame.
+        folds: Root mean squared errors on the folds left out, shape (k,), mm.
+        cross_validated: Root mean squared error over all folds, mm.
+        test: Errors on the test frames; None if there are none.
+        moved: Time constants of the memory of where signals were, s.
+        worked: Time constants of the memory of how much signals moved, s.
+    """
 
     name: str
     features: int
@@ -81,197 +115,110 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Training:
-    """The model, its rows, which of them it is; pictures trained on and tested on; which markers of
-    the training (t, m), and of the test, were wrong; how far what is said of one shape differs from
-    show to show, None where none was shown twice."""
+    """Result of a training.
+
+    Attributes:
+        model: The trained model.
+        candidates: Errors of all candidates.
+        selected: Name of the candidate that the model uses.
+        training_frames: The frames that the model was trained on.
+        test_frames: The frames that it was tested on.
+        wrong_markers: Which markers of the training frames are wrong, shape (t, m).
+        wrong_test_markers: Which markers of the test frames are wrong.
+        repeatability: Repeatability of decoded shapes; None if no shape was shown twice.
+    """
 
     model: TrainedModel
-    attempts: tuple[Attempt, ...]
-    chosen: str
-    trained: Frames
-    tested: Frames
-    wrong: Bool
-    wrong_tested: Bool
-    repeats: Repeatability | None = None
+    candidates: tuple[CandidateResult, ...]
+    selected: str
+    training_frames: Frames
+    test_frames: Frames
+    wrong_markers: Bool
+    wrong_test_markers: Bool
+    repeatability: Repeatability | None = None
 
 
 def train(
-    dataset: Dataset, options: TrainingOptions | None = None, progress: Progress = silent,
+    dataset: Dataset,
+    options: TrainingOptions | None = None,
+    progress: Progress = silent,
     prior: Prior | None = None,
-) -> Training:  # fmt: skip
-    """With what the simulation says as a `prior`, if given. Raises TrainingError where there is too
-    little to train on."""
+) -> Training:
+    """Train a model.
+
+    Args:
+        dataset: The dataset.
+        options: Options of the training.
+        progress: Called with the stage "train".
+        prior: Simulated states of the device, to start from.
+
+    Returns:
+        The model, with the errors of all candidates.
+
+    Raises:
+        TrainingError: If there is too little to train on.
+    """
     options = options or TrainingOptions()
-    frames, tested = first_and_last(Frames.all_of(dataset), options.test_share)
-    _need_long_folds(frames, options.folds)
-    fold = fold_of(len(frames), options.folds)
-    outputs = frames.points - dataset.rest_points
+    frames, test_frames = split_frames(Frames.from_dataset(dataset), options.test_share)
+    _require_long_folds(frames, options.folds)
     progress("train", 0.0, "looking for wrong markers")
-    weights, wrong = _weights(frames, options)
-    _need_every_marker(frames, weights)
-    channels = tuple(range(len(dataset.channels)))
-    forms = FORMS if options.decoder == AUTO else (options.decoder,)
-    tried = try_all(
+    weights, wrong_markers = _weight_markers(frames, options)
+    _require_all_markers(frames, weights)
+    data = FitData(
         frames,
-        channels,
-        outputs,
+        tuple(range(len(dataset.channels))),
+        frames.points - dataset.rest_points,
         weights,
-        fold,
+        assign_folds(len(frames), options.folds),
+    )
+    forms = FORMS if options.decoder == AUTO else (options.decoder,)
+    fitted = fit_all_candidates(
+        data,
         forms,
-        memory=options.memory,
-        decoder=None if prior is None else simulated_decoder(prior),
+        use_memory=options.memory,
+        decoder=None if prior is None else fit_simulated_decoder(prior),
         progress=progress,
     )
-    among = tried if options.decoder == AUTO else [t for t in tried if t.candidate.form in forms]
-    best = chosen(among)
+    is_free = options.decoder == AUTO
+    best = select_simplest(fitted if is_free else [c for c in fitted if c.candidate.form in forms])
     progress("train", 0.8, "intervals, and decoders without each channel")
-    main = branch(best, frames, channels, outputs, weights, fold, options.level)
+    main = _make_branch(best, data, options.level)
     without = {
-        name: _without(k, best, frames, outputs, weights, options, prior)
+        name: _branch_without(k, best, data, options, prior)
         for k, name in enumerate(dataset.channels)
-        if len(channels) > 1
+        if len(data.channels) > 1
     }
-    rows = tuple(_attempt(t, frames, tested, channels) for t in tried)
-    poses = pose_signals(dataset.recordings)
-    model = TrainedModel(
-        dataset.device, dataset.layout, best.name, dataset.channels, dataset.ids,
-        dataset.rest_points, np.ones(len(channels)), np.zeros(len(channels)), main, without,
-        fault_limits(dataset), {n: p.signals for n, p in poses.items()},
-        {n: p.spread for n, p in poses.items()},
-    )  # fmt: skip
+    candidates = tuple(_summarize(c, data, test_frames) for c in fitted)
+    model = _make_model(dataset, best.name, main, without)
     progress("train", 1.0, "done")
-    wrong_tested = np.zeros_like(tested.visible)
-    if options.weighted and len(tested) >= FEWEST:
-        wrong_tested = _weights(tested, options)[1]
-    said, _ = _left_out(best, frames, channels, outputs, fold)
-    repeats = repeatability(_without_wrong(frames, weights), said)
-    return Training(model, rows, best.name, frames, tested, wrong, wrong_tested, repeats)
+    wrong_test_markers = np.zeros_like(test_frames.visible)
+    if options.weighted and len(test_frames) >= MIN_FRAMES:
+        wrong_test_markers = _weight_markers(test_frames, options)[1]
+    decoded, _ = _decode_left_out(best, data)
+    repeatability = measure_repeatability(_hide_unweighted(frames, weights), decoded)
+    return Training(
+        model,
+        candidates,
+        best.name,
+        frames,
+        test_frames,
+        wrong_markers,
+        wrong_test_markers,
+        repeatability,
+    )
 
 
-def _clock(frames: Frames) -> Float:
-    """(t,) s, far apart between recordings."""
-    return frames.time + 1e6 * frames.of
+def measure_errors(predicted: Float, points: Float) -> ErrorMeasures:
+    """Measure the errors of predicted marker positions.
 
+    Args:
+        predicted: Predicted positions, shape (t, m, 3), mm.
+        points: Measured positions, shape (t, m, 3), mm; NaN in gaps.
 
-def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
-    seen = frames.visible
-    if not options.weighted:
-        return seen.astype(float), np.zeros_like(seen)
-    signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
-    wrong, scale = wrong_markers(signals, frames.points, _clock(frames))
-    return certainty_weights(frames.sigma, seen & ~wrong, scale), wrong
-
-
-def _need_long_folds(frames: Frames, folds: int) -> None:
-    """Raises TrainingError for too few pictures, and for folds so short that each is told by its
-    neighbours."""
-    if len(frames) < FEWEST:
-        raise TrainingError(
-            f"{len(frames)} pictures are left to train on, and training needs {FEWEST}; test on a"
-            " smaller share (--test-share), or record for longer",
-            code="too-few-frames",
-            count=len(frames),
-            needed=FEWEST,
-        )
-    lasts = frames.lasts
-    if folds > FOLDS and lasts / folds < _LEAST_FOLD:
-        raise TrainingError(
-            f"{folds} folds of {lasts / folds:.1f} s each are told by their neighbours; take"
-            f" {max(int(lasts / _LEAST_FOLD), FOLDS)} or fewer (--folds)",
-            code="folds-too-short",
-            fold_s=lasts / folds,
-            largest=max(int(lasts / _LEAST_FOLD), FOLDS),
-        )
-
-
-def _need_every_marker(frames: Frames, weights: Float) -> None:
-    """Raises TrainingError for markers that are hardly ever known."""
-    few = (weights > 0).sum(0) < 20
-    if few.any():
-        ids = ", ".join(map(str, frames.dataset.ids[few].tolist()))
-        raise TrainingError(
-            f"{frames.dataset.device}: marker {ids} was seen in fewer than 20 of the"
-            f" {len(frames)} pictures to train on; record with a camera that sees it, or leave it"
-            f" out (--without-markers {ids.replace(' ', '')})",
-            code="marker-rarely-seen",
-            markers=tuple(frames.dataset.ids[few].tolist()),
-        )
-
-
-def branch(
-    tried: Tried, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
-    fold: Int, level: float,
-) -> Branch:  # fmt: skip
-    """The candidate fitted to all of the frames, with its range, and intervals from errors on the
-    folds that were left out."""
-    z = frames.inputs(tried.candidate.past, channels)
-    range_ = trained_range(z, z[:, : len(channels)])
-    guess, away = _left_out(tried, frames, channels, outputs, fold)
-    errors = np.linalg.norm(guess - outputs, axis=2)
-    errors[weights <= 0] = np.nan
-    intervals = conformal(errors, away, _clock(frames), level)
-    found = tried.decoder()
-    decoder = replace(found, constant=found.constant + frames.dataset.rest_points.ravel())
-    simulated = None if tried.simulated is None else tried.simulated.whole
-    return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals, simulated)
-
-
-def _left_out(
-    tried: Tried, frames: Frames, channels: Sequence[int], outputs: Float, fold: Int
-) -> tuple[Float, Float]:
-    """Displacements (t, m, 3) mm by decoders of the other folds, and how far (t,) each picture lies
-    from a training that it was not part of."""
-    z = frames.inputs(tried.candidate.past, channels)
-    guess, away = np.empty(outputs.shape), np.empty(len(frames))
-    for k in range(int(fold.max()) + 1):
-        left = fold == k
-        guess[left] = tried.displacements(z[left], k).reshape(-1, *outputs.shape[1:])
-        away[left] = trained_range(z[~left], z[~left, : len(channels)]).distance(z[left])
-    return guess, away
-
-
-def _without_wrong(frames: Frames, weights: Float) -> Frames:
-    """As if markers that do not count had not been seen."""
-    return replace(frames, points=np.where(weights[..., None] > 0, frames.points, np.nan))
-
-
-def _without(
-    lost: int, best: Tried, frames: Frames, outputs: Float, weights: Float,
-    options: TrainingOptions, prior: Prior | None,
-) -> Branch:  # fmt: skip
-    """The same form and past from the other channels."""
-    others = [k for k in range(len(frames.dataset.channels)) if k != lost]
-    fold = fold_of(len(frames), options.folds)
-    simulated = None
-    if best.candidate.form == AFFINE and best.simulated is None:
-        weights = (weights > 0).astype(float)
-    if best.simulated is not None and prior is not None:
-        decoder, past = simulated_decoder(prior, others), best.candidate.past
-        start = try_simulated(frames, others, outputs, weights, fold, decoder, past)
-        if best.sums is None:
-            return branch(start, frames, others, outputs, weights, fold, options.level)
-        simulated = start.simulated
-    tried = try_candidate(best.candidate, frames, others, outputs, weights, fold, simulated)
-    return branch(tried, frames, others, outputs, weights, fold, options.level)
-
-
-def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[int]) -> Attempt:
-    noise, test = tried.path.noise, None
-    if len(tested):
-        z = tested.inputs(tried.candidate.past, channels)
-        guess = tried.displacements(z).reshape(tested.points.shape)
-        test = errors_of(guess + frames.dataset.rest_points, tested.points)
-    return Attempt(
-        tried.name, tried.count, noise,
-        float(noise * np.sqrt(len(frames))), tried.folds, tried.rmse, test,
-        tried.candidate.past.moved, tried.candidate.past.worked,
-    )  # fmt: skip
-
-
-def errors_of(guess: Float, points: Float) -> ErrorMeasures:
-    """Of positions (t, m, 3) mm against those seen, NaN in gaps; every marker that was seen counts
-    the same."""
-    distance = np.linalg.norm(guess - points, axis=2)
+    Returns:
+        The errors; all visible markers count alike.
+    """
+    distance = np.linalg.norm(predicted - points, axis=2)
     with np.errstate(all="ignore"):
         per_state = np.sqrt(np.nanmean(distance**2, axis=1))
     return ErrorMeasures(
@@ -279,4 +226,155 @@ def errors_of(guess: Float, points: Float) -> ErrorMeasures:
         peak=float(np.nanmax(distance)),
         average_peak=float(np.nanmean(np.nanmax(distance, axis=1))),
         per_state=per_state,
+    )
+
+
+def _make_model(
+    dataset: Dataset, kind: str, main: Branch, without: dict[str, Branch]
+) -> TrainedModel:
+    c = len(dataset.channels)
+    poses = extract_pose_signals(dataset.recordings)
+    return TrainedModel(
+        dataset.device,
+        dataset.layout,
+        kind,
+        dataset.channels,
+        dataset.ids,
+        dataset.rest_points,
+        np.ones(c),
+        np.zeros(c),
+        main,
+        without,
+        fit_fault_limits(dataset),
+        {name: p.signals for name, p in poses.items()},
+        {name: p.spread for name, p in poses.items()},
+    )
+
+
+def _common_time(frames: Frames) -> Float:
+    """Return times (t,) in s on one clock, with large gaps between recordings."""
+    return frames.time + _RECORDING_GAP_S * frames.recording_index
+
+
+def _weight_markers(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
+    """Return weights of the markers (t, m), and which are wrong (t, m)."""
+    visible = frames.visible
+    if not options.weighted:
+        return visible.astype(float), np.zeros_like(visible)
+    signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
+    is_wrong, scale = find_wrong_markers(signals, frames.points, _common_time(frames))
+    return weight_by_certainty(frames.sigma, visible & ~is_wrong, scale), is_wrong
+
+
+def _require_long_folds(frames: Frames, folds: int) -> None:
+    """Raise an error for too few frames, and for folds that their neighbors predict."""
+    if len(frames) < MIN_FRAMES:
+        raise TrainingError(
+            f"{len(frames)} frames are left to train on, but training needs {MIN_FRAMES}",
+            code="too-few-frames",
+            action="Test on a smaller share, or record for longer",
+            count=len(frames),
+            needed=MIN_FRAMES,
+        )
+    duration = frames.duration_s
+    if folds > FOLDS and duration / folds < _MIN_FOLD_S:
+        largest = max(int(duration / _MIN_FOLD_S), FOLDS)
+        raise TrainingError(
+            f"{folds} folds of {duration / folds:.1f} s each are too short: they are predicted by"
+            " their neighbors",
+            code="folds-too-short",
+            where="folds",
+            action=f"Use {largest} folds or fewer",
+            fold_s=duration / folds,
+            largest=largest,
+        )
+
+
+def _require_all_markers(frames: Frames, weights: Float) -> None:
+    """Raise an error for markers that are hardly ever known."""
+    is_rare = (weights > 0).sum(0) < _MIN_MARKER_FRAMES
+    if is_rare.any():
+        markers = tuple(frames.dataset.ids[is_rare].tolist())
+        raise TrainingError(
+            f"marker {', '.join(map(str, markers))} was visible in fewer than {_MIN_MARKER_FRAMES}"
+            f" of the {len(frames)} frames to train on",
+            code="marker-rarely-seen",
+            where=frames.dataset.device,
+            action="Record with a camera that sees it, or leave it out",
+            markers=markers,
+        )
+
+
+def _make_branch(fitted: FittedCandidate, data: FitData, level: float) -> Branch:
+    """Return the decoder fitted to all frames, with its range and intervals."""
+    frames, past = data.frames, fitted.candidate.past
+    z = data.inputs(past)
+    trained_range = fit_trained_range(z, z[:, : len(data.channels)])
+    decoded, distance = _decode_left_out(fitted, data)
+    errors = np.linalg.norm(decoded - data.outputs, axis=2)
+    errors[data.weights <= 0] = np.nan
+    intervals = fit_intervals(errors, distance, _common_time(frames), level)
+    decoder = fitted.decoder()
+    decoder = replace(decoder, constant=decoder.constant + frames.dataset.rest_points.ravel())
+    simulated = None if fitted.simulated is None else fitted.simulated.whole
+    return Branch(tuple(data.channels), past, decoder, trained_range, intervals, simulated)
+
+
+def _decode_left_out(fitted: FittedCandidate, data: FitData) -> tuple[Float, Float]:
+    """Decode each fold by decoders of the other folds.
+
+    Returns displacements (t, m, 3) mm, and the distance (t,) of each frame from the range of the
+    training that it was not part of.
+    """
+    z = data.inputs(fitted.candidate.past)
+    c = len(data.channels)
+    decoded, distance = np.empty(data.outputs.shape), np.empty(len(data.frames))
+    for k in range(data.fold_count):
+        test = data.fold == k
+        decoded[test] = fitted.displacements(z[test], k).reshape(-1, *data.outputs.shape[1:])
+        distance[test] = fit_trained_range(z[~test], z[~test, :c]).distance(z[test])
+    return decoded, distance
+
+
+def _hide_unweighted(frames: Frames, weights: Float) -> Frames:
+    """Return the frames with markers of weight 0 set to NaN."""
+    return replace(frames, points=np.where(weights[..., None] > 0, frames.points, np.nan))
+
+
+def _branch_without(
+    lost: int, best: FittedCandidate, data: FitData, options: TrainingOptions, prior: Prior | None
+) -> Branch:
+    """Return a branch of the same form and memory from the channels other than `lost`."""
+    others = [k for k in range(len(data.frames.dataset.channels)) if k != lost]
+    data = replace(data, channels=others)
+    simulated = None
+    if best.candidate.form == AFFINE and best.simulated is None:
+        data = replace(data, weights=(data.weights > 0).astype(float))
+    if best.simulated is not None and prior is not None:
+        decoder = fit_simulated_decoder(prior, others)
+        start = fit_simulated_candidate(data, decoder, best.candidate.past)
+        if best.sums is None:
+            return _make_branch(start, data, options.level)
+        simulated = start.simulated
+    fitted = fit_candidate(best.candidate, data, simulated)
+    return _make_branch(fitted, data, options.level)
+
+
+def _summarize(fitted: FittedCandidate, data: FitData, test_frames: Frames) -> CandidateResult:
+    """Return a candidate's errors, with those on the test frames."""
+    noise, test = fitted.path.noise, None
+    if len(test_frames):
+        z = test_frames.inputs(fitted.candidate.past, data.channels)
+        decoded = fitted.displacements(z).reshape(test_frames.points.shape)
+        test = measure_errors(decoded + data.frames.dataset.rest_points, test_frames.points)
+    return CandidateResult(
+        name=fitted.name,
+        features=fitted.count,
+        noise=noise,
+        lambda_=float(noise * np.sqrt(len(data.frames))),
+        folds=fitted.folds,
+        cross_validated=fitted.rmse,
+        test=test,
+        moved=fitted.candidate.past.moved,
+        worked=fitted.candidate.past.worked,
     )

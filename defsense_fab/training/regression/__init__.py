@@ -1,1 +1,1 @@
-"""Ridge regression of many pictures, and what decoders are fitted to."""
+"""Ridge regression on camera frames: candidates, weights, intervals, and a simulation as a prior."""

@@ -1,4 +1,4 @@
-"""The decoders that training tries."""
+"""Candidate decoders that training compares."""
 
 from __future__ import annotations
 
@@ -11,56 +11,79 @@ from ...decoding.input_decoder import InputFeatures, all_products, no_products
 from ...decoding.signal_history import Past
 
 AFFINE, QUADRATIC, KERNEL = "affine", "quadratic", "kernel"
-#: From simple to rich; of those that are as good, the first is taken.
+#: Forms of decoders, from simple to rich. Of equally good ones, the first is selected.
 FORMS = (AFFINE, QUADRATIC, KERNEL)
 MEMORY, WORK, SIMULATED = "memory", "work", "simulated"
-_CENTERS = 40
-_DRAWN = 2000  # pictures among which centers are chosen
-_WIDTH = 1.5  # of the functions, in the mean distance from a center to its nearest
+
+_CENTER_COUNT = 40
+_MAX_FRAMES = 2000  # frames among which centers are chosen
+_WIDTH_RATIO = 1.5  # width of the basis functions over the mean distance to the nearest center
 
 
-def form_of(kind: str) -> str:
-    """Which of FORMS a decoder has, by the name of its kind; SIMULATED where it starts from the
-    simulation's own map, and the kind itself where it names none."""
+def parse_form(kind: str) -> str:
+    """Return the form of a decoder.
+
+    Args:
+        kind: Name of the decoder's kind, such as "quadratic + memory".
+
+    Returns:
+        One of FORMS; SIMULATED if the decoder starts from the simulation's map; the kind itself if
+        it names neither.
+    """
     parts = kind.split(" + ")
     return SIMULATED if SIMULATED in parts else next((f for f in FORMS if f in parts), kind)
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A form of decoder, and the past that it sees."""
+    """A form of decoder with the memory of past signals that it uses.
+
+    Attributes:
+        form: One of FORMS.
+        past: The memory.
+    """
 
     form: str
     past: Past
 
     @property
     def name(self) -> str:
-        """affine, quadratic + memory, ..."""
+        """Name of the kind of decoder, such as "affine" or "quadratic + memory"."""
         memory = [MEMORY] * bool(self.past.moved) + [WORK] * bool(self.past.worked)
         return " + ".join([self.form, *memory])
 
     def features(self, inputs: Float, channels: int) -> InputFeatures:
-        """For inputs (t, d) to be trained on, the first of which are the signals of so many
-        channels."""
+        """Choose the features for training.
+
+        Args:
+            inputs: Inputs to train on, shape (t, d); the first `channels` are the signals.
+            channels: Number of channels.
+
+        Returns:
+            The features of such inputs.
+        """
         d = inputs.shape[1]
         products = no_products() if self.form == AFFINE else all_products(channels)
         centers, scale = np.zeros((0, channels)), np.ones(channels)
         if self.form == KERNEL:
-            centers, scale = _centers(inputs[:, :channels])
+            centers, scale = _choose_centers(inputs[:, :channels])
         return InputFeatures(d, products, centers, scale)
 
 
-def _centers(signals: Float) -> tuple[Float, Float]:
-    """Centers (k, c), spread over the signals (t, c), and the functions' scale (c,)."""
+def _choose_centers(signals: Float) -> tuple[Float, Float]:
+    """Return centers (k, c) spread over the signals (t, c), and the functions' scale (c,).
+
+    Each center is the signal farthest from those chosen before.
+    """
     spread = np.maximum(signals.std(0), 1e-9)
-    x = signals[:: max(len(signals) // _DRAWN, 1)] / spread
+    x = signals[:: max(len(signals) // _MAX_FRAMES, 1)] / spread
     chosen = [int(np.linalg.norm(x - x.mean(0), axis=1).argmax())]
-    apart = np.full(len(x), np.inf)
-    while len(chosen) < min(_CENTERS, len(x)):
-        apart = np.minimum(apart, np.linalg.norm(x - x[chosen[-1]], axis=1))
-        chosen.append(int(apart.argmax()))
+    distance = np.full(len(x), np.inf)
+    while len(chosen) < min(_CENTER_COUNT, len(x)):
+        distance = np.minimum(distance, np.linalg.norm(x - x[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
     centers = x[chosen]
     gaps = np.linalg.norm(centers[:, None] - centers, axis=2)
     np.fill_diagonal(gaps, np.inf)
-    width = _WIDTH * float(gaps.min(1).mean()) * np.sqrt(signals.shape[1])
+    width = _WIDTH_RATIO * float(gaps.min(1).mean()) * np.sqrt(signals.shape[1])
     return centers * spread, width * spread

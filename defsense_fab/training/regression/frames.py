@@ -1,4 +1,12 @@
-"""The pictures of a dataset with what a decoder may see at their times, in one table."""
+"""The usable frames of a dataset in one table, with decoder inputs, and their division for tests.
+
+Models are always trained and tested on contiguous runs of frames. Neighboring frames are nearly
+the same, so a test on frames between training frames would show only how well a decoder remembers.
+
+References:
+    Roberts et al. 2017, Cross-validation strategies for data with temporal, spatial, hierarchical,
+    or phylogenetic structure, Ecography 40.
+"""
 
 from __future__ import annotations
 
@@ -13,112 +21,153 @@ from ...decoding.decoders import FOLDS
 from ...decoding.signal_history import Past, at_times
 from ..data.dataset import Dataset
 
-# Which pictures a model is trained on, and which it is tested on: always runs of neighbours.
-#
-# Pictures beside each other show nearly the same: a test among the training's neighbours tells how
-# well a decoder remembers. (Roberts et al. 2017, Cross-validation strategies for data with temporal
-# structure, Ecography 40.)
-
-#: Of all pictures, those at the end that a model is tested on (DefSense, CHI 2016, section 6).
+#: Fewer frames cannot be divided into meaningful folds.
+MIN_FRAMES = 50
+#: Share of the frames, at the end, that a model is tested on (DefSense, CHI 2016, section 6).
 TEST_SHARE = 0.3
-
-
-def first_and_last(frames: Frames, share: float = TEST_SHARE) -> tuple[Frames, Frames]:
-    """The first pictures, and the last `share` of them. Raises TrainingError for no share."""
-    if not 0 <= share < 1:
-        raise TrainingError(
-            f"the share of pictures to test on must be from 0 to below 1, not {share:g}",
-            code="share-out-of-range",
-            share=share,
-        )
-    cut = len(frames) - round(share * len(frames))
-    return frames.part(slice(0, cut)), frames.part(slice(cut, len(frames)))
-
-
-def fold_of(count: int, folds: int = FOLDS) -> Int:
-    """The fold (t,) of each of `count` pictures: contiguous, of nearly equal sizes."""
-    return np.repeat(np.arange(folds), [len(p) for p in np.array_split(np.arange(count), folds)])
-
-
-#: Fewer pictures than this cannot be divided into folds that tell anything.
-FEWEST = 50
 
 
 @dataclass(frozen=True)
 class Frames:
-    """t pictures at which all channels are known and a marker or more was seen, in the order of the
-    recordings: `of` (t,) the recording and `row` (t,) the picture in it; `points` and `sigma`
-    (t, m, 3) mm, NaN in gaps."""
+    """The t frames with signals of all channels and at least one visible marker.
+
+    Attributes:
+        dataset: The dataset that the frames belong to.
+        recording_index: Index of each frame's recording, shape (t,), not decreasing.
+        frame_index: Index of each frame in its recording, shape (t,).
+        points: Marker positions, shape (t, m, 3), mm, in the device's rest frame; NaN in gaps.
+        sigma: Standard deviations of the positions, shape (t, m, 3), mm; NaN in gaps.
+    """
 
     dataset: Dataset
-    of: Int
-    row: Int
+    recording_index: Int
+    frame_index: Int
     points: Float
     sigma: Float
 
     @staticmethod
-    def all_of(dataset: Dataset) -> Frames:
-        """Raises TrainingError where there are too few."""
-        every = range(len(dataset.recordings))
-        count = [len(r.time) for r in dataset.recordings]
-        whole = Frames(
+    def from_dataset(dataset: Dataset) -> Frames:
+        """Collect the usable frames of all recordings.
+
+        Args:
+            dataset: The dataset.
+
+        Returns:
+            The frames, in the order of the recordings.
+
+        Raises:
+            TrainingError: If there are fewer than MIN_FRAMES.
+        """
+        counts = [len(r.time) for r in dataset.recordings]
+        frames = Frames(
             dataset,
-            np.repeat(np.arange(len(count)), count),
-            np.concatenate([np.arange(n) for n in count]),
+            np.repeat(np.arange(len(counts)), counts),
+            np.concatenate([np.arange(n) for n in counts]),
             np.concatenate([r.points for r in dataset.recordings]),
             np.concatenate([r.sigma for r in dataset.recordings]),
         )
         channels = range(len(dataset.channels))
-        known = np.isfinite(whole.inputs(Past(), channels)).all(axis=1)
-        seen = np.isfinite(whole.points[..., 0]).any(axis=1)
-        if (known & seen).sum() < FEWEST:
-            names = ", ".join(dataset.recordings[k].name for k in every)
+        has_signals = np.isfinite(frames.inputs(Past(), channels)).all(axis=1)
+        has_markers = np.isfinite(frames.points[..., 0]).any(axis=1)
+        is_usable = has_signals & has_markers
+        if is_usable.sum() < MIN_FRAMES:
             raise TrainingError(
-                f"{names}: {int((known & seen).sum())} of {known.size} pictures have both signals"
-                f" of all channels ({int(known.sum())}) and markers ({int(seen.sum())}); training"
-                f" needs {FEWEST} or more: record for longer, and see the report for what is missing",
+                f"{int(is_usable.sum())} of {is_usable.size} frames have both signals of all"
+                f" channels ({int(has_signals.sum())}) and markers ({int(has_markers.sum())}), but"
+                f" training needs {MIN_FRAMES}",
                 code="too-few-frames",
-                count=int((known & seen).sum()),
-                needed=FEWEST,
+                where=", ".join(r.name for r in dataset.recordings),
+                action="Record for longer, or see in the session's report.html what is missing",
+                count=int(is_usable.sum()),
+                needed=MIN_FRAMES,
             )
-        return whole.part(np.asarray(known & seen))
+        return frames.select(np.asarray(is_usable))
 
     @property
-    def lasts(self) -> float:
-        """s from the first picture to the last, of all recordings together."""
-        time = self.time
-        return float(sum(np.ptp(time[self.of == k]) for k in np.unique(self.of)))
+    def duration_s(self) -> float:
+        """Time from the first frame to the last, summed over the recordings, s."""
+        time, index = self.time, self.recording_index
+        return float(sum(np.ptp(time[index == k]) for k in np.unique(index)))
 
-    def part(self, frames: Bool | slice | Int) -> Frames:
-        """Some of them."""
+    def select(self, which: Bool | slice | Int) -> Frames:
+        """Return the frames given by a mask (t,), a slice or indices."""
         return replace(
-            self, of=self.of[frames], row=self.row[frames], points=self.points[frames],
-            sigma=self.sigma[frames],
-        )  # fmt: skip
+            self,
+            recording_index=self.recording_index[which],
+            frame_index=self.frame_index[which],
+            points=self.points[which],
+            sigma=self.sigma[which],
+        )
 
     def __len__(self) -> int:
-        return len(self.of)
+        return len(self.recording_index)
 
     @property
     def time(self) -> Float:
-        """(t,) s, on each recording's own clock."""
-        out = np.empty(len(self))
+        """Times of the frames, shape (t,), s, on the clock of each recording."""
+        time = np.empty(len(self))
         for k, recording in enumerate(self.dataset.recordings):
-            mine = self.of == k
-            out[mine] = recording.time[self.row[mine]]
-        return out
+            is_of_recording = self.recording_index == k
+            time[is_of_recording] = recording.time[self.frame_index[is_of_recording]]
+        return time
 
     @property
     def visible(self) -> Bool:
-        """(t, m)."""
+        """Whether each marker is visible in each frame, shape (t, m)."""
         return np.asarray(np.isfinite(self.points[..., 0]))
 
     def inputs(self, past: Past, channels: Sequence[int]) -> Float:
-        """What a decoder sees (t, d) of the channels (k,), by index, and their past."""
-        pick = list(channels)
-        out = np.empty((len(self), len(pick) * (1 + past.count)))
+        """Compute the inputs of a decoder.
+
+        Args:
+            past: The memory that the decoder uses.
+            channels: Indices of the decoder's k channels.
+
+        Returns:
+            Signals and their memories at the frames, shape (t, k (1 + past.count)).
+        """
+        indices = list(channels)
+        inputs = np.empty((len(self), len(indices) * (1 + past.count)))
         for k, r in enumerate(self.dataset.recordings):
-            mine = self.of == k
-            z = past(r.sample_time, r.signals[:, pick])
-            out[mine] = at_times(r.time[self.row[mine]], r.sample_time, z)
-        return out
+            is_of_recording = self.recording_index == k
+            z = past(r.sample_time, r.signals[:, indices])
+            times = r.time[self.frame_index[is_of_recording]]
+            inputs[is_of_recording] = at_times(times, r.sample_time, z)
+        return inputs
+
+
+def split_frames(frames: Frames, test_share: float = TEST_SHARE) -> tuple[Frames, Frames]:
+    """Divide frames into those to train on and those to test on.
+
+    Args:
+        frames: The frames.
+        test_share: Share of the frames to test on, at the end; from 0 to below 1.
+
+    Returns:
+        The first frames, for training, and the last ones, for the test.
+
+    Raises:
+        TrainingError: If the share is out of range.
+    """
+    if not 0 <= test_share < 1:
+        raise TrainingError(
+            f"must be from 0 to below 1, not {test_share:g}",
+            code="share-out-of-range",
+            where="test_share",
+            share=test_share,
+        )
+    cut = len(frames) - round(test_share * len(frames))
+    return frames.select(slice(0, cut)), frames.select(slice(cut, len(frames)))
+
+
+def assign_folds(count: int, folds: int = FOLDS) -> Int:
+    """Assign frames to contiguous folds of nearly equal sizes.
+
+    Args:
+        count: Number of frames.
+        folds: Number of folds.
+
+    Returns:
+        The fold of each frame, shape (count,).
+    """
+    return np.repeat(np.arange(folds), [len(p) for p in np.array_split(np.arange(count), folds)])

@@ -1,10 +1,13 @@
-"""How much each marker of each picture counts: less where cameras were less certain, and nothing
-where it is plainly not where the others are.
+"""Weights of the markers in each frame: less for uncertain ones, none for wrong ones.
 
-A decoder that bends is fitted, again and again, with Huber's weights (Huber 1964). A marker is
-wrong that lies more than `FAR` robust standard deviations off while the others of its picture do
-not, or while the pictures before and after do not: tags taken for one another, reflections, a
-picture laid wrongly onto the rest pose. Where all markers are off for long it is the decoder.
+A quadratic decoder is fitted repeatedly with Huber's weights. A marker is wrong if its residual is
+larger than `WRONG_MARKER_SIGMAS` robust standard deviations while the residuals of the frame's other
+markers, or of the frames before and after, are not. Causes are mistaken tags, reflections, and
+frames that were aligned wrongly to the rest pose. Where all markers are off for long, the decoder
+is wrong and not the markers.
+
+References:
+    Huber 1964, Robust estimation of a location parameter.
 """
 
 from __future__ import annotations
@@ -16,66 +19,95 @@ from scipy.ndimage import median_filter
 
 from ...core.arrays import Bool, Float
 from ...decoding.input_decoder import InputFeatures, all_products
-from .weighted_ridge import Whitened, solve, sums
+from .weighted_ridge import Whitening, accumulate_sums, solve_ridge
 
-FAR = 8.0  # robust standard deviations, beyond which a marker is wrong
-_WINDOW = 2.0  # s around a picture
-_OWN = 4.0  # times what the others are off
-_HUBER, _ROUNDS, _NOISE = 2.5, 12, 2e-3
-_LEAST = 0.02  # mm: no scale is less, so that exact data have no wrong markers
+#: Robust standard deviations beyond which a marker is wrong.
+WRONG_MARKER_SIGMAS = 8.0
+
+_WINDOW_S = 2.0  # around a frame
+_RESIDUAL_RATIO = 4.0  # of a wrong marker's residual over that of the others
+_HUBER_SIGMAS, _MAX_ROUNDS, _INPUT_NOISE = 2.5, 12, 2e-3
+_MIN_SCALE_MM = 0.02  # so that exact data have no wrong markers
 
 
-def certainty_weights(sigma: Float, seen: Bool, error: Float) -> Float:
-    """(t, m), 1 for the marker's usual sigma (t, m, 3) mm and for unknown ones: with the errors
-    (m,) mm that a decoder makes besides, the inverse of the variance. Zero where not `seen`."""
+def weight_by_certainty(sigma: Float, visible: Bool, error: Float) -> Float:
+    """Weight markers by the inverse of their variance.
+
+    Args:
+        sigma: Standard deviations of the positions, shape (t, m, 3), mm; NaN where unknown.
+        visible: Which markers are to be used, shape (t, m).
+        error: Error that a decoder makes in addition, shape (m,), mm along an axis.
+
+    Returns:
+        Weights, shape (t, m): 1 for the marker's median sigma and where sigma is unknown, 0 where
+        the marker is not visible.
+    """
     with np.errstate(all="ignore"):
         variance = (sigma**2).mean(axis=2)
-    known = np.isfinite(variance)
+    is_known = np.isfinite(variance)
     usual = np.array(
-        [np.median(v[k]) if k.any() else 0.0 for v, k in zip(variance.T, known.T, strict=True)]
+        [np.median(v[k]) if k.any() else 0.0 for v, k in zip(variance.T, is_known.T, strict=True)]
     )
-    weights = (error**2 + usual) / (error**2 + np.where(known, variance, usual))
-    return np.where(seen, np.where(known, weights, 1.0), 0.0)
+    weights = (error**2 + usual) / (error**2 + np.where(is_known, variance, usual))
+    return np.where(visible, np.where(is_known, weights, 1.0), 0.0)
 
 
-def wrong_markers(inputs: Float, points: Float, time: Float) -> tuple[Bool, Float]:
-    """Which markers (t, m) of `points` (t, m, 3) mm at times (t,) s are wrong, by what the signals,
-    `inputs` (t, c), say; and the scale (m,) mm of what the others are off, along an axis."""
+def find_wrong_markers(inputs: Float, points: Float, time: Float) -> tuple[Bool, Float]:
+    """Find markers whose positions contradict the signals.
+
+    Args:
+        inputs: Signals at the frames, shape (t, c).
+        points: Marker positions, shape (t, m, 3), mm; NaN in gaps.
+        time: Times of the frames, shape (t,), s.
+
+    Returns:
+        Which markers are wrong, shape (t, m), and the scale of the other markers' residuals, shape
+        (m,), mm along an axis.
+    """
     t, c = inputs.shape
-    seen = np.isfinite(points[..., 0])
+    visible = np.isfinite(points[..., 0])
     features = InputFeatures(c, all_products(c), np.zeros((0, c)), np.ones(c))
     phi = features(inputs)
-    turned = Whitened.of(phi, features.slopes(inputs), features.roughness())
-    x = turned(phi)
-    outputs = np.where(seen[..., None], points, 0.0)
-    weights, one = seen.astype(float), np.zeros(t, np.int64)
-    far, scale = np.zeros_like(seen), np.zeros(points.shape[1])
-    for _ in range(_ROUNDS):
-        beta, constant = solve(sums(x, outputs, weights, one).without(), np.array([_NOISE]))
-        off = np.linalg.norm((x @ beta[0] + constant[0]).reshape(outputs.shape) - outputs, axis=2)
-        scale = np.array([_scale(o[s]) for o, s in zip(off.T, seen.T, strict=True)])
-        before, far = far, seen & _apart(np.where(seen, off / scale, np.nan), time)
-        if (far == before).all() and not far.any():
+    whitening = Whitening.of(phi, features.slopes(inputs), features.roughness())
+    x = whitening(phi)
+    outputs = np.where(visible[..., None], points, 0.0)
+    weights, one_fold = visible.astype(float), np.zeros(t, np.int64)
+    is_wrong, scale = np.zeros_like(visible), np.zeros(points.shape[1])
+    for _ in range(_MAX_ROUNDS):
+        sums = accumulate_sums(x, outputs, weights, one_fold).without()
+        beta, constant = solve_ridge(sums, np.array([_INPUT_NOISE]))
+        predicted = (x @ beta[0] + constant[0]).reshape(outputs.shape)
+        residual = np.linalg.norm(predicted - outputs, axis=2)
+        scale = np.array([_axis_scale(o[s]) for o, s in zip(residual.T, visible.T, strict=True)])
+        previous = is_wrong
+        is_wrong = visible & _stands_out(np.where(visible, residual / scale, np.nan), time)
+        if (is_wrong == previous).all() and not is_wrong.any():
             break
-        ratio = _HUBER * scale / np.maximum(off, 1e-12)
-        weights = np.where(seen, np.minimum(1.0, ratio) * ~far, 0.0)
-    return far, scale
+        ratio = _HUBER_SIGMAS * scale / np.maximum(residual, 1e-12)
+        weights = np.where(visible, np.minimum(1.0, ratio) * ~is_wrong, 0.0)
+    return is_wrong, scale
 
 
-def _apart(off: Float, time: Float) -> Bool:
-    """Which (t, m), in robust standard deviations and NaN where not seen, are off by themselves."""
+def _stands_out(residual: Float, time: Float) -> Bool:
+    """Return which residuals (t, m) are large while those around them are not.
+
+    They are in robust standard deviations, NaN where the marker is not visible.
+    """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # pictures without a marker
-        usual = np.nanmedian(off, axis=1)
-    known = np.isfinite(usual)
-    if known.any():
-        usual = np.interp(time, time[known], usual[known])
-    width = max(2 * round(_WINDOW / max(float(np.median(np.diff(time))), 1e-3) / 2) + 1, 3)
+        warnings.simplefilter("ignore", RuntimeWarning)  # frames without a marker
+        usual = np.nanmedian(residual, axis=1)
+    is_known = np.isfinite(usual)
+    if is_known.any():
+        usual = np.interp(time, time[is_known], usual[is_known])
+    width = max(2 * round(_WINDOW_S / max(float(np.median(np.diff(time))), 1e-3) / 2) + 1, 3)
     around = median_filter(usual, width, mode="nearest")
     others = np.minimum(usual, around)[:, None]
-    return np.asarray((off > FAR) & (off > _OWN * others))
+    return np.asarray((residual > WRONG_MARKER_SIGMAS) & (residual > _RESIDUAL_RATIO * others))
 
 
-def _scale(off: Float) -> float:
-    """Along an axis, of distances (n,): the median of a Maxwell distribution is 1.538 of it."""
-    return max(float(np.median(off)) / 1.538, _LEAST) if len(off) else _LEAST
+def _axis_scale(distance: Float) -> float:
+    """Return the scale along an axis of distances (n,), whose median in theory is 1.538 times it.
+
+    The distances are taken to have a Maxwell distribution.
+    """
+    return max(float(np.median(distance)) / 1.538, _MIN_SCALE_MM) if len(distance) else _MIN_SCALE_MM

@@ -1,4 +1,4 @@
-"""What the simulation alone makes of a device: a model before the first picture."""
+"""Decoders from a simulation: before the first frame, and fitted to the cords of a built device."""
 
 from __future__ import annotations
 
@@ -13,130 +13,186 @@ from ...decoding.input_decoder import InputDecoder, SharedMemory
 from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from .candidates import QUADRATIC, Candidate
-from .intervals import trained_range
+from .intervals import fit_trained_range
 from .simulation_prior import Prior
-from .weighted_ridge import Whitened, solve
+from .weighted_ridge import Whitening, solve_ridge
 
-# The simulation's map behind a memory that was fitted to pictures, and its errors on folds.
-
-# What turns the signals of a built device's cords into those that the simulation knows.
-#
-# Each channel has a gain near one and an offset near zero; what cords remember is the same of all
-# (`decoding/input_decoder.py`). These few numbers are found so that the markers come out where
-# cameras saw them (Gauss-Newton with a soft L1 loss): a few dozen pictures tell them.
-
-#: Time constants, s, among which cross-validation chooses; none, for cords that forget at once.
-PASTS = (
+#: Memories, with time constants in s, among which cross-validation chooses. The empty one is for
+#: cords without memory.
+SHARED_MEMORIES = (
     Past(),
     Past((2.0, 30.0), (2.0, 20.0)),
     Past((0.5, 5.0, 50.0), (5.0, 50.0)),
     Past((1.0, 10.0, 60.0), (1.0, 10.0, 60.0)),
 )
-#: Standard deviations that the numbers are expected to have.
-_GAINS, _OFFSETS, _MOVED, _WORKED = 0.15, 0.02, 0.3, 0.1
-_FEW = 300  # pictures that are looked at
-_ERROR = 1.0  # mm, of the map itself
-_TRIES = 60  # evaluations
+
+_INPUT_NOISE = 2e-3  # built cords differ from the simulation by at least this
+# Prior standard deviations of the log gains, the offsets and the shares of the two memories.
+_GAIN_SIGMA, _OFFSET_SIGMA, _MOVED_SIGMA, _WORKED_SIGMA = 0.15, 0.02, 0.3, 0.1
+_MAX_FRAMES = 300
+_MAP_ERROR_MM = 1.0  # error of the simulated decoder itself
+_MAX_EVALUATIONS = 60
+
+
+def fit_simulated_decoder(prior: Prior, channels: Sequence[int] | None = None) -> InputDecoder:
+    """Fit a static quadratic decoder of displacements to simulated states.
+
+    Args:
+        prior: The simulated states.
+        channels: Indices of the channels to use; None for all.
+
+    Returns:
+        The decoder, whose outputs are displacements in mm.
+    """
+    signals = prior.signals if channels is None else prior.signals[:, list(channels)]
+    features = Candidate(QUADRATIC, Past()).features(signals, signals.shape[1])
+    phi = features(signals)
+    whitening = Whitening.of(phi, features.slopes(signals), features.roughness())
+    beta, constant = solve_ridge(prior.accumulate_sums(phi, whitening), np.array([_INPUT_NOISE]))
+    return InputDecoder(features, *whitening.undo(beta[0], constant[0]))
+
+
+def fit_simulated_model(
+    device: str, layout: str, channels: tuple[str, ...], ids: Int, rest_points: Float, prior: Prior
+) -> TrainedModel:
+    """Fit a model to simulated states alone, for a device without recordings.
+
+    The model has no intervals, since the deviations of the built device's channels are unknown.
+
+    Args:
+        device: Name of the device.
+        layout: Hash of its layout.
+        channels: Names of its c channels.
+        ids: Numbers of its m markers, shape (m,).
+        rest_points: Marker positions at rest, shape (m, 3), mm.
+        prior: The simulated states.
+
+    Returns:
+        The model.
+    """
+
+    def fit_branch(indices: tuple[int, ...]) -> Branch:
+        signals = prior.signals[:, list(indices)]
+        decoder = fit_simulated_decoder(prior, indices)
+        decoder = replace(decoder, constant=decoder.constant + rest_points.ravel())
+        return Branch(indices, Past(), decoder, fit_trained_range(signals, signals), None)
+
+    c = len(channels)
+    all_channels = tuple(range(c))
+    without = {
+        name: fit_branch(tuple(j for j in all_channels if j != k))
+        for k, name in enumerate(channels)
+        if c > 1
+    }
+    return TrainedModel(
+        device,
+        layout,
+        f"{QUADRATIC}, simulated",
+        channels,
+        ids,
+        rest_points,
+        np.ones(c),
+        np.zeros(c),
+        fit_branch(all_channels),
+        without,
+    )
 
 
 def fit_memory(
-    decoder: InputDecoder, past: Past, inputs: Float, points: Float, known: Bool,
-    near: SharedMemory | None = None,
-) -> SharedMemory:  # fmt: skip
-    """For a static decoder of c signals, by inputs (t, d) made with the `past`, and markers
-    `points` (t, m, 3) mm in the frame of what the decoder gives, where `known` (t, m);
-    beginning at one that is `near`."""
-    c, K = decoder.features.inputs, len(past.moved)
-    step = max(len(inputs) // _FEW, 1)
-    z, there = inputs[::step], known[::step]
-    p = points[::step]
-    scale = _ERROR * np.sqrt(there.sum() / max(len(z), 1))  # a picture counts once
-    spread = np.repeat(
-        [_GAINS, _OFFSETS, _MOVED, _WORKED], [c, c, K, len(past.worked)]
-    )  # fmt: skip
+    decoder: InputDecoder,
+    past: Past,
+    inputs: Float,
+    points: Float,
+    known: Bool,
+    start: SharedMemory | None = None,
+) -> SharedMemory:
+    """Fit what converts the signals of a built device into those of the simulation.
 
-    def made(x: Float) -> SharedMemory:
+    Each channel has a gain near one and an offset near zero; all cords share one memory
+    (`decoding/input_decoder.py`). These few numbers are fitted to the measured marker positions
+    (Gauss-Newton with a soft L1 loss); some dozens of frames suffice.
+
+    Args:
+        decoder: A static decoder of c signals.
+        past: The memory whose shares are fitted.
+        inputs: Signals and their memories, shape (t, d).
+        points: Marker positions in the frame of the decoder's outputs, shape (t, m, 3), mm.
+        known: Which positions are known, shape (t, m).
+        start: Where to start the fit; None for gains of 1 without offsets and memory.
+
+    Returns:
+        The fitted memory in front of the decoder.
+    """
+    c, K = decoder.features.inputs, len(past.moved)
+    step = max(len(inputs) // _MAX_FRAMES, 1)
+    z, is_known = inputs[::step], known[::step]
+    p = points[::step]
+    scale = _MAP_ERROR_MM * np.sqrt(is_known.sum() / max(len(z), 1))  # frames count once
+    sigma = np.repeat(
+        [_GAIN_SIGMA, _OFFSET_SIGMA, _MOVED_SIGMA, _WORKED_SIGMA], [c, c, K, len(past.worked)]
+    )
+
+    def memory_of(x: Float) -> SharedMemory:
         return SharedMemory(
             np.exp(x[:c]), x[c : 2 * c], x[2 * c : 2 * c + K], x[2 * c + K :], decoder
         )
 
     def residuals(x: Float) -> Float:
-        off = (made(x)(z).reshape(p.shape) - p)[there]
-        return np.concatenate([off.ravel() / scale, x / spread])
+        difference = (memory_of(x)(z).reshape(p.shape) - p)[is_known]
+        return np.concatenate([difference.ravel() / scale, x / sigma])
 
-    start = np.zeros(len(spread))
-    if near is not None:
-        start = np.concatenate([np.log(near.gain), near.offset, near.moved, near.worked])
-    found = least_squares(residuals, start, loss="soft_l1", x_scale="jac", max_nfev=_TRIES)
-    return made(found.x)
+    x0 = np.zeros(len(sigma))
+    if start is not None:
+        x0 = np.concatenate([np.log(start.gain), start.offset, start.moved, start.worked])
+    fit = least_squares(residuals, x0, loss="soft_l1", x_scale="jac", max_nfev=_MAX_EVALUATIONS)
+    return memory_of(fit.x)
 
 
 @dataclass(frozen=True)
 class SimulatedMap:
-    """Of displacements: fitted to all pictures, and without each fold (k,); root mean squared
-    errors (k,) mm on the folds left out."""
+    """The simulated decoder of displacements behind a fitted memory, with its errors on folds.
+
+    Attributes:
+        whole: Fitted to all frames.
+        folds: Fitted without each of the k folds.
+        errors: Root mean squared errors on the folds left out, shape (k,), mm.
+    """
 
     whole: SharedMemory
     folds: tuple[SharedMemory, ...]
     errors: Float
 
     @staticmethod
-    def fitted(
+    def fit(
         decoder: InputDecoder, past: Past, inputs: Float, outputs: Float, weights: Float, fold: Int
     ) -> SimulatedMap:
-        """To inputs (t, d) that see the `past` and outputs (t, m, 3) mm with weights (t, m), zero
-        where one is not known, in folds (t,)."""
-        known = weights > 0
-        filled = np.where(known[..., None], outputs, 0.0)
-        whole = fit_memory(decoder, past, inputs, filled, known)
+        """Fit the memory to all frames, and without each fold.
+
+        Args:
+            decoder: A static decoder of displacements.
+            past: The memory whose shares are fitted.
+            inputs: Signals and their memories, shape (t, d).
+            outputs: Displacements of the markers, shape (t, m, 3), mm.
+            weights: Weights of the markers, shape (t, m); 0 where unknown.
+            fold: Fold of each frame, shape (t,).
+
+        Returns:
+            The fitted map.
+        """
+        is_known = weights > 0
+        filled = np.where(is_known[..., None], outputs, 0.0)
+        whole = fit_memory(decoder, past, inputs, filled, is_known)
         folds, errors = [], []
         for k in range(int(fold.max()) + 1):
             test = fold == k
-            found = fit_memory(decoder, past, inputs[~test], filled[~test], known[~test], whole)
-            off = found(inputs[test]).reshape(-1, *outputs.shape[1:]) - filled[test]
+            memory = fit_memory(decoder, past, inputs[~test], filled[~test], is_known[~test], whole)
+            difference = memory(inputs[test]).reshape(-1, *outputs.shape[1:]) - filled[test]
             w = weights[test]
-            errors.append(np.sqrt((w * (off**2).sum(2)).sum() / max(float(w.sum()), 1e-300)))
-            folds.append(found)
+            square = (w * (difference**2).sum(2)).sum()
+            errors.append(np.sqrt(square / max(float(w.sum()), 1e-300)))
+            folds.append(memory)
         return SimulatedMap(whole, tuple(folds), np.array(errors))
 
-    def map(self, without: int | None = None) -> SharedMemory:
-        """Fitted to all, or without a fold."""
-        return self.whole if without is None else self.folds[without]
-
-
-_NOISE = 2e-3  # of the inputs: what built cords are off by at least
-
-
-def simulated_decoder(prior: Prior, channels: Sequence[int] | None = None) -> InputDecoder:
-    """The static decoder of displacements, from the channels (k,) by index, or all."""
-    signals = prior.signals if channels is None else prior.signals[:, list(channels)]
-    features = Candidate(QUADRATIC, Past()).features(signals, signals.shape[1])
-    phi = features(signals)
-    whitened = Whitened.of(phi, features.slopes(signals), features.roughness())
-    beta, constant = solve(prior.sums(phi, whitened), np.array([_NOISE]))
-    return InputDecoder(features, *whitened.plain(beta[0], constant[0]))
-
-
-def simulated_model(
-    device: str, layout: str, channels: tuple[str, ...], ids: Int, rest_points: Float, prior: Prior
-) -> TrainedModel:
-    """The model of a device that no camera has seen. It has no intervals: what a built device's
-    channels differ by is not known."""
-
-    def branch(use: tuple[int, ...]) -> Branch:
-        signals = prior.signals[:, list(use)]
-        found = simulated_decoder(prior, use)
-        decoder = replace(found, constant=found.constant + rest_points.ravel())
-        return Branch(use, Past(), decoder, trained_range(signals, signals), None)
-
-    every = tuple(range(len(channels)))
-    without = {
-        name: branch(tuple(c for c in every if c != k))
-        for k, name in enumerate(channels)
-        if len(every) > 1
-    }
-    c = len(channels)
-    return TrainedModel(
-        device, layout, f"{QUADRATIC}, simulated", channels, ids, rest_points, np.ones(c),
-        np.zeros(c), branch(every), without,
-    )  # fmt: skip
+    def without_fold(self, fold: int | None = None) -> SharedMemory:
+        """Return the memory fitted without a fold, or to all frames if it is None."""
+        return self.whole if fold is None else self.folds[fold]

@@ -1,4 +1,4 @@
-"""What the simulation says of a device: its states, with the signals and the markers in each."""
+"""Simulated states of a device as prior knowledge: expected signals, and coverage of the poses."""
 
 from __future__ import annotations
 
@@ -11,119 +11,32 @@ from ...core.errors import TrainingError
 from ...decoding.input_decoder import InputFeatures, all_products
 from ..data.dataset import Recording
 from .frames import Frames
-from .weighted_ridge import Sums, Whitened, solve, sums
+from .weighted_ridge import Sums, Whitening, accumulate_sums, solve_ridge
 
-# Which parts of the pose space a recording has shown, and what to show next.
+_MOVEMENT_COUNT = 4  # main movements of the states
+_MOVEMENT_RIDGE = 1e-3  # of a movement's square, for frames with few visible markers
+_MOVEMENT_NOISE = 0.05  # of the movements, relative to their spread over the states
 
-_NEAR = 0.25  # of how far a state is from rest: a picture that is nearer shows it
-_LEAST = 1.0  # mm
-_REST = 5.0  # s at the end, in which a device at rest shows how cords drifted
-_BLOCK = 500  # pictures compared at once
-_TOLD = 3  # states that are asked for
-
-
-@dataclass(frozen=True)
-class Coverage:
-    """Simulated states by `names` (s,), how near pictures came to each, mm (s,), which were `seen`
-    (s,), whether the recording ends at rest, and what to do next."""
-
-    names: tuple[str, ...]
-    nearest: Float
-    seen: Bool
-    ends_at_rest: bool
-    advice: tuple[str, ...]
-
-    @property
-    def share(self) -> float:
-        """Of the states but rest."""
-        return float(self.seen[1:].mean()) if len(self.seen) > 1 else 1.0
-
-
-def coverage(frames: Frames, prior: Prior) -> Coverage:
-    """Of the frames' markers against the states of the simulation, rest first."""
-    moved = frames.points - frames.dataset.rest_points
-    away = np.sqrt((prior.displacements**2).sum(2).mean(1))
-    nearest = np.full(len(away), np.inf)
-    for k in range(0, len(moved), _BLOCK):
-        part = moved[k : k + _BLOCK, None] - prior.displacements
-        with np.errstate(all="ignore"):
-            off = np.sqrt(np.nanmean((part**2).sum(3), axis=2))
-        nearest = np.minimum(nearest, np.nanmin(off, axis=0))
-    seen = nearest <= np.maximum(_NEAR * away, _LEAST)
-    last = frames.of == frames.of[-1]
-    time = frames.time
-    end = last & (time > time[last][-1] - _REST)
-    with np.errstate(all="ignore"):
-        rested = np.sqrt(np.nanmean((moved[end] ** 2).sum(2), axis=1))
-    ends = bool(np.median(rested) <= max(_LEAST, 0.1 * float(away.max())))
-    return Coverage(prior.names, nearest, seen, ends, _advice(prior, nearest, seen, ends))
-
-
-def _advice(prior: Prior, nearest: Float, seen: Bool, ends_at_rest: bool) -> tuple[str, ...]:
-    missing = np.flatnonzero(~seen[1:]) + 1
-    # What is farthest from all that was shown, first.
-    order = missing[np.argsort(-nearest[missing])]
-    out = [
-        f"show {prior.names[k]}: pictures came within {nearest[k]:.1f} mm" for k in order[:_TOLD]
-    ]
-    if len(order) > _TOLD:
-        out.append(f"{len(order) - _TOLD} more states were not shown")
-    if not seen[0]:
-        out.append("rest for 10 s at the beginning")
-    if not ends_at_rest:
-        out.append("rest for 10 s at the end: it shows how the cords drifted")
-    return tuple(out)
-
-
-# What the simulation lets expect of the signals where the markers are: for noticing channels that
-# are exchanged or changed, before anything is trained on them.
-
-_MOVEMENTS = 4  # main ones of the states
-_RIDGE = 1e-3  # of a movement's own square, where few markers are seen
-_NOISE = 0.05  # of the movements, in their spread over the states
-
-
-def expected_signals(prior: Prior, r: Recording, rest_points: Float) -> Float:
-    """(R - R0)/R0 (t, c) at the pictures of a recording, whose markers are at rest at (m, 3) mm;
-    NaN where fewer than half of the markers are seen. Raises TrainingError where none moves."""
-    s, m = prior.displacements.shape[:2]
-    flat = prior.displacements.reshape(s, -1)
-    _, size, across = np.linalg.svd(flat, full_matrices=False)
-    k = min(_MOVEMENTS, int((size > 1e-6 * size[0]).sum()))
-    if k == 0:
-        raise TrainingError(
-            "no marker moves in any of the simulated states; put markers where the poses move the"
-            " device",
-            code="markers-do-not-move",
-        )
-    V = across[:k]
-    states = flat @ V.T
-    spread = np.maximum(states.std(0), 1e-9)
-    features = InputFeatures(k, all_products(k), np.zeros((0, k)), np.ones(k))
-
-    def made_of(movements: Float) -> Float:
-        return features(movements / spread)
-
-    phi = made_of(states)
-    whitened = Whitened.of(phi, features.slopes(states / spread), features.roughness())
-    told = sums(whitened(phi), prior.signals[:, :, None], np.ones_like(prior.signals),
-                np.zeros(s, np.int64))  # fmt: skip
-    beta, constant = solve(told.without(), np.array([_NOISE]))
-
-    moved = (r.points - rest_points).reshape(len(r.time), -1)
-    known = np.isfinite(moved)
-    normal = np.einsum("ka,ta,la->tkl", V, known.astype(float), V) + _RIDGE * np.eye(k)
-    seen = np.where(known, moved, 0.0) @ V.T
-    movements = np.linalg.solve(normal, seen[:, :, None])[:, :, 0]
-    out = whitened(made_of(movements)) @ beta[0] + constant[0]
-    out[known.sum(axis=1) < 1.5 * m] = np.nan
-    return np.asarray(out)
+_MAX_DISTANCE_RATIO = 0.25  # of a state's distance from rest; frames within it show the state
+_MIN_DISTANCE_MM = 1.0
+_FINAL_REST_S = 5.0  # rest at the end of a recording shows how the cords drifted
+_REST_RATIO = 0.1  # of the largest distance of a state from rest; the device is at rest below
+_BLOCK_SIZE = 500  # frames compared at once
+_MAX_ADVICE = 3  # states that are asked for
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Simulated states by their `names` (s,), rest first: signals (s, c) of the device's channels,
-    and displacements (s, m, 3) mm of its markers."""
+    """Simulated states of a device, rest first.
+
+    Attributes:
+        names: Names of the s states.
+        signals: Signals (R - R0)/R0 of the device's channels, shape (s, c).
+        displacements: Displacements of the device's markers, shape (s, m, 3), mm, rest frame.
+
+    Raises:
+        TrainingError: If there are fewer than two states, or shapes do not match.
+    """
 
     names: tuple[str, ...]
     signals: Float
@@ -133,17 +46,152 @@ class Prior:
         s = len(self.names)
         if s < 2:
             raise TrainingError(
-                f"the simulation has {s} states; build the device again", code="too-few-states"
+                f"the simulation has only {s} states",
+                code="too-few-states",
+                action="Build the device again",
             )
         if len(self.signals) != s or len(self.displacements) != s:
             raise TrainingError(
-                f"the simulation has {s} states, signals {self.signals.shape} and displacements"
-                f" {self.displacements.shape}; build the device again",
+                f"the simulation has {s} states, but signals {self.signals.shape} and displacements"
+                f" {self.displacements.shape}",
                 code="shapes-differ",
+                action="Build the device again",
             )
 
-    def sums(self, phi: Float, whitened: Whitened) -> Sums:
-        """Of their features (s, f), with weights that add up to one."""
+    def accumulate_sums(self, phi: Float, whitening: Whitening) -> Sums:
+        """Compute sums over the states for ridge regression; the weights add up to one.
+
+        Args:
+            phi: Features of the states, shape (s, f).
+            whitening: Transform of the features.
+
+        Returns:
+            The sums, of one fold.
+        """
         s, m = self.displacements.shape[:2]
         weights = np.full((s, m), 1 / s)
-        return sums(whitened(phi), self.displacements, weights, np.zeros(s, np.int64))
+        return accumulate_sums(whitening(phi), self.displacements, weights, np.zeros(s, np.int64))
+
+
+def predict_signals(prior: Prior, r: Recording, rest_points: Float) -> Float:
+    """Predict the signals of a recording from its marker positions and the simulation.
+
+    This detects exchanged or changed channels before anything is trained. The signals are a
+    quadratic function of the main movements of the simulated states.
+
+    Args:
+        prior: The simulated states.
+        r: The recording.
+        rest_points: Marker positions at rest, shape (m, 3), mm.
+
+    Returns:
+        Signals (R - R0)/R0 at the frames, shape (t, c); NaN where fewer than half of the markers
+        are visible.
+
+    Raises:
+        TrainingError: If no marker moves in any state.
+    """
+    s, m = prior.displacements.shape[:2]
+    flat = prior.displacements.reshape(s, -1)
+    _, size, directions = np.linalg.svd(flat, full_matrices=False)
+    k = min(_MOVEMENT_COUNT, int((size > 1e-6 * size[0]).sum()))
+    if k == 0:
+        raise TrainingError(
+            "no marker moves in any simulated state",
+            code="markers-do-not-move",
+            action="Put markers where the poses move the device",
+        )
+    V = directions[:k]
+    states = flat @ V.T
+    spread = np.maximum(states.std(0), 1e-9)
+    features = InputFeatures(k, all_products(k), np.zeros((0, k)), np.ones(k))
+    phi = features(states / spread)
+    whitening = Whitening.of(phi, features.slopes(states / spread), features.roughness())
+    sums = accumulate_sums(
+        whitening(phi),
+        prior.signals[:, :, None],
+        np.ones_like(prior.signals),
+        np.zeros(s, np.int64),
+    )
+    beta, constant = solve_ridge(sums.without(), np.array([_MOVEMENT_NOISE]))
+
+    displacements = (r.points - rest_points).reshape(len(r.time), -1)
+    is_known = np.isfinite(displacements)
+    normal = np.einsum("ka,ta,la->tkl", V, is_known.astype(float), V)
+    normal = normal + _MOVEMENT_RIDGE * np.eye(k)
+    projected = np.where(is_known, displacements, 0.0) @ V.T
+    movements = np.linalg.solve(normal, projected[:, :, None])[:, :, 0]
+    signals = whitening(features(movements / spread)) @ beta[0] + constant[0]
+    signals[is_known.sum(axis=1) < 1.5 * m] = np.nan
+    return np.asarray(signals)
+
+
+@dataclass(frozen=True)
+class PoseCoverage:
+    """Which simulated states a recording shows.
+
+    Attributes:
+        names: Names of the s states, rest first.
+        nearest: Distance of the nearest frame to each state, shape (s,), mm.
+        is_shown: Whether each state was shown, shape (s,).
+        ends_at_rest: Whether the recording ends at rest.
+        advice: What to record next, one sentence each.
+    """
+
+    names: tuple[str, ...]
+    nearest: Float
+    is_shown: Bool
+    ends_at_rest: bool
+    advice: tuple[str, ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the states that were shown, without rest."""
+        return float(self.is_shown[1:].mean()) if len(self.is_shown) > 1 else 1.0
+
+
+def measure_coverage(frames: Frames, prior: Prior) -> PoseCoverage:
+    """Compare the markers of frames with the simulated states.
+
+    Args:
+        frames: The frames.
+        prior: The simulated states.
+
+    Returns:
+        Which states were shown, and what to record next.
+    """
+    displacements = frames.points - frames.dataset.rest_points
+    state_distance = np.sqrt((prior.displacements**2).sum(2).mean(1))
+    nearest = np.full(len(state_distance), np.inf)
+    for k in range(0, len(displacements), _BLOCK_SIZE):
+        difference = displacements[k : k + _BLOCK_SIZE, None] - prior.displacements
+        with np.errstate(all="ignore"):
+            distance = np.sqrt(np.nanmean((difference**2).sum(3), axis=2))
+        nearest = np.minimum(nearest, np.nanmin(distance, axis=0))
+    is_shown = nearest <= np.maximum(_MAX_DISTANCE_RATIO * state_distance, _MIN_DISTANCE_MM)
+    is_last = frames.recording_index == frames.recording_index[-1]
+    time = frames.time
+    is_end = is_last & (time > time[is_last][-1] - _FINAL_REST_S)
+    with np.errstate(all="ignore"):
+        final = np.sqrt(np.nanmean((displacements[is_end] ** 2).sum(2), axis=1))
+    limit = max(_MIN_DISTANCE_MM, _REST_RATIO * float(state_distance.max()))
+    ends_at_rest = bool(np.median(final) <= limit)
+    advice = _advise(prior, nearest, is_shown, ends_at_rest)
+    return PoseCoverage(prior.names, nearest, is_shown, ends_at_rest, advice)
+
+
+def _advise(prior: Prior, nearest: Float, is_shown: Bool, ends_at_rest: bool) -> tuple[str, ...]:
+    missing = np.flatnonzero(~is_shown[1:]) + 1
+    # The state that is farthest from all frames comes first.
+    order = missing[np.argsort(-nearest[missing])]
+    advice = [
+        f"show {prior.names[k]}: the nearest frame is {nearest[k]:.1f} mm away"
+        for k in order[:_MAX_ADVICE]
+    ]
+    if len(order) > _MAX_ADVICE:
+        advice.append(f"{len(order) - _MAX_ADVICE} more states were not shown")
+    if not is_shown[0]:
+        advice.append("rest for 10 s at the start")
+    if not ends_at_rest:
+        advice.append("rest for 10 s at the end, to show how the cords drifted")
+    return tuple(advice)

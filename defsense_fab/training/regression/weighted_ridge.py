@@ -1,11 +1,13 @@
-"""Ridge regression of thousands of pictures with a weight for each marker in each, and its errors
-in cross-validation, from sums over folds.
+"""Ridge regression on thousands of frames, with a weight for each marker in each frame.
 
-For a marker: sum_t w_t |phi_t beta + b - o_t|^2 + W s^2 tr(beta^T P beta), W = sum_t w_t, P the
-mean of J J^T over the pictures, J the slopes of the features phi by the inputs. s is the noise that
-the inputs are taken to have: for an affine decoder that is DefSense's Eq. 8 with lambda^2 = W s^2
-(`decoding/ridge.py`, on measured pictures). Sums of phi phi^T, phi o and o^2 of each fold are all
-that is needed for the coefficients of every s and for their errors on the fold left out.
+The loss of a marker is
+
+    sum_t w_t |phi_t beta + b - o_t|^2 + W s^2 tr(beta^T P beta),    W = sum_t w_t,
+
+where P is the mean of J J^T over the frames and J are the slopes of the features phi by the inputs.
+s is the assumed noise of the inputs. For an affine decoder this is DefSense's Eq. 8 with
+lambda^2 = W s^2 (`decoding/ridge.py`), on measured frames. Sums of phi phi^T, phi o and o^2 over
+each fold suffice for the coefficients at every s, and for their errors on the fold left out.
 """
 
 from __future__ import annotations
@@ -18,42 +20,68 @@ from scipy.linalg import solve_triangular
 from ...core.arrays import Float, Int
 from ...decoding.ridge import regular
 
-_BLOCK = 2_000_000  # numbers of products of features at once
 #: Standard deviations of the inputs among which cross-validation chooses.
-NOISES = np.logspace(-6, 1, 29)
+INPUT_NOISES = np.logspace(-6, 1, 29)
+
+_BLOCK_SIZE = 2_000_000  # products of features computed at once
+_NOISE_TOLERANCE = 1.001  # of the smallest error; the largest noise within it is chosen
 
 
 @dataclass(frozen=True)
-class Whitened:
-    """Features centred and turned so that the penalty is the same for all: phi' = (phi - mean) @
-    turn, `turn` (f, f) upper triangular."""
+class Whitening:
+    """A transform of features after which the penalty is the same for all of them.
+
+    The transformed features are (phi - mean) @ transform.
+
+    Attributes:
+        mean: Mean of the features, shape (f,).
+        transform: Upper triangular matrix, shape (f, f).
+    """
 
     mean: Float
-    turn: Float
+    transform: Float
 
     @staticmethod
-    def of(phi: Float, slopes: Float, roughness: Float) -> Whitened:
-        """For features (t, f) with slopes (t, f, d), and what is added to the penalty (f, f)."""
+    def of(phi: Float, slopes: Float, roughness: Float) -> Whitening:
+        """Compute the transform for features.
+
+        Args:
+            phi: Features, shape (t, f).
+            slopes: Slopes of the features by the inputs, shape (t, f, d).
+            roughness: Matrix added to the penalty, shape (f, f).
+
+        Returns:
+            The transform.
+        """
         flat = np.ascontiguousarray(np.moveaxis(slopes, 2, 1)).reshape(-1, phi.shape[1])
         P = regular(flat.T @ flat / len(phi) + roughness)
         lower = np.linalg.cholesky(P)
-        turn = solve_triangular(lower, np.eye(len(P)), lower=True).T
-        return Whitened(phi.mean(0), turn)
+        transform = solve_triangular(lower, np.eye(len(P)), lower=True).T
+        return Whitening(phi.mean(0), transform)
 
     def __call__(self, phi: Float) -> Float:
-        return np.asarray((phi - self.mean) @ self.turn)
+        """Transform features (t, f)."""
+        return np.asarray((phi - self.mean) @ self.transform)
 
-    def plain(self, beta: Float, constant: Float) -> tuple[Float, Float]:
-        """Weights (f, o) and constant (o,) of the features as they are."""
-        weights = self.turn @ beta
+    def undo(self, beta: Float, constant: Float) -> tuple[Float, Float]:
+        """Return weights (f, o) and constants (o,) for the original features."""
+        weights = self.transform @ beta
         return weights, constant - self.mean @ weights
 
 
 @dataclass(frozen=True)
 class Sums:
-    """Of k folds of pictures and g groups of markers that have one weight in each picture:
-    `weight` (k, g), and weighted sums `phi` (k, g, f), `square` (k, g, f, f); of the outputs o
-    `out` (k, o), `cross` (k, f, o), `out2` (k, o); `group` (o,) of each output."""
+    """Weighted sums over k folds of frames, for g groups of markers with equal weights.
+
+    Attributes:
+        weight: Sums of the weights, shape (k, g).
+        phi: Sums of the features, shape (k, g, f).
+        square: Sums of products of features, shape (k, g, f, f).
+        out: Sums of the outputs, shape (k, o).
+        cross: Sums of products of features and outputs, shape (k, f, o).
+        out2: Sums of the squared outputs, shape (k, o).
+        group: Group of each output, shape (o,).
+    """
 
     weight: Float
     phi: Float
@@ -64,140 +92,183 @@ class Sums:
     group: Int
 
     def without(self, fold: int | None = None) -> Sums:
-        """All folds but one, or all, as one."""
-        return self._joined([k for k in range(len(self.weight)) if k != fold])
+        """Add up all folds except one, or all folds if it is None."""
+        return self._add([k for k in range(len(self.weight)) if k != fold])
 
     def only(self, fold: int) -> Sums:
-        """One fold."""
-        return self._joined([fold])
+        """Return the sums of one fold."""
+        return self._add([fold])
 
-    def _joined(self, keep: list[int]) -> Sums:
-        return Sums(  # type: ignore[call-arg]
-            *(x[keep].sum(0, keepdims=True) for x in
-              (self.weight, self.phi, self.square, self.out, self.cross, self.out2)),
+    def _add(self, folds: list[int]) -> Sums:
+        return Sums(
+            self.weight[folds].sum(0, keepdims=True),
+            self.phi[folds].sum(0, keepdims=True),
+            self.square[folds].sum(0, keepdims=True),
+            self.out[folds].sum(0, keepdims=True),
+            self.cross[folds].sum(0, keepdims=True),
+            self.out2[folds].sum(0, keepdims=True),
             self.group,
-        )  # fmt: skip
+        )
 
 
-def sums(phi: Float, outputs: Float, weights: Float, fold: Int) -> Sums:
-    """Of features (t, f), outputs (t, m, r) and weights (t, m), zero where an output is not known,
-    by `fold` (t,)."""
+def accumulate_sums(phi: Float, outputs: Float, weights: Float, fold: Int) -> Sums:
+    """Compute the sums of each fold.
+
+    Args:
+        phi: Features, shape (t, f).
+        outputs: Outputs of m markers, shape (t, m, r).
+        weights: Weights of the markers, shape (t, m); 0 where an output is unknown.
+        fold: Fold of each frame, shape (t,).
+
+    Returns:
+        The sums, with o = m r outputs.
+    """
     f = phi.shape[1]
     m, r = outputs.shape[1:]
-    columns, group = _groups(weights)
+    columns, group = _group_weights(weights)
     o = np.where(weights[..., None] > 0, outputs, 0.0)
     g, k = columns.shape[1], int(fold.max()) + 1
     i, j = np.tril_indices(f)
     weight, linear = np.zeros((k, g)), np.zeros((k, g, f))
     square, cross = np.zeros((k, g, f, f)), np.zeros((k, f, m * r))
     out, out2 = np.zeros((k, m * r)), np.zeros((k, m * r))
-    step = max(_BLOCK // len(i), 1)
+    step = max(_BLOCK_SIZE // len(i), 1)
     for n in range(k):
-        mine = np.flatnonzero(fold == n)
-        weight[n] = columns[mine].sum(0)
-        linear[n] = columns[mine].T @ phi[mine]
-        told = (weights[mine, :, None] * o[mine]).reshape(-1, m * r)
-        cross[n] = phi[mine].T @ told
-        out[n], out2[n] = told.sum(0), (told * o[mine].reshape(-1, m * r)).sum(0)
+        rows = np.flatnonzero(fold == n)
+        weight[n] = columns[rows].sum(0)
+        linear[n] = columns[rows].T @ phi[rows]
+        weighted = (weights[rows, :, None] * o[rows]).reshape(-1, m * r)
+        cross[n] = phi[rows].T @ weighted
+        out[n], out2[n] = weighted.sum(0), (weighted * o[rows].reshape(-1, m * r)).sum(0)
         half = np.zeros((len(i), g))
-        for at in range(0, len(mine), step):
-            rows = mine[at : at + step]
-            half += (phi[rows][:, i] * phi[rows][:, j]).T @ columns[rows]
+        for start in range(0, len(rows), step):
+            block = rows[start : start + step]
+            half += (phi[block][:, i] * phi[block][:, j]).T @ columns[block]
         square[n][:, i, j] = square[n][:, j, i] = half.T
     return Sums(weight, linear, square, out, cross, out2, np.repeat(group, r))
 
 
-def _groups(weights: Float) -> tuple[Float, Int]:
-    """Different columns (t, g) of weights (t, m), and which each marker has (m,)."""
+def _group_weights(weights: Float) -> tuple[Float, Int]:
+    """Return the distinct columns (t, g) of weights (t, m), and each marker's column (m,)."""
     first: dict[bytes, int] = {}
-    found, group = list[int](), list[int]()
+    distinct, group = list[int](), list[int]()
     for k, column in enumerate(weights.T):
         key = column.tobytes()
         if key not in first:
-            first[key] = len(found)
-            found.append(k)
+            first[key] = len(distinct)
+            distinct.append(k)
         group.append(first[key])
-    return np.ascontiguousarray(weights[:, found]), np.array(group)
+    return np.ascontiguousarray(weights[:, distinct]), np.array(group)
 
 
-def solve(total: Sums, noises: Float) -> tuple[Float, Float]:
-    """Coefficients (s, f, o) and constants (s, o) for each of the noises (s,), of sums of one fold
-    over whitened features."""
+def solve_ridge(total: Sums, noises: Float) -> tuple[Float, Float]:
+    """Solve the ridge regression for several noises of the inputs.
+
+    Args:
+        total: Sums over whitened features, of one fold.
+        noises: Standard deviations of the inputs, shape (s,).
+
+    Returns:
+        Coefficients, shape (s, f, o), and constants, shape (s, o).
+    """
     f, o = total.cross.shape[1:]
     beta = np.empty((len(noises), f, o))
     constant = np.empty((len(noises), o))
     for g in range(total.weight.shape[1]):
-        mine = total.group == g
+        columns = total.group == g
         W = max(float(total.weight[0, g]), 1e-300)
-        mean, target = total.phi[0, g] / W, total.out[0, mine] / W
+        mean, target = total.phi[0, g] / W, total.out[0, columns] / W
         normal = total.square[0, g] / W - np.outer(mean, mean)
-        seen = total.cross[0][:, mine] / W - np.outer(mean, target)
+        covariance = total.cross[0][:, columns] / W - np.outer(mean, target)
         values, vectors = np.linalg.eigh(normal)
-        told = vectors.T @ seen
+        rotated = vectors.T @ covariance
         shrunk = np.maximum(values, 0.0) + np.square(noises)[:, None]
-        found = vectors @ (told / shrunk[:, :, None])
-        beta[:, :, mine] = found
-        constant[:, mine] = target - mean @ found
+        coefficients = vectors @ (rotated / shrunk[:, :, None])
+        beta[:, :, columns] = coefficients
+        constant[:, columns] = target - mean @ coefficients
     return beta, constant
 
 
-def squared_error(tested: Sums, beta: Float, constant: Float) -> Float:
-    """Weighted sums (s, o) of squared errors on one fold of coefficients (s, f, o) and constants
-    (s, o)."""
-    out = np.empty((len(beta), len(tested.group)))
+def sum_squared_errors(tested: Sums, beta: Float, constant: Float) -> Float:
+    """Compute weighted sums of squared errors from sums alone.
+
+    Args:
+        tested: Sums of the frames to test on, of one fold.
+        beta: Coefficients, shape (s, f, o).
+        constant: Constants, shape (s, o).
+
+    Returns:
+        The sums, shape (s, o).
+    """
+    squares = np.empty((len(beta), len(tested.group)))
     for g in range(tested.weight.shape[1]):
-        mine = tested.group == g
-        B, b, W = beta[:, :, mine], constant[:, mine], tested.weight[0, g]
-        out[:, mine] = (
-            tested.out2[0, mine]
-            - 2 * (B * tested.cross[0][:, mine]).sum(1)
-            - 2 * b * tested.out[0, mine]
+        columns = tested.group == g
+        B, b, W = beta[:, :, columns], constant[:, columns], tested.weight[0, g]
+        squares[:, columns] = (
+            tested.out2[0, columns]
+            - 2 * (B * tested.cross[0][:, columns]).sum(1)
+            - 2 * b * tested.out[0, columns]
             + (B * (tested.square[0, g] @ B)).sum(1)
             + 2 * b * (tested.phi[0, g] @ B)
             + W * b**2
         )
-    return out
+    return squares
 
 
 @dataclass(frozen=True)
 class RidgePath:
-    """Root mean squared error, mm, of each fold (k, s) left out in turn, for each noise (s,)."""
+    """Cross-validated errors for each noise of the inputs.
+
+    Attributes:
+        noises: Standard deviations of the inputs, shape (s,).
+        errors: Root mean squared error on each fold left out, shape (k, s), mm.
+    """
 
     noises: Float
     errors: Float
 
     @property
     def best(self) -> int:
-        """The noise with the least error; of those within a thousandth of it, the largest."""
-        rmse = _over(self.errors)
-        return int(np.flatnonzero(rmse <= 1.001 * rmse.min())[-1])
+        """Index of the largest noise whose error is within a thousandth of the smallest."""
+        rmse = _combine_folds(self.errors)
+        return int(np.flatnonzero(rmse <= _NOISE_TOLERANCE * rmse.min())[-1])
 
     @property
     def noise(self) -> float:
+        """The best noise."""
         return float(self.noises[self.best])
 
     @property
     def folds(self) -> Float:
-        """(k,) at the best noise."""
+        """Errors on the folds at the best noise, shape (k,), mm."""
         return self.errors[:, self.best]
 
     @property
     def rmse(self) -> float:
-        """Over all folds, at the best noise."""
-        return float(_over(self.folds))
+        """Root mean squared error over all folds at the best noise, mm."""
+        return float(_combine_folds(self.folds))
 
 
-def _over(folds: Float) -> Float:
-    return np.asarray(np.sqrt((folds**2).mean(0)))
+def _combine_folds(errors: Float) -> Float:
+    return np.asarray(np.sqrt((errors**2).mean(0)))
 
 
-def cross_validate(found: Sums, noises: Float = NOISES, axes: int = 3) -> RidgePath:
-    """Each fold left out in turn. Errors are of markers with `axes` outputs each."""
+def cross_validate(sums: Sums, noises: Float = INPUT_NOISES, axes: int = 3) -> RidgePath:
+    """Compute the errors on each fold of decoders fitted to the other folds.
+
+    Args:
+        sums: Sums over whitened features.
+        noises: Standard deviations of the inputs to try, shape (s,).
+        axes: Number of outputs of a marker.
+
+    Returns:
+        The errors for each noise.
+    """
     errors = []
-    for k in range(len(found.weight)):
-        beta, constant = solve(found.without(k), noises)
-        tested = found.only(k)
-        square = np.maximum(squared_error(tested, beta, constant), 0.0).sum(1)
+    for k in range(len(sums.weight)):
+        beta, constant = solve_ridge(sums.without(k), noises)
+        tested = sums.only(k)
+        square = np.maximum(sum_squared_errors(tested, beta, constant), 0.0).sum(1)
         weight = tested.weight[0][tested.group].sum() / axes
         errors.append(np.sqrt(square / max(weight, 1e-300)))
     return RidgePath(noises, np.array(errors))

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.cameras.extrinsics import _Problem, estimate_extrinsics
 from defsense_fab.capture.cameras.intrinsics import calibrate
-from defsense_fab.capture.cameras.rig_check import check_rig
-from defsense_fab.capture.cameras.rig_check import Cause, diagnose
+from defsense_fab.capture.cameras.rig_check import Cause, check_rig, diagnose
 from defsense_fab.capture.cameras.view_selection import choose, coverage, descriptor, motion
 from defsense_fab.capture.tags.detection import BoardFinder, BoardView
 from defsense_fab.capture.tags.tag_patterns import CharucoBoard, load_board, save_board
@@ -299,7 +298,7 @@ def test_a_board_in_an_image_is_found_where_it_is_and_another_is_not():
     image = render(LENSED, Scene((patch,)), Optics(blur=0.7), np.random.default_rng(0))
     view = BoardFinder(board).find(image)
     assert len(view.ids) == 24
-    true = LENSED.project(patch.at(board.corners[:, :2] / 3))
+    true = LENSED.project(patch.to_world(board.corners[:, :2] / 3))
     assert np.sqrt(((view.corners - true) ** 2).sum(axis=1).mean()) < 0.1
     assert BoardFinder(CharucoBoard(dictionary="4X4_100")).find(image) is None
     assert BoardFinder(board).find(np.full((240, 320, 3), 90, np.uint8)) is None

@@ -11,10 +11,8 @@ from defsense_fab.capture.cameras.extrinsics import estimate_extrinsics
 from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.cameras.rig_check import check_rig
 from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
-from defsense_fab.capture.tags.detection import BoardView
-from defsense_fab.capture.tags.tag_patterns import CharucoBoard
-from defsense_fab.capture.tags.detection import Detector
-from defsense_fab.capture.tags.tag_patterns import dictionary
+from defsense_fab.capture.tags.detection import BoardView, Detector
+from defsense_fab.capture.tags.tag_patterns import CharucoBoard, dictionary
 from defsense_fab.core.camera import Camera, distort
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.camera_optics import Optics

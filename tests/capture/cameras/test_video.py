@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from defsense_fab.capture.cameras.image_sources import Timing, timing, Video
+from defsense_fab.capture.cameras.image_sources import Timing, Video, timing
 from defsense_fab.core.errors import CaptureError
 from tests.errors import raises
 

@@ -3,19 +3,18 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.clocks.clock_fit import Clocks
-from defsense_fab.capture.clocks.clock_fit import even_frame_times
-from defsense_fab.capture.clocks.led_schedule import LED_PERIOD, find_schedule
-from defsense_fab.capture.clocks.synchronization import by_led, by_motion
+from defsense_fab.capture.clocks.clock_fit import Clocks, even_frame_times
+from defsense_fab.capture.clocks.led_schedule import LED_PERIOD_MS, find_schedule
+from defsense_fab.capture.clocks.synchronization import synchronize_by_led, synchronize_by_motion
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.sensing.voltage_divider import conversion_time
-from tests.twin.film import Shutter
 from tests.errors import raises
+from tests.twin.film import Shutter
 
 START, OFFSET, DRIFT = 100.0, 0.05, 1e-4
 
 
-def board(duration, rate, rng, conversion=0.0, period=LED_PERIOD):
+def board(duration, rate, rng, conversion=0.0, period=LED_PERIOD_MS):
     """Samples' times and flags; true times of toggles, late by what the loop takes."""
     t = np.arange(0, duration, 1 / rate)
     t += rng.uniform(0, 2e-4, len(t))
@@ -52,7 +51,7 @@ def test_by_the_led(rate, conversion):
     stamp, brightness = film(60, toggles, rng)
     brightness[500:540] = 60.0  # a hand
     # As samples are stamped half-way, true times are those of their flags' device times.
-    sync = by_led(stamp, brightness, None, device, led, 0.2, conversion=conversion)
+    sync = synchronize_by_led(stamp, brightness, None, device, led, 0.2, conversion=conversion)
     assert sync.method == "led"
     assert worst(sync, device) < 0.002
     assert worst(sync, device) < sync.error < 0.004
@@ -72,14 +71,14 @@ def test_samples_that_lack_for_a_while_are_no_jump_where_clocks_were_compared(pa
     stamp, brightness = film(70, toggles, rng)
     there = (device < START + 12) | (device > START + 12 + pause)
     with raises(CaptureError, "clock-jumps", clock="read-out board"):
-        by_led(stamp, brightness, None, device[there], led[there], 0.0)
-    sync = by_led(stamp, brightness, None, device[there], led[there], 0.0, pause=None)
+        synchronize_by_led(stamp, brightness, None, device[there], led[there], 0.0)
+    sync = synchronize_by_led(stamp, brightness, None, device[there], led[there], 0.0, max_gap=None)
     assert worst(sync, device) < sync.error < 0.003
     both = walk(rng, np.concatenate([stamp - OFFSET, (1 + DRIFT) * device]))
     motion, signals = (b @ rng.standard_normal((2, 3)) for b in np.split(both, [len(stamp)]))
     with raises(CaptureError, "clock-jumps", clock="read-out board"):
-        by_motion(stamp, motion, device[there], signals[there], 0.0)
-    sync = by_motion(stamp, motion, device[there], signals[there], 0.0, pause=None)
+        synchronize_by_motion(stamp, motion, device[there], signals[there], 0.0)
+    sync = synchronize_by_motion(stamp, motion, device[there], signals[there], 0.0, max_gap=None)
     assert worst(sync, device) < 0.008  # stamps that are late by half a frame's jitter
 
 
@@ -92,7 +91,7 @@ def test_by_motion(rate):
     motion, signals = both[: len(time)] @ rng.standard_normal((2, 5)), both[len(time) :] @ mix
     motion = motion + 0.02 * rng.standard_normal(motion.shape)
     signals = signals + 0.05 * signals**2 + 0.03 * rng.standard_normal(signals.shape)
-    sync = by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
+    sync = synchronize_by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
     assert sync.method == "motion"
     assert worst(sync, device + START) < 0.005
     assert worst(sync, device + START) < 2 * sync.error
@@ -111,7 +110,7 @@ def test_motion_that_one_camera_saw_for_a_while(seed):
     motion = motion + 0.01 * rng.standard_normal(motion.shape)
     motion = motion + alone * 0.3 * rng.standard_normal(4)
     signals = both[len(time) :] @ rng.standard_normal((1, 2))
-    sync = by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
+    sync = synchronize_by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
     assert worst(sync, device + START) < 0.03
 
 
@@ -123,7 +122,7 @@ def test_what_cannot_be_synchronised():
 
     def refused(code, time=stamp, seen=brightness, on=device, flags=led, clock=None, **kw):
         with raises(CaptureError, code, **({"clock": clock} if clock else {})) as error:
-            by_led(time, seen, None, on, flags, **kw)
+            synchronize_by_led(time, seen, None, on, flags, **kw)
         assert "\n" not in str(error.value)
 
     refused("led-not-seen", seen=noise)
@@ -147,20 +146,20 @@ def test_motion_that_tells_nothing():
     device = np.arange(0, 30, 0.02)
     motion, signals = walk(rng, time), walk(np.random.default_rng(5), device)
     with raises(CaptureError, "motion-constant"):
-        by_motion(stamp, np.zeros_like(motion), device + START, signals, 0.0)
+        synchronize_by_motion(stamp, np.zeros_like(motion), device + START, signals, 0.0)
     with pytest.raises(CaptureError) as caught:
-        by_motion(stamp, motion, device + START, signals, 0.0)
+        synchronize_by_motion(stamp, motion, device + START, signals, 0.0)
     assert caught.value.code in ("motion-unrelated", "offset-ambiguous", "offset-out-of-range")
     beat = np.sin(2 * np.pi * 1.5 * np.concatenate([time, device]))[:, None]
     with raises(CaptureError, "offset-ambiguous"):
-        by_motion(stamp, beat[: len(time)], device + START, beat[len(time) :], 0.0)
+        synchronize_by_motion(stamp, beat[: len(time)], device + START, beat[len(time) :], 0.0)
 
 
 def test_toggles_by_their_grid():
     rng = np.random.default_rng(0)
     device, led, true = board(40, 50, rng)
     toggles = find_schedule(device, led)
-    assert toggles.period == pytest.approx(LED_PERIOD / 1e3)
+    assert toggles.period == pytest.approx(LED_PERIOD_MS / 1e3)
     seen = true[(true > toggles.time[0] - START - 0.1) & (true < 40)] + START
     assert toggles.time == pytest.approx(seen[: len(toggles.time)], abs=0.0015)
     # Where the period goes into the samples' one toggle tells as much as all.
@@ -173,16 +172,16 @@ def test_even_stamps():
     rng = np.random.default_rng(4)
     number, _, stamp, _ = Shutter(30.0, 2.0, 0.0, 0.004, 0.05, 0.0).schedule(30, rng)
     found = even_frame_times(stamp)
-    assert found.even
+    assert found.is_even
     assert found.time == pytest.approx(2 + number / 30, abs=2e-4)
     for seed in range(8):  # many that come so late that they seem the next one
         rng = np.random.default_rng(seed)
         number, _, stamp, _ = Shutter(60.0, 2.0, 0.0, 0.003, 0.03, 0.0).schedule(40, rng)
         found = even_frame_times(stamp)
-        assert found.even
+        assert found.is_even
         assert found.time == pytest.approx(2 + number / 60, abs=2e-4)
     uneven = np.cumsum(rng.uniform(0.02, 0.05, 500))
-    assert not even_frame_times(uneven).even
+    assert not even_frame_times(uneven).is_even
     assert (even_frame_times(uneven).time == uneven).all()
 
 

@@ -14,16 +14,15 @@ import pytest
 
 from defsense_fab.capture.clocks.clock_fit import fit_clocks
 from defsense_fab.capture.readout.ports import Port, open_port
-from defsense_fab.capture.readout.reader import Reader, Settings
+from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.capture.readout.recording import Recorder, read_recording
 from defsense_fab.capture.readout.source import Event, StaleError, StampedSample
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Info, Sample, encode
-from defsense_fab.twin.electronics.cords import CordTraits
+from defsense_fab.twin.electronics.cords import CordTraits, SpecimenTwin
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
-from defsense_fab.twin.electronics.cords import SpecimenTwin
 from tests.errors import raises
 
 
@@ -92,7 +91,7 @@ def test_unplugged_in_the_middle_of_a_recording(plug, tmp_path):
     link = tmp_path / "port"
     first = plug(board())
     link.symlink_to(first.path)
-    reader = Reader(partial(open_port, str(link)), "port", Settings(rate=100))
+    reader = Reader(partial(open_port, str(link)), "port", ReadoutSettings(rate=100))
     items = []
     with reader, Recorder(tmp_path / "r.csv", 3) as recorder:
         items += gather(reader, 0.6)
@@ -145,7 +144,7 @@ def test_over_a_socket():
     thread = threading.Thread(target=serve)
     thread.start()
     url = f"socket://127.0.0.1:{server.getsockname()[1]}"
-    with Reader(partial(open_port, url), url, Settings(average=4)) as reader:
+    with Reader(partial(open_port, url), url, ReadoutSettings(average=4)) as reader:
         items = gather(reader, 0.5)
     server.close()
     thread.join(5)
@@ -195,13 +194,13 @@ class Saying:
     ],
 )
 def test_what_answers_is_something_else(monkeypatch, data, code):
-    monkeypatch.setattr("defsense_fab.capture.readout.reader._PATIENCE", 0.3)
+    monkeypatch.setattr("defsense_fab.capture.readout.reader.GREETING_TIMEOUT_S", 0.3)
     with raises(CaptureError, code):
-        Reader(lambda: Saying(data), "port", Settings(channels=5)).start()
+        Reader(lambda: Saying(data), "port", ReadoutSettings(channels=5)).start()
 
 
 def test_freshness():
-    with Reader(board, "twin", Settings(rate=50)) as reader:
+    with Reader(board, "twin", ReadoutSettings(rate=50)) as reader:
         gather(reader, 0.3)
         assert time.monotonic_ns() - reader.read_latest(0.2).host_ns < 0.2e9
     quiet = Reader(lambda: Saying(encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024))), "p")
@@ -218,7 +217,7 @@ def test_a_sink_gets_everything_at_once_and_its_error_is_told():
         if len(seen) > 10:
             raise StorageError("the disk is full", code="disk-full")
 
-    reader = Reader(board, "twin", Settings(rate=50))
+    reader = Reader(board, "twin", ReadoutSettings(rate=50))
     reader.sink = sink
     with reader:
         got = gather(reader, 0.15)
@@ -235,7 +234,7 @@ def test_read_latest_tells_what_ended_the_reader():
         if isinstance(item, StampedSample):
             raise StorageError("the disk is full", code="disk-full")
 
-    reader = Reader(board, "twin", Settings(rate=50))
+    reader = Reader(board, "twin", ReadoutSettings(rate=50))
     reader.start()
     reader.sink = sink
     reader._thread.join(5)
@@ -246,12 +245,12 @@ def test_read_latest_tells_what_ended_the_reader():
 
 def samples(reader, numbers):
     for n in numbers:
-        reader._take(Sample(n, 20_000 * n, False, False, 1, (1,)), n * 20_000_000)
+        reader._receive(Sample(n, 20_000 * n, False, False, 1, (1,)), n * 20_000_000)
 
 
 def test_what_nobody_drains_is_dropped_counted_and_told(monkeypatch):
     """Memory is bounded, and nothing is lost in silence; a sink gets everything all the same."""
-    monkeypatch.setattr("defsense_fab.capture.readout.reader._KEPT", 10)
+    monkeypatch.setattr("defsense_fab.capture.readout.reader.MAX_WAITING_ITEMS", 10)
     reader, written = Reader(board, "twin"), []
     reader.sink = written.append
     samples(reader, range(25))
@@ -309,7 +308,7 @@ def test_a_port_is_not_closed_under_a_command():
 
 
 def test_a_port_whose_driver_hangs_is_closed_by_its_own_thread(monkeypatch):
-    monkeypatch.setattr("defsense_fab.capture.readout.reader._HANGS", 0.1, raising=False)
+    monkeypatch.setattr("defsense_fab.capture.readout.reader.THREAD_JOIN_TIMEOUT_S", 0.1, raising=False)
     port, reader = Slow(reads=True), Reader(board, "twin")
     reader._port = port
     reader._thread.start()
@@ -327,7 +326,7 @@ def test_a_clock_that_wraps():
     reader = Reader(board, "twin")
     last = 2**32 - 30_000
     for n in range(4):
-        reader._take(Sample(n, (last + 20_000 * n) % 2**32, False, False, 1, (1,)), n * 20_000_000)
+        reader._receive(Sample(n, (last + 20_000 * n) % 2**32, False, False, 1, (1,)), n * 20_000_000)
     times = [i.device_us for i in reader.drain()]
     assert np.diff(times).tolist() == [20_000] * 3
 
@@ -351,7 +350,7 @@ def test_clocks(drift):
 def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
     good = Port(plug(board()).path, "USB Serial")
     monkeypatch.setattr(
-        "defsense_fab.capture.readout.ports.ports", lambda: [good, Port("/dev/none", "")]
+        "defsense_fab.capture.readout.ports.serial_ports", lambda: [good, Port("/dev/none", "")]
     )
     assert main(["calibrate", "ports"]) == 0
     output = capsys.readouterr().out
@@ -362,7 +361,7 @@ def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
     assert f"--port {good.device}" in output.splitlines()[-1]
     assert main(["calibrate", "ports", "--list", "--json"]) == 0
     assert [p["device"] for p in json.loads(capsys.readouterr().out)] == [good.device, "/dev/none"]
-    monkeypatch.setattr("defsense_fab.capture.readout.ports.ports", lambda: [])
+    monkeypatch.setattr("defsense_fab.capture.readout.ports.serial_ports", lambda: [])
     assert main(["calibrate", "ports"]) == 0
     assert "/dev/" not in capsys.readouterr().out
 
@@ -386,7 +385,7 @@ class Answering(Saying):
 
 def test_a_silent_board_is_told_once(monkeypatch):
     """It answers whenever it is greeted: it has resumed only when samples come again."""
-    for name, value in (("_SILENT", 0.4), ("_SILENT_SAMPLES", 1), ("_AGAIN", 0.01)):
+    for name, value in (("SILENCE_S", 0.4), ("SILENCE_SAMPLES", 1), ("REOPEN_INTERVAL_S", 0.01)):
         monkeypatch.setattr(f"defsense_fab.capture.readout.reader.{name}", value)
     board = Answering()
     with Reader(lambda: board, "port") as reader:
@@ -423,7 +422,7 @@ def test_a_sink_that_refuses_what_comes_after_a_gap_is_told():
 def test_a_board_that_is_reset_behind_an_open_port():
     """It speaks in plain lines then, until it is greeted again."""
     twin = board()
-    with Reader(lambda: twin, "twin", Settings(rate=50)) as reader:
+    with Reader(lambda: twin, "twin", ReadoutSettings(rate=50)) as reader:
         before = gather(reader, 0.4)
         twin.write(b"plain\n")
         after = gather(reader, 3.5)

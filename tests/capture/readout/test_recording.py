@@ -12,8 +12,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from defsense_fab.capture.readout.recording import Recorder, has_frames, read_recording
-from defsense_fab.capture.readout.recording import Replay
+from defsense_fab.capture.readout.recording import Recorder, Replay, has_frames, read_recording
 from defsense_fab.capture.readout.source import Event, RecordingEnd, StampedSample
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.serial_frames import NOT_READ, Sample
@@ -43,7 +42,7 @@ def test_round_trip(tmp_path):
     assert found.counts[-1] == pytest.approx([np.nan, 2, 0], nan_ok=True)
     assert (found.led[-1], found.late[-1], found.averages[-1]) == (1, 1, 4)
     assert [(at, e["event"]) for at, e in found.events] == [(0, "start"), (10, "gap")]
-    assert found.cut == 0
+    assert found.damaged_lines == 0
 
 
 @pytest.mark.parametrize("cut", [1, 7, 25])
@@ -55,12 +54,12 @@ def test_a_line_that_was_cut_is_left_out_for_good(tmp_path, cut):
     path.write_bytes(path.read_bytes()[:-cut])
     whole = read_recording(path)
     assert whole.counter.tolist() == [0, 1, 2, 3]
-    assert whole.cut == 1
+    assert whole.damaged_lines == 1
     with Recorder(path, 3) as r:
         r.extend(stamped(n) for n in range(5, 8))
     again = read_recording(path)
     assert again.counter.tolist() == [0, 1, 2, 3, 5, 6, 7]
-    assert again.cut == 1
+    assert again.damaged_lines == 1
 
 
 def test_a_write_that_failed_part_way_costs_its_line_alone(tmp_path, monkeypatch):
@@ -88,7 +87,7 @@ def test_a_write_that_failed_part_way_costs_its_line_alone(tmp_path, monkeypatch
         r.add(stamped(3))
     found = read_recording(path)
     assert found.counter.tolist() == [0, 3]
-    assert found.cut == 1
+    assert found.damaged_lines == 1
 
 
 def test_a_file_system_without_locks_is_recorded_to(tmp_path, monkeypatch):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from itertools import pairwise
 
-from defsense_fab.capture.readout.recording import Recorder
-from defsense_fab.capture.readout.recording import Replay
+from defsense_fab.capture.readout.recording import Recorder, Replay
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.sensing.serial_frames import Sample
 

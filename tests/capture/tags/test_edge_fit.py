@@ -5,9 +5,9 @@ import pytest
 from scipy.special import ndtr
 
 from benchmarks.pictures import CONDITIONS, measure
+from defsense_fab.capture.tags.detection import Detector
 from defsense_fab.capture.tags.edge_fit import refine
 from defsense_fab.capture.tags.edge_line import FREE, _converge
-from defsense_fab.capture.tags.detection import Detector
 from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
@@ -47,7 +47,7 @@ def flat(patches):
 
 def look(scene, blur=0.8, noise=2.0, name="4X4_50", seed=0, **optics):
     rng = np.random.default_rng(seed)
-    settings = Optics(blur=blur, read=noise, **{"shot": 0.0, **optics})
+    settings = Optics(blur=blur, read_noise=noise, **{"shot_noise": 0.0, **optics})
     return DETECTORS[name].find(Renderer(VIEW, settings, rng).shoot(scene).image)
 
 

@@ -11,10 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from defsense_fab.capture.tags.print_sheets import outlines
-from defsense_fab.capture.tags.tag_patterns import CharucoBoard, load_board, MARKER, save_board
-from defsense_fab.capture.tags.print_sheets import PAPERS, draw_tags, outer, pdf, write_board
-from defsense_fab.capture.tags.tag_patterns import dictionary
+from defsense_fab.capture.tags.print_sheets import (
+    PAPERS,
+    draw_tags,
+    outer,
+    outlines,
+    pdf,
+    write_board,
+)
+from defsense_fab.capture.tags.tag_patterns import (
+    MARKER,
+    CharucoBoard,
+    dictionary,
+    load_board,
+    save_board,
+)
 from defsense_fab.core.errors import CaptureError, StorageError
 from tests.errors import raises
 

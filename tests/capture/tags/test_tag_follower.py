@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from defsense_fab.capture.tags.detection import Detector
+from defsense_fab.capture.tags.detection import Detector, TagFollower
 from defsense_fab.capture.tags.tag_patterns import dictionary
-from defsense_fab.capture.tags.detection import TagFollower
 from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Patch, Scene

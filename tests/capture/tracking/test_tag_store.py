@@ -5,8 +5,7 @@ import pytest
 
 from defsense_fab.capture.tags.detection import TagView
 from defsense_fab.capture.tracking import observations
-from defsense_fab.capture.tracking.observations import Observations, at, observe
-from defsense_fab.capture.tracking.observations import blocks, stored
+from defsense_fab.capture.tracking.observations import Observations, at, blocks, observe, stored
 from tests.capture.rigs import collect
 
 

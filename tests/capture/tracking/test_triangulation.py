@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tracking.reconstruction import reconstruct
-from defsense_fab.capture.tracking.reconstruction import triangulate
+from defsense_fab.capture.tracking.reconstruction import reconstruct, triangulate
 from tests.capture.rigs import flat, rig, spread, tags
 
 

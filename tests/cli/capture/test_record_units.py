@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.cli.main import main
 from defsense_fab.core.markers import Markers
-from defsense_fab.pipeline.sessions.recording import session as sessions
-from defsense_fab.pipeline.twin.live.capture_setup import CaptureOptions, unit_of
+from defsense_fab.twin.live.capture_setup import CaptureOptions, unit_of
 from tests.places import BAR
 
 

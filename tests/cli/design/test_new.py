@@ -14,7 +14,7 @@ from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.pipeline.starts import dropped_body
+from defsense_fab.workflow.starts import dropped_body
 from tests.places import DEVICES
 
 BLOB = str(DEVICES / "blob" / "blob.stl")

@@ -33,10 +33,10 @@ def prepared(monkeypatch):
         return SimpleNamespace()
 
     monkeypatch.setattr(
-        "defsense_fab.pipeline.live.live_device.live_device",
+        "defsense_fab.runtime.live.live_device.live_device",
         lambda path, _: Live(Model(path.parent.name), SimpleNamespace(source=path.parent)),
     )
-    monkeypatch.setattr("defsense_fab.pipeline.live.live_run.live_run", prepare)
+    monkeypatch.setattr("defsense_fab.runtime.live.live_run.live_run", prepare)
 
     def command(*arguments):
         options = make_parser().parse_args(["run", *map(str, arguments)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.cli.main import main
-from defsense_fab.pipeline.train.data.dataset_parquet import read_dataset, write_dataset
+from defsense_fab.training.recordings.dataset_parquet import read_dataset, write_dataset
 from tests.training.synthetic import CHANNELS, dataset, recording
 
 

@@ -8,14 +8,14 @@ import pytest
 
 from defsense_fab.capture.files.formats import write_any
 from defsense_fab.cli.main import main
-from defsense_fab.core.tracks import Tracks
-from defsense_fab.pipeline.train.data.dataset_parquet import write_dataset
-from defsense_fab.pipeline.train.evaluation import evaluation_report
-from defsense_fab.pipeline.train.models.model_file import write_model
-from defsense_fab.pipeline.train.models.train_device import train_dataset
+from defsense_fab.core.markers import Tracks
+from defsense_fab.report.evaluation import evaluation_report
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from tests.pipeline.train.data.files_of_others import write_csv
+from defsense_fab.training.models.model_file import write_model
+from defsense_fab.training.models.train_device import train_dataset
+from defsense_fab.training.recordings.dataset_parquet import write_dataset
 from tests.training import soft_bar as bar
+from tests.training.models.data.files_of_others import write_csv
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from sklearn.linear_model import Ridge
 from defsense_fab.capture.files.formats import write_any
 from defsense_fab.cli.main import main
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.tracks import Tracks
-from defsense_fab.pipeline.train.models.model_file import load_model
+from defsense_fab.core.markers import Tracks
+from defsense_fab.training.models.model_file import load_model
 
 NAMES = ("left", "top", "right")
 

@@ -4,10 +4,10 @@ import tomllib
 
 import pytest
 
-from defsense_fab.core.device.catalogue import read_rows
 from defsense_fab.core.device.cord_table import SHEET, read_cord
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.response import ResponseSpec
+from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.core.storage.toml_table import Table
 
 FIGURES = "diameter = 1.2\nohm_per_mm = 9.8\ngauge_factor = 1.4\nmax_strain = 0.8\n"

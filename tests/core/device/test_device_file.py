@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from defsense_fab.core.device.catalogue import read_rows
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.response import ResponseSpec
+from defsense_fab.core.storage.package_data import read_rows
 from tests.places import BAR
 
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from defsense_fab.core.device.catalogue import read_rows
 from defsense_fab.core.device.device import MaterialSpec
 from defsense_fab.core.device.material_table import strange
+from defsense_fab.core.storage.package_data import read_rows
 
 
 def material(young, poisson, density):

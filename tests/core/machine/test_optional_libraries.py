@@ -28,9 +28,9 @@ _ELSEWHERE = {
     "studio/measure/recording_screen.py": "drawn on a page that local_page has opened",
     "studio/optimise/watched_search.py": "drawn on a page that local_page has opened",
     "runtime/outputs/midi_ports.py": "tells by `missing` itself, which of two packages brings it",
-    "pipeline/study/runs/cluster.py": "called once `connected` has imported it",
-    "pipeline/study/results/study_table.py": "writes CSV without it",
-    "pipeline/doctor/programs.py": "in a process of its own, whose end is told",
+    "workflow/study/runs/cluster.py": "called once `connected` has imported it",
+    "workflow/study/results/study_table.py": "writes CSV without it",
+    "workflow/doctor/programs.py": "in a process of its own, whose end is told",
 }
 
 
@@ -83,13 +83,13 @@ def _parquet(path):
 
 
 def _dataset(path):
-    from defsense_fab.pipeline.train.data.dataset_parquet import parquet_library
+    from defsense_fab.training.recordings.dataset_parquet import parquet_library
 
     parquet_library(path / "a.parquet")
 
 
 def _xdf(path):
-    from defsense_fab.pipeline.train.data.xdf_dataset import _read
+    from defsense_fab.training.recordings.xdf_dataset import _read
 
     _read(path / "a.xdf")
 
@@ -107,7 +107,7 @@ def _page(path):
 
 
 def _cluster(path):
-    from defsense_fab.pipeline.study.runs.cluster import connected
+    from defsense_fab.workflow.study.runs.cluster import connected
 
     with connected("tcp://127.0.0.1:1"):
         pass

@@ -10,8 +10,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from defsense_fab.pipeline.design.as_built import fabricate
-from defsense_fab.pipeline.design.design_task import limits
+from defsense_fab.optimize.prediction.as_built import fabricate
+from defsense_fab.optimize.prediction.design_task import limits
 
 from defsense_fab.core.device.device import BaySpec
 from defsense_fab.core.device.device_file import load_device

@@ -6,8 +6,8 @@ import igl
 import numpy as np
 import pytest
 import trimesh
-from defsense_fab.pipeline.calibrate.print_files import Print
-from defsense_fab.pipeline.calibrate.specimen_files import write_specimen
+from defsense_fab.workflow.calibrate.print_files import Print
+from defsense_fab.workflow.calibrate.specimen_files import write_specimen
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import FabricationError
@@ -113,7 +113,7 @@ def test_strains_are_those_of_the_paper(folder):
 @pytest.fixture
 def no_parts(monkeypatch):
     """Specimens without the time that their solids take."""
-    files = "defsense_fab.pipeline.calibrate.specimen_files"
+    files = "defsense_fab.workflow.calibrate.specimen_files"
     monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.jig", lambda *_: None)
     monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.halves", lambda *_: {})
     monkeypatch.setattr(f"{files}.Print.of", lambda *_: Print(Surface(CORNERS, FACES), None))

@@ -9,7 +9,7 @@ from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.outputs.gamepad_output import GamepadOutput, default_mapping, events
 from defsense_fab.runtime.outputs.settings import GamepadMapping, GamepadSettings
 from tests.errors import raises
-from tests.runtime.live_frames import frame, unrested
+from tests.runtime.live_frames import frame, frame_before_rest
 
 
 def test_events():
@@ -78,7 +78,7 @@ def test_a_gamepad_is_plugged_in(evdev, tmp_path):
     (tmp_path / "uinput").touch()
     output = GamepadOutput(GamepadSettings(), tmp_path / "uinput")
     (pad,) = evdev.made
-    output.send(unrested(1))
+    output.send(frame_before_rest(1))
     assert pad.written == ["syn"]
     pad.written.clear()
     output.send(frame(2))
@@ -97,7 +97,7 @@ def test_a_control_that_is_not_there(evdev, tmp_path):
     (tmp_path / "uinput").touch()
     settings = GamepadSettings((GamepadMapping("bnd", axis="x"),))
     output = GamepadOutput(settings, tmp_path / "uinput")
-    output.send(unrested(1))  # there are none yet
+    output.send(frame_before_rest(1))  # there are none yet
     assert output.trouble is None
     output.send(frame(2))
     assert output.trouble.startswith("gamepad: there is no control 'bnd'")

@@ -12,7 +12,7 @@ from defsense_fab.runtime.outputs import lsl_output
 from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, sample
 from defsense_fab.runtime.outputs.settings import LslSettings
 from tests.errors import raises
-from tests.runtime.live_frames import frame, unrested
+from tests.runtime.live_frames import frame, frame_before_rest
 
 
 def test_a_stream_arrives():
@@ -108,7 +108,7 @@ def begun(output):
 def test_a_stream_begins_with_its_controls():
     """A receiver of one that begins anew would have to look for it again."""
     output = LslOutput(LslSettings(stream=uuid.uuid4().hex))
-    output.send(unrested(1))
+    output.send(frame_before_rest(1))
     assert not begun(output)
     output.send(frame(2, quality=Quality.LOST))
     assert output.about.endswith("of 3 channels")
@@ -119,17 +119,17 @@ def test_a_stream_of_a_device_without_poses():
     """It has no controls, then or later."""
     name = uuid.uuid4().hex
     output = LslOutput(LslSettings(stream=name, send=("controls", "markers", "quality")))
-    output.send(unrested(1))
+    output.send(frame_before_rest(1))
     assert not begun(output)
-    output.send(unrested(2, quality=Quality.UNTRAINED))
-    output.send(unrested(3))
+    output.send(frame_before_rest(2, quality=Quality.UNTRAINED))
+    output.send(frame_before_rest(3))
     assert output.about.endswith("of 10 channels")
     output.close()
 
 
 def test_a_stream_without_controls_waits_for_nothing():
     output = LslOutput(LslSettings(stream=uuid.uuid4().hex, send=("signals", "quality")))
-    output.send(unrested(1))
+    output.send(frame_before_rest(1))
     assert output.about.endswith("of 3 channels")
     output.close()
 
@@ -137,4 +137,4 @@ def test_a_stream_without_controls_waits_for_nothing():
 def test_a_stream_of_nothing():
     output = LslOutput(LslSettings(send=("controls", "confidence")))
     with raises(OutputError, "nothing-to-send", send=("controls", "confidence")):
-        output.send(unrested(1, quality=Quality.TRUSTED))
+        output.send(frame_before_rest(1, quality=Quality.TRUSTED))

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.pipeline.build.build import build
 from defsense_fab.studio.page.studio import Studio
 from defsense_fab.studio.project.agreement import Agreement
+from defsense_fab.workflow.build.build import build
 from tests.studio.browser.conftest import COARSE, around_arc, until
 from tests.studio.browser.person import Person
 

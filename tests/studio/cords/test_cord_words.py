@@ -9,7 +9,7 @@ from defsense_fab.optimize.limits.verification import (
     LayoutCheck,
     LimitViolation,
 )
-from defsense_fab.pipeline.design.layout_judge import Judged
+from defsense_fab.optimize.prediction.layout_judge import Judged
 from defsense_fab.studio.cords.cord_words import broken_cords, error_table, limit_words
 from defsense_fab.studio.workbench.pose_errors import extremes
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.studio.cords.cord_scene import with_point, with_tangent
 from defsense_fab.studio.cords.planes import moved, planes

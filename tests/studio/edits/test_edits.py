@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tomlkit
 
-from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.studio.edits import body, cords, poses

@@ -5,10 +5,10 @@ import threading
 import numpy as np
 import pytest
 
-from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
-from defsense_fab.pipeline.design.next_cord import next_cord
+from defsense_fab.optimize.prediction.next_cord import next_cord
 from defsense_fab.studio.edits.cords import remove_cord
 from defsense_fab.studio.inside import heat_search
 from defsense_fab.studio.inside.looks import LOOKS, NEXT_CORD

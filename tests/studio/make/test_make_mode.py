@@ -10,11 +10,11 @@ import zipfile
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.pipeline.build import export as export_module
-from defsense_fab.pipeline.build.export import export
-from defsense_fab.pipeline.build.freshness import outdated
-from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
+from defsense_fab.report.guide.hands.steps import guide_steps
 from defsense_fab.studio.make.built_device import Note
+from defsense_fab.workflow.build import export as export_module
+from defsense_fab.workflow.build.export import export
+from defsense_fab.workflow.build.freshness import outdated
 from tests.studio.conftest import defsense
 
 LONG = 280.0
@@ -163,6 +163,6 @@ def test_a_full_disk_and_a_read_only_folder_are_told(made_page, monkeypatch):
         raise OSError(errno.EROFS, "Read-only file system", str(device.source / ".build-lock"))
 
     with monkeypatch.context() as patch:
-        patch.setattr("defsense_fab.core.storage.lock.os.open", refused)
+        patch.setattr("defsense_fab.core.storage.files.os.open", refused)
         with pytest.raises(StorageError, match="Read-only file system; check the path"):
             export(device, path)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.arrays import places, xyz
-from defsense_fab.pipeline.report.guide.hands.steps import GuideStep
-from defsense_fab.pipeline.report.guide.tables import GuideTable
+from defsense_fab.report.guide.hands.steps import GuideStep
+from defsense_fab.report.guide.tables import GuideTable
 from defsense_fab.studio.make.built_device import notes
 from defsense_fab.studio.make.flight import approach, fly
 from defsense_fab.studio.make.make_words import state_words, step_words, table_words

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
+from defsense_fab.calibration import session as sessions
 from defsense_fab.calibration.readings import Geometry
 from defsense_fab.cli.calibrate import calibrate_record
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.response import ResponseSpec
-from defsense_fab.pipeline.calibrate import session as sessions
-from defsense_fab.pipeline.calibrate.fit_response import fit_response
-from defsense_fab.pipeline.calibrate.synthetic_session import record_twin
 from defsense_fab.sensing.response import response_of
 from defsense_fab.studio.measure import jobs
 from defsense_fab.studio.measure.calibration_part import specimen_sessions
-from defsense_fab.twin.electronics.cord_twin import CordTraits
+from defsense_fab.twin.calibration_session import record_twin
+from defsense_fab.twin.electronics.cords import CordTraits
+from defsense_fab.workflow.calibrate.fit_response import fit_response
 from tests.runtime.live_frames import wait_for
 
 LONG = 60.0

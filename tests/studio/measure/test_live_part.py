@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.pipeline.live import live_run as live_run_module
-from defsense_fab.pipeline.train.models.model_file import load_model, write_model
+from defsense_fab.runtime.live import live_run as live_run_module
 from defsense_fab.studio.edits.cords import add_cord
-from defsense_fab.twin.electronics.played_cords import PlayedCords
-from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
-from tests.pipeline.live.conftest import NAMES
+from defsense_fab.training.models.model_file import load_model, write_model
+from defsense_fab.twin.electronics.readout_board import ReadoutTwin
+from defsense_fab.twin.electronics.replayed_cords import ReplayedCords
+from tests.runtime.live.conftest import NAMES
 from tests.runtime.live_frames import wait_for
 
 LONG = 60.0
@@ -25,7 +25,7 @@ LONG = 60.0
 def board(live_bar, monkeypatch):
     """A read-out board at every port, which says what the bar's cords would."""
     run, _ = live_bar.run(40.0, 3)
-    cords = PlayedCords(NAMES, run.sample_time, run.ohm)
+    cords = ReplayedCords(NAMES, run.sample_time, run.ohm)
     made = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=4.0, converter="ads1115")
     monkeypatch.setattr(live_run_module, "open_port", lambda url: made())
     return made

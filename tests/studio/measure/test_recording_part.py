@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.readout.reader import Reader
+from defsense_fab.capture.sessions.guided_recording import CameraView, CaptureView
 from defsense_fab.core.markers import Markers, write_markers_file
-from defsense_fab.pipeline.sessions.recording.guided_recording import CameraView, CaptureView
-from defsense_fab.pipeline.twin.live import capture_setup
-from defsense_fab.pipeline.twin.live.sample_sources import Opened
 from defsense_fab.studio.measure.camera_pictures import WIDTH, small_picture
 from defsense_fab.studio.measure.recording_screen import RecordingScreen
 from defsense_fab.studio.measure.recording_words import coverage_bars, step_words
-from defsense_fab.twin.electronics.played_cords import PlayedCords
-from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
-from tests.pipeline.live.conftest import NAMES
+from defsense_fab.twin.electronics.readout_board import ReadoutTwin
+from defsense_fab.twin.electronics.replayed_cords import ReplayedCords
+from defsense_fab.twin.live import capture_setup
+from defsense_fab.twin.live.sample_sources import Opened
+from tests.runtime.live.conftest import NAMES
 from tests.runtime.live_frames import wait_for
 
 LONG = 60.0
@@ -45,7 +45,7 @@ def recording(studio_page):
 def board(live_bar, monkeypatch, studio_page):
     """A read-out board at every port, and the device's tags."""
     run, _ = live_bar.run(40.0, 3)
-    cords = PlayedCords(NAMES, run.sample_time, run.ohm)
+    cords = ReplayedCords(NAMES, run.sample_time, run.ohm)
     made = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=4.0)
     monkeypatch.setattr(
         capture_setup, "open_source", lambda port, settings: Opened(Reader(made, port, settings))

@@ -10,12 +10,12 @@ from types import SimpleNamespace
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.pipeline.artifacts.layout import layout_hash, load_layout
-from defsense_fab.pipeline.train.models.model_file import load_model
+from defsense_fab.sensing.layout import layout_hash, load_layout
 from defsense_fab.studio.measure import jobs
 from defsense_fab.studio.measure.training_words import decoder_table
 from defsense_fab.studio.workbench.beside import CANCELLED
 from defsense_fab.studio.workbench.process_work import ProcessWork
+from defsense_fab.training.models.model_file import load_model
 
 LONG = 60.0
 TOLD = {

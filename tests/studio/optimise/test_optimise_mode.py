@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.curves.curve import Hermite
+from defsense_fab.core.curve import Hermite
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.pipeline.artifacts.layout import load_layout
-from defsense_fab.pipeline.report.surface_errors import surface_errors
+from defsense_fab.report.surface_errors import surface_errors
+from defsense_fab.sensing.layout import load_layout
 from defsense_fab.studio.workbench.build_work import SeenLayout
 
 LONG = 280.0

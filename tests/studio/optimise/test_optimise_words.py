@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
-from defsense_fab.pipeline.design.compare_layouts import ComparedLayout
-from defsense_fab.pipeline.design.layout_judge import Judged
+from defsense_fab.optimize.prediction.compare_layouts import ComparedLayout
+from defsense_fab.optimize.prediction.layout_judge import Judged
 from defsense_fab.studio.optimise.color_scale import color_bar, colored
 from defsense_fab.studio.optimise.compared_words import compared_table, said_of, scatter
 from defsense_fab.studio.optimise.search_record import SearchRecord, pose_table

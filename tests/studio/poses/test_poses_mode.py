@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.runtime.view.picking import View
+from defsense_fab.runtime.view.camera import View
 from defsense_fab.studio.poses.poses_mode import POSES, REGIONS
 from defsense_fab.studio.poses.region_part import REFIT
 from defsense_fab.studio.poses.role_list import HELD, MOVED

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.solver.modes import modes, propose
-from defsense_fab.pipeline.artifacts.mesh import load_mesh
-from defsense_fab.pipeline.study.propose_poses import Found, Proposal, append, as_toml
+from defsense_fab.mechanics.solver.linear_response import vibration_modes, propose_poses
 from defsense_fab.studio.poses import suggestion_part
 from defsense_fab.studio.project.agreement import Agreement
+from defsense_fab.workflow.study.propose_poses import Found, Proposal, append, as_toml
 
 LONG = 120.0
 
@@ -33,8 +33,8 @@ def looked(mode):
     mesh = QuadraticMesh.from_linear(load_mesh(device.source / "build"))
     held = np.flatnonzero(device.regions["base"].contains(mesh.nodes))
     material = Material.from_spec(device.material)
-    found = modes(mesh, material, held, device.material.density, 5)
-    poses = tuple(propose(mesh, held, found))
+    found = vibration_modes(mesh, material, held, device.material.density, 5)
+    poses = tuple(propose_poses(mesh, held, found))
     mode.suggestions._came(("base", Found(mesh, tuple(found), poses, "far_end")))
     return mode.suggestions
 

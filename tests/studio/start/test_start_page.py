@@ -8,13 +8,13 @@ import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import StorageError
-from defsense_fab.pipeline.starts.dropped_body import DroppedBody
 from defsense_fab.studio.device.body_preview import BodyPreview
 from defsense_fab.studio.page.studio import Studio, TroublePage
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.start import start_page as start_page_module
 from defsense_fab.studio.start.start_page import StartPage
+from defsense_fab.workflow.starts.dropped_body import DroppedBody
 from tests.conftest import box_surface
 from tests.studio.devices import TEXT, write_device
 

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.script_text import read_script
+from defsense_fab.geometry.bodies.script_source import read_script
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project

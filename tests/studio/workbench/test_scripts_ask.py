@@ -8,13 +8,13 @@ from tests.places import ROOT
 
 #: What runs a body's script, by the module that it is imported from.
 RUNS = {
-    ("pipeline.build.build", "build"),
-    ("pipeline.build.freshness", "build_body"),
-    ("pipeline.study.propose_poses", "find_poses"),
-    ("pipeline.study.propose_poses", "propose_poses"),
-    ("pipeline.study.cord_count", "study"),
+    ("workflow.build.build", "build"),
+    ("workflow.build.freshness", "build_body"),
+    ("workflow.study.propose_poses", "find_poses"),
+    ("workflow.study.propose_poses", "propose_poses"),
+    ("workflow.study.cord_count", "study"),
     ("geometry.bodies.body", "load_body"),
-    ("pipeline.tags.markers", "write_markers"),
+    ("workflow.tags.markers", "write_markers"),
 }
 #: Behind `Workbench.build`, and behind `Workbench.may_run`.
 ASK = {"workbench/build_work.py", "device/body_preview.py", "poses/suggestion_part.py"}

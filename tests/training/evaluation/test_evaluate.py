@@ -10,7 +10,7 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.expected_errors import measure
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import velocities
-from defsense_fab.training.regression.frames import Frames, first_and_last
+from defsense_fab.training.regression.frames import Frames, split_frames
 from tests.errors import raises
 from tests.training import soft_bar as bar
 
@@ -92,8 +92,8 @@ def test_the_last_share_is_that_which_was_not_trained_on(model):
     data = bar.dataset(*runs)
     for share in (0.3, 0.6):
         found = evaluate(model, data, share).frames
-        _, held_out = first_and_last(Frames.all_of(data), share)
-        assert (found.run == held_out.of).all()
+        _, held_out = split_frames(Frames.from_dataset(data), share)
+        assert (found.run == held_out.recording_index).all()
         assert (found.time == held_out.time).all()
     assert found.without_markers == 0
     assert (np.diff(found.elapsed) > 0).all()

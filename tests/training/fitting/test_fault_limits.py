@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from defsense_fab.training.data.dataset import Dataset
-from defsense_fab.training.fitting.fault_limits import fault_limits
+from defsense_fab.training.fitting.fault_limits import fit_fault_limits
 
 from ..conftest import Maker
 
@@ -16,7 +16,7 @@ def repeats(dataset: Dataset, step: float) -> np.ndarray:
     """s, of the dataset read by a converter of so many ohm a count."""
     r = dataset.recordings[0]
     coarse = replace(r, ohm=step * np.round(r.ohm / step))
-    found = fault_limits(replace(dataset, recordings=(coarse,))).repeats
+    found = fit_fault_limits(replace(dataset, recordings=(coarse,))).repeats
     assert found is not None
     return found
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.training.fitting.pose_signals import first_rest
+from defsense_fab.training.fitting.pose_signals import first_rest_signals
 from tests.training.synthetic import CHANNELS, R0, dataset, recording
 
 ASKED = ((0.0, "rest"), (4.0, "bend"), (9.0, "rest"))
@@ -22,14 +22,14 @@ def begun(k: int, session: str, off: float):
 
 def test_each_session_counts_once_by_its_first_run():
     runs = [begun(1, "a", -0.02), begun(2, "a", -0.5), begun(3, "b", -0.03), begun(4, "c", -0.04)]
-    found = first_rest(dataset(*runs))
+    found = first_rest_signals(dataset(*runs))
     assert found is not None
     np.testing.assert_allclose([found[c] for c in CHANNELS], [-0.03, -0.015, 0.006], atol=1e-9)
 
 
 def test_a_session_that_does_not_begin_with_a_rest_tells_nothing():
     moving = replace(recording(1), poses=((0.0, "bend"), (5.0, "rest")))
-    assert first_rest(dataset(moving)) is None
-    assert first_rest(dataset(replace(recording(1), poses=()))) is None
+    assert first_rest_signals(dataset(moving)) is None
+    assert first_rest_signals(dataset(replace(recording(1), poses=()))) is None
     blind = replace(begun(1, "a", -0.02), ohm=np.full_like(recording(1).ohm, np.nan))
-    assert first_rest(dataset(blind)) is None
+    assert first_rest_signals(dataset(blind)) is None

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.training.fitting.repeatability import repeatability
+from defsense_fab.training.fitting.repeatability import measure_repeatability
 from defsense_fab.training.regression.frames import Frames
 from tests.training import soft_bar as bar
 
@@ -20,7 +20,7 @@ def frames():
     points[rng.random(points.shape[:2]) < 0.05] = np.nan
     run = bar.recording(300)
     run = replace(run, time=time, points=points, sigma=np.full(points.shape, 0.1))
-    return Frames.all_of(bar.dataset(run)), bend
+    return Frames.from_dataset(bar.dataset(run)), bend
 
 
 def said(frames, bend, added):
@@ -32,7 +32,7 @@ def said(frames, bend, added):
 
 def test_an_error_that_comes_back_with_the_shape_is_none(frames):
     data, bend = frames
-    found = repeatability(data, said(data, bend, 0.5 + 0.1 * bend))
+    found = measure_repeatability(data, said(data, bend, 0.5 + 0.1 * bend))
     assert found is not None
     assert found.at_once + found.drift < 0.03
     assert found.cameras == pytest.approx(0.03)
@@ -42,14 +42,14 @@ def test_an_error_that_comes_back_with_the_shape_is_none(frames):
 def test_shows_that_differ_have_their_variance(frames):
     data, bend = frames
     show = np.random.default_rng(1).normal(size=31)[(data.time // 10).astype(int)]
-    found = repeatability(data, said(data, bend, show))
+    found = measure_repeatability(data, said(data, bend, show))
     assert found is not None
     assert found.at_once + found.drift == pytest.approx(np.var(show), rel=0.25)
 
 
 def test_a_drift_is_told_from_what_differs_at_once(frames):
     data, bend = frames
-    found = repeatability(data, said(data, bend, 2 * data.time / 300))
+    found = measure_repeatability(data, said(data, bend, 2 * data.time / 300))
     assert found is not None
     assert found.drift > 3 * found.at_once
 
@@ -57,14 +57,14 @@ def test_a_drift_is_told_from_what_differs_at_once(frames):
 def test_clocks_matter_where_markers_move(frames):
     data, bend = frames
     moving = bar.recording(60, sigma=0.05)
-    slow = repeatability(data, said(data, bend, 0 * bend))
-    fast = Frames.all_of(bar.dataset(moving))
-    quick = repeatability(fast, np.nan_to_num(fast.points) - bar.REST)
+    slow = measure_repeatability(data, said(data, bend, 0 * bend))
+    fast = Frames.from_dataset(bar.dataset(moving))
+    quick = measure_repeatability(fast, np.nan_to_num(fast.points) - bar.REST)
     assert slow is not None
     assert quick is not None
     assert quick.clocks > 0
     unknown = replace(fast, dataset=bar.dataset(replace(moving, sync_error=None)))
-    none = repeatability(unknown, np.nan_to_num(unknown.points) - bar.REST)
+    none = measure_repeatability(unknown, np.nan_to_num(unknown.points) - bar.REST)
     assert none is not None
     assert none.clocks == 0
 
@@ -75,5 +75,5 @@ def test_shapes_that_never_come_back_tell_nothing():
         bar.recording(60), time=time, points=bar.points_of(time, 0 * time),
         sigma=np.full((len(time), 6, 3), 0.001),
     )  # fmt: skip
-    frames = Frames.all_of(bar.dataset(run))
-    assert repeatability(frames, np.zeros(frames.points.shape)) is None
+    frames = Frames.from_dataset(bar.dataset(run))
+    assert measure_repeatability(frames, np.zeros(frames.points.shape)) is None

@@ -11,8 +11,8 @@ from sklearn.linear_model import Ridge
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from defsense_fab.training.regression.frames import Frames, first_and_last
-from defsense_fab.training.regression.weighted_ridge import NOISES
+from defsense_fab.training.regression.frames import Frames, split_frames
+from defsense_fab.training.regression.weighted_ridge import INPUT_NOISES
 from tests.errors import raises
 
 from ..conftest import Maker
@@ -28,7 +28,7 @@ def test_the_affine_decoder_is_the_ridge_of_a_library(recorded: Maker) -> None:
     dataset = recorded(60)
     result = train(dataset, TrainingOptions(decoder="affine", memory=False))
     row = result.attempts[0]
-    frames, _ = first_and_last(Frames.all_of(dataset))
+    frames, _ = split_frames(Frames.from_dataset(dataset))
     x = frames.inputs(result.model.main.past, range(3))
     peer = Ridge(alpha=row.lambda_**2, solver="cholesky", tol=1e-12)
     peer.fit(x, frames.points.reshape(len(x), -1))
@@ -66,7 +66,7 @@ def test_intervals_hold_on_what_comes_later(recorded: Maker) -> None:
     for seed in range(4):
         dataset = recorded(200, seed=seed, noise=2e-3, tear=0.1)
         result = train(dataset, TrainingOptions(decoder="quadratic", memory=False))
-        run, later = dataset.recordings[0], result.tested.row
+        run, later = dataset.recordings[0], result.tested.frame_index
         found = result.model.decode(run.sample_time, run.signals, run.time[later])
         off = np.linalg.norm(found.points - run.points[later], axis=2)
         inside.append((off <= found.radius).mean())
@@ -106,7 +106,7 @@ def test_wrong_markers_do_not_spoil_the_rest(recorded: Maker) -> None:
     points[wrong] += [30.0, 10.0, -20.0]
     points[300:304] += 25.0  # pictures laid wrongly onto the rest pose
     dirty = changed(clean, points=points)
-    after = first_and_last(Frames.all_of(clean))[1].row
+    after = split_frames(Frames.from_dataset(clean))[1].frame_index
 
     def error(options: TrainingOptions) -> float:
         found = train(dirty, options).model.decode(run.sample_time, run.signals, run.time[after])
@@ -117,9 +117,9 @@ def test_wrong_markers_do_not_spoil_the_rest(recorded: Maker) -> None:
     assert error(TrainingOptions(decoder="quadratic", weighted=False)) > 10 * good
     result = train(dirty)
     hit = result.wrong & (
-        wrong[result.trained.row] | (np.abs(result.trained.row - 301.5) < 2)[:, None]
+        wrong[result.trained.frame_index] | (np.abs(result.trained.frame_index - 301.5) < 2)[:, None]
     )
-    assert hit.sum() == result.wrong.sum() > 0.98 * wrong[result.trained.row].sum()
+    assert hit.sum() == result.wrong.sum() > 0.98 * wrong[result.trained.frame_index].sum()
 
 
 def test_a_decoder_that_fails_for_long_does_not_make_its_markers_wrong(recorded: Maker) -> None:
@@ -156,7 +156,7 @@ def test_gaps_and_lost_samples_are_left_out(recorded: Maker) -> None:
     ohm = run.ohm.copy()
     ohm[1000:1200] = np.nan
     result = train(changed(dataset, ohm=ohm))
-    lost = np.abs(run.time[result.trained.row] - run.sample_time[1100]) < 100 / 60 - 0.02
+    lost = np.abs(run.time[result.trained.frame_index] - run.sample_time[1100]) < 100 / 60 - 0.02
     assert not lost.any()
     assert next(a.test.rmse for a in result.attempts if a.name == "quadratic" and a.test) < 0.4
 
@@ -275,7 +275,7 @@ def test_fallbacks_of_the_paper_s_map_are_the_paper_s(recorded: Maker) -> None:
     x = result.trained.inputs(result.model.main.past, [0, 2])
     o = result.trained.points.reshape(len(x), -1)
     best = min(
-        (Ridge(alpha=len(x) * s**2, solver="cholesky").fit(x, o) for s in NOISES),
+        (Ridge(alpha=len(x) * s**2, solver="cholesky").fit(x, o) for s in INPUT_NOISES),
         key=lambda r: np.abs(r.coef_.T - result.model.without["top"].decoder.weights).max(),
     )
     np.testing.assert_allclose(

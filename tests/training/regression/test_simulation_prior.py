@@ -11,8 +11,12 @@ from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.data.dataset_checks import check_dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
 from defsense_fab.training.regression.frames import Frames
-from defsense_fab.training.regression.simulated_decoder import simulated_model
-from defsense_fab.training.regression.simulation_prior import Prior, coverage, expected_signals
+from defsense_fab.training.regression.simulated_decoder import fit_simulated_model
+from defsense_fab.training.regression.simulation_prior import (
+    Prior,
+    measure_coverage,
+    predict_signals,
+)
 from tests.errors import raises
 
 from ..conftest import Maker
@@ -72,7 +76,7 @@ def test_a_simulation_of_another_device_is_not_followed(recorded: Maker) -> None
 
 def test_the_simulation_alone_is_a_model_without_intervals(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(30, noise=0.0)
-    model = simulated_model("toy", "", dataset.channels, dataset.ids, dataset.rest_points, prior)
+    model = fit_simulated_model("toy", "", dataset.channels, dataset.ids, dataset.rest_points, prior)
     assert error(model, dataset) < 0.5
     assert model.main.intervals is None
     assert set(model.without) == set(dataset.channels)
@@ -89,8 +93,8 @@ def test_coverage_names_what_was_not_shown(recorded: Maker) -> None:
         prior, names=(*prior.names, "pull"), signals=np.append(prior.signals, [[0.3] * 3], axis=0),
         displacements=np.append(prior.displacements, 40 + prior.displacements[-1:], axis=0),
     )  # fmt: skip
-    found = coverage(Frames.all_of(dataset), far)
-    assert not found.seen[-1]
+    found = measure_coverage(Frames.from_dataset(dataset), far)
+    assert not found.is_shown[-1]
     assert found.advice[0].startswith("show pull: pictures came within")
     assert found.share > 0.5
     assert not found.ends_at_rest
@@ -104,7 +108,7 @@ def test_a_recording_that_shows_all_and_ends_at_rest_has_no_advice(recorded: Mak
     rest = np.broadcast_to(dataset.rest_points, (300, *dataset.rest_points.shape))
     points = np.concatenate([shown, rest])
     run = replace(run, time=run.time[: len(points)], points=points, sigma=np.zeros_like(points))
-    found = coverage(Frames.all_of(replace(dataset, recordings=(run,))), prior)
+    found = measure_coverage(Frames.from_dataset(replace(dataset, recordings=(run,))), prior)
     assert found.advice == ()
     assert found.share == 1.0
 
@@ -112,7 +116,7 @@ def test_a_recording_that_shows_all_and_ends_at_rest_has_no_advice(recorded: Mak
 def test_signals_are_expected_where_markers_are(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(30, noise=0.0, gaps=0.3)
     run = dataset.recordings[0]
-    found = expected_signals(prior, run, dataset.rest_points)
+    found = predict_signals(prior, run, dataset.rest_points)
     off = found - run.signals_at(run.time)
     known = np.isfinite(off).all(axis=1)
     assert known.mean() > 0.8
@@ -122,7 +126,7 @@ def test_signals_are_expected_where_markers_are(recorded: Maker) -> None:
 def test_channels_that_are_exchanged_are_noticed_in_one_session(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(90)
     run = dataset.recordings[0]
-    predicted = {run.name: expected_signals(prior, run, dataset.rest_points)}
+    predicted = {run.name: predict_signals(prior, run, dataset.rest_points)}
     swapped = replace(dataset, recordings=(replace(run, ohm=run.ohm[:, [1, 0, 2]]),))
     kinds = {p.code for p in check_dataset(swapped, predicted=predicted)}
     assert "permuted-channels" in kinds

@@ -9,23 +9,23 @@ from sklearn.linear_model import Ridge
 
 from defsense_fab.core.arrays import Float
 from defsense_fab.decoding.input_decoder import InputFeatures, no_products
-from defsense_fab.training.regression.frames import fold_of
+from defsense_fab.training.regression.frames import assign_folds
 from defsense_fab.training.regression.weighted_ridge import (
-    Whitened,
+    Whitening,
+    accumulate_sums,
     cross_validate,
-    solve,
-    squared_error,
-    sums,
+    solve_ridge,
+    sum_squared_errors,
 )
 
 from ..conftest import walk
 
 
-def affine(inputs: Float) -> tuple[Float, Whitened]:
+def affine(inputs: Float) -> tuple[Float, Whitening]:
     """Whitened features of an affine map, and how they were whitened."""
     c = inputs.shape[1]
     features = InputFeatures(c, no_products(), np.zeros((0, c)), np.ones(c))
-    whitened = Whitened.of(features(inputs), features.slopes(inputs), features.roughness())
+    whitened = Whitening.of(features(inputs), features.slopes(inputs), features.roughness())
     return whitened(features(inputs)), whitened
 
 
@@ -43,8 +43,8 @@ def test_an_affine_map_is_that_of_a_library_s_ridge_for_every_marker(
     x, o, w = data
     phi, whitened = affine(x)
     noise = 0.03
-    beta, constant = solve(sums(phi, o, w, np.zeros(400, int)).without(), np.array([noise]))
-    B, b = whitened.plain(beta[0], constant[0])
+    beta, constant = solve_ridge(accumulate_sums(phi, o, w, np.zeros(400, int)).without(), np.array([noise]))
+    B, b = whitened.undo(beta[0], constant[0])
     for m in range(5):
         peer = Ridge(alpha=noise**2 * w[:, m].sum(), solver="cholesky", tol=1e-12)
         peer.fit(x, o[:, m], sample_weight=w[:, m])
@@ -58,8 +58,8 @@ def test_what_is_not_known_does_not_count(data: tuple[Float, Float, Float]) -> N
     holes = np.where(w[..., None] > 0, o, np.nan)
     one = np.zeros(400, int)
     for a, b in zip(
-        solve(sums(phi, o, w, one).without(), np.array([0.01])),
-        solve(sums(phi, holes, w, one).without(), np.array([0.01])),
+        solve_ridge(accumulate_sums(phi, o, w, one).without(), np.array([0.01])),
+        solve_ridge(accumulate_sums(phi, holes, w, one).without(), np.array([0.01])),
         strict=True,
     ):
         np.testing.assert_array_equal(a, b)
@@ -70,8 +70,8 @@ def test_errors_on_folds_are_those_of_decoders_fitted_without_them(
 ) -> None:
     x, o, w = data
     phi, whitened = affine(x)
-    fold = fold_of(400, 5)
-    found = sums(phi, o, w, fold)
+    fold = assign_folds(400, 5)
+    found = accumulate_sums(phi, o, w, fold)
     path = cross_validate(found, noises=np.array([0.02, 0.2]))
     for k in range(5):
         for s, noise in enumerate(path.noises):
@@ -89,12 +89,12 @@ def test_errors_on_folds_are_those_of_decoders_fitted_without_them(
 def test_squared_errors_follow_from_sums(data: tuple[Float, Float, Float]) -> None:
     x, o, w = data
     phi, _ = affine(x)
-    found = sums(phi, o, w, np.zeros(400, int))
+    found = accumulate_sums(phi, o, w, np.zeros(400, int))
     rng = np.random.default_rng(0)
     B, b = rng.normal(size=(2, 4, 15)), rng.normal(size=(2, 15))
     off = (np.einsum("tf,sfo->sto", phi, B) + b[:, None] - o.reshape(400, 15)) ** 2
     expected = (off * np.repeat(w, 3, axis=1)).sum(1)
-    np.testing.assert_allclose(squared_error(found.only(0), B, b), expected, rtol=1e-10)
+    np.testing.assert_allclose(sum_squared_errors(found.only(0), B, b), expected, rtol=1e-10)
 
 
 def test_shuffled_folds_choose_a_far_smaller_lambda_and_lie() -> None:
@@ -112,10 +112,10 @@ def test_shuffled_folds_choose_a_far_smaller_lambda_and_lie() -> None:
     phi, _ = affine(x[:n])
     after = affine(x[:n])[1](x[n:])
     told, tested, noise = [], [], []
-    for fold in (fold_of(n), rng.permutation(fold_of(n))):
-        found = sums(phi, o[:n], np.ones((n, m)), fold)
+    for fold in (assign_folds(n), rng.permutation(assign_folds(n))):
+        found = accumulate_sums(phi, o[:n], np.ones((n, m)), fold)
         path = cross_validate(found)
-        beta, constant = solve(found.without(), np.array([path.noise]))
+        beta, constant = solve_ridge(found.without(), np.array([path.noise]))
         off = (after @ beta[0] + constant[0]).reshape(-1, m, 3) - o[n:]
         noise.append(path.noise)
         told.append(path.rmse)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.readout.ports import open_port
-from defsense_fab.capture.readout.reader import Reader, Settings
+from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.sensing.response import Response
 from defsense_fab.twin.electronics.cords import CordTraits, DeviceCords
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
@@ -21,7 +21,7 @@ def test_reader_opens_a_virtual_port_like_a_serial_port(kind):
     cords = DeviceCords(("a", "b"), np.array([100.0, 80.0]), lambda s: np.zeros(2), SILENT, rng)
     board = ReadoutTwin(cords, 1500.0, offset=5.0)
     line = kind(board)
-    settings = Settings(channels=2, rate=50, led=100)
+    settings = ReadoutSettings(channels=2, rate=50, led=100)
     try:
         with Reader(lambda: open_port(line.port), line.port, settings) as reader:
             until = time.monotonic() + 20

@@ -9,13 +9,13 @@ from typing import ClassVar
 import meshio
 import numpy as np
 
-from ...core.arrays import Bool
-from ...core.errors import StorageError
-from ...core.mesh import TetMesh
-from ...geometry.bodies.meshing.tetrahedra import FTETWILD, MeshedSurface
-from . import typed_json
-from .build_folder import BUILD_AGAIN
-from .vtu_file import read_vtu
+from ....core.arrays import Bool
+from ....core.errors import StorageError
+from ....core.mesh import TetMesh
+from .tetrahedra import FTETWILD, MeshedSurface
+from ....core.storage import typed_json
+from ....core.storage.build_folder import BUILD_AGAIN
+from ....core.storage.vtu_file import read_vtu
 
 FILE, RECORD = "mesh.vtu", "mesh.json"
 _REGION = "region:"

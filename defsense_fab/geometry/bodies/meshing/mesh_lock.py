@@ -13,10 +13,10 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from ...core.errors import StorageError
-from ...core.mesh import Surface, TetMesh
-from ...core.storage.files import digest, replacing, storage_errors
-from ...geometry.bodies.meshing.tetrahedra import FTETWILD, Tetrahedra
+from ....core.errors import StorageError
+from ....core.mesh import Surface, TetMesh
+from ....core.storage.files import digest, replacing, storage_errors
+from .tetrahedra import FTETWILD, Tetrahedra
 from .mesh_store import made_as, told
 
 FILE = "device.mesh"

@@ -13,10 +13,10 @@ from zipfile import BadZipFile
 import numpy as np
 from platformdirs import user_cache_path
 
-from ...core.errors import StorageError
-from ...core.mesh import Surface, TetMesh
-from ...core.storage.files import digest, replacing
-from ...geometry.bodies.meshing.tetrahedra import MeshedSurface, Tetrahedra
+from ....core.errors import StorageError
+from ....core.mesh import Surface, TetMesh
+from ....core.storage.files import digest, replacing
+from .tetrahedra import MeshedSurface, Tetrahedra
 
 #: Raised when meshes of the same body are to be made anew.
 VERSION = 4

@@ -1,1 +1,0 @@
-"""The Python interface: a device simulated, its cords optimised and predicted, models trained."""

@@ -1,0 +1,78 @@
+"""Single keys from a terminal, without waiting for the end of a line."""
+
+from __future__ import annotations
+
+import re
+import sys
+from types import TracebackType
+
+from ...core.errors import DeviceError
+from .terminal_input import Terminal
+
+_ESCAPE, _END = b"\x1b", b"\x04"
+_REST_OF_KEY = 0.05  # s within which the bytes of one key follow each other
+#: One whole key: a control sequence or single shift (ECMA-48, 5.4 and 8.3.141), Alt with a
+#: character, or a character in UTF-8.
+_ESCAPED = re.compile(
+    rb"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|\x1b[^\[O]"
+    rb"|[\x00-\x1a\x1c-\x7f]|[\xc0-\xdf].|[\xe0-\xef]..|[\xf0-\xff]...|[\x80-\xbf]",
+    re.DOTALL,
+)
+_ANY = re.compile(rb"\x1b\[?[0-?]*[ -/]*|.+", re.DOTALL)
+
+
+class Keys:
+    """Reads keys while it is entered; the terminal is as before when it is left."""
+
+    def __init__(self, otherwise: str = "give --auto") -> None:
+        """`otherwise`: what a user can do without keys."""
+        self._waiting, self._otherwise = b"", otherwise
+
+    def __enter__(self) -> Keys:
+        """Raises DeviceError where standard input is no terminal, or cannot be read by keys."""
+        if not sys.stdin.isatty():
+            raise DeviceError(
+                "this command asks for keys, but standard input is no terminal; run it in one, or"
+                f" {self._otherwise}"
+            )
+        self._terminal = Terminal()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self._terminal.close()
+
+    def get(self, timeout: float) -> str | None:
+        """The next key within `timeout` s, or None: "enter" for the end of a line, "escape", a
+        letter in lower case; arrows and function keys are None. "q" at the end of the input."""
+        if not self._waiting and not self._read(timeout):
+            return None
+        key = _ESCAPED.match(self._waiting)
+        while key is None:  # a key that is not whole yet
+            if self._waiting.endswith(_END) or not self._read(_REST_OF_KEY):
+                key = _ANY.match(self._waiting)
+                break
+            key = _ESCAPED.match(self._waiting)
+        assert key is not None  # _ANY takes whatever there is
+        self._waiting = self._waiting[key.end() :]
+        return _name(key[0])
+
+    def _read(self, timeout: float) -> bool:
+        """Add what comes within `timeout` s; False for nothing."""
+        read = self._terminal.read(timeout)
+        if read is None:
+            return False
+        self._waiting += read or _END
+        return True
+
+
+def _name(key: bytes) -> str | None:
+    if key in (b"\n", b"\r", b" "):
+        return "enter"
+    if key == _END:
+        return "q"
+    if key[:1] == _ESCAPE:
+        return "escape" if len(key) == 1 else None
+    return key.decode("utf-8", errors="replace").lower()

@@ -1,1 +1,0 @@
-"""The steps of a build, what is up to date, and the report."""

@@ -1,1 +1,0 @@
-"""From measurements on the specimen to the cord's response."""

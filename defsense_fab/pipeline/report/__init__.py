@@ -1,1 +1,0 @@
-"""What pages and PDFs share: templates, pictures."""

@@ -1,1 +1,0 @@
-"""Training sessions: recorded, processed, reported."""

@@ -1,1 +1,0 @@
-"""A training session while it is recorded."""

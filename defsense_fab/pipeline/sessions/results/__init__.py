@@ -1,1 +1,0 @@
-"""What a processed session is: its files and its report."""

@@ -1,1 +1,0 @@
-"""Datasets of recorded sessions, training, evaluation, and their pages."""

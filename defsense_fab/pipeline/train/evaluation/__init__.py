@@ -1,1 +1,0 @@
-"""Evaluations of trained models on sessions: tables, figures, their page."""

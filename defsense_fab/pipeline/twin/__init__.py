@@ -1,1 +1,0 @@
-"""A built device and its read-out board as a twin."""

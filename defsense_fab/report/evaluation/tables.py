@@ -1,0 +1,244 @@
+"""An evaluation in plain values: what `--json` prints, and tables for other programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from ...training.evaluation.evaluate import Evaluation, Measures
+from ...training.evaluation.evaluate_models import Evaluated, SessionEvaluation
+from ...training.evaluation.predicted_error import PredictedError
+
+#: DefSense (CHI 2016), Table 1: a bar with 3 cords, 2,040 test frames, mm.
+PAPER = {
+    "manual": Measures(4.46, 1.76, 21.78, 8.98, 2040),
+    "visual": Measures(3.66, 1.33, 17.13, 7.12, 2040),
+    "full": Measures(1.17, 0.71, 10.13, 2.16, 2040),
+}
+SOURCE = "DefSense, CHI 2016, Table 1"
+
+Rows = list[list[Any]]
+
+
+def as_data(result: SessionEvaluation) -> dict[str, Any]:
+    """All but what is said of single frames; lengths in mm, squares in mm^2, None where not
+    known."""
+    data = {
+        "device": result.device,
+        "sessions": result.sessions,
+        "last_share": result.last_share,
+        "notes": result.notes,
+        "models": {m.name: _model(m) for m in result.models},
+        "comparison": None if result.comparison is None else asdict(result.comparison),
+        "paper": {name: asdict(row) for name, row in PAPER.items()},
+    }
+    plain = _plain(data)
+    assert isinstance(plain, dict)
+    return plain
+
+
+def csv_files(result: SessionEvaluation) -> dict[str, str]:
+    """Text of CSV files by name: a header line, then numbers with points; empty where not known."""
+    tables = {
+        "table-1.csv": _table_1(result),
+        "markers.csv": _by_marker(result.models),
+        "poses.csv": _by_pose(result.models),
+        "coverage.csv": _coverage(result.models),
+        "speed.csv": _by_speed(result.models),
+        "error-budget.csv": _budget(result.models),
+        "predicted.csv": _predicted(result.models),
+        "frames.csv": _frames(result.models),
+    }
+    if result.comparison is not None:
+        tables["comparison.csv"] = _comparison(result)
+    return {name: _text(rows) for name, rows in tables.items()}
+
+
+def _model(m: Evaluated) -> dict[str, Any]:
+    e = m.evaluation
+    c = e.coverage
+    return {
+        "decoder": m.model.kind,
+        "errors": asdict(e.total),
+        "camera_noise": e.camera_noise,
+        "rmse_without_camera_noise": e.rmse_without_noise,
+        "poses": {p: asdict(row) for p, row in zip(e.frames.poses, e.by_pose, strict=True)},
+        "markers": {
+            int(i): {"rmse": r, "peak": p}
+            for i, r, p in zip(m.model.ids, e.marker_rmse, e.marker_peak, strict=True)
+        },
+        "within_trained_range": None if e.inside is None else asdict(e.inside),
+        "beyond_trained_range": None if e.outside is None else asdict(e.outside),
+        "intervals": None if c is None else asdict(c),
+        "by_speed": asdict(e.by_speed),
+        "error_budget": {"total": m.budget.total, **m.budget.shares},
+        "error_budget_by_truth": (
+            None if m.by_truth is None else {"total": m.by_truth.total, **m.by_truth.shares}
+        ),
+        "predicted": None if m.predicted is None else _foretold(m.predicted),
+        "left_out": {
+            "without_samples": e.frames.without_samples,
+            "without_markers": e.frames.without_markers,
+        },
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists, NaN as None: JSON has neither."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _table_1(result: SessionEvaluation) -> Rows:
+    rows: Rows = [["model", "rmse_mm", "standard_deviation_mm", "peak_mm", "average_peak_mm",
+                   "frames", "camera_noise_mm", "rmse_without_camera_noise_mm"]]  # fmt: skip
+    for m in result.models:
+        t, e = m.evaluation.total, m.evaluation
+        rows.append([m.name, t.rmse, t.deviation, t.peak, t.average_peak, t.frames,
+                     e.camera_noise, e.rmse_without_noise])  # fmt: skip
+    for name, t in PAPER.items():
+        rows.append([f"{name} ({SOURCE})", t.rmse, t.deviation, t.peak, t.average_peak, t.frames,
+                     None, None])  # fmt: skip
+    return rows
+
+
+def _by_marker(models: Sequence[Evaluated]) -> Rows:
+    rows: Rows = [["model", "marker", "x_mm", "y_mm", "z_mm", "rmse_mm", "peak_mm"]]
+    for m in models:
+        e = m.evaluation
+        for i, place, rmse, peak in zip(
+            m.model.ids, m.model.rest_points, e.marker_rmse, e.marker_peak, strict=True
+        ):
+            rows.append([m.name, int(i), *place, rmse, peak])
+    return rows
+
+
+def _by_pose(models: Sequence[Evaluated]) -> Rows:
+    rows: Rows = [["model", "pose", "rmse_mm", "standard_deviation_mm", "peak_mm",
+                   "average_peak_mm", "frames", "coverage", "coverage_standard_error"]]  # fmt: skip
+    for m in models:
+        e = m.evaluation
+        for k, (pose, t) in enumerate(zip(e.frames.poses, e.by_pose, strict=True)):
+            c = e.coverage
+            inside = [None, None] if c is None else [c.by_pose[k], c.by_pose_error[k]]
+            rows.append([m.name, pose, *asdict(t).values(), *inside])
+    return rows
+
+
+def _coverage(models: Sequence[Evaluated]) -> Rows:
+    rows: Rows = [["model", "tenth_of_the_time", "coverage", "level"]]
+    for m in models:
+        c = m.evaluation.coverage
+        for k, share in enumerate([] if c is None else c.by_tenth, 1):
+            rows.append([m.name, k, share, None if c is None else c.level])
+    return rows
+
+
+def _by_speed(models: Sequence[Evaluated]) -> Rows:
+    rows: Rows = [["model", "speed_from_mm_s", "speed_to_mm_s", "frames", "rmse_mm",
+                   "too_far_out_mm"]]  # fmt: skip
+    for m in models:
+        b = m.evaluation.by_speed
+        rows += [[m.name, *row] for row in zip(b.edges[:-1], b.edges[1:], b.frames, b.rmse,
+                                               b.too_far, strict=True)]  # fmt: skip
+    return rows
+
+
+def _budget(models: Sequence[Evaluated]) -> Rows:
+    """As fitted, and by the truth where it is known."""
+    rows: Rows = [["model", "cause", "mean_square_mm2", "share", "how"]]
+    for m in models:
+        for how, budget in (("truth", m.by_truth), ("fitted", m.budget)):
+            if budget is None:
+                continue
+            total = budget.total
+            rows += [[m.name, cause, square, square / total if total else None, how]
+                     for cause, square in budget.shares.items()]  # fmt: skip
+            rows.append([m.name, "total", total, 1.0 if total else None, how])
+    return rows
+
+
+def _foretold(p: PredictedError) -> dict[str, Any]:
+    return {
+        "rmse": p.predicted, "measured": p.measured, "ratio": p.ratio,
+        "promised_ratio": p.promised_ratio, "mean_squares": p.shares,
+        "promise": None if p.promise is None else asdict(p.promise), "shapes_shown_again": p.share,
+    }  # fmt: skip
+
+
+def _predicted(models: Sequence[Evaluated]) -> Rows:
+    """Mean squares add up to the predicted one; RMSE and its ratio to the measured one beside."""
+    rows: Rows = [["model", "cause", "mean_square_mm2", "rmse_mm", "ratio_to_measured"]]
+    for m in models:
+        if (p := m.predicted) is None:
+            continue
+        rows += [[m.name, cause, square, None, None] for cause, square in p.shares.items()]
+        rows.append([m.name, "predicted", p.predicted**2, p.predicted, p.ratio])
+        if p.promise is not None:
+            promise = p.promise.rmse
+            rows.append([m.name, "promised", promise**2, promise, p.promised_ratio])
+        rows.append([m.name, "measured", p.measured**2, p.measured, 1.0])
+    return rows
+
+
+def _frames(models: Sequence[Evaluated]) -> Rows:
+    rows: Rows = [["model", "run", "pose", "time_s", "error_mm", "largest_mm", "radius_mm",
+                   "speed_mm_s", "too_far_out_mm", "distance"]]  # fmt: skip
+    for m in models:
+        e: Evaluation = m.evaluation
+        f = e.frames
+        largest = np.nanmax(f.miss, axis=1)
+        radius = np.where(f.visible, f.radius, 0).sum(1) / f.visible.sum(1)
+        columns = zip(f.run, f.pose, f.time, f.per_frame, largest, radius, e.speed, e.too_far,
+                      f.distance, strict=True)  # fmt: skip
+        rows += [[m.name, f.runs[run], f.poses[pose], *row] for run, pose, *row in columns]
+    return rows
+
+
+def _comparison(result: SessionEvaluation) -> Rows:
+    c = result.comparison
+    assert c is not None
+    rows: Rows = [["samples", "test", "first", "second", "value_or_difference_mm", "low_mm",
+                   "high_mm", "degrees_between", "degrees_within", "p"]]  # fmt: skip
+    for what, analysis, pairs in (
+        ("frames", c.by_frame, c.pairs_by_frame), ("blocks", c.by_block, c.pairs_by_block)
+    ):  # fmt: skip
+        if analysis is None:
+            continue
+        for name in ("anova", "welch", "kruskal", "levene"):
+            s = getattr(analysis, name)
+            rows.append([what, name, None, None, s.value, None, None, s.between, s.within, s.p])
+        for name in ("eta_squared", "omega_squared"):
+            rows.append([what, name, *[None] * 2, getattr(analysis, name), *[None] * 5])
+        name = "Games-Howell" if analysis.variances_differ else "Tukey HSD"
+        rows += [[what, name, p.first, p.second, p.difference, p.low, p.high, None, None, p.p]
+                 for p in pairs]  # fmt: skip
+    rows += [["blocks of differences", "paired t, Holm", p.first, p.second, p.difference, p.low,
+              p.high, None, p.samples - 1, p.p] for p in c.paired]  # fmt: skip
+    return rows
+
+
+def _text(rows: Iterable[Iterable[Any]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        return f"{value:.6g}" if math.isfinite(value) else ""
+    return "" if value is None else value

@@ -1,0 +1,152 @@
+"""Training as the command runs it: models with what there is to tell of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.device.device import Device
+from ...core.errors import TrainingError
+from ...core.progress import Progress, silent
+from ...core.storage.build_folder import build_folder
+from ...core.version import __version__
+from ...decoding.trained_model import TrainedModel
+from ...sensing.layout import layout_hash, load_layout, load_prediction
+from ..data.dataset import Dataset, Recording, recording_fingerprint
+from ..fitting.pose_signals import first_rest_signals
+from ..fitting.train_model import CandidateResult, Training, TrainingOptions, train
+from ..regression.simulated_decoder import fit_simulated_model
+from ..regression.simulation_prior import Prior
+from .simulated_prior import simulated_prior
+
+#: In which units the numbers of a model are.
+UNITS = {
+    "signals": "(R - R0)/R0, R0 being the resistance at rest",
+    "positions": "mm in the device's rest frame",
+    "time": "s",
+}
+
+
+def train_dataset(
+    dataset: Dataset, options: TrainingOptions, prior: Prior | None = None,
+    progress: Progress = silent,
+) -> Training:  # fmt: skip
+    """The training, its model with what there is to tell of it. Raises TrainingError."""
+    result = train(dataset, options, progress, prior)
+    told = told_of(result, dataset, options, prior)
+    return replace(result, model=replace(result.model, told=told))
+
+
+def simulate_only(device: Device) -> TrainedModel:
+    """A model of a built device before the first picture, for its design's own markers. Raises
+    TrainingError."""
+    folder = build_folder(device)
+    layout, markers = load_layout(folder, TrainingError), load_prediction(folder).markers
+    channels = tuple(record.name for record in layout.by_channel())
+    prior = simulated_prior(device, channels, markers)
+    ids = np.arange(len(markers))
+    model = fit_simulated_model(device.name, layout_hash(layout), channels, ids, markers, prior)
+    told = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
+    return replace(model, told=told)
+
+
+def _origin() -> dict[str, Any]:
+    return {
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": __version__,
+        "libraries": {name: version(name) for name in ("numpy", "scipy", "numba")},
+        "units": UNITS,
+    }
+
+
+def told_of(
+    result: Training, dataset: Dataset, options: TrainingOptions, prior: Prior | None
+) -> dict[str, Any]:
+    """What there is to know of a training, in plain values: for the model's file and `--json`."""
+    trained = result.trained
+    return {
+        **_origin(),
+        "decoder": result.chosen,
+        "options": asdict(options),
+        "pictures": {"trained": len(trained), "tested": len(result.tested)},
+        "wrong_markers": float(result.wrong.sum() / max(int(trained.visible.sum()), 1)),
+        "wrong_markers_tested": float(
+            result.wrong_tested.sum() / max(int(result.tested.visible.sum()), 1)
+        ),
+        "simulated_states": 0 if prior is None else len(prior.names),
+        "candidates": [row(a) for a in result.attempts],
+        "sessions": sorted({r.session for r in dataset.recordings}),
+        "units_trained": sorted({r.unit for r in dataset.recordings}),
+        "runs": [r.name for r in dataset.recordings],
+        "data": {r.name: recording_hash(r) for r in dataset.recordings},
+        "held_out": _held_out(result, dataset),
+        "repeatability": None if result.repeats is None else asdict(result.repeats),
+        "first_rest": first_rest_signals(dataset),
+        "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
+        "sync_error": {r.name: r.sync_error for r in dataset.recordings},
+        "provenance": dict(dataset.provenance),
+    }
+
+
+def recording_hash(r: Recording) -> str:
+    """Of what is in it, whatever order its channels are in."""
+    columns = sorted(hashlib.sha256(c.tobytes()).hexdigest() for c in r.ohm.T.copy())
+    return hashlib.sha256("".join(columns).encode() + r.time.tobytes()).hexdigest()
+
+
+def _held_out(result: Training, dataset: Dataset) -> list[Mapping[str, Any]]:
+    """Of each recording how long after its first picture, s, pictures were held out; None: all
+    were trained on."""
+    tested, time = result.tested.recording_index, result.tested.time
+    return [
+        {
+            "run": r.name,
+            "fingerprint": recording_fingerprint(r),
+            "after": float(time[tested == k][0] - r.time[0]) if (tested == k).any() else None,
+        }
+        for k, r in enumerate(dataset.recordings)
+    ]
+
+
+def row(attempt: CandidateResult) -> Mapping[str, Any]:
+    """A candidate, in plain values; lengths in mm."""
+    test = attempt.test
+    return {
+        "decoder": attempt.name,
+        "features": attempt.features,
+        "lambda": attempt.lambda_ if np.isfinite(attempt.lambda_) else None,
+        "noise": attempt.noise if np.isfinite(attempt.noise) else None,
+        "memory": list(attempt.moved),
+        "work": list(attempt.worked),
+        "folds": attempt.folds.tolist(),
+        "cross_validated": attempt.cross_validated,
+        "test": None
+        if test is None
+        else {
+            "rmse": test.rmse,
+            "sd": float(test.per_state.std()),
+            "peak": test.peak,
+            "average_peak": test.average_peak,
+        },
+    }
+
+
+def model_path(out: Path | None, device: Device | None, sources: list[Path]) -> Path:
+    """Where the model goes: where it was asked for, or into the device's folder, or the session's.
+    Raises TrainingError where its folder is not there."""
+    from .model_file import MODEL
+
+    path = out or (device.source if device else sources[0] if sources else Path()) / MODEL
+    path = path / MODEL if path.is_dir() else path
+    if path.suffix != ".json":
+        raise TrainingError(f"{path}: a model is a .json file")
+    if not path.parent.is_dir():
+        raise TrainingError(f"{path}: there is no folder {path.parent}; make it, or choose another")
+    return path

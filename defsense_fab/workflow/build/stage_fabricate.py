@@ -1,0 +1,269 @@
+"""Stage 5: printable parts, the plates, the assembly, the cut list."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from ...core.device.device import Device
+from ...core.mesh import Surface
+from ...decoding.expected_errors import Prediction
+from ...geometry.bodies.body_record import load_body_record, load_solid, load_surface
+from ...geometry.moulds.moulds import make_moulds
+from ...geometry.parts.manifest import (
+    CutCord,
+    JoinedPin,
+    JoinStep,
+    Manifest,
+    PartRecord,
+    Socket,
+    TagSeat,
+    save_manifest,
+)
+from ...geometry.parts.records import Made
+from ...geometry.printing.export import write_3mf, write_stl
+from ...geometry.printing.print_bed import laid
+from ...geometry.splitting.long_parts import split_long
+from ...optimize.prediction.as_built import as_made, fabricate, mould_rules, rules, with_relief
+from ...optimize.prediction.cord_pull import pulls
+from ...optimize.prediction.design_task import load_task
+from ...optimize.prediction.open_joints import overstretched
+from ...optimize.refinement.refine import part
+from ...sensing.layout import LayoutRecord, load_layout
+from ..fabrication import casting
+from ..fabrication.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
+from ..fabrication.print_advice import print_advice
+from .cut_list import behind, bill, cut_list
+from .stages import Report
+
+#: What bonded cords are taken to answer to compression, by `[cord] compression`.
+ANSWERS = {
+    "same": "the same as in tension",
+    "half": "half of that in tension",
+    "none": "none",
+    "rising": "the reverse of that in tension, so that resistance rises both ways",
+}
+#: Cords that are so many times as stiff as the body in their place are told.
+_STIFF = 2.0
+
+
+def run(device: Device, folder: Path, report: Report) -> None:
+    """Make the parts, and save them with their manifest."""
+    surface, solid, bay = load_surface(folder), load_solid(folder), load_body_record(folder).bay
+    layout = load_layout(folder)
+    sensors = [s.sensor() for s in layout.sensors]
+    task = load_task(device, folder).decoded_by(layout.prediction.decoder)
+    device, note = with_relief(device, task, surface, sensors, bay)
+    made = fabricate(device, surface, sensors, report, solid, bay)
+    report(0.75, "predicting with joints")
+    built = as_made(task, made.channels)
+    said = pulls(device, task, built.cords, layout.band.median)
+    told = (*made.warnings, *note, *overstretched(device, made, built.cords), *said)
+    made = replace(made, warnings=told)
+    show = partial(part, report, 0.8, 1.0)
+    write(device, made, folder, layout, cut_list(device, made, built), built.prediction, show)
+
+
+def write(
+    device: Device,
+    made: Made,
+    folder: Path,
+    layout: LayoutRecord,
+    cords: tuple[CutCord, ...],
+    prediction: Prediction,
+    report: Report = lambda *_: None,
+) -> None:
+    """Leave the parts in `folder`/parts; `cords` are those of the parts before long ones are split,
+    `prediction` is that of the cords as they are built in."""
+    cast = device.fabrication.kind == "cast"
+    if not cast:
+        split = split_long(made, device.fabrication.bed, rules(device))
+        cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
+        made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
+    moulds = make_moulds(made, mould_rules(device), partial(part, report, 0, 0.9)) if cast else []
+    report(0.9 if cast else 0.0, "writing parts")
+    flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
+    pins = pin_kinds(made)
+    placed, bound = on_plates(device, flat, pins)
+    out = folder / "parts"
+    out.mkdir()
+    (out / LYING).mkdir()
+    for one in made.parts:
+        write_stl(one.surface, out / f"{one.name}.stl")
+        if not cast:
+            write_stl(flat[one.name], out / LYING / f"{one.name}.stl")
+    solids = {p.name: p.solid for p in made.parts if p.solid is not None}
+    if solids:
+        from ...geometry.kernels import occ
+
+        for name, solid in solids.items():
+            occ.write_step(solid, out / f"{name}.step", name)
+        occ.write_assembly(solids, out / "assembly.step", device.name)
+    write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
+    manifest = _manifest(device, made, pins, layout, cords, prediction)
+    manifest = replace(
+        manifest,
+        pins=write_pins(pins, out),
+        plates=write_plates(placed, out, device.name),
+        advice=tuple(print_advice(device)),
+        copies=device.fabrication.copies,
+        least_plates=bound,
+    )
+    if cast:
+        silicone = casting.casting(device, moulds)
+        manifest = replace(
+            manifest,
+            moulds=casting.write_moulds(moulds, flat, out, LYING),
+            casting=silicone,
+            bill=(*casting.bill_items(device, moulds, silicone), *manifest.bill[1:]),
+            checks=(*manifest.checks, *(c for m in moulds for c in m.checks)),
+            warnings=(
+                *manifest.warnings,
+                *casting.notes(device, moulds),
+                *(c.note for m in moulds for c in m.checks if c.note),
+            ),
+        )
+    save_manifest(folder, manifest)
+
+
+def _manifest(
+    device: Device,
+    made: Made,
+    pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
+    layout: LayoutRecord,
+    cords: tuple[CutCord, ...],
+    prediction: Prediction,
+) -> Manifest:
+    return Manifest(
+        device=device.name,
+        unit="mm",
+        parts=tuple(
+            _part(made, i, device.fabrication.kind == "cast") for i in range(len(made.parts))
+        ),
+        pins=(),
+        plates=(),
+        cords=cords,
+        bill=bill(device, made, cords, {n: count for n, (_, count, _) in pins.items()}),
+        assembly=_assembly(made),
+        marker_seats=tuple(
+            TagSeat(s.number, s.center, s.axes[:, 0], s.axes[:, 2], device.fabrication.marker_size)
+            for s in made.seats
+        ),
+        checks=made.checks,
+        prediction=prediction,
+        removed_volume=made.cut_out,
+        body_volume=made.body_volume,
+        assembly_of_cords=device.fabrication.assembly,
+        warnings=(
+            *made.warnings,
+            *_warnings(device, layout),
+            *_too_long(device, cords),
+        ),
+    )
+
+
+def _too_long(device: Device, cords: Sequence[CutCord]) -> list[str]:
+    """Cords that take a longer piece than there is, for an end of theirs hangs out."""
+    longest = device.cord.lengths[1]
+    return [
+        f"cord {c.sensor} takes a piece of {c.cut_length:.0f} mm, more than the {longest:g} mm of"
+        " [cord] length: "
+        + (
+            "an end of it has no pocket and hangs out; use a longer piece, or a shorter"
+            " [fabrication] lead"
+            if all(e.after is None for e in c.ends)
+            else "an end of it hangs out until a joint that it passes through is closed; use a"
+            " longer piece"
+        )
+        for c in cords
+        if c.cut_length > longest
+    ]
+
+
+def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
+    """What the maker should know of the cords as they are built in."""
+    cord, bonded = device.cord, device.fabrication.assembly == "bonded"
+    warnings = [
+        f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than its {cord.max_strain:.0%}"
+        for s in layout.sensors
+        if s.peak_strain > cord.max_strain
+    ]
+    warnings += [
+        f"cord {s.name} is slack where the body is compressed along it the most, by"
+        f" {-s.least_strain:.1%}, and senses nothing of that; leave prestretch out of"
+        " [fabrication], or give more"
+        for s in layout.sensors
+        if not bonded and s.least_strain < 0
+    ]
+    pressed = any(s.least_strain < 0 for s in layout.sensors)
+    if bonded and pressed and cord.compression != "measured":
+        warnings.append(
+            "bonded cords are compressed, and how their resistance answers to that was not"
+            f" measured: it is taken to be {ANSWERS[cord.compression]}; calibrate the cord, or"
+            ' take assembly = "held", which stretches cords so far that none is compressed'
+        )
+    soft = device.material.young_modulus * device.channel_diameter**2
+    if bonded and cord.modulus * cord.diameter**2 > _STIFF * soft:
+        warnings.append(
+            f"the cord ({cord.modulus:g} MPa) is stiffer than {device.material.name}"
+            f" ({device.material.young_modulus:.2g} MPa), which is not in the simulation: bonded"
+            " cords are strained some per cent less than predicted, and their training finds that"
+        )
+    return warnings
+
+
+def _part(made: Made, i: int, cast: bool) -> PartRecord:
+    one = made.parts[i]
+    step, volume = None, None
+    if one.solid is not None:
+        from ...geometry.kernels import occ
+
+        step, volume = f"{one.name}.step", occ.volume(one.solid)
+    return PartRecord(
+        name=one.name,
+        number=int(one.name.split("-")[0]),
+        stl=f"{one.name}.stl",
+        print=f"{one.name}.stl" if cast else f"{LYING}/{one.name}.stl",
+        step=step,
+        volume=one.volume,
+        bbox=one.surface.bounds,
+        sockets=tuple(
+            Socket(p.center, p.axis, p.socket)
+            for p in made.pins
+            if i in (made.contacts[p.contact].lower, made.contacts[p.contact].upper)
+        ),
+        step_volume=volume,
+    )
+
+
+def _assembly(made: Made) -> tuple[JoinStep, ...]:
+    """The steps in which the device is closed: the cuts backwards."""
+    steps = []
+    for k in reversed(range(len(made.cuts))):
+        cut = made.cuts[k]
+        low, high = (tuple(made.parts[i].name for i in side) for side in cut.sides)
+        steps.append(
+            JoinStep(
+                join=(low, high),
+                cords=tuple(made.channels[c].name for c in cut.cords if c not in cut.wires),
+                wires=tuple(made.channels[c].name for c in cut.wires),
+                opens=cut.plane.normal,
+                pins=tuple(
+                    JoinedPin(
+                        name=f"pin-{p.diameter:g}x{p.length:.1f}",
+                        center=p.center,
+                        socket=p.socket,
+                        depth=p.depth,
+                        between=(
+                            made.parts[made.contacts[p.contact].lower].name,
+                            made.parts[made.contacts[p.contact].upper].name,
+                        ),
+                    )
+                    for p in made.pins
+                    if made.contacts[p.contact].cut == k
+                ),
+            )
+        )
+    return tuple(steps)

@@ -1,0 +1,160 @@
+"""Stage 6: a self-contained page with pictures and predicted errors, and the assembly guide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Bool, Float
+from ...core.device.device import Device
+from ...core.mesh import Surface
+from ...core.storage.vtu_file import read_vtu
+from ...decoding.expected_errors import MEANING
+from ...geometry.bodies.body_record import load_surface
+from ...geometry.bodies.meshing.mesh_file import load_mesh_record, load_region_nodes
+from ...geometry.bodies.orientation import standing
+from ...geometry.parts.manifest import load_manifest
+from ...geometry.parts.part_files import load_parts
+from ...mechanics.solver.field_files import field_path, load_index
+from ...report.colors import COLORS
+from ...report.guide.guide import assembly_guide
+from ...report.guide.guide_file import write_guide_file
+from ...report.guide.pdf import write_pdf
+from ...report.html import write_page
+from ...report.pictures.front import front
+from ...report.pictures.poses import color_bar
+from ...report.pictures.poses.errors import error_map
+from ...report.pictures.poses.sections import sections
+from ...report.pictures.poses.strain import PLANES, StrainField, strain_sections
+from ...report.pictures.routing import routing
+from ...report.surface_errors import SurfaceErrors, state_words, surface_errors
+from ...report.viewer.page import view3d
+from ...report.viewer.scene import scene
+from ...sensing.layout import load_layout
+from .stage_fabricate import ANSWERS
+from .stages import Report
+
+_MOST = 99.5  # per cent of the strain in a state: the end of the scale, but for few places
+
+
+def run(device: Device, folder: Path, report: Report) -> None:
+    """Write the report and the assembly guide."""
+    layout = load_layout(folder)
+    manifest = load_manifest(folder)
+    surface = load_surface(folder)
+    frame = standing(surface)
+    paths = [s.points for s in layout.sensors]
+    report(0.05, "routing")
+    images: dict[str, Any] = {
+        "routing": routing(
+            surface,
+            paths,
+            list(layout.drawn),
+            device.cord.diameter / 2,
+            frame,
+        )
+    }
+    report(0.2, "parts")
+    parts = load_parts(folder, manifest)
+    found = surface_errors(folder, layout)
+    turning = view3d(scene(device, folder, layout, manifest, parts, found, frame))
+    poses = load_index(folder).warnings
+    guide = assembly_guide(device, layout, manifest, parts, frame, poses)
+    write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
+    write_pdf(guide, folder / "guide.pdf")
+    write_guide_file(guide, folder / "guide.json")
+    images["parts"] = guide.exploded
+    images["front"] = front(layout.weighed)
+    images["poses"] = _poses(device, folder, found, frame, report)
+    write_page(
+        folder / "report.html",
+        "report",
+        device=device,
+        layout=layout,
+        poses=poses,
+        manifest=manifest,
+        mesh=load_mesh_record(folder),
+        meaning=MEANING,
+        answers=ANSWERS,
+        images=images,
+        view3d=turning,
+        colors=COLORS,
+        size=np.abs(frame[[0, 2, 1]]) @ np.ptp(surface.bounds, axis=0),
+    )
+
+
+def _poses(
+    device: Device, folder: Path, found: SurfaceErrors, frame: Float, report: Report
+) -> list[dict[str, Any]]:
+    """Strain and error of each pose and mixture that was designed for, at its fullest, and of the
+    held-out state that is sensed worst: pictures, and what is said of them."""
+    regions = load_region_nodes(folder)
+    fields = {i: _field(folder, found.names[i]) for i in found.shown}
+    strained = color_bar.scale(
+        color_bar.STRAIN,
+        "largest principal strain (%)",
+        100 * max(float(np.percentile(f.strain, _MOST)) for f in fields.values()),
+        beyond=True,
+    )
+    missed = color_bar.scale(
+        color_bar.ERROR, "error of the surface that is read (mm)", found.highest, beyond=True
+    )
+    rest, out = Surface(found.rest, found.faces), []
+    for k, i in enumerate(found.shown):
+        name = state_words(found.weights[i])
+        report(0.3 + 0.7 * k / len(found.shown), name)
+        field, handles = fields[i], _handles(device, found.weights[i])
+        planes = sections(
+            field.nodes, field.displacement, field.strain, _moved(field, regions, handles)
+        )
+        out.append(
+            {
+                "name": name,
+                "seen": not found.held_out[i],
+                "strain": strain_sections(field, rest, found.moved[i], planes, frame, strained),
+                "error": error_map(
+                    Surface(found.rest + found.moved[i], found.faces),
+                    found.error[i],
+                    frame,
+                    missed,
+                ),
+                "mean_error": found.mean(i),
+                "moved": float(np.linalg.norm(found.moved[i], axis=1).max()),
+                "peak": planes.peak,
+                "cuts": [
+                    f"{letter} {plane.words()}"
+                    for (letter, _), plane in zip(PLANES, planes.all, strict=True)
+                ],
+                "handles": handles,
+                "largest_strain": 100 * float(field.strain.max()),
+            }
+        )
+    return out
+
+
+def _field(folder: Path, name: str) -> StrainField:
+    data = read_vtu(field_path(folder, name))
+    return StrainField(
+        np.asarray(data.points, float),
+        data.cells_dict["tetra10"],
+        np.asarray(data.point_data["displacement"], float),
+        np.asarray(data.point_data["strain"], float),
+    )
+
+
+def _handles(device: Device, weights: Mapping[str, float]) -> tuple[str, ...]:
+    """The regions that a state moves."""
+    return tuple(
+        dict.fromkeys(h.region for p in device.poses if weights.get(p.name) for h in p.handles)
+    )
+
+
+def _moved(field: StrainField, regions: Mapping[str, Bool], handles: Sequence[str]) -> Bool:
+    """Which nodes (n,) of a field the handles have; only corners of tets are known to."""
+    some = np.zeros(len(field.nodes), bool)
+    for name in handles:
+        some[: len(regions[name])] |= regions[name]
+    return some

@@ -1,0 +1,123 @@
+"""A device with other values at dotted keys of its `device.toml`."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from ....core.device.device import Device
+from ....core.device.device_file import DEVICE, DeviceFile, read_device
+from ....core.errors import BodyError, StudyError
+from ....core.schema.document import Document
+from ....core.schema.fields import declared_keys
+from ....geometry.bodies.script_source import read_parameters
+
+_PARAMETERS = "body.parameters."
+
+
+def studied_device(text: str, folder: Path, values: Mapping[str, Any]) -> Device:
+    """Return the device that a file's text describes, with other values.
+
+    Args:
+        text: Text of `device.toml`.
+        folder: Folder of the file, and of the files that it names.
+        values: Values by dotted key, as in `{"cord.noise": 0.002}`.
+
+    Raises:
+        DeviceError: if there is no such device.
+        StudyError: if a key leads through a value that is not a table.
+    """
+    return read_device(Document(_with_values(text, values), Path(DEVICE), text), folder, {})
+
+
+def studied_text(text: str, values: Mapping[str, Any]) -> str:
+    """The text with these values, its comments kept."""
+    document = tomlkit.parse(text)
+    for key, value in values.items():
+        _put(document, key, value)
+    return tomlkit.dumps(document)
+
+
+def known_keys(text: str, values: Mapping[str, Any]) -> list[str]:
+    """Return the dotted keys that `device.toml` with these values may have, with names of poses."""
+    data = _with_values(text, values)
+    return sorted(_dotted(data, path) for path in declared_keys(DeviceFile, data))
+
+
+def script_keys(device: Device) -> list[str]:
+    """Keys of the parameters that the body's script takes; those given where it cannot be read."""
+    names = list(device.body.parameters)
+    if device.body.kind == "script":
+        with suppress(BodyError):  # the body's own stage tells it, with the line
+            names += [p.name for p in read_parameters(device.body.path, device.body.parameters)]
+    return sorted({f"{_PARAMETERS}{name}" for name in names})
+
+
+def nearest(key: str, known: Iterable[str]) -> list[str]:
+    """Known keys that look like this one: the whole key, or its last name."""
+    known = [k for k in known if "." in k]
+    near = difflib.get_close_matches(key, known, 3, 0.7)
+    last = key.rpartition(".")[2]
+    near += [
+        k for k in known if difflib.SequenceMatcher(None, k.rpartition(".")[2], last).ratio() > 0.8
+    ]
+    return list(dict.fromkeys(near))[:3]
+
+
+def _with_values(text: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    data = tomllib.loads(text)
+    for key, value in values.items():
+        _put(data, key, copy.deepcopy(value))
+    return data
+
+
+def _put(data: Any, key: str, value: Any) -> None:
+    """Set a value in tables and lists of tables; tables that are not there are made."""
+    *way, last = key.split(".")
+    for name in way:
+        if isinstance(data, list):
+            data = data[_place(data, name, key)]
+        elif name in data:
+            data = data[name]
+        else:
+            data[name] = {}
+            data = data[name]
+        if not isinstance(data, dict | list):
+            raise StudyError(f"{key}: {name} is a value in {DEVICE}, and no table")
+    if isinstance(data, list):
+        data[_place(data, last, key)] = value
+    else:
+        data[last] = value
+
+
+def _place(rows: list[Any], name: str, key: str) -> int:
+    """Of a pose, cord or handle by its name or its number from 1 on."""
+    for k, row in enumerate(rows):
+        if isinstance(row, dict) and row.get("name") == name:
+            return k
+    if name.isdecimal() and 1 <= int(name) <= len(rows):
+        return int(name) - 1
+    names = [str(r["name"]) for r in rows if isinstance(r, dict) and "name" in r]
+    there = ", ".join(names) or f"1 to {len(rows)}"
+    raise StudyError(f"{key}: there is no {name!r} in {DEVICE}; there is: {there}")
+
+
+def _dotted(data: Any, path: tuple[Any, ...]) -> str:
+    parts = []
+    for name in path:
+        if isinstance(name, int):
+            row = data[name] if isinstance(data, list) and name < len(data) else None
+            named = isinstance(row, dict) and "name" in row
+            parts.append(str(row["name"]) if named and row else str(name + 1))
+            data = row
+        else:
+            parts.append(name)
+            data = data.get(name) if isinstance(data, dict) else None
+    return ".".join(parts)

@@ -1,0 +1,147 @@
+"""Three cameras: in another order than their calibration, and one that went."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from defsense_fab.capture.videos.video_detection import VideoDetections
+from defsense_fab.capture.videos.video_tracks import assemble
+
+from benchmarks.late_stamps import trial
+from defsense_fab.capture.cameras.image_sources import timing
+from defsense_fab.capture.cameras.rig_file import Rig
+from defsense_fab.capture.tags.detection import TagView
+from defsense_fab.capture.tracking.observations import stored
+from defsense_fab.core.camera import Camera
+from defsense_fab.core.errors import CaptureError
+from tests.capture.rigs import flat, rig, spread, tags
+
+SIZE, FRAMES, NOISE = 15.0, 40, 0.03
+
+
+def cameras():
+    """Three that are not alike, so that an order is told by more than their places."""
+    out = []
+    for k, c in enumerate(rig(3)):
+        matrix = c.matrix * np.array([[1 + 0.02 * k, 1, 1], [1, 1 + 0.02 * k, 1], [1, 1, 1]])
+        out.append(Camera(c.name, c.size, matrix, c.distortions, c.rotation, c.translation))
+    return tuple(out)
+
+
+def filmed(seen_by, taken_as, rng, late=0.0, frames=FRAMES):
+    """What each camera saw, in pixels of the camera that it is taken for, the last one's begun
+    `late` s later; the tags' corners as the first saw them."""
+    base = tags(8, rng)
+    time = np.arange(frames) / 30
+    out, corners = [], base
+    for k, (camera, named) in enumerate(zip(seen_by, taken_as, strict=True)):
+        at = time + (late if k == len(seen_by) - 1 else 0)
+        move = 20 * np.sin(2 * np.pi * np.outer(at, [0.7, 1.1, 0.5]) + [0, 1, 2])
+        shown = base + move[:, None, None]
+        if not k:
+            corners = shown
+        px = flat(camera, shown) + rng.normal(scale=NOISE, size=(*shown.shape[:3], 2))
+        px = (px - camera.matrix[:2, 2]) / camera.focal * named.focal + named.matrix[:2, 2]
+        views = [TagView(np.arange(8), p, spread((8,), NOISE), p) for p in px]
+        out.append(VideoDetections(time, stored(views), timing(time), frames))
+    return out, corners
+
+
+def views_of(watched):
+    """The tags of each frame."""
+    tags = watched.tags
+    rows = [tags.store.read(np.arange(a, b)) for a, b in zip(tags.first, tags.last, strict=True)]
+    return [TagView(r["id"], r["corners"], r["covariance"], r["corners"]) for r in rows]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (1, 2, 0)])
+def test_cameras_in_another_order_are_named(order):
+    true = cameras()
+    watched, corners = filmed([true[k] for k in order], true, np.random.default_rng(1))
+    names = ["a.mkv", "b.mkv", "c.mkv"]
+    if order == (0, 1, 2):
+        found = assemble(watched, Rig(true), SIZE, names)
+        middle = true[0].to_camera(corners.mean(axis=2))
+        assert np.abs(found.tracks.points - middle).max() < 0.1
+        assert (found.cameras == 3).all()
+        return
+    with pytest.raises(CaptureError, match="another order") as told:
+        assemble(watched, Rig(true), SIZE, names)
+    for name, k in zip(names, order, strict=True):
+        assert f"{name} is of {true[k].name}" in str(told.value)
+
+
+@pytest.mark.parametrize("by", [(8.0, 0, 0), (0, 2.5, 0), (1.0, 1.5, -2)])
+@pytest.mark.parametrize("moved", range(3))
+def test_one_of_three_that_was_moved_is_left_out(moved, by):
+    true = cameras()
+    there = list(true)
+    there[moved] = replace(true[moved], translation=true[moved].translation + np.array(by))
+    watched, corners = filmed(there, true, np.random.default_rng(2))
+    found = assemble(watched, Rig(true), SIZE, ["a", "b", "c"])
+    middle = true[0].to_camera(corners.mean(axis=2))
+    assert (found.cameras == 2).all()
+    assert np.abs(found.tracks.points - middle).max() < 0.2
+    named = [w for w in found.quality["warnings"] if "was moved since" in w]
+    assert [w[0] for w in named] == ["abc"[moved]]
+
+
+def test_one_of_three_that_stops_leaves_two():
+    true = cameras()
+    watched, corners = filmed(true, true, np.random.default_rng(3))
+    late = np.arange(FRAMES) >= FRAMES // 2
+    watched[2] = replace(watched[2], tags=watched[2].tags.without(late))
+    found = assemble(watched, Rig(true), SIZE, ["a", "b", "c"])
+    assert (found.cameras[: FRAMES // 2] == 3).all()
+    assert (found.cameras[FRAMES // 2 :] == 2).all()
+    middle = true[0].to_camera(corners.mean(axis=2))
+    assert np.abs(found.tracks.points - middle).max() < 0.1
+
+
+@pytest.mark.parametrize(("count", "late"), [(3, 0.08), (3, 0.3), (2, 3.2)])
+def test_one_that_began_late_is_brought_in_step(count, late):
+    true = cameras()[:count]
+    watched, corners = filmed(true, true, np.random.default_rng(4), late, frames=180)
+    found = assemble(watched, Rig(true), SIZE, ["a", "b", "c"][:count])
+    assert found.quality["offsets"][-1] == pytest.approx(late, abs=1e-3)
+    assert not [w for w in found.quality["warnings"] if "was moved since" in w]
+    middle = true[0].to_camera(corners.mean(axis=2))
+    sure = found.cameras >= 2
+    assert sure.mean() > 0.95 - late / 6
+    assert np.nanmax(np.abs(found.tracks.points - middle)[sure]) < 0.2
+
+
+@pytest.mark.parametrize("by", [(0, 3.0, 0), (1.0, 2.5, -1), (2.0, 0, 0)])
+def test_one_of_two_that_was_bumped_is_placed_anew(by):
+    true = cameras()[:2]
+    bumped = replace(true[1], translation=true[1].translation + np.array(by))
+    half = 60
+    watched, corners = filmed(true, true, np.random.default_rng(5), frames=2 * half)
+    after, _ = filmed([true[0], bumped], true, np.random.default_rng(5), frames=2 * half)
+    shown = [
+        views_of(w[1])[part] for w, part in ((watched, slice(half)), (after, slice(half, None)))
+    ]
+    watched[1] = replace(watched[1], tags=stored([*shown[0], *shown[1]]))
+    found = assemble(watched, Rig(true), SIZE, ["a", "b"])
+    (moved,) = found.quality["moved"]
+    assert moved["time"] == pytest.approx(half / 30, abs=0.05)
+    beside = np.abs(found.tracks.time - half / 30) < 0.25
+    assert (found.cameras[~beside] == 2).all()
+    assert (found.cameras[beside] == 2).mean() < 0.5
+    off = np.linalg.norm(found.tracks.points - true[0].to_camera(corners.mean(axis=2)), axis=2)
+    assert np.nanmax(off[:half]) < 0.2
+    assert np.nanmax(off[half:]) < 0.5  # 3 mm if the camera were where it was
+    (told,) = (w for w in found.quality["warnings"] if "was moved at" in w)
+    assert "left out" in told
+
+
+@pytest.mark.parametrize(
+    ("late", "lost", "drift"), [(0.0, 0.0, 0.0), (3e-3, 0.0, 0.0), (10e-3, 0.15, 500e-6)]
+)
+def test_stamps_that_are_late_move_nothing(late, lost, drift):
+    """Two cameras that run freely: half-normal delays of their stamps, frames that are lost."""
+    left_out, lag, stated, error = trial(late, lost, drift, 15.0, seed=1)
+    assert left_out <= 3 + 0.1 * (lost > 0) * 450
+    assert abs(lag) < 1.0
+    assert error < 0.12
+    assert stated < 0.05

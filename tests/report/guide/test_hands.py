@@ -1,0 +1,222 @@
+"""A guide's order is that in which hands can do it: they follow it literally, and find by the
+parts' geometry what cannot be done any more."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from benchmarks.follow_guide.__main__ import followed
+from benchmarks.follow_guide.hands import Hands
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.report.guide.guide_file import plain_steps
+from defsense_fab.report.guide.hands.actions import Action, Kind
+from defsense_fab.report.guide.hands.order import in_order
+from defsense_fab.report.guide.hands.steps import guide_steps
+from defsense_fab.report.guide.hands.words import pin_letters
+
+from .blocks import blocks
+
+MOUTHS = [["mouth", "mouth"]] * 3
+
+
+def guide_of(some):
+    steps = guide_steps(some.device, some.manifest, some.parts)
+    return json.loads(json.dumps({"steps": plain_steps(steps)}))
+
+
+def complaints(some, guide):
+    hands = Hands(some.plain(), some.layout, some.triangles(), 7.0, 0.5)
+    return followed(guide, hands)
+
+
+@pytest.mark.parametrize("assembly", ["held", "bonded"])
+@pytest.mark.parametrize("cords", [0, 1, 2, 3])
+def test_hands_can_follow_the_guides_of_random_devices(cords, assembly):
+    for seed in range(6):
+        some = blocks(seed, cords, assembly)
+        assert complaints(some, guide_of(some)) == [], (seed, some.manifest.assembly)
+
+
+def test_the_random_devices_have_what_is_hard():
+    """Cords drawn together later, crimped last or held at both ends, free ends, many joints."""
+    made = [c for seed in range(6) for c in blocks(seed, 3).manifest.cords]
+    drawn = [c for c in made if c.drawn]
+    assert drawn
+    assert any(e.after is not None for c in drawn for e in c.ends)
+    assert any(len(c.stretches) > 2 for c in made)
+    assert any(e.joint == "free" for c in made for e in c.ends)
+    assert any(len(e.wire.joints) for c in made for e in c.ends)
+
+
+def moved(guide, what, before=None, behind=None):
+    """The same guide with the first action of a kind moved to before or behind the first of another
+    kind."""
+    out = copy.deepcopy(guide)
+    rows = [(s, a) for s in out["steps"] for a in s["actions"]]
+    taken = next(r for r in rows if r[1]["do"] == what)
+    rows.remove(taken)
+    of = before or behind
+    some = [k for k, r in enumerate(rows) if r[1]["do"] == of
+            and r[1].get("cord", taken[1].get("cord")) == taken[1].get("cord", r[1].get("cord"))
+            and r[1].get("joint", 0) == taken[1].get("joint", r[1].get("joint", 0))]  # fmt: skip
+    rows.insert(some[0] if before else some[-1] + 1, taken)
+    # One step after the other, however the actions are dealt: their order is what counts.
+    out["steps"] = [{**step, "actions": [action]} for step, action in rows]
+    return out
+
+
+@pytest.mark.parametrize(("what", "where", "told"), [
+    ("crimp", {"behind": "glue joint"}, "without its wire|before it has both|before its"),
+    ("trim", {"behind": "crimp"}, "before it is trimmed"),
+    ("lay", {"behind": "glue joint"}, "not laid in|when that is closed"),
+    ("stretch", {"behind": "glue joint"}, "closed in before it is stretched|inside a closed"),
+    ("pins in", {"behind": "glue joint"}, "closed without its pins"),
+    ("dry-fit", {"behind": "glue joint"}, "before it was tried dry"),
+    ("let set", {"before": "glue joint"}, "sets before it is glued"),
+    ("route wire", {"behind": "glue joint"}, "a wire of .* closed"),
+    ("glue end", {"behind": "glue joint"}, "glued when covered"),
+    ("mark", {"behind": "trim"}, "trimmed before it is marked"),
+    ("print", {"behind": "try pins"}, "before they are printed"),
+    ("cut cord", {"behind": "crimp"}, "crimped before it is cut"),
+])  # fmt: skip
+def test_an_action_at_the_wrong_time_is_told(what, where, told):
+    some = blocks(1, 1, ends=[["bend", "outside"]])
+    guide = guide_of(some)
+    assert complaints(some, guide) == []
+    found = complaints(some, moved(guide, what, **where))
+    assert any(re.search(told, text) for text in found), found
+
+
+@pytest.mark.parametrize("what", [
+    "crimp", "mark", "trim", "lay", "stretch", "glue joint", "let set", "measure", "pins in",
+    "dry-fit", "print", "try pins", "cut cord", "glue end", "let end set", "wire to the board",
+    "route wire",
+])  # fmt: skip
+def test_an_action_that_is_left_out_is_told(what):
+    some = blocks(1, 1, ends=[["bend", "outside"]])
+    guide = guide_of(some)
+    row = next((s, a) for s in reversed(guide["steps"]) for a in reversed(s["actions"])
+               if a["do"] == what)  # fmt: skip
+    row[0]["actions"].remove(row[1])
+    assert complaints(some, guide)
+
+
+def test_the_order_that_guides_had_until_now_is_refused():
+    """Everything crimped first, nothing trimmed, no time to set, measured at the end."""
+    some = blocks(3, 3, ends=MOUTHS)
+    assert any(c.drawn for c in some.manifest.cords)
+    cords = some.manifest.cords
+    actions = [{"do": "print"}]
+    for c in cords:
+        actions.append({"do": "cut cord", "cord": c.sensor, "mm": c.cut_length})
+        actions += [{"do": "crimp", "cord": c.sensor, "end": e} for e in ("start", "end")]
+    for j, step in enumerate(some.manifest.assembly):
+        actions.append({"do": "pins in", "joint": j})
+        actions += [{"do": "lay", "cord": c, "joint": j} for c in step.cords]
+        actions += [{"do": "stretch", "cord": c, "joint": j, "mm": 2.0} for c in step.cords]
+        actions += [{"do": "dry-fit", "joint": j}, {"do": "glue joint", "joint": j}]
+    actions.append({"do": "wire to the board"})
+    found = complaints(some, {"steps": [{"number": 1, "actions": actions}]})
+    for told in ("both ends before it is trimmed", "never trimmed", "before it was tried",
+                 "never closed and set", "never measured"):  # fmt: skip
+        assert any(told in text for text in found), told
+
+
+def test_a_cord_that_cannot_slide_is_told():
+    """Both its ends hold it, and its piece is too short for the joint to be opened."""
+    some = blocks(3, 3, ends=[["bend", "bend"]] * 3)
+    short = Hands(some.plain(), some.layout, some.triangles(), 7.0, 0.1)
+    assert any("cannot slide" in text or "is stretched by" in text
+               for text in followed(guide_of(some), short))  # fmt: skip
+
+
+@pytest.mark.parametrize(("places", "told"), [(5, False), (12, True)])
+def test_a_cord_may_span_an_open_joint_whose_faces_are_slanted(places, told):
+    """Above and below it are parts on either side of that joint then, for a channel's width or two:
+    more of a cord than that must lie in a groove before it is stretched."""
+    some = blocks(3, 3, ends=[["bend", "bend"]] * 3)
+    hands = Hands(some.plain(), some.layout, some.triangles(), 7.0, 0.5)
+    cord = next(c for c in some.manifest.cords if c.drawn)
+    pairs = hands._cords[cord.sensor].line.pairs
+    at = next(k for k, (a, b) in enumerate(pairwise(pairs)) if a != b) + 1
+    mixed = (pairs[at - 1][0], pairs[at][1])
+    pairs[at - places // 2 : at + (places + 1) // 2] = [mixed] * places
+    found = followed(guide_of(some), hands)
+    assert any("is stretched before it is laid" in text for text in found) == told, found
+    assert bool(found) == told
+
+
+def test_no_order_is_told_and_not_made_up():
+    a, b = ("a",), ("b",)
+    ring = [
+        Action(Kind.LAY, joint=0, needs=frozenset({a}), makes=frozenset({b})),
+        Action(Kind.GLUE, joint=0, needs=frozenset({b}), makes=frozenset({a})),
+    ]
+    with pytest.raises(FabricationError, match=r"'lay' of joint 1 .* no order in which"):
+        in_order(ring)
+    with pytest.raises(FabricationError, match="nothing does what 'lay' of joint 1 needs"):
+        in_order(ring[:1])
+
+
+def test_ends_that_nothing_holds_are_glued_when_bonded_too():
+    for assembly in ("held", "bonded"):
+        some = blocks(1, 1, assembly, ends=[["outside", "mouth"]])
+        lines = [x for s in guide_steps(some.device, some.manifest, some.parts) for x in s.lines]
+        (told,) = (x for x in lines if x.startswith("No pocket holds"))
+        assert "the start of cord-0" in told
+
+
+def test_a_device_of_one_part_is_printed_and_no_more():
+    some = blocks(0, 0)
+    steps = guide_steps(some.device, some.manifest, some.parts)
+    assert [s.title for s in steps] == ["Print", "Wire and measure"]
+
+
+def test_a_cord_without_a_joint_is_threaded():
+    some = blocks(0, 0)
+    from dataclasses import replace
+
+    cord = blocks(1, 1, ends=[["mouth", "mouth"]]).manifest.cords[0]
+    manifest = replace(some.manifest, cords=(replace(cord, stretches=(), drawn=()),))
+    kinds = [a.kind for s in guide_steps(some.device, manifest, some.parts)
+             for p in s.passages for a, _ in p.actions]  # fmt: skip
+    order = [Kind.CUT, Kind.CRIMP, Kind.MARK, Kind.THREAD, Kind.PULL, Kind.TRIM, Kind.SEAT]
+    assert [kinds.index(k) for k in order] == sorted(kinds.index(k) for k in order)
+    assert kinds.count(Kind.CRIMP) == 2
+
+
+def test_measuring_names_the_value_and_what_to_do():
+    some = blocks(1, 1, ends=MOUTHS)
+    steps = guide_steps(some.device, some.manifest, some.parts)
+    cord = some.manifest.cords[0]
+    said = [x for s in steps for x in s.lines if x.startswith("Measure")]
+    assert f"about {cord.resistance_before:.0f} ohm" in said[0]
+    assert f"about {cord.resistance:.0f} ohm" in said[1]
+    assert f"({0.9 * cord.resistance:.0f} to {1.1 * cord.resistance:.0f})" in said[1]
+    assert "open the joint, and lay it again" in said[1]
+
+
+def test_a_wire_across_a_joint_that_is_closed_later_is_told_there():
+    some = blocks(1, 1, ends=MOUTHS)
+    last = len(some.manifest.assembly) - 1
+    start, end = some.manifest.cords[0].ends
+    end = replace(end, wire=replace(end.wire, leaves="bay", crosses=(last,)))
+    cords = (replace(some.manifest.cords[0], ends=(start, end)),)
+    steps = guide_steps(some.device, replace(some.manifest, cords=cords), some.parts)
+    glued = [a for s in plain_steps(steps) for a in s["actions"] if a["do"] == "glue joint"]
+    told = [a["joint"] for a in glued if any("crosses this joint" in x for x in a["lines"])]
+    assert told == [last]
+    assert any("pull the wire into the bay" in x for x in glued[-1]["lines"])
+
+
+def test_pins_have_letters_of_their_own_behind_z():
+    step = blocks(1, 1).manifest.assembly[-1]
+    letters = pin_letters(replace(step, pins=step.pins[:1] * 60))
+    assert len(set(letters)) == 60
+    assert letters[25:28] == ("z", "aa", "ab")

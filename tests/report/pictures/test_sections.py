@@ -1,0 +1,98 @@
+"""Sections go through what moves and what is strained; their values are those of the field."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.geometry.bodies.orientation import Z_UP
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.report.pictures.poses.color_bar import scale
+from defsense_fab.report.pictures.poses.mesh_cut import mesh_cut
+from defsense_fab.report.pictures.poses.sections import sections
+from defsense_fab.report.pictures.poses.strain import StrainField, strain_sections
+from defsense_fab.report.surface_errors import state_words
+from tests.conftest import structured_bar
+from tests.report.pictures.test_scene import image_of, rim
+
+
+@pytest.fixture(scope="module")
+def bar():
+    """150 x 30 x 20 mm along x."""
+    return QuadraticMesh.from_linear(structured_bar([0, -15, -10], [150, 15, 10], [15, 4, 4]))
+
+
+def bent(nodes, way):
+    """Displacements and strains of a bar bent towards `way` (3,)."""
+    x, off = nodes[:, 0], nodes @ way
+    moved = 0.002 * x[:, None] ** 2 * way - 0.004 * (x * off)[:, None] * [1, 0, 0]
+    return moved, 0.004 * np.abs(off) * np.where(off < 0, 1.0, 0.5)
+
+
+@pytest.mark.parametrize("way", [[0, 0, 1.0], [0, 0, -1.0], [0, 1.0, 0], [0, 0.6, 0.8]])
+def test_the_first_section_holds_the_bend_the_second_is_square_to_it(bar, way):
+    moved, strain = bent(bar.nodes, np.array(way))
+    found = sections(bar.nodes, moved, strain, bar.nodes[:, 0] > 140)
+    assert found.moving.normal @ way == pytest.approx(0, abs=0.05)
+    assert found.moving.normal @ [1, 0, 0] == pytest.approx(0, abs=0.05)
+    assert abs(found.beside.normal @ way) == pytest.approx(1, abs=0.02)
+    for plane in (found.moving, found.beside):  # through the middle of the handle
+        assert (np.array([145, 0, 0]) - plane.origin) @ plane.normal == pytest.approx(0, abs=6)
+    assert (found.peak - found.across.origin) @ found.across.normal == pytest.approx(0, abs=2)
+
+
+def test_a_twist_is_cut_through_its_axis(bar):
+    x, y, z = bar.nodes.T
+    moved = 0.004 * x[:, None] * np.stack([0 * x, -z, y], 1)
+    strain = 0.002 * np.hypot(y, z)
+    found = sections(bar.nodes, moved, strain, x > 140)
+    for plane in (found.moving, found.beside):
+        assert abs(plane.normal[0]) < 0.1
+        assert plane.origin @ plane.normal == pytest.approx(0, abs=1)
+
+
+def test_an_arm_is_cut_through_hand_and_shoulder_not_through_the_middle(bar):
+    """Only the last third moves, up, and is strained where that begins, off the body's middle."""
+    x = bar.nodes[:, 0]
+    moved = np.maximum(x - 100, 0)[:, None] * [0, 0.5, 0]
+    strain = np.exp(-(((x - 105) / 8) ** 2))
+    found = sections(bar.nodes, moved, strain, x > 140)
+    assert abs(found.moving.normal[2]) == pytest.approx(1)
+    assert found.across.origin[0] == pytest.approx(105, abs=3)
+    assert "x = 10" in found.across.words()
+
+
+def test_a_cut_has_the_area_and_the_values_of_its_field(bar):
+    normal = np.array([0.6, 0.0, 0.8])
+    value = bar.nodes @ [0.3, -0.2, 0.5]
+    cut = mesh_cut(bar.nodes, bar.cells, np.array([75, 0, 1.0]), normal, {"value": value})
+    assert cut.area == pytest.approx(30 * 20 / 0.6, rel=1e-4)
+    points = np.asarray(cut.points, float)
+    assert (points - [75, 0, 1.0]) @ normal == pytest.approx(0, abs=1e-4)
+    assert cut.point_data["value"] == pytest.approx(points @ [0.3, -0.2, 0.5], abs=1e-4)
+    beyond = mesh_cut(bar.nodes, bar.cells, np.array([500, 0, 0.0]), normal, {})
+    assert beyond.n_points == 0
+
+
+def test_a_picture_of_sections_is_whole(bar):
+    moved, strain = bent(bar.nodes, np.array([0, 0, 1.0]))
+    corners = structured_bar([0, -15, -10], [150, 15, 10], [15, 4, 4]).boundary()
+    body, used = corners.compact()
+    planes = sections(bar.nodes, moved, strain, bar.nodes[:, 0] > 140)
+    picture = image_of(
+        strain_sections(
+            StrainField(bar.nodes, bar.cells, moved, strain),
+            body,
+            moved[used],
+            planes,
+            Z_UP,
+            scale("viridis", "strain (%)", 6.0),
+        )
+    )
+    assert (rim(picture, 1) == 255).all()
+    # The colours of little strain, and of much.
+    for color in ((68, 1, 84), (33, 145, 140)):
+        assert (np.abs(picture.astype(int) - color).max(2) < 12).sum() > 50
+
+
+def test_states_are_told_in_words():
+    assert state_words({"bend": 1.0, "twist": 0.5}) == "bend + twist 50 %"
+    assert state_words({"bend": 1.0, "twist": 0.0}) == "bend"

@@ -1,0 +1,234 @@
+"""The loop from a read-out board that plays a device to its outputs."""
+
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from defsense_fab.runtime.live.live_device import live_device
+from defsense_fab.runtime.live.live_loop import LiveLoop
+from defsense_fab.runtime.live.live_run import live_run, RunOptions
+
+from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
+from defsense_fab.capture.readout.source import RecordingEnd
+from defsense_fab.core.errors import LiveError
+from defsense_fab.runtime.frames.live_decoder import LiveDecoder
+from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.training.data.dataset import Dataset
+from defsense_fab.twin.electronics.readout_board import ReadoutTwin
+from defsense_fab.twin.electronics.replayed_cords import CUT, ReplayedCords
+from tests.runtime.live.conftest import moved, NAMES
+
+SPEED = 4.0
+
+
+class Kept:
+    """An output that keeps what it is given."""
+
+    name, trouble, news = "kept", None, None
+
+    def __init__(self):
+        self.frames, self.closed = [], False
+        self._some = threading.Condition()
+
+    def send(self, frame):
+        with self._some:
+            self.frames.append(frame)
+            self._some.notify()
+
+    def until(self, condition, seconds=60.0):
+        with self._some:
+            assert self._some.wait_for(lambda: any(condition(f) for f in self.frames), seconds), (
+                f"{len(self.frames)} frames, none as wanted"
+            )
+
+    def close(self):
+        self.closed = True
+
+
+def board_of(live_bar, seed=3, seconds=40.0):
+    run, levels = live_bar.run(seconds, seed)
+    cords = ReplayedCords(NAMES, run.sample_time, run.ohm)
+    board = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=SPEED,
+                    converter="ads1115")  # fmt: skip
+    return cords, board, run, levels
+
+
+def loop_of(live_bar, board, outputs, **more):
+    device = live_device(live_bar.model)
+    source = Reader(board, "twin", ReadoutSettings(channels=2, rate=100))
+    decoder = LiveDecoder(device.model, None, device.trained_rest)
+    return LiveLoop(source, decoder, device.wired, device.reference, outputs=outputs, **more)
+
+
+def test_frames_reach_outputs_and_say_where_the_markers_are(live_bar):
+    _, board, run, levels = board_of(live_bar)
+    out = Kept()
+    loop = loop_of(live_bar, board, [out])
+    info = loop.start()
+    assert info.channels == 2
+    out.until(lambda f: f.time > 25)
+    loop.close()
+    assert out.closed
+    late = [f for f in out.frames if f.time > 12]
+    assert {f.quality for f in late} <= {Quality.TRUSTED, Quality.UNTRAINED}
+    off = []
+    for f in late:
+        now = [np.interp(f.time, run.sample_time, x) for x in levels.T]
+        true = live_bar.rest_points + moved(live_bar.rest_points, *now)
+        off.append(np.linalg.norm(f.markers - true, axis=1))
+    assert np.sqrt(np.mean(np.square(off))) < 1.5
+    status = loop.status
+    assert status.samples >= len(out.frames)
+    assert np.isfinite(status.decoded).all()
+
+
+def test_a_cord_that_is_cut_is_told_while_the_loop_goes_on(live_bar):
+    cords, board, _, _ = board_of(live_bar)
+    out = Kept()
+    loop = loop_of(live_bar, board, [out])
+    loop.start()
+    out.until(lambda f: f.quality is not Quality.LOST)
+    cords.add_fault(CUT, (0,))
+    out.until(lambda f: f.lost == "cord_1" and f.quality is Quality.FALLBACK)
+    cords.clear_faults()
+    seen = len(out.frames)
+    out.until(lambda f: f.number > out.frames[seen - 1].number + 200 and f.lost is None)
+    loop.close()
+
+
+class Gone(ReadoutTwin):
+    """Its port goes away once, after some samples."""
+
+    gone = False
+
+    def read(self, size):
+        if self._counter > 250 and not Gone.gone:
+            Gone.gone = True
+            raise OSError("unplugged")
+        return super().read(size)
+
+
+def test_a_port_that_goes_away_and_comes_back_is_followed(live_bar):
+    cords, _, _, _ = board_of(live_bar)
+    out, Gone.gone = Kept(), False
+    board = partial(Gone, cords, np.array([1500.0, 1000.0]), speed=SPEED, converter="ads1115")
+    loop = loop_of(live_bar, board, [out])
+    loop.start()
+    end = time.monotonic() + 60
+    while not Gone.gone and time.monotonic() < end:
+        time.sleep(0.01)
+    before = out.frames[-1].number
+    out.until(lambda f: f.number > before + 50)
+    assert loop.wait(0)
+    loop.close()
+
+
+def test_another_number_of_channels_is_refused_before_anything_runs(live_bar):
+    device = live_device(live_bar.model)
+    cords = ReplayedCords(("a",), np.array([0.0, 1.0]), np.full((2, 1), 1000.0))
+    source = Reader(lambda: ReadoutTwin(cords), "twin", ReadoutSettings())
+    loop = LiveLoop(source, LiveDecoder(device.model), device.wired, device.reference)
+    with pytest.raises(LiveError, match="has 1 channels, and bar 2"):
+        loop.start()
+
+
+def test_a_recording_plays_again_and_its_end_is_told(live_bar, tmp_path):
+    from defsense_fab.runtime.live.raw_recording import RawRecording
+    from defsense_fab.runtime.live.run_folder import RunFolder
+
+    _, board, _, _ = board_of(live_bar, seconds=10.0)
+    out, recording = Kept(), RawRecording(RunFolder(tmp_path / "live"), 2)
+    loop = loop_of(live_bar, board, [out], recorder=recording)
+    loop.start()
+    out.until(lambda f: f.time > 6)
+    loop.close()
+    device = live_device(live_bar.model)
+    run = live_run(device, RunOptions(f"replay:{recording.path}"))
+    run.loop.start()
+    with pytest.raises(RecordingEnd, match="the recording is at its end"):
+        run.loop.wait(60.0)
+    assert run.loop.status.samples > 100
+    run.close()
+
+
+def test_a_session_plays_beside_what_its_cameras_saw(live_bar, tmp_path, monkeypatch):
+    from defsense_fab.runtime.live import session_play
+
+    run, _ = live_bar.run(8.0, 3)
+    device = live_device(live_bar.model)
+    ids, rest = device.model.ids, device.model.rest_points
+    # Other orders of channels and markers, and one marker that the model does not know.
+    points = np.concatenate([run.points[:, ::-1], run.points[:, :1]], axis=1)
+    points[200:260, 0] = np.nan
+    recording = replace(
+        run, name="s/run-1", ohm=run.ohm[:, ::-1], rest=run.rest[::-1], time=run.time + 5.0,
+        sample_time=run.sample_time + 5.0, points=points, sigma=np.full(points.shape, 0.05),
+    )  # fmt: skip
+    dataset = Dataset(
+        "bar", device.model.layout, NAMES[::-1], np.array([*ids[::-1], 900]),
+        np.concatenate([rest[::-1], rest[:1]]), (recording,),
+    )  # fmt: skip
+    for name in ("run-1", "run-7"):
+        (tmp_path / "s" / name).mkdir(parents=True)
+    monkeypatch.setattr(session_play, "manifest_path", lambda f: f if f.name == "s" else None)
+    monkeypatch.setattr(session_play, "session_dataset", lambda folders, device: dataset)
+    out = Kept()
+    for folder in (tmp_path / "s" / "run-1", tmp_path / "s"):
+        play = live_run(device, RunOptions(f"replay:{folder}"))
+        monkeypatch.setattr(play.loop, "_outputs", (out,))
+        play.loop.start()
+        with pytest.raises(RecordingEnd, match="the recording is at its end"):
+            play.loop.wait(60.0)
+        play.close()
+    known = [f for f in out.frames if f.quality is not Quality.LOST and f.time > 4]
+    assert len(known) > 50
+    for frame in known:
+        at = np.argmin(abs(run.time - frame.time))
+        own = np.where(np.isfinite(frame.tracks), run.points[at], np.nan)
+        assert np.nanmax(np.abs(frame.tracks - own)) < 0.5
+        assert frame.off < 1.0
+    blind = [f for f in known if run.time[205] < f.time < run.time[255]]
+    assert blind
+    assert all(np.isnan(f.tracks[-1]).all() for f in blind)
+    with pytest.raises(LiveError, match="run-7: was not processed; there are run-1"):
+        live_run(device, RunOptions(f"replay:{tmp_path / 's' / 'run-7'}"))
+
+
+def test_what_cannot_be_opened_is_told(live_bar, tmp_path):
+    device = live_device(live_bar.model)
+    for port, words in (
+        ("replay:/nowhere/board.csv", "no such recording"),
+        ("twin:speed=3", "write twin:unit=1"),
+        ("twin:minutes=900", "minutes are from 1 to 60"),
+    ):
+        with pytest.raises(LiveError, match=words):
+            live_run(device, RunOptions(port, keep=False))
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_run(live_bar, tmp_path, monkeypatch):
+    from defsense_fab.runtime.live.raw_recording import RawRecording
+    from defsense_fab.runtime.live.run_folder import RunFolder
+
+    from defsense_fab.capture.readout.recording import Recorder
+    from defsense_fab.core.errors import StorageError
+
+    recording = RawRecording(RunFolder(tmp_path / "live"), 2)
+    _, board, _, _ = board_of(live_bar)
+    out = Kept()
+    loop = loop_of(live_bar, board, [out], recorder=recording)
+
+    add = Recorder.add
+
+    def full(recorder, item):
+        if recording.wait_until_begun(0):
+            raise StorageError(f"{recording.path}: No space left on device")
+        add(recorder, item)
+
+    monkeypatch.setattr(Recorder, "add", full)
+    loop.start()
+    out.until(lambda f: f.number > 50)
+    assert any("no longer recorded" in note for note in loop.status.notes)
+    loop.close()

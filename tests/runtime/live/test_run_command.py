@@ -1,0 +1,237 @@
+"""`defsense run` from its beginning to its end."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from defsense_fab.runtime.live import live_run as live_run_module
+from defsense_fab.runtime.live.animations import Animations
+from defsense_fab.runtime.live.live_device import live_device
+from defsense_fab.runtime.live.live_run import live_run, RunOptions
+from defsense_fab.cli.terminal.live_lines import LiveLines
+
+from defsense_fab.capture.readout.recording import Recorder
+from defsense_fab.capture.readout.source import Event, StampedSample
+from defsense_fab.cli.main import main
+from defsense_fab.cli.run.run import own_file, own_folder
+from defsense_fab.core.errors import StorageError
+from defsense_fab.runtime.recording.animation_recorder import AnimationRecorder
+from defsense_fab.sensing.serial_frames import Sample
+from defsense_fab.sensing.voltage_divider import Dividers
+from tests.runtime.live.conftest import R0
+from tests.runtime.live.test_live_loop import board_of
+
+REFERENCE = np.array([1500.0, 1000.0])
+KNOWN = ["--rest", "1500,900", "--reference", "1500,1000"]
+ABOUT = {
+    "protocol": 1, "version": [1, 0], "converter": 0, "channels": 2, "averages": 64, "rate": 50,
+    "led_period": 0, "most_channels": 8, "full_scale": 1024,
+}  # fmt: skip
+
+
+def recorded(path, seconds):
+    """A recording of the device at rest."""
+    sums = tuple(round(64 * c) for c in Dividers(REFERENCE, 1024.0).counts(R0))
+    with Recorder(path, 2) as recorder:
+        recorder.add(Event(0, "start", ABOUT))
+        for k in range(round(50 * seconds)):
+            sample = Sample(k, 20_000 * k, False, False, 64, sums)
+            recorder.add(StampedSample(20_000_000 * k, 20_000 * k, sample))
+    return path
+
+
+@pytest.fixture
+def device(live_bar, tmp_path):
+    """Its folder, to which runs may write."""
+    folder = tmp_path / "device"
+    shutil.copytree(live_bar.folder, folder)
+    return folder
+
+
+def run(*words):
+    return main(["run", *map(str, words)])
+
+
+def lines(text, first):
+    return [line for line in text.splitlines() if line.startswith(first)]
+
+
+def test_the_end_of_a_recording_is_a_normal_one(device, tmp_path, capsys):
+    board, out = recorded(tmp_path / "board.csv", 2.0), tmp_path / "a.npz"
+    assert run(device, "--port", f"replay:{board}", "--animation", out, *KNOWN) == 0
+    said = capsys.readouterr()
+    assert "error:" not in said.err
+    (line,) = lines(said.out, "Wrote:")
+    assert line.startswith(f"Wrote:   {out}: ")
+    assert f"bar: ended: {board}: the recording is at its end" in said.out.splitlines()
+    assert len(np.load(out)["times"]) > 0
+
+
+def test_json_tells_what_was_written_and_the_rest_goes_to_standard_error(device, tmp_path, capsys):
+    board, out = recorded(tmp_path / "board.csv", 2.0), tmp_path / "a.npz"
+    words = ("--port", f"replay:{board}", "--animation", out, "--json", *KNOWN)
+    assert run(device, *words, "--output", "websocket,port=0,host=0.0.0.0") == 0
+    said = capsys.readouterr()
+    rows = [json.loads(line) for line in said.out.splitlines()]
+    assert rows[-1]["wrote"] == str(out)
+    assert rows[-1]["instead"] is None
+    assert rows[-2]["ended"] == f"{board}: the recording is at its end"
+    assert "?token=" in said.err
+    assert f"Record:  {out} (the animation, at the end)" in said.err.splitlines()
+
+
+def test_an_animation_that_nowhere_can_be_written_is_an_error(
+    device, tmp_path, capsys, monkeypatch
+):
+    def full(self, path=None):
+        raise StorageError(f"{path}: the disk is full; free some space and run again")
+
+    monkeypatch.setattr(AnimationRecorder, "finish", full)
+    board, out = recorded(tmp_path / "board.csv", 2.0), tmp_path / "a.npz"
+    for more in ((), ("--json",)):
+        words = ("--port", f"replay:{board}", "--animation", out, *KNOWN, *more)
+        assert run(device, *words) == 2
+        (line,) = lines(capsys.readouterr().err, "error: ")
+        assert line.startswith(f"error: the animation is not written: {out}: the disk is full")
+        assert f"nor elsewhere: {device}/live/" in line
+
+
+def test_an_animation_is_written_though_the_run_failed(device, tmp_path, capsys, monkeypatch):
+    from defsense_fab.core.errors import CaptureError
+
+    def fail(self, seconds):
+        while self._all[0].run.animations.empty:
+            time.sleep(0.01)
+        raise CaptureError("COM3: is gone")
+
+    monkeypatch.setattr(LiveLines, "follow", fail)
+    board, out = recorded(tmp_path / "board.csv", 60.0), tmp_path / "a.npz"
+    assert run(device, "--port", f"replay:{board}", "--animation", out, *KNOWN) == 2
+    said = capsys.readouterr()
+    assert lines(said.err, "error: ") == ["error: COM3: is gone"]
+    assert lines(said.out, "Wrote:")
+    assert out.exists()
+
+
+def test_a_second_ctrl_c_loses_nothing(device, tmp_path, capsys, monkeypatch, live_bar):
+    """The first ends the run; the next ones come while it is closed and the animation written."""
+    _, board, _, _ = board_of(live_bar)
+    monkeypatch.setattr(live_run_module, "open_port", lambda url: board())
+    show, write = LiveLines._show, Animations.finish
+    over = []
+
+    def shown(self, new):
+        show(self, new)
+        if not self._all[0].run.animations.empty:
+            over.append(self._all[0].run.recording)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def written(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        over.append(over[0]._over)  # the readings are closed before what is slow
+        return write(self)
+
+    monkeypatch.setattr(LiveLines, "_show", shown)
+    monkeypatch.setattr(Animations, "finish", written)
+    out = tmp_path / "a.npz"
+    handler = signal.getsignal(signal.SIGINT)
+    assert run(device, "--port", "COM3", "--animation", out, *KNOWN) == 0
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert over[1:] == [True]
+    said = capsys.readouterr()
+    assert f"writing {out}" in said.err
+    assert lines(said.out, f"Wrote:   {out}: ")
+    assert out.exists()
+    assert len(list(device.glob("live/*/board.csv"))) == 1
+
+
+def test_a_run_that_does_not_begin_leaves_nothing(device, tmp_path, capsys):
+    assert run(device, "--port", "/dev/nowhere", "--animation", tmp_path / "a.npz", *KNOWN) == 2
+    (line,) = lines(capsys.readouterr().err, "error: ")
+    assert "/dev/nowhere: there is no such port" in line
+    assert not (device / "live").exists()
+    assert not (tmp_path / "a.npz").exists()
+
+
+def test_a_reader_that_leaves_is_no_error(device, tmp_path):
+    board = recorded(tmp_path / "board.csv", 60.0)
+    words = ["run", device, "--port", f"replay:{board}", "--json", *KNOWN]
+    program = "import sys; from defsense_fab.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    with subprocess.Popen(
+        [sys.executable, "-c", program, *map(str, words)], stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert json.loads(process.stdout.readline())["port"] == f"replay:{board}"
+        process.stdout.close()
+        told = process.stderr.read()
+        assert process.wait(200) == 0
+    assert "error" not in told.lower()
+    assert "Traceback" not in told
+
+
+def test_what_controls_cannot_be_names_their_file(device, tmp_path):
+    (device / "live.toml").write_text('[controls]\nup = "nothing_such + 1"\n')
+    board = recorded(tmp_path / "board.csv", 2.0)
+    from defsense_fab.core.errors import ControlError, LiveError
+    from defsense_fab.runtime.outputs.live_file import read_live_file
+
+    path = device / "live.toml"
+    options = RunOptions(
+        f"replay:{board}", controls=read_live_file(path).controls, live_file=path,
+    )  # fmt: skip
+    with pytest.raises(ControlError, match=rf"^{path}: control 'up': "):
+        live_run(live_device(device / "model.json", device), options)
+    alone = tmp_path / "alone" / "model.json"
+    alone.parent.mkdir()
+    shutil.copy(device / "model.json", alone)
+    with pytest.raises(LiveError, match=rf"^{path}: \[controls\] need the poses"):
+        live_run(live_device(alone), options)
+
+
+def test_a_recording_of_the_flag_is_the_button_s_too(device, tmp_path):
+    """And the panel gets what it asks the loop for."""
+    from defsense_fab.runtime.live.panel_links import follow, panel_actions
+
+    board, out = recorded(tmp_path / "board.csv", 2.0), tmp_path / "a.npz"
+    options = RunOptions(f"replay:{board}", reference=REFERENCE, rest=R0, animation=out)
+    made = live_run(live_device(device / "model.json", device), options)
+    actions = panel_actions(made.loop._decoder, made.animations, None)
+    assert actions.recording()
+    assert "is being recorded" in _refused(made.animations, tmp_path / "b.npz")
+    made.animations.discard()
+    assert not actions.recording()
+    follow(actions, made.loop)
+    assert actions.latency() == ""
+    assert tuple(actions.notes()) == made.loop.status.notes
+    made.close()
+
+
+def _refused(animations, path):
+    from defsense_fab.core.errors import LiveError
+
+    with pytest.raises(LiveError) as caught:
+        animations.start(path)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "folder"),
+    [(".", "2"), ("..", "../2"), ("/", "/2"), ("rec", "rec-2"), ("a/rec.v1", "a/rec.v1-2")],
+)
+def test_each_device_has_a_folder_of_its_own(given, folder):
+    assert own_folder(Path(given), 0) == Path(given)
+    assert own_folder(Path(given), 1) == Path(folder)
+    assert own_folder(None, 1) is None
+
+
+def test_each_device_has_a_file_of_its_own():
+    assert own_file(Path("a/x.glb"), 0) == Path("a/x.glb")
+    assert own_file(Path("a/x.glb"), 2) == Path("a/x-3.glb")
+    assert own_file(Path("."), 1) == Path("-2")

@@ -1,0 +1,208 @@
+"""Datasets of processed sessions."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from defsense_fab.core.storage import typed_json
+from defsense_fab.sensing.layout import layout_hash
+from defsense_fab.workflow.sessions import processing
+from defsense_fab.workflow.sessions.processing import process_session
+from defsense_fab.capture.sessions import session as sessions
+from defsense_fab.training.recordings.session_dataset import session_dataset
+
+from benchmarks import memory
+from defsense_fab.capture.files.formats import read_any
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import TrainingError
+from tests.core.records.layouts import layout
+from tests.places import BAR
+
+SECONDS = 14.0
+SAMPLES, FRAMES = 60.0, (30.0, 15.0)  # Hz
+
+
+@pytest.fixture(scope="module")
+def processed(tmp_path_factory):
+    """A session of two runs whose cords had drifted in between, with samples at 60 Hz, before
+    cameras of 30 and 15 pictures a second; and what processing gave."""
+    session = memory.create(tmp_path_factory.mktemp("train") / "s", 2, 12)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(memory, "BOARD_RATE", SAMPLES)
+        for k, (ohm, rate) in enumerate(zip((1200.0, 1260.0), FRAMES, strict=True)):
+            patch.setattr(memory, "RATE", rate)
+            memory.record(session, SECONDS, np.random.default_rng(k), ohm=ohm, led=True)
+        patch.setattr(processing, "write_report", lambda *_: None)  # takes as long as the rest
+        return session, process_session(session.folder)
+
+
+def changed(folder, name, **values):
+    """Some keys of one of the folder's JSON files."""
+    path = folder / name
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | values))
+
+
+def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
+    session, result = processed
+    found = session_dataset([session.folder])
+    assert found.channels == tuple("abcd")
+    assert found.device == "plate"
+    np.testing.assert_array_equal(found.ids, session.markers.ids)
+    np.testing.assert_array_equal(found.rest_points, session.markers.centers)
+    aligned = read_any(session.folder / "aligned.csv")
+    for k, (r, ohm) in enumerate(zip(found.recordings, (1200.0, 1260.0), strict=True)):
+        assert r.name == f"{session.folder}/run-{k + 1}"
+        assert r.rest == pytest.approx([ohm] * 4, rel=1e-3)
+        # All of the read-out board's samples, and no frame of the other run or of the pause.
+        assert len(r.sample_time) == SECONDS * SAMPLES
+        assert np.diff(r.sample_time) == pytest.approx(1 / SAMPLES, rel=1e-2)
+        assert len(r.time) == pytest.approx(SECONDS * FRAMES[k], abs=1)
+        assert np.diff(r.time) == pytest.approx(1 / FRAMES[k], rel=1e-2)
+        assert r.visible.any(axis=1).all()
+        at = np.searchsorted(aligned.time, r.time)
+        np.testing.assert_array_equal(r.points, aligned.points[at])
+        np.testing.assert_array_equal(r.sigma, aligned.sigma[at])
+        t = r.sample_time - r.time[0]
+        assert r.signals[:, 0] == pytest.approx(0.1 * memory.level(t, SECONDS), abs=5e-3)
+        told = result.quality["runs"][k]["sync"]["error_ms"] / 1e3
+        assert r.sync_error == pytest.approx(told)
+        assert [name for _, name in r.poses] == ["rest", "rest"]
+        begun = [at - r.time[0] for at, _ in r.poses]
+        assert begun == pytest.approx([0.0, SECONDS - memory.RESTS], abs=2e-3)
+    (told,) = found.provenance["sessions"]
+    assert told["cameras"] == ["cam_0", "cam_1"]
+    assert told["version"] == result.quality["version"]
+    assert told["signals"] == "samples.csv"
+
+
+def test_signals_at_the_pictures_where_there_are_no_samples(processed, tmp_path):
+    session, _ = processed
+    old = shutil.copytree(session.folder, tmp_path / "old")
+    (old / "samples.csv").unlink()
+    whole, found = session_dataset([session.folder]), session_dataset([old])
+    for a, b in zip(whole.recordings, found.recordings, strict=True):
+        assert np.isin(b.sample_time, b.time).all()
+        assert len(b.sample_time) > 0.95 * len(b.time)
+        between = np.stack([np.interp(b.sample_time, a.sample_time, s) for s in a.signals.T], 1)
+        assert b.signals == pytest.approx(between, abs=2e-5)
+        np.testing.assert_array_equal(a.rest, b.rest)
+    changed(old, "quality.json", R0={})
+    unknown = session_dataset([old])
+    assert (unknown.recordings[0].rest == 1).all()
+    np.testing.assert_allclose(
+        unknown.recordings[0].signals, found.recordings[0].signals, atol=1e-9
+    )
+
+
+def test_sessions_of_one_device_are_joined(processed, tmp_path):
+    session, _ = processed
+    other = shutil.copytree(session.folder, tmp_path / "other")
+    changed(other, sessions.FILE, unit="second", layout="abc")
+    both = session_dataset([session.folder, other])
+    assert [r.unit for r in both.recordings] == ["plate", "plate", "second", "second"]
+    assert len({r.session for r in both.recordings}) == 2
+    assert both.layout == "abc"
+    assert len(both.provenance["sessions"]) == 2
+    changed(other, sessions.FILE, device="bun")
+    with pytest.raises(TrainingError, match="is of the device 'bun'"):
+        session_dataset([session.folder, other])
+    with pytest.raises(TrainingError, match="is a session of plate, not of bar"):
+        session_dataset([session.folder], load_device(BAR))
+
+
+def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
+    session, _ = processed
+    with pytest.raises(TrainingError, match="is no session"):
+        session_dataset([tmp_path])
+    raw = memory.create(tmp_path / "raw", 2, 12)
+    with pytest.raises(TrainingError, match=f"not processed yet.*capture process {raw.folder}"):
+        session_dataset([raw.folder])
+    later = shutil.copytree(session.folder, tmp_path / "later")
+    shutil.copytree(later / "run-2", later / "run-3")
+    with pytest.raises(TrainingError, match="run-3 was recorded after it was processed; run 'def"):
+        session_dataset([later])
+    old = shutil.copytree(session.folder, tmp_path / "old")
+    quality = json.loads((old / "quality.json").read_text(encoding="utf-8"))
+    for run in quality["runs"]:
+        del run["begin"]
+    changed(old, "quality.json", runs=quality["runs"])
+    with pytest.raises(TrainingError, match="by an older version; run 'defsense capture process"):
+        session_dataset([old])
+    # Of one run there is nothing to be told apart.
+    changed(old, "quality.json", runs=quality["runs"][:1],
+            skipped=[{"run": "run-2", "why": "lost", "ended": ""}])  # fmt: skip
+    assert len(session_dataset([old]).recordings) == 1
+    (old / "samples.csv").write_text(
+        "\n".join((old / "samples.csv").read_text(encoding="utf-8").splitlines()[:1])
+    )
+    with pytest.raises(TrainingError, match="no run can be trained on: run-2: lost; run-1: there"):
+        session_dataset([old])
+
+
+def test_times_that_go_back_are_left_out(processed, tmp_path):
+    session, _ = processed
+    back = shutil.copytree(session.folder, tmp_path / "back")
+    lines = (back / "samples.csv").read_text(encoding="utf-8").splitlines()
+    lines[100], lines[200] = lines[300], lines[200].replace(lines[200].split(",")[3], "")
+    (back / "samples.csv").write_text("\n".join(lines) + "\n")
+    r = session_dataset([back]).recordings[0]
+    whole = session_dataset([session.folder]).recordings[0]
+    # The one of another's time, and the one without.
+    assert len(whole.sample_time) - len(r.sample_time) == 2
+    assert (np.diff(r.sample_time) > 0).all()
+    assert session_dataset([back]).provenance["sessions"][0]["notes"] == []
+    broken = [*lines[:50], "run-1,1,2,3"]
+    (back / "samples.csv").write_text("\n".join(broken) + "\n")
+    with pytest.raises(TrainingError, match=r"samples\.csv:51: 4 cells under 12 columns"):
+        session_dataset([back])
+    (back / "samples.csv").write_text("\n".join([*lines[:50], lines[50] + "x"]) + "\n")
+    with pytest.raises(TrainingError, match=r"samples\.csv:51: d_ohm is not a number"):
+        session_dataset([back])
+
+
+def test_sessions_are_of_the_cords_that_the_device_has(processed, straight, tmp_path):
+    session, _ = processed
+    known = layout(*(straight(name, y=k) for k, name in enumerate("dcba")))
+    bar = shutil.copytree(BAR, tmp_path / "bar", ignore=shutil.ignore_patterns("build"))
+    (bar / "build").mkdir()
+    typed_json.save(bar / "build" / "layout.json", known)
+    device = load_device(bar)
+    own = shutil.copytree(session.folder, tmp_path / "own")
+    changed(own, sessions.FILE, device=device.name, layout=layout_hash(known))
+    found, whole = session_dataset([own], device), session_dataset([own])
+    assert found.layout == layout_hash(known)
+    assert found.channels == tuple("dcba")
+    np.testing.assert_array_equal(found.recordings[0].ohm, whole.recordings[0].ohm[:, ::-1])
+    changed(own, sessions.FILE, layout="other")
+    with pytest.raises(TrainingError, match=r"own: was recorded with other cords \(other\) than"):
+        session_dataset([own], device)
+    changed(own, sessions.FILE, layout="")
+    typed_json.save(bar / "build" / "layout.json", replace(known, sensors=known.sensors[:3]))
+    with pytest.raises(TrainingError, match="has a channel a more"):
+        session_dataset([own], device)
+
+
+def test_damaged_results_are_told_by_their_file(processed, tmp_path):
+    session, _ = processed
+    bad = shutil.copytree(session.folder, tmp_path / "bad")
+    quality = json.loads((bad / "quality.json").read_text(encoding="utf-8"))
+    for R0, why in (([1000.0], "R0 of 1 channels, where there are 4"), (["high"] * 4, "'high'")):
+        changed(bad, "quality.json", R0={"run-1": R0})
+        with pytest.raises(TrainingError, match=r"quality\.json: what it tells of run-1") as error:
+            session_dataset([bad])
+        assert why in str(error.value)
+    changed(bad, "quality.json", R0=quality["R0"])
+    for name in ("signals.csv", "aligned.csv"):
+        lines = (bad / name).read_text(encoding="utf-8").splitlines()
+        (bad / name).write_text("\n".join(lines[: len(lines) // 2]) + "\n")
+        with pytest.raises(TrainingError, match=f"{name}: is cut off: .* frames; copy it again"):
+            session_dataset([bad])
+        shutil.copy(session.folder / name, bad / name)
+    text = (bad / "quality.json").read_text(encoding="utf-8")
+    (bad / "quality.json").write_text(text[: len(text) // 2])
+    with pytest.raises(TrainingError, match=r"cut off or edited; run 'defsense capture process"):
+        session_dataset([bad])

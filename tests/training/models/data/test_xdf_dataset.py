@@ -1,0 +1,121 @@
+"""Datasets of XDF files, read by pyxdf."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from defsense_fab.training.recordings.xdf_dataset import xdf_dataset
+
+from defsense_fab.core.errors import TrainingError
+from tests.training.models.data.files_of_others import markers
+from tests.training.models.data.xdf_writer import stream, write_xdf
+from tests.training.synthetic import CHANNELS, IDS, R0, recording
+
+START = 5021.25  # s, at which the computer's clock was
+PLACES = [f"tag_{i}_{a}" for i in IDS.tolist() for a in "xyz"]
+
+
+@pytest.fixture(scope="module")
+def r():
+    return recording(4, 12.0)
+
+
+def cords(r, number=1, name="Board", kind="Resistance", labels=CHANNELS, ohm=True, **more):
+    values = r.ohm if ohm else r.signals
+    more = {"units": "ohm" if ohm else "", "rate": 60.0} | more
+    return stream(number, name, kind, list(labels), r.sample_time + START, values, **more)
+
+
+def mocap(r, labels=PLACES, scale=1.0, number=2, name="Cameras", kind="MoCap", **more):
+    values = scale * r.points.reshape(len(r.time), -1)
+    return stream(number, name, kind, labels, r.time + START, values, rate=30.0, **more)
+
+
+@pytest.mark.parametrize("suffix", [".xdf", ".xdfz"])
+def test_two_streams_are_a_recording_by_the_layers_clock(tmp_path, r, suffix):
+    """One was recorded on a computer whose clock was 730 s ahead."""
+    path = write_xdf(tmp_path / "take.xdf", cords(r), mocap(r, units="mm", clock=730.0))
+    if suffix == ".xdfz":
+        import gzip
+
+        (tmp_path / "take.xdfz").write_bytes(gzip.compress(path.read_bytes()))
+    found = xdf_dataset(tmp_path / f"take{suffix}", markers=markers())
+    (got,) = found.recordings
+    assert found.channels == CHANNELS
+    assert found.ids.tolist() == IDS.tolist()
+    np.testing.assert_allclose(got.time, r.time, atol=1e-4)
+    np.testing.assert_allclose(got.sample_time, r.sample_time, atol=1e-4)
+    np.testing.assert_allclose(got.ohm, r.ohm)
+    np.testing.assert_allclose(got.points, r.points)
+    assert got.rest == pytest.approx(R0, rel=1e-3)
+
+
+def test_signals_metres_and_short_labels(tmp_path, r):
+    short = [f"{i}_{a.upper()}" for i in IDS.tolist() for a in "xyz"]
+    path = write_xdf(
+        tmp_path / "take.xdf", cords(r, kind="Cords", ohm=False),
+        mocap(r, short, scale=1e-3, units="m"),
+    )  # fmt: skip
+    (got,) = xdf_dataset(path, markers=markers()).recordings
+    np.testing.assert_allclose(got.signals, r.signals, atol=1e-12)
+    np.testing.assert_allclose(got.points, r.points, atol=1e-9)
+    assert (got.rest == 1).all()
+    named = [f"{c}_ohm" for c in CHANNELS]
+    path = write_xdf(tmp_path / "n.xdf", cords(r, kind="x", labels=named, units=""), mocap(r))
+    assert xdf_dataset(path).recordings[0].rest == pytest.approx(R0, rel=1e-3)
+
+
+def test_streams_are_chosen_by_name_or_type(tmp_path, r):
+    spare = cords(r, 7, "Spare", "EEG", ["Cz", "Pz", "Oz"], ohm=False)
+    path = write_xdf(tmp_path / "take.xdf", spare, cords(r), mocap(r))
+    says = r"2 streams that may be the signals; say which.*'Spare' \(type 'EEG', Cz, Pz, Oz\); 'Boa"
+    with pytest.raises(TrainingError, match=says):
+        xdf_dataset(path)
+    for wanted in ("Board", "Resistance"):
+        assert xdf_dataset(path, signals=wanted).channels == CHANNELS
+    assert xdf_dataset(path, signals="EEG", tracks="Cameras").channels == ("Cz", "Pz", "Oz")
+    with pytest.raises(TrainingError, match="has no stream 'Rig'; there are: 'Spare'"):
+        xdf_dataset(path, tracks="Rig")
+    with pytest.raises(TrainingError, match=r"the stream 'Spare' .* has no markers; label its ch"):
+        xdf_dataset(path, signals="Board", tracks="Spare")
+
+
+def test_what_cannot_be_used_is_one_clear_line(tmp_path, r):
+    path = write_xdf(tmp_path / "a.xdf", cords(r))
+    with pytest.raises(TrainingError, match=r"no stream of markers \(channels labelled tag_1_x"):
+        xdf_dataset(path)
+    path = write_xdf(tmp_path / "b.xdf", mocap(r))
+    with pytest.raises(TrainingError, match=r"no stream of signals .*there are: 'Cameras'"):
+        xdf_dataset(path)
+    path = write_xdf(tmp_path / "c.xdf", cords(r, units="mV"), mocap(r))
+    with pytest.raises(TrainingError, match="left of the stream 'Board' has the unit 'mV'"):
+        xdf_dataset(path)
+    path = write_xdf(tmp_path / "d.xdf", cords(r), mocap(r, units="inch"))
+    with pytest.raises(TrainingError, match="have the unit 'inch'; it must be mm, cm or m"):
+        xdf_dataset(path)
+    path = write_xdf(tmp_path / "e.xdf", cords(r, labels=["left", "", "right"]), mocap(r))
+    with pytest.raises(TrainingError, match="need labels, all different: the cords' names"):
+        xdf_dataset(path)
+    (tmp_path / "f.xdf").write_text("time,a\n")
+    with pytest.raises(TrainingError, match=r"f\.xdf: is no XDF file"):
+        xdf_dataset(tmp_path / "f.xdf")
+    with pytest.raises(TrainingError, match="cannot be read: No such file"):
+        xdf_dataset(tmp_path / "none.xdf")
+
+
+def test_samples_that_a_stream_lacks_are_told(tmp_path, r):
+    header, samples, footer = cords(r)
+    said = footer.replace(b"<sample_count>720<", b"<sample_count>820<")
+    assert said != footer
+    path = write_xdf(tmp_path / "take.xdf", (header, samples, said), mocap(r))
+    with pytest.raises(TrainingError, match="has 720 of 820 samples of the stream 'Board'"):
+        xdf_dataset(path)
+
+
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.9])
+def test_a_file_that_was_cut_is_told(tmp_path, r, part):
+    path = write_xdf(tmp_path / "take.xdf", cords(r), mocap(r))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(part * len(data))])
+    with pytest.raises(TrainingError, match=r"take\.xdf: is cut or damaged"):
+        xdf_dataset(path)

@@ -1,0 +1,231 @@
+"""The folder of an evaluation: page, figures and tables agree with the records, whole or not at
+all."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from defsense_fab.report.evaluation import evaluation_report
+from defsense_fab.training.evaluation.evaluate_models import _names, evaluate_models
+from defsense_fab.report.evaluation.evaluation_report import write_evaluation
+
+from defsense_fab.core.errors import StorageError, TrainingError
+from defsense_fab.decoding.signal_history import Past
+from defsense_fab.training.data.dataset import recording_fingerprint
+from tests.training import soft_bar as bar
+
+CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}
+
+
+@pytest.fixture(scope="module")
+def models():
+    data = bar.dataset(bar.recording(60, **CAUSES))
+    memory = bar.trained(data, past=Past((1.0,)), noise=0.002)
+    return [("plain", bar.trained(data)), ("with-memory", memory)]
+
+
+@pytest.fixture(scope="module")
+def unseen():
+    return bar.dataset(replace(bar.recording(60, seed=2, **CAUSES), session="session-2"))
+
+
+@pytest.fixture(scope="module")
+def result(models, unseen):
+    return evaluate_models(models, unseen)
+
+
+@pytest.fixture(scope="module")
+def folder(result, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "evaluation"
+    write_evaluation(out, result)
+    return out
+
+
+def rows(folder, name):
+    with (folder / name).open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_page_is_self_contained(folder, result):
+    page = (folder / "evaluation.html").read_text(encoding="utf-8")
+    total = result.models[0].evaluation.total
+    assert f"RMSE {total.rmse:.2f} &plusmn; {total.deviation:.2f} mm" in page
+    assert page.count("data:image/svg+xml;base64,") == 7
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", page)
+    assert "4.46 &plusmn; 1.76</td><td>21.78</td><td>8.98" in page
+    assert "with-memory has smaller errors than any other" in page
+
+
+def test_tables_agree_with_the_records(folder, result):
+    table = rows(folder, "table-1.csv")
+    assert [r["model"] for r in table[:2]] == ["plain", "with-memory"]
+    for row, model in zip(table, result.models, strict=False):
+        assert float(row["rmse_mm"]) == pytest.approx(model.evaluation.total.rmse, rel=1e-5)
+    assert [float(r["rmse_mm"]) for r in table[2:]] == [4.46, 3.66, 1.17]
+    frames = [r for r in rows(folder, "frames.csv") if r["model"] == "plain"]
+    assert len(frames) == result.models[0].evaluation.total.frames
+    mean = sum(float(r["error_mm"]) ** 2 for r in frames) / len(frames)
+    assert mean**0.5 == pytest.approx(result.models[0].evaluation.total.rmse, rel=1e-4)
+    budget = [r for r in rows(folder, "error-budget.csv") if r["model"] == "plain"]
+    assert {r["how"] for r in budget} == {"fitted"}
+    assert sum(float(r["mean_square_mm2"]) for r in budget[:-1]) == pytest.approx(
+        float(budget[-1]["mean_square_mm2"]), rel=1e-4
+    )
+    tests = {(r["samples"], r["test"]) for r in rows(folder, "comparison.csv")}
+    assert {("frames", "anova"), ("blocks", "anova")} <= tests
+
+
+def test_numbers_for_programs(folder, result):
+    data = json.loads((folder / "evaluation.json").read_text(encoding="utf-8"))
+    plain = data["models"]["plain"]
+    assert plain["errors"]["frames"] == result.models[0].evaluation.total.frames
+    assert set(plain["poses"]) == {"bend", "twist", "bend and twist"}
+    assert data["comparison"]["by_frame"]["anova"]["p"] < 1e-6
+
+
+def test_figures_are_one_column_wide(folder):
+    for path in folder.glob("*.svg"):
+        head = path.read_text(encoding="utf-8")[:1500]
+        width = float(re.search(r'width="([\d.]+)pt"', head)[1])
+        assert width == pytest.approx(85 / 25.4 * 72, rel=1e-3)
+    assert len(list(folder.glob("*.svg"))) == 7
+
+
+def test_the_same_again_is_the_same(folder, result, tmp_path):
+    again = tmp_path / "again"
+    write_evaluation(again, result)
+    for path in again.iterdir():
+        assert path.read_bytes() == (folder / path.name).read_bytes(), path.name
+
+
+def test_whole_or_not_at_all(result, tmp_path, monkeypatch):
+    """An evaluation that is there stays, and nothing is beside it, when the page fails."""
+    monkeypatch.setattr(evaluation_report, "svg_figures", lambda _: {"paths": "<svg/>"})
+    out = tmp_path / "evaluation"
+    write_evaluation(out, result)
+    before = sorted((p.name, p.stat().st_mtime_ns) for p in out.iterdir())
+
+    def fail(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(evaluation_report, "write_page", fail)
+        with pytest.raises(StorageError, match="the disk is full"):
+            write_evaluation(out, result)
+    assert sorted((p.name, p.stat().st_mtime_ns) for p in out.iterdir()) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["evaluation"]
+    write_evaluation(out, result)
+    assert [p.name for p in tmp_path.iterdir()] == ["evaluation"]
+
+
+def test_a_folder_of_something_else_is_left_alone(result, tmp_path):
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(TrainingError, match="is no evaluation and would be overwritten"):
+        write_evaluation(tmp_path, result)
+    with pytest.raises(TrainingError, match="is no evaluation"):
+        write_evaluation(tmp_path / "thesis.tex", result)
+
+
+def test_what_is_not_known_is_not_shown(models, tmp_path):
+    """No intervals, no noise of the cameras, one pose without a name, a marker never seen."""
+    name, model = models[0]
+    model = replace(model, main=replace(model.main, intervals=None))
+    run = bar.recording(10, seed=2)
+    points = run.points.copy()
+    points[:, 0] = float("nan")
+    bare = replace(run, points=points, poses=(), sync_error=None, sigma=run.sigma * float("nan"))
+    result = evaluate_models([(name, model)], bar.dataset(bare))
+    write_evaluation(tmp_path / "out", result)
+    page = (tmp_path / "out" / "evaluation.html").read_text(encoding="utf-8")
+    assert "noise is not known" in page
+    assert "no intervals" in page
+    assert "Do the models differ" not in page
+    assert "1 markers were never seen" in page
+    assert not (tmp_path / "out" / "coverage.svg").exists()
+    assert not (tmp_path / "out" / "comparison.csv").exists()
+    assert json.loads((tmp_path / "out" / "evaluation.json").read_text(encoding="utf-8"))["models"]
+
+
+def test_what_a_model_was_trained_on_is_held_out(models, unseen):
+    """The pictures that training held out by default, and a note when more are asked for."""
+    name, model = models[0]
+    r = unseen.recordings[0]
+    begin = float(r.time[len(r.time) * 3 // 4])
+    known = {"run": r.name, "fingerprint": recording_fingerprint(r), "after": begin - r.time[0]}
+    knowing = [(name, replace(model, told={"held_out": [known]}))]
+    held = evaluate_models(knowing, unseen)
+    assert held.last_share == pytest.approx(0.25, abs=0.01)
+    assert held.models[0].evaluation.frames.time.min() >= begin
+    assert not any("was trained on" in note for note in held.notes)
+    # Wherever it lies, whatever its name, in whatever order its channels are.
+    moved = replace(r, name="copy/run-1", session="copy", ohm=r.ohm.copy())
+    # As another format keeps it: rounded, with times from another zero, and another R0.
+    moved = replace(
+        moved, ohm=np.round(moved.ohm, 3), rest=1.01 * r.rest, time=np.round(r.time + 7, 4),
+        sample_time=np.round(r.sample_time + 7, 4),
+    )  # fmt: skip
+    again = evaluate_models(knowing, replace(unseen, recordings=(moved,)))
+    assert again.models[0].evaluation.total.frames == held.models[0].evaluation.total.frames
+    every = evaluate_models(knowing, unseen, 1.0)
+    assert f"was trained on pictures of {r.name}" in every.notes[0]
+    none = replace(model, told={"held_out": [{**known, "after": None}]})
+    with pytest.raises(TrainingError, match="trained on all of these pictures"):
+        evaluate_models([(name, none)], unseen)
+
+
+def test_what_was_predicted_stands_beside(models, unseen, tmp_path):
+    """Where the model's training tells of it; nothing of others."""
+    name, model = models[0]
+    repeats = {"at_once": 0.3, "drift": 0.05, "cameras": 0.04, "clocks": 0.02, "share": 0.6}
+    result = evaluate_models(
+        [(name, replace(model, told={"repeatability": repeats})), models[1]], unseen
+    )
+    assert result.models[1].predicted is None
+    write_evaluation(tmp_path / "out", result)
+    table = rows(tmp_path / "out", "predicted.csv")
+    assert {r["model"] for r in table} == {name}
+    squares = {r["cause"]: float(r["mean_square_mm2"]) for r in table}
+    measured = squares.pop("measured")
+    assert squares.pop("predicted") == pytest.approx(sum(squares.values()), rel=1e-5)
+    assert measured == pytest.approx(result.models[0].evaluation.total.rmse ** 2, rel=1e-5)
+    data = json.loads((tmp_path / "out" / "evaluation.json").read_text(encoding="utf-8"))
+    assert data["models"][name]["predicted"]["rmse"] == pytest.approx(0.39**0.5)
+    assert data["models"]["with-memory"]["predicted"] is None
+    page = (tmp_path / "out" / "evaluation.html").read_text(encoding="utf-8")
+    assert "Predicted against measured" in page
+
+
+def test_another_device_and_markers_elsewhere_are_refused(models, unseen):
+    with pytest.raises(TrainingError, match="the recordings are of other, and the model is of"):
+        evaluate_models(models[:1], replace(unseen, device="other"))
+    with pytest.raises(TrainingError, match="from where the model has it at rest"):
+        evaluate_models(models[:1], replace(unseen, rest_points=unseen.rest_points + 10))
+
+
+def test_files_of_the_user_are_not_lost(models, unseen, tmp_path):
+    result = evaluate_models(models[:1], unseen)
+    write_evaluation(tmp_path / "out", result)
+    (tmp_path / "out" / "my-notes.txt").write_text("mine")
+    with pytest.raises(TrainingError, match=r"holds my-notes\.txt"):
+        write_evaluation(tmp_path / "out", result)
+    assert (tmp_path / "out" / "my-notes.txt").exists()
+
+
+def test_one_frame(models, tmp_path):
+    """Too few to compare by, and told all the same."""
+    run = bar.recording(10, seed=2)
+    one = replace(run, time=run.time[:1], points=run.points[:1], sigma=run.sigma[:1])
+    result = evaluate_models(models, bar.dataset(one))
+    assert result.comparison is None
+    assert "1 frames are few: record for longer" in result.notes
+    assert "do not vary at all" in result.notes[-1]
+    write_evaluation(tmp_path / "out", result)
+
+
+def test_names_of_models(tmp_path):
+    assert _names([tmp_path / "a" / "model.json", tmp_path / "b.json"]) == ["a", "b"]
+    same = [tmp_path / "a" / "x.json", tmp_path / "b" / "x.json"]
+    assert _names(same) == [str(p) for p in same]

@@ -1,0 +1,53 @@
+"""Cords that are not those of the training, in what a model is tested on."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from defsense_fab.training.recordings.dataset_parquet import write_dataset
+from defsense_fab.report.evaluation import evaluation_report
+from defsense_fab.training.evaluation.other_cords import other_cords
+from defsense_fab.training.models.model_file import write_model
+from defsense_fab.training.models.train_device import train_dataset
+
+from defsense_fab.cli.main import main
+from defsense_fab.training.fitting.train_model import TrainingOptions
+from tests.training import soft_bar as bar
+
+
+@pytest.fixture(scope="module")
+def model():
+    data = bar.dataset(bar.recording(40, noise=0.002, sigma=0.15))
+    return train_dataset(data, TrainingOptions("quadratic", memory=False)).model
+
+
+def later(scale, **changes):
+    r = bar.recording(40, seed=2, noise=0.002, sigma=0.15)
+    changes = {"ohm": r.ohm * scale, "rest": r.rest * scale, "session": "session-2"} | changes
+    return bar.dataset(replace(r, **changes))
+
+
+def test_a_resistance_at_rest_that_is_another(model):
+    (note,) = other_cords("m", model, later([1.0, 1.5, 1.0]))
+    assert note.startswith("session-2: R0 of lower is 1.50 times that which m was trained with")
+    assert "defsense recalibrate" in note
+    for same in (
+        later([1.0, 1.05, 1.0]),
+        later([1.3, 1.3, 1.3]),  # another temperature
+        later([1.0, 1.5, 1.0], unit="unit-2"),  # another built device
+        later(1.0, rest=np.ones(3), ohm=1 + bar.recording(40, seed=2).signals),
+    ):
+        assert other_cords("m", model, same) == []
+
+
+def test_an_evaluation_tells_what_is_wrong_with_its_data(model, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(evaluation_report, "svg_figures", lambda _: {})
+    r = later([1.0, 1.5, 1.0]).recordings[0]
+    write_dataset(tmp_path / "data", bar.dataset(replace(r, sample_time=r.sample_time + 0.5)))
+    write_model(tmp_path / "model.json", model)
+    words = ["evaluate", str(tmp_path / "model.json"), str(tmp_path / "data"), "--json"]
+    assert main(words) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert any("run-1: signals are 0." in n and "--shift auto" in n for n in notes)
+    assert any("R0 of lower is 1.50 times that which" in n for n in notes)

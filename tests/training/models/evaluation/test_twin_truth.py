@@ -1,0 +1,53 @@
+"""Causes are taken out by a truth that lies beside a session; none is asked of other sessions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from defsense_fab.training.evaluation.twin_truth import budget_of_truth, MEMORY, TRUTH
+
+from defsense_fab.decoding.signal_history import Past
+from defsense_fab.training.evaluation.error_budget import CAMERAS, READ_OUT
+from defsense_fab.training.evaluation.evaluate import evaluate
+from tests.training import soft_bar as bar
+
+CAUSES = {"noise": 0.004, "sigma": 0.3, "memory": 0.2}
+
+
+@pytest.fixture
+def session(tmp_path):
+    run = replace(bar.recording(60, seed=1, **CAUSES), session=str(tmp_path))
+    ideal = bar.recording(60, seed=1)
+    np.savez(
+        tmp_path / TRUTH, time=ideal.time, ids=bar.IDS, points=ideal.points,
+        sample_time=ideal.sample_time, channels=np.array(bar.CHANNELS), signals=ideal.signals,
+    )  # fmt: skip
+    return bar.dataset(run)
+
+
+def test_causes_that_were_put_in_are_found_and_add_up(session):
+    model = bar.trained(bar.dataset(bar.recording(90, **CAUSES)), bar.quadratic, noise=0.004)
+    found = budget_of_truth(model, session, 1.0)
+    assert found is not None
+    assert found.total == pytest.approx(evaluate(model, session).total.rmse ** 2)
+    assert sum(found.shares.values()) == pytest.approx(found.total, rel=1e-12)
+    assert found.shares[CAMERAS] == pytest.approx(3 * 0.3**2, rel=0.1)
+    assert found.shares[READ_OUT] > 0
+    assert found.shares[MEMORY] > found.shares[READ_OUT] / 10
+
+
+def test_a_memory_keeps_what_it_was_trained_on(session):
+    data = bar.dataset(bar.recording(90, **CAUSES))
+    moved = budget_of_truth(bar.trained(data, past=Past((1.0,)), noise=0.004), session, 1.0)
+    worked = budget_of_truth(bar.trained(data, past=Past((), (1.0,)), noise=0.004), session, 1.0)
+    assert moved is not None
+    assert worked is not None
+    assert MEMORY not in moved.shares
+    assert READ_OUT in moved.shares
+    assert READ_OUT not in worked.shares
+
+
+def test_no_truth_no_shares(session, tmp_path):
+    model = bar.trained(bar.dataset(bar.recording(60)))
+    (tmp_path / TRUTH).unlink()
+    assert budget_of_truth(model, session, 1.0) is None

@@ -1,0 +1,76 @@
+"""Sessions before rendered cameras: recorded, processed and trained on as real ones."""
+
+import json
+
+import numpy as np
+import pytest
+from defsense_fab.capture.sessions.session import finished, load
+
+from defsense_fab.capture.files.formats import read_any
+from defsense_fab.cli.main import main
+
+SECONDS, RATE = 15.0, 12.0
+
+
+@pytest.fixture(scope="module")
+def filmed(small_bar, tmp_path_factory):
+    """A session of two industrial cameras, and what the command printed."""
+    folder = tmp_path_factory.mktemp("film")
+    words = ["capture", "markers", str(small_bar), "--side=0,-1,1", "--skin", "--count", "8"]
+    assert main([*words, "--size", "10", "--out", str(folder / "markers")]) == 0
+    words = ["twin", str(small_bar), "--cameras", "industrial", "--rate", f"{RATE:g}"]
+    words += ["--minutes", f"{SECONDS / 60}", "--markers", str(folder / "markers")]
+    assert main([*words, "--out", str(folder / "session"), "--json"]) == 0
+    return folder / "session"
+
+
+def test_it_is_processed_as_a_recorded_session(filmed):
+    session = load(filmed)
+    assert (session.unit, session.channels) == ("twin-1", ("cord_1", "cord_2"))
+    assert len(finished(session)) == len(session.steps) == 5
+    quality = json.loads((filmed / "quality.json").read_text(encoding="utf-8"))
+    assert quality["twin"]["seed"] == 1
+    assert quality["runs"][0]["sync"]["method"] in ("led", "motion")
+    assert quality["runs"][0]["steps"][0][1] == "rest"
+    assert "cameras" in (filmed / "assumptions.md").read_text(encoding="utf-8")
+    assert "marker-noise" not in (filmed / "assumptions.md").read_text(encoding="utf-8")
+
+
+def test_markers_are_where_the_twin_has_them(filmed):
+    tracks = read_any(filmed / "aligned.csv")
+    with np.load(filmed / "truth.npz") as truth:
+        order = [list(truth["ids"]).index(n) for n in tracks.ids]
+        time, points = truth["time"], truth["points"][:, order]
+    assert time == pytest.approx(tracks.time, abs=1e-6)
+    assert len(time) == pytest.approx(RATE * SECONDS, abs=4)
+    assert np.ptp(points, axis=0).max() > 5  # it does move
+    error = np.linalg.norm(tracks.points - points, axis=2)
+    assert np.isfinite(error).mean() > 0.8
+    assert np.nanmedian(error) < 0.15
+    assert np.nanpercentile(error, 90) < 0.6
+
+
+def test_signals_are_in_step_with_the_truth(filmed):
+    rows = np.genfromtxt(filmed / "samples.csv", delimiter=",", skip_header=1)
+    with np.load(filmed / "truth.npz") as truth:
+        there, ohm = truth["sample_time"], truth["ohm"][:, 0]
+    time, read = rows[:, 3], rows[:, -2]
+    shifts = np.arange(-0.06, 0.061, 0.002)
+    off = [np.std(read - np.interp(time - s, there, ohm)) for s in shifts]
+    assert abs(shifts[int(np.argmin(off))]) < 0.012
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--cameras", "pinhole"], "the kinds of cameras are webcam, phone, industrial"),
+        (["--cameras", "webcam,seed=3"], "the seed is given with --seed"),
+        (["--cameras", "webcam", "--rate", "500"], "--rate 500: give a number from 5 to 60"),
+        (["--cameras", "webcam"], "markers"),
+    ],
+)
+def test_what_cannot_be_filmed_is_refused(small_bar, words, said, capsys, tmp_path):
+    out = tmp_path / "out"
+    assert main(["twin", str(small_bar), *words, "--out", str(out)]) == 2
+    assert said in capsys.readouterr().err
+    assert not out.exists()

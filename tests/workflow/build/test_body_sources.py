@@ -1,0 +1,190 @@
+"""What a body was made from: the files that its script reads, no others, and libraries."""
+
+import os
+import shutil
+from dataclasses import replace
+from importlib import metadata
+
+import pytest
+
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.workflow.build import body_sources
+from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.stages import STAGES, keys
+from tests.places import BAR
+
+HEAD = "import json, os, pathlib, subprocess\nimport build123d as bd\n"
+HERE = "here = pathlib.Path(__file__).parent\n"
+PLAIN = "def body(length, width, height): return bd.Pos(75, 0, 0) * bd.Box(length, width, height)\n"
+READING = (
+    "def body(length, width, height):\n"
+    "    width = json.loads((here / 'size.json').read_text())['width']\n"
+    "    return bd.Pos(75, 0, 0) * bd.Box(length, width, height)\n"
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A bar whose script reads `size.json`."""
+    out = tmp_path / "bar"
+    out.mkdir()
+    shutil.copy(BAR / "device.toml", out)
+    (out / "bar.py").write_text(HEAD + HERE + READING)
+    (out / "size.json").write_text('{"width": 30}')
+    return out
+
+
+def made(folder):
+    return list(build(load_device(folder), "body").made)
+
+
+@pytest.mark.slow
+def test_a_data_file_that_the_script_reads_counts_by_its_content(folder):
+    assert made(folder) == ["body"]
+    assert made(folder) == []
+    os.utime(folder / "size.json", (1, 1))
+    (folder / "other.json").write_text("{}")
+    assert made(folder) == []
+    (folder / "size.json").write_text('{"width": 28}')
+    assert made(folder) == ["body"]
+    assert made(folder) == []
+    (folder / "bar.py").write_text(HEAD + HERE + READING + "# a note\n")
+    assert made(folder) == ["body"]
+
+
+@pytest.mark.slow
+def test_what_is_recorded_into_the_folder_does_not_count(folder):
+    assert made(folder) == ["body"]
+    session = folder / "session" / "run-1"
+    session.mkdir(parents=True)
+    (folder / "session" / "session.toml").write_text("schema = 1\n")
+    for path in (session / "frames.csv", session / "scan.stl", folder / "notes.py"):
+        path.write_text("x,y\n1,2\n")
+    assert made(folder) == []
+
+
+@pytest.mark.slow
+def test_modules_count_though_python_has_compiled_them(folder):
+    (folder / "bar.py").write_text(HEAD + "from parts.hole import RADIUS\n" + PLAIN)
+    (folder / "parts").mkdir()
+    (folder / "parts" / "hole.py").write_text("RADIUS = 1\n")
+    assert made(folder) == ["body"]
+    change = folder / "device.toml"
+    change.write_text(change.read_text("utf-8").replace("length = 150", "length = 149"))
+    assert made(folder) == ["body"]  # this time from the compiled module
+    assert sorted(body_sources.recorded(folder / "build")) == ["bar.py", "parts/hole.py"]
+    (folder / "parts" / "hole.py").write_text("RADIUS = 2\n")
+    assert made(folder) == ["body"]
+
+
+@pytest.mark.slow
+def test_files_elsewhere_count_and_a_moved_folder_is_up_to_date(folder):
+    shared = folder.parent / "shared.txt"
+    shared.write_text("a")
+    (folder / "bar.py").write_text(HEAD + f"open({str(shared)!r}).close()\n" + HERE + READING)
+    assert made(folder) == ["body"]
+    moved = folder.rename(folder.parent / "moved")
+    assert made(moved) == []
+    shared.write_text("b")
+    assert made(moved) == ["body"]
+
+
+@pytest.mark.slow
+def test_a_file_that_was_looked_for_may_appear(folder):
+    (folder / "size.json").unlink()
+    (folder / "bar.py").write_text(
+        HEAD + HERE + "try: open(here / 'size.json')\nexcept FileNotFoundError: pass\n" + PLAIN
+    )
+    assert made(folder) == ["body"]
+    assert made(folder) == []
+    (folder / "size.json").write_text("{}")
+    assert made(folder) == ["body"]
+
+
+@pytest.mark.slow
+def test_what_the_script_writes_itself_does_not_count(folder):
+    own = (
+        "solid = bd.Box(1, 1, 1)\n"
+        "bd.export_step(solid, str(here / 'out.step'))\n"
+        "cache = here / 'cache.txt'\n"
+        "if not cache.exists(): cache.write_text(str(os.getpid()))\n"
+        "cache.read_text()\n"
+        "(here / 'log.txt').open('a+').write('run')\n"
+    )
+    (folder / "bar.py").write_text(HEAD + HERE + own + PLAIN)
+    assert made(folder) == ["body"]
+    assert made(folder) == []
+    (folder / "bar.py").write_text(HEAD + HERE + own + PLAIN + "# a note\n")
+    assert made(folder) == ["body"]
+    assert made(folder) == []
+
+
+@pytest.mark.slow
+def test_a_cad_file_that_only_the_kernel_opens_counts(folder):
+    import build123d as bd
+
+    step = folder / "core.step"
+    bd.export_step(bd.Box(10, 10, 10), str(step))
+    core = "core = bd.import_step(str(here / 'core.step'))\n"
+    (folder / "bar.py").write_text(HEAD + HERE + core + PLAIN)
+    assert made(folder) == ["body"]
+    assert made(folder) == []
+    bd.export_step(bd.Box(11, 10, 10), str(step))
+    assert made(folder) == ["body"]
+
+
+@pytest.mark.slow
+def test_a_file_changed_while_the_script_ran_is_noticed(folder):
+    change = "subprocess.run(['sh', '-c', 'echo 1 > size.json'], cwd=here, check=True)\n"
+    text = HEAD + HERE + "(here / 'size.json').read_text()\n" + change + PLAIN
+    (folder / "bar.py").write_text(text)
+    assert made(folder) == ["body"]
+    assert made(folder) == ["body"]
+    assert made(folder) == []
+
+
+@pytest.mark.slow
+def test_a_damaged_record_makes_the_body_anew(folder):
+    assert made(folder) == ["body"]
+    path = folder / "build" / "body" / "sources.json"
+    path.write_text("x" * path.stat().st_size)
+    assert made(folder) == ["body"]
+
+
+@pytest.mark.parametrize(
+    ("library", "first"),
+    [
+        ("cadquery-ocp", "body"),
+        ("pytetwild", "mesh"),
+        ("scipy", "simulate"),
+        ("daqp", "optimize"),
+        ("matplotlib", "report"),
+    ],
+)
+def test_another_version_of_a_library_makes_its_stage_anew(folder, monkeypatch, library, first):
+    device, before = load_device(folder), metadata.version
+    old = keys(device, folder / "build")
+    monkeypatch.setattr(metadata, "version", lambda n: "0" if n == library else before(n))
+    new = keys(device, folder / "build")
+    names = [s.name for s in STAGES]
+    assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
+
+
+@pytest.mark.parametrize(("kind", "first"), [("print", "fabricate"), ("cast", "optimize")])
+def test_cords_depend_on_moulds_where_parts_are_cast(folder, kind, first):
+    """A layout whose moulds lock is not taken."""
+    device = load_device(folder)
+    before = replace(device, fabrication=replace(device.fabrication, kind=kind))
+    after = replace(before, fabrication=replace(before.fabrication, mould_wall=9.0))
+    old, new = keys(before, folder / "build"), keys(after, folder / "build")
+    names = [s.name for s in STAGES]
+    assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
+
+
+def test_a_library_that_is_not_installed_has_no_version(folder, monkeypatch):
+    def missing(name):
+        raise metadata.PackageNotFoundError(name)
+
+    old = keys(load_device(folder), folder)
+    monkeypatch.setattr(metadata, "version", missing)
+    assert keys(load_device(folder), folder)["body"] != old["body"]

@@ -1,0 +1,429 @@
+"""The main job on a small device through the command line, and what errors leave behind."""
+
+import errno
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from defsense_fab.capture.files.formats import read_any
+from defsense_fab.cli.design import build
+from defsense_fab.cli.exit_codes import STOPPED
+from defsense_fab.cli.main import main
+from defsense_fab.core.curve import Plane
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import StorageError
+from defsense_fab.core.markers import read_markers
+from defsense_fab.core.response import ResponseSpec
+from defsense_fab.core.storage.files import storage_errors
+from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.geometry.parts.manifest import load_manifest
+from defsense_fab.geometry.parts.part_files import load_part
+from defsense_fab.optimize.prediction.design_task import load_task
+from defsense_fab.optimize.refinement.refine import Optimised
+from defsense_fab.sensing.layout import load_layout
+from defsense_fab.sensing.voltage_divider import reference
+from defsense_fab.workflow.build import stage_fabricate, stage_report
+from defsense_fab.workflow.build.stage_optimize import _as_kept, _uncalibrated
+from tests.places import BAR
+
+
+def snapshot(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def device(tmp_path_factory):
+    """A coarse bar with two cords, built once."""
+    folder = tmp_path_factory.mktemp("device") / "bar"
+    folder.mkdir()
+    shutil.copy(BAR / "bar.py", folder)
+    text = (BAR / "device.toml").read_text("utf-8")
+    text = text.replace("edge_length = 6.0", "edge_length = 12.0")
+    text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
+    text = text[: text.rindex("[[sensors]]")] + "[design]\nsearches = 2\n"
+    (folder / "device.toml").write_text(text)
+    assert main(["build", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def copy(device, tmp_path):
+    shutil.copytree(device, tmp_path / "bar")
+    return tmp_path / "bar"
+
+
+def change(folder, old, new):
+    path = folder / "device.toml"
+    text = path.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.slow
+def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    shutil.copy(device / "device.toml", folder)
+    shutil.copy(BAR.parent / "bar-cadquery" / "bar.py", folder)
+    assert main(["fabricate", str(folder)]) == 0
+    one, other = (
+        json.loads((f / "build" / "parts" / "manifest.json").read_text("utf-8"))
+        for f in (device, folder)
+    )
+    assert one["assembly"] == other["assembly"]
+    for a, b in zip(one["parts"], other["parts"], strict=True):
+        assert a["volume"] == pytest.approx(b["volume"], rel=1e-4)
+        assert np.array(a["bbox"]) == pytest.approx(np.array(b["bbox"]), abs=0.01)
+
+
+@pytest.mark.slow
+def test_the_terminal_tells_how_far_unseen_states_lie_apart(copy, capsys):
+    capsys.readouterr()
+    assert main(["optimize", str(copy)]) == 0
+    errors = json.loads((copy / "build" / "layout.json").read_text("utf-8"))["prediction"][
+        "held_out"
+    ]
+    told = f"{min(errors.values()):.2f} to {max(errors.values()):.2f}"
+    row = next(x for x in capsys.readouterr().out.splitlines() if "best state to worst" in x)
+    assert told in row
+
+
+@pytest.mark.slow
+def test_layout_and_manifest_hold_what_was_agreed(device):
+    layout = json.loads((device / "build" / "layout.json").read_text("utf-8"))
+    assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
+    assert layout["prediction"]["unseen_noise_free"] < layout["prediction"]["unseen"]
+    assert layout["prediction"]["how"] == "held out"
+    assert layout["prediction"]["tested"] == len(layout["prediction"]["held_out"]) == 4
+    assert set(layout["cross_validated"]) == {"affine", "quadratic", "kernel"}
+    unseen, decoder = layout["unseen"], layout["prediction"]["decoder"]
+    assert unseen[decoder] == pytest.approx(layout["prediction"]["unseen"]) == min(unseen.values())
+    assert 0 < layout["band"]["low"] < layout["band"]["median"] < layout["band"]["high"]
+    # Each device is trained on states that are not quite those of the design.
+    assert 0.8 < layout["band"]["median"] / layout["prediction"]["unseen"] < 2.5
+    assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text("utf-8"))["hash"]
+    for s in layout["sensors"]:
+        assert len(s["points"]) >= 100
+        assert s["min_radius"] >= layout["limits"]["min_radius"]
+        assert s["min_wall"] >= layout["limits"]["wall"]
+    assert layout["min_clearance"] >= layout["limits"]["clearance"]
+    manifest = json.loads((device / "build" / "parts" / "manifest.json").read_text("utf-8"))
+    (tried,) = (w for w in layout["weighed"] if w["chosen"])
+    assert tried["parts"] == len(manifest["parts"])
+    assert tried["smallest"] == pytest.approx(min(p["volume"] for p in manifest["parts"]), rel=1e-3)
+    total = 0.0
+    for p in manifest["parts"]:
+        surface = load_part(device / "build" / "parts" / p["stl"])
+        total += triangle_kernel.to_manifold(surface, p["name"]).volume()
+        assert (device / "build" / "parts" / p["step"]).exists()
+    assert total + manifest["removed_volume"] == pytest.approx(manifest["body_volume"], rel=1e-3)
+    for c in manifest["cords"]:
+        loose = c["cut_length"] - c["slack"] - 7.0
+        assert c["resistance_before"] == pytest.approx(14.5 * loose)
+        assert c["prestretch"] >= 0.02
+        gained = 14.5 * 2.0 * c["prestretch"] * c["sensing_length"] / (1 + c["prestretch"])
+        assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
+        assert c["range"][0] <= c["resistance"] <= c["range"][1]
+    page = (device / "build" / "report.html").read_text("utf-8")
+    # Three poses, two mixtures and the worst unseen state; cords, parts, and error against parts.
+    assert page.count("data:image/png;base64,") == 3 + 2 * 6
+    assert 'alt="error against parts"' in page
+    least, most = (100 * layout["sensors"][0][k] for k in ("least_strain", "peak_strain"))
+    assert f"<td>{least:.1f} to {most:.1f} %</td>" in page
+    unseen = layout["prediction"]["held_out"].items()
+    name, error = max(unseen, key=lambda told: told[1])
+    assert len(unseen) > 1
+    assert f"{name} by {error:.2f} mm, the most" in page
+    # Nothing asks the network (this is a name, not an address); base64 holds no colon.
+    assert set(re.findall(r"\w+://[\w./]*", page)) == {"http://www.w3.org/1999/xhtml"}
+    for each in (page, (device / "build" / "guide.html").read_text("utf-8")):
+        assert [each.count(mark) for mark in ("data-v3-told>", "data-v3-numbers>")] == [1, 1]
+        assert len(each) < 6e6
+
+
+@pytest.mark.slow
+def test_layouts_are_tried_in_the_frames_that_are_read_back(straight):
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.7]).as_matrix()
+    cord = straight("c", z=1.0)
+    turned = replace(cord, plane=Plane(cord.plane.origin, turn @ cord.plane.axes))
+    (kept,) = _as_kept(Optimised((turned,), 1.0, False, (), (turned,))).sensors
+    again = json.loads(json.dumps([kept.plane.normal.tolist(), kept.plane.axes[:, 0].tolist()]))
+    read = Plane.from_normal(kept.plane.origin, *map(np.array, again))
+    assert (read.axes == kept.plane.axes).all()
+    assert kept.plane.axes == pytest.approx(turned.plane.axes, abs=1e-15)
+
+
+def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
+    """Against a sum over the cord from ferrule to ferrule, point by point, in every state."""
+    built = load_device(device)
+    problem = load_task(built, device / "build").everything
+    layout, manifest = load_layout(device / "build"), load_manifest(device / "build")
+    for row, drawn in zip(manifest.cords, layout.sensors, strict=True):
+        pockets = [e.pocket for e in row.ends]
+        assert max(pockets) > 0
+        sensor = drawn.sensor()
+        path = sensor.plane.to_world(sensor.curve.sample(3000))
+        moved = np.concatenate([path[None], problem.deform(path)])
+        steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        strain = np.linalg.norm(np.diff(moved, axis=1), axis=2) / steps - 1
+        start, end = drawn.inlets
+        depth = start + np.cumsum(steps) - steps / 2  # from the first mouth
+        mouth = start + steps.sum() + end
+        cord = (depth > pockets[0]) & (depth < mouth - pockets[1])
+        lead = sum(e.lead for e in row.ends)
+        straight = sum(max(0, i - p) for i, p in zip((start, end), pockets, strict=True))
+        # Loose before it was laid; then stretched twice, by the maker and by the body.
+        loose = steps[cord].sum() / (1 + row.prestretch)
+        own = (steps[cord] * (1 + strain[:, cord])).sum(axis=1) / loose - 1
+        assert own.min() > 0
+        ohm = built.cord.ohm_per_mm * (loose * (1 + 2.0 * own) + straight + lead)
+        assert row.resistance == pytest.approx(ohm[0], rel=2e-3, abs=2.0)  # 0.14 mm of cord
+        low, high = np.array([ohm.min(), ohm.max()]) - ohm[0]
+        assert row.range[0] - row.resistance == pytest.approx(low, rel=5e-3, abs=0.1)
+        assert row.range[1] - row.resistance == pytest.approx(high, rel=5e-3, abs=0.1)
+        assert row.reference_resistor == reference(*row.range)
+
+
+@pytest.mark.slow
+def test_a_second_build_does_nothing(copy, capsys):
+    before = snapshot(copy / "build")
+    begin = time.perf_counter()
+    assert main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+    assert snapshot(copy / "build") == before
+    assert time.perf_counter() - begin < 30
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[mesh]\n", "[mesh]\nsize = 3\n", "mesh.size: unknown key"),
+        ('region = "tip"', 'region = "top"', "unknown region 'top'"),
+        (
+            "tip = { box = [[140, -16, -16], [151, 16, 16]] }",
+            "tip = { box = [[240, -16, -16], [251, 16, 16]] }",
+            "regions.tip: holds nothing of the body",
+        ),
+        ("[140, -16, -16]", "[5, -16, -16]", "overlap"),
+        ("[36, 0]", "[36, 17]", "leaves the body"),
+        ("[36, 0]", "[36, 0], [37, 2], [38, 0]", "bends to a radius of"),
+        ("origin = [0, 8, 0]", "origin = [0, 1, 0]", "come within 1.00 mm"),
+        ('script = "bar.py"', 'script = "broken.py"', "broken.py:2: the script raised"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, message):
+    (copy / "broken.py").write_text("def body(length, width, height):\n    return 1 / 0\n")
+    before = snapshot(copy / "build")
+    change(copy, old, new)
+    assert main(["build", str(copy)]) == 2
+    lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("error: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert snapshot(copy / "build") == before
+
+
+@pytest.mark.slow
+def test_a_pose_that_no_body_can_take_is_one_line(copy, capsys):
+    """Base and tip meet and are pushed into each other: elements between them invert."""
+    before = snapshot(copy / "build")
+    change(copy, "[[140, -16, -16], [151", "[[10.000001, -16, -16], [151")
+    change(copy, 'translate = "free"', "translate = [-60, 0, 0]")
+    assert main(["build", str(copy)]) == 2
+    assert "'bend_up@1' did not converge beyond" in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+
+
+@pytest.mark.slow
+def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monkeypatch):
+    before = snapshot(copy / "build")
+    change(copy, 'name = "bar"', 'name = "other"')
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as m:
+        m.setattr(stage_report, "run", interrupt)
+        assert main(["build", str(copy)]) == STOPPED
+    told = "stopped; the last build is untouched, and the same command goes on"
+    assert told in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+    assert main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == ["report"]
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
+    before = snapshot(copy / "build")
+    change(copy, 'name = "bar"', 'name = "other"')
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(stage_fabricate, "run", full)
+    assert main(["build", str(copy)]) == 2
+    assert "the disk is full" in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+
+
+@pytest.mark.slow
+def test_a_part_that_is_gone_is_made_again_and_notes_are_no_change(copy, capsys):
+    (copy / "notes.txt").write_text("glue on Monday")
+    assert main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+    part = next((copy / "build" / "parts").glob("1-*.stl"))
+    part.unlink()
+    assert main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == ["fabricate"]
+    assert part.exists()
+
+
+@pytest.mark.slow
+def test_a_recorded_session_leaves_every_stage_up_to_date(copy, capsys):
+    run = copy / "session" / "run-1"
+    run.mkdir(parents=True)
+    (copy / "session" / "session.toml").write_text("schema = 1\n")
+    (run / "frames.csv").write_text("frame,time\n0,0\n")
+    (copy / "tracks.csv").write_text("frame,time,id\n")
+    assert main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+
+
+@pytest.mark.slow
+def test_ctrl_c_still_works_after_meshing(bar):
+    import signal
+
+    from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+
+    # Background jobs of a shell begin with the signal ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        tetrahedralise(bar, 12.0)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_build_folder_that_is_a_link_is_refused(tmp_path, capsys):
+    for name in ("device.toml", "bar.py"):
+        shutil.copy(BAR / name, tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "build").symlink_to(tmp_path / "elsewhere")
+    assert main(["mesh", str(tmp_path)]) == 2
+    assert "build: is a symbolic link" in capsys.readouterr().err
+
+
+def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
+    """Native modules turn a KeyboardInterrupt during their import into an ImportError."""
+    import signal
+
+    def clumsy(_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr(build, "_build", clumsy)
+    assert main(["build", str(BAR)]) == STOPPED
+    assert capsys.readouterr().err.startswith("stopped; ")
+
+
+def test_output_that_nobody_reads_is_no_traceback(tmp_path):
+    code = "from defsense_fab.cli import output as cli\nwith cli.results(): print('x' * 99999)"
+    with open("/dev/full", "w") as full:
+        out = subprocess.run(
+            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert "standard output: No space left on device" in out.stderr
+    piped = subprocess.run(
+        ["bash", "-c", f'"{sys.executable}" -c "{code}" | true; exit ${{PIPESTATUS[0]}}'],
+        capture_output=True,
+        text=True,
+    )
+    assert (piped.returncode, piped.stderr) == (0, "")
+
+
+def test_storage_errors_name_the_path(tmp_path):
+    with pytest.raises(StorageError, match="nothing"), storage_errors(tmp_path):
+        (tmp_path / "nothing").read_bytes()
+
+
+def test_help_and_version_need_no_heavy_import():
+    code = (
+        "import sys; from defsense_fab.cli import main as cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'numpy','scipy','build123d','vtk','numba'} & set(sys.modules)))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.splitlines()[-1] == "[]"
+
+
+def test_set_wants_a_name_and_a_value(capsys):
+    assert main(["build", str(BAR), "--set", "length"]) == 2
+    assert "--set length: write it as NAME=VALUE" in capsys.readouterr().err
+
+
+def test_parameters_from_the_command_line():
+    from defsense_fab.core.device.device_file import load_device
+
+    device = load_device(BAR, {"length": 180})
+    assert device.body.parameters["length"] == 180
+    assert np.isclose(device.mesh.edge_length, 6)
+
+
+def test_strains_outside_of_the_calibrated_range_are_told():
+    """By cord, with both ranges; a data sheet's response has none."""
+    device = load_device(BAR)
+    sensors = [
+        SimpleNamespace(name="a", least_strain=-0.03, peak_strain=0.09),
+        SimpleNamespace(name="b", least_strain=-0.05, peak_strain=0.05),
+    ]
+    assert _uncalibrated(device, sensors) == []
+    spec = ResponseSpec("line", {"k": 2.0}, (-0.067, 0.067))
+    device = replace(device, cord=replace(device.cord, response=spec))
+    (told,) = _uncalibrated(device, sensors)
+    assert "cord 'a': strains of -3.0% to 9.0% leave the calibrated range of -6.7% to 6.7%" in told
+
+
+def test_a_built_device_is_shown_to_cameras_and_recorded(copy, capsys):
+    """Tags placed, the twin recorded by the command, and processed: places and signals follow the
+    pose that the twin was asked for."""
+    markers = ["capture", "markers", str(copy), "--side", "0,-1,1", "--count", "8"]
+    assert main(markers) == 0
+    record = ["capture", "record", str(copy), "--cameras", "twin", "--port", "twin", "--auto"]
+    record += ["--rounds", "1", "--seconds", "3", "--free", "0", "--rest", "2"]
+    assert main(record) == 0
+    assert main([*record]) == 2  # it is finished
+    capsys.readouterr()
+    assert main(["capture", "process", str(copy / "session"), "--align", "all", "--json"]) == 0
+    quality = json.loads(capsys.readouterr().out)
+    assert quality["runs"][0]["ended"] == "all steps were shown"
+    assert quality["aligned_frames"] > 0.7
+    assert not quality["skipped"]
+    tracks = read_any(copy / "session" / "aligned.csv")
+    assert len(tracks.ids) == 8
+    design = read_markers(copy / "markers").centers
+    moved = np.linalg.norm(tracks.points - design, axis=2)
+    # Bends of 30 degrees, by what remains after alignment by all: up to 9 mm, of which a busy
+    # machine's few pictures may miss the ends.
+    assert np.nanmax(moved) > 3
+    at_rest = tracks.time < 1.5
+    assert np.nanmedian(moved[at_rest]) < 1
+    rows = (copy / "session" / "signals.csv").read_text("utf-8").splitlines()
+    signals = np.array([[float(c) if c else np.nan for c in r.split(",")[2:-1]] for r in rows[1:]])
+    assert signals.shape[1] == 2
+    # A busy machine's picture may show no tag: its frame has a row of signals and none of tracks.
+    assert len(tracks.time) <= len(signals) <= len(tracks.time) + 10
+    assert np.nanmax(np.abs(signals)) > 0.02

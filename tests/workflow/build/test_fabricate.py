@@ -1,0 +1,373 @@
+"""What a build leaves for the printer and the bench, without simulating anything."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks.follow_guide.__main__ import follow, followed
+from benchmarks.follow_guide.hands import Hands
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import DeviceError, FabricationError
+from defsense_fab.core.storage import typed_json
+from defsense_fab.decoding.expected_errors import Prediction
+from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.channels.cord_assembly import Stretch
+from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.geometry.parts.manifest import load_manifest
+from defsense_fab.geometry.parts.part_files import load_part
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.prediction import as_built
+from defsense_fab.optimize.prediction.as_built import fabricate, rules
+from defsense_fab.optimize.prediction.design_task import limits
+from defsense_fab.report.guide.guide import assembly_guide
+from defsense_fab.report.guide.guide_file import plain_steps, write_guide_file
+from defsense_fab.report.guide.hands.steps import guide_steps
+from defsense_fab.report.guide.pdf import write_pdf
+from defsense_fab.report.html import write_page
+from defsense_fab.sensing.built_cord import BuiltCord
+from defsense_fab.sensing.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
+from defsense_fab.sensing.voltage_divider import E24, reference
+from defsense_fab.workflow.build.cut_list import bill, cut_list, held_by
+from defsense_fab.workflow.build.stage_fabricate import write
+from tests.geometry import slicer
+from tests.places import DEVICES
+
+
+@pytest.fixture(scope="module")
+def cube():
+    device = load_device(DEVICES / "cube")
+    return device, load_body(device.body)
+
+
+@pytest.fixture(scope="module")
+def made(cube):
+    """The cube's parts as drawn."""
+    device, body = cube
+    return fabricate(device, body.surface, device.sensors, lambda *_: None, body.solid)
+
+
+@pytest.fixture(scope="module")
+def folder(cube, made, layout, tmp_path_factory):
+    """Their files, with signals made up."""
+    device, _ = cube
+    out = tmp_path_factory.mktemp("cube")
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    write(device, made, out, layout, cords, layout.prediction)
+    return out
+
+
+def built(made):
+    """Held cords from ferrule to ferrule; the second one is not stretched as it is laid."""
+    out = []
+    for channel, prestretch in zip(made.channels, (0.05, 0.0, 0.1), strict=True):
+        between = channel.length - sum(e.pocket for e in channel.ends)
+        length = np.linalg.norm(np.diff(channel.sensing, axis=0), axis=1).sum()
+        out.append(BuiltCord(channel.sensing, max(between - length, 0.0), prestretch))
+    return out
+
+
+@pytest.fixture(scope="module")
+def layout(cube, made):
+    """What is said of the cords as drawn, with numbers made up."""
+    device, _ = cube
+    cords = tuple(
+        CordRecord(
+            **vars(CordPath.of(s)), channel=k, points=c.inside, length=c.length, min_radius=9.0,
+            min_wall=2.0, inlets=(1.0, 1.0), cord_diameter=2.0, peak_strain=0.1, least_strain=0.0,
+            stretch=b.path, series=b.series, prestretch=b.prestretch, noise=0.003,
+        )
+        for k, (s, c, b) in enumerate(zip(device.sensors, made.channels, built(made), strict=True))
+    )  # fmt: skip
+    prediction = Prediction(
+        "affine", (0.003,) * 3, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {}
+    )
+    return LayoutRecord(
+        device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), None, cords, 4.0, (), (), prediction, {},
+        {},
+        BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 0.01, 0.5, 600), prediction, (), False, (), 1,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def manifest(folder):
+    return json.loads((folder / "parts" / "manifest.json").read_text("utf-8"))
+
+
+@pytest.mark.slow
+def test_planes_that_cross_make_parts_that_slice(folder, manifest, tmp_path):
+    assert len(manifest["parts"]) >= 5
+    slicer.accept(folder / "parts")
+    slicer.accept(folder / "parts" / "print")
+    for plate in manifest["plates"]:
+        slicer.slice_(folder / "parts" / plate["file"], tmp_path)
+    slicer.slice_(folder / "parts" / manifest["parts"][0]["print"], tmp_path)
+
+
+@pytest.mark.slow
+def test_the_manifest_says_where_everything_is(folder, manifest):
+    total = sum(p["volume"] for p in manifest["parts"]) + manifest["removed_volume"]
+    assert total == pytest.approx(manifest["body_volume"], rel=1e-5)  # faces are set back by GAP
+    for p in manifest["parts"]:
+        surface = load_part(folder / "parts" / p["stl"])
+        assert surface.volume == pytest.approx(p["volume"], rel=1e-4)
+        assert surface.bounds == pytest.approx(np.array(p["bbox"]), abs=1e-4)
+        assert load_part(folder / "parts" / p["print"]).volume == pytest.approx(
+            p["volume"], rel=1e-4
+        )
+        assert p["step_volume"] == pytest.approx(p["volume"], rel=2e-3)
+        assert len(p["sockets"]) >= 2
+    counted = {p["name"]: p["count"] for p in manifest["pins"]}
+    used = [p["name"] for step in manifest["assembly"] for p in step["pins"]]
+    assert counted == {n: used.count(n) for n in counted}
+    on_plates = [n for plate in manifest["plates"] for n in plate["parts"]]
+    assert len(on_plates) == len(set(on_plates)) == len(manifest["parts"]) + len(used)
+    assert len(manifest["marker_seats"]) == 8
+    assert all(np.isfinite(c["value"]) for c in manifest["checks"])
+
+
+def test_the_device_is_closed_step_by_step(manifest):
+    """Every step joins two groups that exist by then; the last makes the whole device."""
+    groups = [{p["name"]} for p in manifest["parts"]]
+    for step in manifest["assembly"]:
+        low, high = (set(side) for side in step["join"])
+        assert low in groups
+        assert high in groups
+        groups = [g for g in groups if g not in (low, high)] + [low | high]
+    assert len(groups) == 1
+
+
+def test_the_cut_list_counts_every_millimetre(cube, manifest):
+    device, _ = cube
+    rows = zip(manifest["cords"], (0.44, 0.0, 0.1), (0.05, 0.0, 0.1), strict=True)
+    for c, top, p in rows:
+        assert [e["joint"] for e in c["ends"]] == ["pocket", "pocket"]
+        pockets = [e["pocket"] for e in c["ends"]]
+        # The ferrule, and a bend where the skin is level or leans.
+        assert set(np.round(pockets, 2)) <= {7.0, 11.05, 12.26, 13.88}
+        assert [e["wire"]["leaves"] for e in c["ends"]] == [
+            "bend" if p > 7 else "mouth" for p in pockets
+        ]
+        assert c["between_ferrules"] == pytest.approx(c["channel_length"] - sum(pockets))
+        assert c["prestretch"] == p
+        loose = c["between_ferrules"] - c["sensing_length"] * p / (1 + p)
+        assert c["unstretched"] == pytest.approx(loose, abs=0.02)
+        assert c["cut_length"] == pytest.approx(c["unstretched"] + 7 + c["slack"])
+        assert c["slack"] == 5 or any(e["after"] is not None for e in c["ends"])
+        assert c["resistance_before"] == pytest.approx(14.5 * c["unstretched"])
+        # A gauge factor of 2: the stretched part of it gains twice its pre-stretch.
+        gained = 14.5 * c["sensing_length"] / (1 + p) * 2 * p
+        assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
+        assert c["sensing_length"] <= c["between_ferrules"] + 0.01
+        assert c["range"][1] == pytest.approx(c["resistance"] * (1 + top))
+        assert c["reference_resistor"] == pytest.approx(np.sqrt(np.prod(c["range"])), rel=0.06)
+    items = " ".join(b["item"] for b in manifest["bill"])
+    for word in ("silicone-shore-30a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue"):
+        assert word in items
+    assert device.fabrication.pockets
+
+
+def test_an_end_lies_in_the_joint_of_its_ferrule():
+    """Not in the one that only its wire reaches, behind the ferrule."""
+    lies = [Stretch(2, (1, 3), 0.0, 3.0), Stretch(0, (4, 5), 3.0, 43.0),
+            Stretch(1, (2, 3), 43.0, 44.5)]  # fmt: skip
+    found = held_by(lies, (0.0, 4.0))
+    assert [(s.joint, s.start, s.stop) for s in found] == [(2, 0.0, 3.0), (0, 3.0, 44.5)]
+    (only,) = held_by(lies, (4.0, 4.0))
+    assert (only.joint, only.start, only.stop) == (0, 0.0, 44.5)
+    assert held_by(lies, (0.0, 0.0)) == tuple(lies)
+    assert held_by(lies[:1], (9.0, 9.0)) == tuple(lies[:1])
+
+
+def test_the_bill_is_that_of_all_copies(cube, made):
+    """As the plates and the silicone are."""
+    device, _ = cube
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    three = replace(device, fabrication=replace(device.fabrication, copies=3))
+    amounts = [
+        [float(b.amount.split()[0]) for b in bill(d, made, cords, {"pin-5x11.9": 4})]
+        for d in (device, three)
+    ]
+    assert amounts[1] == pytest.approx(3 * np.array(amounts[0]), rel=0.02)
+    assert amounts[1][2] == 18  # ferrules
+
+
+@pytest.mark.parametrize(
+    ("loss", "length", "piece", "bends"),
+    [(1.04, 30.0, 50.0, 6), (1.06, 30.0, 50.0, 0), (1.0, 19.0, 50.0, 0), (1.0, 30.0, 60.0, 0)],
+)
+def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, length, piece, bends):
+    """Paths are 65.7 mm long: with bends that is more than the shortest `piece` reaches through."""
+    device, body = cube
+    device = replace(device, cord=replace(device.cord, lengths=(piece, 400.0)))
+    monkeypatch.setattr(
+        as_built,
+        "built_cords",
+        lambda task, channels: [SimpleNamespace(length=length, bent=bool(channels[0].leads))],
+    )
+    monkeypatch.setattr(
+        as_built,
+        "predict",
+        lambda task, cords: SimpleNamespace(
+            prediction=SimpleNamespace(unseen=loss if cords[0].bent else 1.0)
+        ),
+    )
+    decide = as_built.with_relief
+    decided, note = decide(device, None, body.surface, device.sensors, None)
+    r = rules(decided)
+    made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
+    assert sum(len(c.leads) for c in made) == bends
+    assert bool(note) == (bends == 0)
+    for said, costs in (
+        ("error", loss > 1.05),
+        ("too little", length < 20),
+        ("longer", piece > 55),
+    ):
+        assert (said in "".join(note)) == costs
+    assert not verify(device.sensors, body.surface, limits(decided)).problems
+    wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
+    kept, note = decide(wanted, None, body.surface, device.sensors, None)
+    assert kept is wanted
+    assert not note
+
+
+def test_the_reference_gives_the_largest_swing():
+    """Against every E24 value of five decades."""
+    values = np.array([e * 10.0**d for d in range(6) for e in E24])
+    rng = np.random.default_rng(2)
+    for low, high in np.sort(10 ** rng.uniform(1.5, 4.5, (50, 2)), axis=1):
+        swing = high / (high + values) - low / (low + values)
+        chosen = reference(low, high)
+        got = high / (high + chosen) - low / (low + chosen)
+        assert got == pytest.approx(swing.max(), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manifest):
+    device, _ = cube
+    parts = {p["name"]: load_part(folder / "parts" / p["stl"]) for p in manifest["parts"]}
+    layout = replace(layout, warnings=("What is to be said of a cord",))
+    said = "What is to be said of a pose"
+    guide = assembly_guide(device, layout, load_manifest(folder), parts, np.eye(3), [said])
+    write_page(folder / "guide.html", "guide", guide=guide)
+    write_pdf(guide, folder / "guide.pdf")
+    write_guide_file(guide, folder / "guide.json")
+    typed_json.save(folder / "layout.json", layout)
+    page = (folder / "guide.html").read_text("utf-8")
+    steps = len(manifest["assembly"])
+    late = sum(e["after"] is not None for c in manifest["cords"] for e in c["ends"])
+    assert any(c["drawn"] for c in manifest["cords"])  # cords pass through the last joint
+    shown = 1 + 3 * steps + late  # pins, cords and parts of each joint
+    assert page.count("data:image/png;base64,") == shown
+    assert "://" not in page
+    for part in manifest["parts"]:
+        assert part["name"] in page
+    assert "The rest hangs out until a later joint" in page
+    assert [page.count(f"What is to be said of a {what}") for what in ("pose", "cord")] == [1, 1]
+    pdf = (folder / "guide.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF-")
+    assert len(re.findall(rb"/Subtype /Image", pdf)) >= shown
+    assert follow(folder, device) == []  # by hands that take it literally
+    assert not list(folder.glob(".*.part"))
+
+
+@pytest.mark.slow
+def test_freecad_opens_the_step_files_with_the_same_volume(folder, manifest, tmp_path):
+    if shutil.which("freecadcmd") is None:
+        pytest.skip("FreeCAD is not installed")
+    script = tmp_path / "volumes.py"
+    script.write_text(
+        "import Part, json, glob, os\n"
+        f"paths = sorted(glob.glob({str(folder / 'parts' / '*.step')!r}))\n"
+        "out = {os.path.basename(p): Part.read(p).Volume for p in paths}\n"
+        f"open({str(tmp_path / 'out.json')!r}, 'w').write(json.dumps(out))\n"
+    )
+    subprocess.run(["freecadcmd", str(script)], capture_output=True, timeout=300, check=False)
+    volumes = json.loads((tmp_path / "out.json").read_text("utf-8"))
+    for p in manifest["parts"]:
+        assert volumes[p["step"]] == pytest.approx(p["step_volume"], rel=1e-6)
+    total = sum(p["step_volume"] for p in manifest["parts"])
+    assert volumes["assembly.step"] == pytest.approx(total, rel=1e-6)
+
+
+def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
+    device, _ = cube
+    small = replace(device, fabrication=replace(device.fabrication, bed=(25.0, 25.0, 25.0)))
+    with pytest.raises(
+        FabricationError, match=r"\d-[a-z-]+ measures .* which the bed \(25 x 25 x 25 mm\)"
+    ):
+        write(small, made, Path("/nonexistent"), layout, (), layout.prediction)
+
+
+def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_path):
+    """Pieces are joined before all else, so that every joint of a cord comes later by as many."""
+    device, _ = cube
+    made = replace(made, parts=tuple(replace(p, solid=None) for p in made.parts))
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    small = replace(device, fabrication=replace(device.fabrication, bed=(58.0, 58.0, 100.0)))
+    write(small, made, tmp_path, layout, cords, layout.prediction)
+    manifest = load_manifest(tmp_path)
+    pieces = len(manifest.assembly) - len(made.cuts)
+    assert pieces > 0
+    for cord in manifest.cords:
+        for stretch in cord.stretches:
+            assert cord.sensor in manifest.assembly[stretch.joint].cords
+    parts = {p.name: load_part(tmp_path / "parts" / p.stl) for p in manifest.parts}
+    steps = plain_steps(guide_steps(small, manifest, parts))
+    hands = Hands(
+        json.loads((tmp_path / "parts" / "manifest.json").read_text("utf-8")),
+        typed_json.to_json(layout),
+        {n: s.vertices[s.faces] for n, s in parts.items()},
+        small.cord.ferrule_length,
+        small.cord.max_strain,
+    )
+    assert followed({"steps": steps}, hands) == []
+
+
+@pytest.mark.parametrize(
+    ("bay", "message"),
+    [
+        ("size = [9, 9, 9]", "body.bay.at: is missing"),
+        ("at = [0, 0]", "body.bay.at: must be 3 numbers"),
+        ("at = [0, 0, 30]\nsize = [9, 9]", "body.bay.size: must be 3"),
+        ("at = [0, 0, 30]\nsize = [9, 9, -1]", "body.bay.size: is width, height and depth"),
+        ("at = [0, 0, 30]\ndepth = 3", "body.bay.depth: unknown key"),
+        ("at = [0, 0, 30]", "fabrication.pockets: wires to the connector bay begin in pockets"),
+    ],
+)
+def test_a_bay_is_checked(tmp_path, bay, message):
+    text = (DEVICES / "cube" / "device.toml").read_text("utf-8")
+    shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
+    text = text.replace("[material]", f"[body.bay]\n{bay}\n\n[material]", 1)
+    (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", "pockets = false"))
+    with pytest.raises(DeviceError, match=re.escape(message)):
+        load_device(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("pockets = 3", "fabrication.pockets: must be true or false, not 3"),
+        ("marker_seats = 2.5", "fabrication.marker_seats: must be a whole number"),
+        ("marker_size = -1", "fabrication.marker_size: must be greater than 0"),
+        ("wire_diameter = 2.6", "fabrication.wire_diameter: a wire of 2.6 mm is not thinner"),
+        ("strain_relief = 1", "fabrication.strain_relief: must be true or false, not 1"),
+        ("wire_diameter = 0", "fabrication.wire_diameter: must be greater than 0"),
+        ("limit_cut = true", "fabrication.limit_cut: unknown key; did you mean 'limit_cuts'?"),
+    ],
+)
+def test_settings_are_checked(tmp_path, line, message):
+    text = (DEVICES / "cube" / "device.toml").read_text("utf-8")
+    shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
+    (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", line))
+    with pytest.raises(DeviceError, match=re.escape(message)):
+        load_device(tmp_path)

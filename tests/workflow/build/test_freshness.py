@@ -1,0 +1,142 @@
+"""What of a build is out of date, and the body alone."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.materials import silicone
+from defsense_fab.core.errors import StorageError
+from defsense_fab.core.storage.files import write_json
+from defsense_fab.geometry.bodies.body_record import load_surface
+from defsense_fab.geometry.printing.export import write_stl
+from defsense_fab.workflow.build import build as build_module
+from defsense_fab.workflow.build import freshness as freshness_module
+from defsense_fab.workflow.build import stages
+from defsense_fab.workflow.build.asked import Asked, recorded
+from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.export import export
+from defsense_fab.workflow.build.freshness import build_body, freshness, outdated
+from tests.conftest import box_surface
+from tests.places import DEVICES
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A bar that is an STL file, so that no CAD kernel is needed."""
+    text = (DEVICES / "bar" / "device.toml").read_text("utf-8")
+    script = text[text.index("script =") : text.index("\n\n[material]")]
+    text = text.replace(script, 'mesh = "bar.stl"')
+    (tmp_path / "device.toml").write_text(text.replace("edge_length = 6.0", "edge_length = 15.0"))
+    write_stl(box_surface([0, -15, -15], [150, 15, 15]), tmp_path / "bar.stl")
+    return tmp_path
+
+
+def states(folder):
+    found = freshness(load_device(folder))
+    return [found[name] for name in ("body", "mesh", "simulate")]
+
+
+def test_each_change_makes_old_what_depends_on_it(folder):
+    assert states(folder) == ["missing"] * 3
+    build(load_device(folder), "mesh")
+    assert states(folder) == ["current", "current", "missing"]
+    text = (folder / "device.toml").read_text("utf-8")
+    (folder / "device.toml").write_text(text.replace("edge_length = 15.0", "edge_length = 12.0"))
+    assert states(folder) == ["current", "old", "missing"]
+    (folder / "device.toml").write_text(text)
+    write_stl(box_surface([0, -15, -15], [100, 15, 15]), folder / "bar.stl")
+    assert states(folder) == ["old", "old", "missing"]
+
+
+@pytest.mark.parametrize(
+    ("change", "old"),
+    [
+        ({"shrinkage": 0.01}, {"optimize", "fabricate", "report"}),
+        ({"pot_life": 9.0}, {"fabricate", "report"}),
+    ],
+)
+def test_the_row_of_a_silicone_counts_where_parts_are_cast(folder, monkeypatch, change, old):
+    path = folder / "device.toml"
+    text = path.read_text("utf-8").replace("tango-black-plus", "smooth-sil-950")
+    for process in ("cast-silicone", "fdm-tpu"):
+        path.write_text(text.replace("fdm-tpu", process))
+        device = load_device(folder)
+        before = stages.keys(device, folder / "build")
+        with monkeypatch.context() as m:
+            m.setattr(stages, "silicone", lambda name: replace(silicone(name), **change))
+            after = stages.keys(device, folder / "build")
+        changed = {name for name, key in before.items() if after[name] != key}
+        assert changed == (old if process == "cast-silicone" else set())
+
+
+def test_a_body_is_made_beside_the_build_which_stays(folder):
+    build(load_device(folder), "mesh")
+    before = {p: p.stat().st_mtime_ns for p in (folder / "build").rglob("*")}
+    write_stl(box_surface([0, -15, -15], [100, 15, 15]), folder / "bar.stl")
+    for _ in range(2):
+        build_body(load_device(folder), folder / ".studio" / "preview")
+    assert np.ptp(load_surface(folder / ".studio" / "preview").vertices, axis=0)[0] == 100
+    assert {p: p.stat().st_mtime_ns for p in (folder / "build").rglob("*")} == before
+    shutil.rmtree(folder / ".studio")
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Stages that only leave a file each: what counts is what a build keeps of them."""
+
+    def leaves(stage):
+        def run(device, folder, *_):
+            for name in stage.outputs:
+                said = {"device": device.name, "copies": device.fabrication.copies}
+                write_json(folder / name, said)
+
+        return replace(stage, run=run)
+
+    some = tuple(leaves(s) for s in stages.STAGES)
+    for module in (stages, build_module, freshness_module):
+        monkeypatch.setattr(module, "STAGES", some)
+    monkeypatch.setattr(build_module.body_sources, "unchanged", lambda *_: True)
+
+
+def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quick):
+    path, text = folder / "device.toml", (folder / "device.toml").read_text("utf-8")
+    build(load_device(folder), asked=Asked(3, (250.0, 210.0, 200.0)))
+    device = load_device(folder)
+    assert outdated(device) is None
+    assert recorded(device, folder / "build").options == "--copies 3 --bed 250,210,200"
+    assert build(device, "simulate").made == ()  # the parts are not made again
+    assert json.loads((folder / "build" / "parts").read_text("utf-8"))["copies"] == 3
+
+    path.write_text(text + "\n[fabrication]\ncopies = 2\n" if "[fabrication]" not in text else
+                    text.replace("[fabrication]", "[fabrication]\ncopies = 2"))  # fmt: skip
+    device = load_device(folder)
+    assert outdated(device).name == "fabricate"
+    told = r"copies is 2 and was 3 as it was built; build everything first"
+    with pytest.raises(StorageError, match=told):
+        export(device, folder / "out.zip")
+    path.write_text(text.replace("edge_length = 15.0", "edge_length = 12.0"))
+    device = load_device(folder)
+    assert build(device, "simulate").made == ("mesh", "simulate")
+    assert set(freshness(device).values()) == {"current", "missing"}
+
+    path.write_text(text)
+    assert build(load_device(folder)).made[-2:] == ("fabricate", "report")
+    assert not recorded(load_device(folder), folder / "build").options
+
+
+def test_what_device_toml_has_since_counts_although_a_build_was_asked_for_it(folder, quick):
+    """Once a build finds its plates as device.toml has them, they are device.toml's."""
+    path, text = folder / "device.toml", (folder / "device.toml").read_text("utf-8")
+    assert "[fabrication]" in text
+    build(load_device(folder), asked=Asked(3))
+    path.write_text(text.replace("[fabrication]", "[fabrication]\ncopies = 3"))
+    assert build(load_device(folder)).made == ()
+    path.write_text(text)
+    assert not recorded(load_device(folder), folder / "build").options
+    assert outdated(load_device(folder)).name == "fabricate"

@@ -1,0 +1,54 @@
+"""A mesh that came of a mesher's want of time, once there is more time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.geometry.bodies.meshing import mesh_lock
+from defsense_fab.geometry.printing.export import write_stl
+from defsense_fab.workflow.build import stage_mesh
+from defsense_fab.workflow.build.build import build
+from tests.conftest import box_surface
+from tests.places import DEVICES
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A bar that is an STL file, on a machine that has no meshes yet."""
+    monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "cache"))
+    made = tmp_path / "bar"
+    made.mkdir()
+    text = (DEVICES / "bar" / "device.toml").read_text("utf-8")
+    script = text[text.index("script =") : text.index("\n\n[material]")]
+    text = text.replace(script, 'mesh = "bar.stl"').replace("= 6.0", "= 15.0\ntime_limit = 60", 1)
+    (made / "device.toml").write_text(text)
+    write_stl(box_surface([0, -15, -15], [150, 15, 15]), made / "bar.stl")
+    return made
+
+
+def limited(folder, seconds):
+    path = folder / "device.toml"
+    path.write_text(path.read_text("utf-8").replace("time_limit = 60", f"time_limit = {seconds}"))
+    return load_device(folder)
+
+
+def test_it_is_made_anew_only_where_the_limit_was_raised(folder, monkeypatch):
+    real = stage_mesh.tetrahedralise
+
+    def slow(*given):
+        return replace(real(*given), stopped=True)
+
+    with monkeypatch.context() as m:
+        m.setattr(stage_mesh, "tetrahedralise", slow)
+        assert build(load_device(folder), "mesh").made == ("body", "mesh")
+    assert [made.time_limit for made in mesh_lock.read(folder).values()] == [60.0]
+    assert build(load_device(folder), "mesh").made == ()
+    text = (folder / "device.toml").read_text("utf-8")
+    assert build(limited(folder, 50), "mesh").made == ()
+    (folder / "device.toml").write_text(text)
+    assert build(limited(folder, 600), "mesh").made == ("mesh",)
+    assert not (folder / "device.mesh").exists()
+    assert build(load_device(folder), "mesh").made == ()

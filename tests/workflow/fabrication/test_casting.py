@@ -1,0 +1,114 @@
+"""Silicone, moulds and advice as a maker reads them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device.device_file import load_device, parse_device
+from defsense_fab.core.device.materials import silicone
+from defsense_fab.core.errors import DeviceError
+from defsense_fab.core.storage.package_data import read_rows
+from defsense_fab.geometry.moulds.records import Mould
+from defsense_fab.optimize.prediction.as_built import mould_rules
+from defsense_fab.workflow.build.stages import STAGES
+from defsense_fab.workflow.fabrication.casting import casting, notes
+from defsense_fab.workflow.fabrication.plates import on_plates
+from defsense_fab.workflow.fabrication.print_advice import print_advice
+from tests.conftest import box_surface
+from tests.places import DEVICES
+
+BAR = DEVICES / "bar"
+
+
+def device(fabrication, material='name = "dragon-skin-30"'):
+    text = (BAR / "device.toml").read_text("utf-8")
+    text = text.replace('process = "fdm-tpu"', fabrication)
+    return parse_device(text.replace('name = "tango-black-plus"', material), BAR)
+
+
+def mould(volume, strain=0.0):
+    at = np.array([1.0, 2, 3]) if strain else None
+    up, none = np.array([0, 0, 1.0]), np.zeros((0, 3))
+    return Mould("1-top", (), up, np.zeros(3), none, volume, 2 * volume, strain, at, ())
+
+
+def test_masses_are_those_of_what_is_mixed():
+    made = device('process = "cast-silicone"\ncopies = 2')
+    found = casting(made, [mould(40_000.0), mould(10_000.0)])
+    assert found.volume == 100_000
+    assert found.mass_a == found.mass_b == pytest.approx(110 * 1.08 / 2)
+    assert (found.pot_life, found.cure, found.shrinkage) == (45, 16, 0.001)
+    said = " ".join(found.steps)
+    # A mixture can be poured for less time than a cast takes: each is mixed by itself.
+    for word in ("release agent", "30 g of part A", "55 cm3", "each of the 2 devices anew",
+                 "45 min", "16 h", "vent", "silicone glue"):  # fmt: skip
+        assert word in said
+    ten = casting(device('process = "cast-silicone"', 'name = "smooth-sil-950"'), [mould(1000.0)])
+    assert ten.mass_a == pytest.approx(10 * ten.mass_b)
+    assert ten.mass_a + ten.mass_b == pytest.approx(1.1 * 1.24)
+
+
+def test_shrinkage_is_the_silicones_or_that_which_is_given():
+    assert mould_rules(device('process = "cast-silicone"')).shrinkage == 0.001
+    given = device('process = "cast-silicone"\nshrinkage = 0.02\nmould_wall = 7')
+    assert (mould_rules(given).shrinkage, mould_rules(given).wall) == (0.02, 7)
+    own = device('process = "cast-silicone"', "young_modulus = 1.0\npoisson_ratio = 0.48")
+    assert mould_rules(own).shrinkage == 0
+    assert "shrinkage = 0.002" in notes(own, [])[0]
+    assert "stretched by about 7 %" in notes(given, [mould(1.0, 0.07)])[0].replace("%", " %")
+
+
+def test_every_process_is_read_and_advises():
+    for name, row in read_rows("printers.csv").items():
+        material = "dragon-skin-30" if row["kind"] == "cast" else "tpu-85a"
+        made = device(f'process = "{name}"', f'name = "{material}"')
+        said = " ".join(print_advice(made))
+        assert "support" in said or "sealed" in said
+        assert row["source"]
+        assert made.fabrication.bed == tuple(float(row[f"bed_{c}"]) for c in "xyz")
+    for name in read_rows("silicones.csv"):
+        assert name in read_rows("materials.csv")
+        assert silicone(name).shrinkage < 0.01
+
+
+def test_a_process_that_somebody_added_gets_the_advice_that_is_true_of_all():
+    tpu = device('process = "fdm-tpu"', 'name = "tpu-85a"')
+    own = replace(tpu, fabrication=replace(tpu.fabrication, process="belt-tpu"))
+    assert print_advice(own) == print_advice(tpu)[:1]
+
+
+@pytest.mark.parametrize(
+    ("fabrication", "material", "message"),
+    [
+        ('process = "cast-silicone"', 'name = "ninjaflex-85a"', "'ninjaflex-85a' is none"),
+        ('process = "cast-silicone"\nlimit_cuts = true', None, "limit_cuts: parts that wrap"),
+        ('process = "fdm-tpu"\nmould_wall = 4', None, "mould_wall: is for moulds"),
+        ('process = "cast-silicone"\nshrinkage = 2', None, "share of the length"),
+        ('process = "fdm-tpu"\nbed = [220, 220]', None, "fabrication.bed: must be 3"),
+        ('process = "fdm-tpu"\nbed = [220, 220, 5]', None, "fabrication.bed: is width"),
+        ('process = "fdm-tpu"\ncopies = 2.5', None, "copies: must be a whole number"),
+        ('process = "fdm-tpu"\ncopies = 400', None, "copies: must be at most 100"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(fabrication, material, message):
+    with pytest.raises(DeviceError, match=message):
+        device(fabrication, material or 'name = "dragon-skin-30"')
+
+
+def test_copies_lie_on_the_plates_and_do_not_move_the_cords():
+    one = device('process = "fdm-tpu"')
+    three = device('process = "fdm-tpu"\ncopies = 3\nbed = [200, 180, 100]')
+    parts = {n: box_surface([0, 0, 0], [90, 40, 10]) for n in ("1-a", "2-b")}
+    pins = {"pin-5x11.9": (box_surface([0, 0, 0], [5, 5, 12]), 2, {})}
+    placed, bound = on_plates(three, parts, pins)
+    assert sorted(placed) == sorted(
+        [f"{p}{k}" for p in parts for k in ("", "_2", "_3")]
+        + [f"pin-5x11.9_{k}" for k in range(1, 7)]
+    )
+    assert 1 == bound <= 1 + max(p.plate for p in placed.values())
+    cast = replace(three, fabrication=replace(three.fabrication, kind="cast"))
+    assert len(on_plates(cast, parts, pins)[0]) == 2 + 6  # moulds once, pins for every device
+    optimise = next(s for s in STAGES if s.name == "optimize")
+    assert optimise.inputs(one) == optimise.inputs(three)
+    assert load_device(BAR).fabrication.copies == 1

@@ -1,0 +1,183 @@
+"""`study.toml` to points, and points to devices."""
+
+import shutil
+import tomllib
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import DeviceError, StudyError
+from defsense_fab.workflow.study.points.designs import points
+from defsense_fab.workflow.study.points.measures import MEANING, of_stage
+from defsense_fab.workflow.study.points.studied_device import studied_device, studied_text
+from defsense_fab.workflow.study.points.study_toml import UNTIL, load_study
+from defsense_fab.workflow.study.runs.planned import batches, planned
+from tests.places import BAR
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("device.toml", "bar.py"):
+        shutil.copy(BAR / name, tmp_path)
+    return tmp_path
+
+
+def study(folder, text):
+    (folder / "study.toml").write_text(text)
+    return load_study(folder)
+
+
+def test_a_grid_has_every_combination_and_whole_numbers_stay_whole(folder):
+    found = points(
+        study(
+            folder,
+            "[parameters]\ndesign.planes = { range = [1, 3], step = 1 }\n"
+            'cord.noise = { range = [0, 0.01], steps = 3 }\n"fabrication.process" = ["fdm-tpu"]\n',
+        )
+    )
+    assert len(found) == 9
+    assert [p["design.planes"] for p in found[::3]] == [1, 2, 3]
+    assert [p["cord.noise"] for p in found[:3]] == [0.0, 0.005, 0.01]
+    assert {p["fabrication.process"] for p in found} == {"fdm-tpu"}
+
+
+def test_a_list_goes_through_all_parameters_together(folder):
+    text = 'design = "list"\n[parameters]\nbody.parameters.width = [28, 32]\ncord.noise = [0.1, 1]'
+    assert points(study(folder, text)) == [
+        {"body.parameters.width": 28, "cord.noise": 0.1},
+        {"body.parameters.width": 32, "cord.noise": 1},
+    ]
+
+
+def test_a_latin_hypercube_has_a_point_in_every_interval_of_each_parameter(folder):
+    text = (
+        'design = "latin-hypercube"\ncount = 16\nseed = 3\n[parameters]\n'
+        "body.parameters.width = { uniform = [20, 36] }\n"
+        "cord.noise = { log_uniform = [0.0001, 1.0] }\ndesign.planes = [1, 2]\n"
+    )
+    found = points(study(folder, text))
+    assert found == points(study(folder, text))
+    assert found != points(study(folder, text.replace("seed = 3", "seed = 4")))
+    widths = np.sort([p["body.parameters.width"] for p in found])
+    assert (np.floor(widths - 20) == np.arange(16)).all()
+    decades = np.sort(np.log10([p["cord.noise"] for p in found])) * 4 + 16
+    assert (np.floor(decades + 1e-6) == np.arange(16)).all()
+    assert [p["design.planes"] for p in found].count(1) == 8
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[parameters]\ncord.noise = 3", "study.toml:2: parameters.cord.noise: must be a list"),
+        ("[parameters]\ncord.noise = []", "at least one value"),
+        ("[parameters]\ncord.noise = [2020-01-01]", "must hold numbers, texts"),
+        ("[parameters]\na.b = { range = [1, 2], step = 1e-320 }", "more than 10000 values"),
+        ("[parameters]\ncord.noise = { uniform = [1, 2] }", "study.toml:2: parameters.cord"),
+        ("[parameters]\ncord.noise = { log_uniform = [0, 2] }", "greater than 0"),
+        ("[parameters]\ncord.noise = { range = [2, 1], step = 1 }", "must be less than the second"),
+        ("[parameters]\ncord.noise = { range = [1, 2] }", "either step = 0.5, or steps = 5"),
+        ('design = "list"\n[parameters]\na.b = [1]\na.c = [1, 2]', "a.b has 1, a.c has 2"),
+        ('design = "random"\n[parameters]\na.b = [1]', "there is: grid, list, latin-hypercube"),
+        ('design = "latin-hypercube"\n[parameters]\na.b = [1]', "count: is missing"),
+        ("count = 3\n[parameters]\na.b = [1]", 'study.toml:1: count: is for design = "latin-hyper'),
+        ('until = "report"\n[parameters]\na.b = [1]', "study.toml:1: until: unknown stage"),
+        ('record = ["eror"]\n[parameters]\na.b = [1]', "did you mean 'error'?"),
+        ("[parameters]", "give at least one"),
+        ("colour = 3\n[parameters]\na.b = [1]", "study.toml:1: colour: unknown key"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_study_toml_is_told_with_its_line(folder, text, told):
+    with pytest.raises(DeviceError) as error:
+        study(folder, text)
+    assert told in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "told"),
+    [
+        ("cord.noize", "study.toml:2: parameters.cord.noize: is no key of device.toml; did you mean"
+                       " cord.noise"),
+        ("body.parameters.widht", "did you mean body.parameters.width"),
+        ("poses.bend_up.handles.1.rotate.degree", "bend_up.handles.1.rotate.degrees"),
+    ],
+)  # fmt: skip
+def test_a_parameter_that_does_not_exist_is_told_with_the_nearest_ones(folder, key, told):
+    whole = study(folder, f"[parameters]\n{key} = [1, 2]\n")
+    with pytest.raises((DeviceError, StudyError)) as error:
+        planned(folder, whole, {})
+    assert told in str(error.value)
+
+
+def test_parameters_reach_into_poses_and_absent_tables_and_leave_comments(folder):
+    text = (folder / "device.toml").read_text("utf-8")
+    values = {"poses.twist.handles.1.rotate.degrees": 20, "design.planes": 1, "cord.noise": 0.1}
+    device = studied_device(text, folder, values)
+    assert np.rad2deg(np.linalg.norm(device.poses[2].handles[0].rotation)) == pytest.approx(20)
+    assert device.planes == 1
+    assert device.cord.noise == 0.1
+    written = studied_text(f"{text}# kept\n", values)
+    assert "# kept" in written
+    assert studied_device(written, folder, {}).planes == 1
+    assert tomllib.loads(written)["poses"][2]["handles"][0]["rotate"]["degrees"] == 20
+    with pytest.raises(StudyError, match=r"there is no 'bend' in device.toml; there is: bend_up"):
+        studied_device(text, folder, {"poses.bend.fixed": []})
+
+
+def test_runs_are_known_by_what_they_depend_on(folder):
+    text = (
+        'until = "optimize"\n[parameters]\ncord.noise = [0.002, 0.004, -1]\n'
+        "mesh.edge_length = [6.0, 8.0]\nfabrication.copies = [1, 2]\n"
+    )
+    plan = planned(folder, study(folder, text), {})
+    # Copies change nothing until the parts are made; a noise of -1 is no device.
+    runs = [r for r in plan.runs if not r.problem]
+    assert (plan.points, len(runs)) == (12, 4)
+    assert [r.problem.startswith("device.toml:") for r in plan.runs if r.problem] == [True] * 4
+    assert len({r.simulation for r in runs}) == 2
+    assert [len(b) for b in batches(runs, 1)] == [2, 2]
+    assert {r.simulation for r in batches(runs, 1)[0]} == {batches(runs, 1)[0][0].simulation}
+    # Another file that the body may be made of makes other runs; results of builds do not.
+    (folder / "build").mkdir()
+    (folder / "build" / "x").write_text("")
+    assert planned(folder, study(folder, text), {}).runs == plan.runs
+    (folder / "table.csv").write_text("1")
+    assert not {r.name for r in plan.runs} & {
+        r.name for r in planned(folder, study(folder, text), {}).runs
+    }
+
+
+def test_seeds_of_the_search_are_runs_of_one_simulation(folder):
+    text = "[parameters]\ndesign.seed = { range = [1, 3], step = 1 }\ndesign.searches = [2]\n"
+    runs = planned(folder, study(folder, text), {}).runs
+    assert len(runs) == 3
+    assert len({r.simulation for r in runs}) == 1
+    # A device that says what is usual is the one that says nothing.
+    text = "[parameters]\ndesign.seed = [1]\n"
+    (usual,) = planned(folder, study(folder, text), {}).runs
+    (silent,) = planned(folder, study(folder, text.replace("design.seed", "schema")), {}).runs
+    assert usual.name == silent.name
+
+
+def test_batches_are_divided_where_workers_would_stand_idle(folder):
+    runs = planned(
+        folder,
+        study(folder, "[parameters]\ncord.noise = { range = [0.001, 0.04], steps = 40 }"),
+        {},
+    ).runs
+    assert [len(b) for b in batches(runs, 1)] == [40]
+    assert [len(b) for b in batches(runs, 2)] == [10] * 4
+    assert [len(b) for b in batches(runs, 1, most=16)] == [14, 14, 12]
+    assert sum(batches(runs, 1000), ()) == runs
+    assert min(len(b) for b in batches(runs, 1000)) == 4
+
+
+def test_every_stage_measures_something_of_its_own():
+    assert set(MEANING) == set(UNTIL)
+    assert of_stage("mesh") == ["volume", "tets", "min_dihedral"]
+
+
+def test_reading_many_points_is_told(folder):
+    told = []
+    text = "[parameters]\ncord.noise = { range = [0.001, 0.04], steps = 1200 }"
+    planned(folder, study(folder, text), {}, lambda *said: told.append(said))
+    assert [message for _, _, message in told] == ["500 points read", "1000 points read"]

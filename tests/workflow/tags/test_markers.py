@@ -1,0 +1,283 @@
+"""Which tags a device gets and where, and what is printed of it."""
+
+import json
+from dataclasses import replace
+
+import cv2
+import igl
+import numpy as np
+import pypdfium2
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from defsense_fab.capture.tags.tag_patterns import dictionary
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.core.markers import Markers, read_markers, write_markers_file
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.bodies import tag_placement
+from defsense_fab.geometry.bodies.tag_placement import spread_out
+from defsense_fab.geometry.kernels.cutting_tools import upright
+from defsense_fab.geometry.parts.manifest import Manifest, TagSeat, save_manifest
+from defsense_fab.geometry.printing.export import write_stl
+from defsense_fab.workflow.tags import marker_pages
+from defsense_fab.workflow.tags import markers as module
+from defsense_fab.workflow.tags.markers import write_markers
+
+DEVICE = """
+name = "box"
+[body]
+mesh = "box.stl"
+[material]
+name = "tango-black-plus"
+[mesh]
+edge_length = 6.0
+[regions]
+base = {{ half_space = {{ origin = [12, 0, 0], normal = [-1, 0, 0] }} }}
+[outputs]
+{anchor}
+[cord]
+name = "rubber-2mm"
+[fabrication]
+process = "fdm-tpu"
+{seats}
+"""
+
+
+SIZE = 12.0  # of tags that fit on the box below
+
+
+def subdivided(surface, times):
+    for _ in range(times):
+        surface = Surface(*igl.upsample(surface.vertices, surface.faces))
+    return surface
+
+
+@pytest.fixture(scope="module")
+def box():
+    from tests.conftest import box_surface
+
+    return subdivided(box_surface([0, -20, -15], [80, 20, 15]), 2)
+
+
+@pytest.fixture
+def make(box, tmp_path):
+    def device(anchor='anchor = "base"', seats="", surface=box):
+        folder = tmp_path / "box"
+        folder.mkdir()
+        write_stl(surface, folder / "box.stl")
+        (folder / "device.toml").write_text(DEVICE.format(anchor=anchor, seats=seats))
+        return load_device(folder, complete=False)
+
+    return device
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures take seconds."""
+    monkeypatch.setattr(marker_pages, "draw_places", lambda *_: None)
+
+
+def check_places(markers, surface, tags):
+    """Tags lie on the skin, look outwards, and leave each other their white."""
+    edge = np.linspace(-0.5, 0.5, 21) * markers.size
+    grid = np.stack(np.meshgrid(edge, edge), axis=-1).reshape(-1, 2)
+    on = markers.centers[:, None] + np.einsum("gk,mjk->mgj", grid, markers.axes[:, :, :2])
+    off = igl.point_mesh_squared_distance(on.reshape(-1, 3), surface.vertices, surface.faces)[0]
+    assert np.sqrt(np.max(off)) < 1.0
+    out = markers.centers + 2.0 * markers.axes[:, :, 2]
+    assert (igl.fast_winding_number(surface.vertices, surface.faces, out) < 0.5).all()
+    inner = markers.centers - 2.0 * markers.axes[:, :, 2]
+    assert (igl.fast_winding_number(surface.vertices, surface.faces, inner) > 0.5).all()
+    piece = markers.size * (tags.cells + 4) / (tags.cells + 2)
+    points = markers.centers[:, None] + piece / markers.size * (on - markers.centers[:, None])
+    for i in range(len(points)):
+        local = (points - markers.centers[i]) @ markers.axes[i]
+        under = (np.abs(local[..., :2]) < piece / 2 - 0.4).all(-1)  # rims overhang a little
+        under &= np.abs(local[..., 2]) < 1.5
+        assert not under[np.arange(len(points)) != i].any()
+
+
+def with_seats(seats):
+    """A manifest of nothing else."""
+    return Manifest(
+        "box", "mm", (), (), (), (), "held", (), (), tuple(seats), (), None, 0.0, 1.0, warnings=()
+    )
+
+
+def test_a_device_gets_its_tags(make, box):
+    device = make()
+    found = write_markers(device)
+    markers = read_markers(device.source / "markers")
+    assert found.folder == device.source / "markers"
+    assert markers.ids.tolist() == list(range(1, 13))
+    assert markers.size == SIZE
+    check_places(markers, box, dictionary("4X4_50"))
+    assert (markers.anchor == (markers.centers[:, 0] < 12 - 0.25 * SIZE)).all()
+    assert spread_out(markers.centers[markers.anchor], SIZE / 2)
+    assert markers.centers[~markers.anchor, 0].max() > 60
+    assert found.notes == ()
+    with pypdfium2.PdfDocument(str(found.folder / "markers.pdf")) as sheets:
+        assert len(sheets) >= 2
+        table = sheets[len(sheets) - 1]
+        text = table.get_textpage()
+        assert "middle (x, y, z), mm" in text.get_text_bounded()
+        text.close()
+        table.close()
+
+
+def test_pictures_together_show_every_tag_upright(make, box, undrawn):
+    markers = write_markers(make(), count=8).markers
+    chosen = marker_pages.views(box, markers)
+    assert 2 <= len(chosen) <= 4
+    assert np.any([seen for _, seen in chosen], axis=0).all()
+    view, seen = chosen[0]
+    png = np.frombuffer(marker_pages.picture(box, markers, view, seen), np.uint8)
+    image = cv2.resize(cv2.imdecode(png, cv2.IMREAD_GRAYSCALE), None, fx=2, fy=2)
+    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary("4X4_50").table).detectMarkers(image)
+    assert set(ids.ravel()) <= set(markers.ids[seen].tolist())  # not mirrored, nor another
+    assert len(ids) >= seen.sum() - 1  # a number may touch a tag
+    right = np.cross([0, 0, 1.0], view)
+    for number, corner in zip(ids.ravel(), corners, strict=True):
+        axes = markers.axes[markers.ids == number][0]
+        drawn = corner[0][1] - corner[0][0]
+        asked = [axes[:, 0] @ right, -axes[:, 0] @ np.cross(view, right)]
+        assert drawn @ asked > 0.9 * np.linalg.norm(drawn) * np.linalg.norm(asked)
+
+
+@settings(max_examples=2, deadline=None)
+@given(st.integers(1, 16), st.sampled_from(["4X4_50", "APRILTAG_36H11"]), st.integers(0, 99))
+def test_places_on_a_curved_body(count, family, seed):
+    # An ellipsoid: no face of it is flat.
+    from tests.conftest import box_surface
+
+    ball = subdivided(box_surface([-1, -1, -1], [1, 1, 1]), 3)
+    unit = ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)
+    stretch = np.random.default_rng(seed).uniform(35, 70, 3)
+    body = Surface(unit * stretch, ball.faces)
+    tags = dictionary(family)
+    wanted = module.Wanted(
+        count, 10.0, module.outer(tags, 10.0), 3, lambda p: p[:, 2] < 0, np.zeros((0, 3)), []
+    )
+    places = module.tag_places(body, wanted)
+    assert len(places) == count
+    assert sum(p.anchor for p in places) >= min(3, count)
+    markers = Markers(
+        "ball",
+        family,
+        10.0,
+        np.arange(count),
+        np.array([p.center for p in places]),
+        np.array([p.axes for p in places]),
+        np.array([p.anchor for p in places]),
+    )
+    check_places(markers, body, tags)
+
+
+def test_tags_keep_off_the_ends_of_cords(make, box):
+    end = np.array([40.0, 0, 15])
+    wanted = module.Wanted(20, 8.0, 10.7, 0, lambda p: np.zeros(len(p), bool), end[None], [])
+    places = module.tag_places(box, wanted)
+    assert len(places) == 20
+    for p in places:
+        local = (end - p.center) @ p.axes
+        assert np.abs(local[:2]).max() > 5.3 or abs(local[2]) > 5
+
+
+def test_an_anchor_without_room_is_told(make, undrawn):
+    device = make()
+    found = write_markers(device, size=20.0, count=8)
+    assert found.markers.size == 20.0
+    (note,) = found.notes
+    assert "anchor base carries 1" in note or "anchor base carries 2" in note
+
+
+def test_no_anchor(make, undrawn):
+    found = write_markers(make(anchor=""), family="36h11")
+    assert found.markers.dictionary == "APRILTAG_36H11"
+    assert not found.markers.anchor.any()
+    assert "all tags in the rest pose" in found.notes[0]
+
+
+def test_seats_come_first(make, undrawn):
+    device = make(seats="marker_seats = 2")
+    with pytest.raises(CaptureError, match=r"defsense build .*or add --skin"):
+        write_markers(device)
+    (device.source / "build" / "parts").mkdir(parents=True)
+    seats = [
+        TagSeat(k + 1, np.array([10.0 + 50 * k, 0, 14]), np.eye(3)[1], np.eye(3)[2], 10.0)
+        for k in range(2)
+    ]
+    save_manifest(device.source / "build", with_seats(seats))
+    found = write_markers(device)
+    assert found.markers.size == 7.5  # with a white cell on both sides 10 mm
+    assert found.markers.anchor.tolist() == [True, False]
+    assert found.markers.axes[0] == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]))
+    with pytest.raises(CaptureError, match="leave out --count"):
+        write_markers(device, count=5)
+    assert len(write_markers(device, count=5, skin=True).markers.ids) == 5
+    seats[0] = replace(seats[0], center=np.array([10.0, 0, 40]))
+    save_manifest(device.source / "build", with_seats(seats))
+    with pytest.raises(CaptureError, match=r"25\.0 mm off the body"):
+        write_markers(device)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"size": 22.0}, r"no room for 12 tags of 22 mm .*, \d fit; .*fewer .* or smaller"),
+        ({"size": 60.0}, r"not one fits; ask for smaller ones \(--size\)"),
+        ({"count": 45, "size": 15.0}, r"no room for 45 tags .*ask for fewer"),
+        ({"count": 50}, "1 to 49"),
+        ({"count": 0}, "1 to 49"),
+        ({"size": -3.0}, "from 2 to 200"),
+        ({"family": "8X8_50"}, "not known"),
+        ({"paper": "a7"}, "not known"),
+    ],
+)
+def test_what_cannot_be_is_said(make, undrawn, asked, said):
+    device = make()
+    with pytest.raises(CaptureError, match=said):
+        write_markers(device, **asked)
+    assert not (device.source / "markers" / "markers.json").exists()
+
+
+def test_markers_come_back(tmp_path):
+    axes = np.stack([np.eye(3), np.eye(3)[:, [1, 2, 0]]])
+    m = Markers("d", "4X4_50", 12.0, np.array([3, 9]), np.eye(3)[:2], axes, np.array([True, False]))
+    write_markers_file(m, tmp_path / "markers.json")
+    back = read_markers(tmp_path / "markers.json")
+    assert all(np.array_equal(getattr(back, k), v) for k, v in vars(m).items())
+    assert m.corners[0] == pytest.approx(
+        np.array([[-5, 6, 0], [7, 6, 0], [7, -6, 0], [-5, -6, 0.0]])
+    )
+    good = json.loads((tmp_path / "markers.json").read_text("utf-8"))
+    tag = good["tags"][0]
+    for change, said in (
+        ({"schema": 9}, "schema 1"),
+        ({"tags": []}, "0 numbers"),
+        ({"tags": [{**tag, "center": [1, 2]}]}, "tag 3: center must be 3 numbers"),
+        ({"tags": [{**tag, "axes": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}]}, "tag 3: axes"),
+        ({"tags": [tag, tag]}, "numbers must be different"),
+        ({"tags": [{**tag, "id": 1.5}]}, "whole number"),
+        ({"tags": [{**tag, "anchor": 1}]}, "true or false"),
+        ({"tags": [{"id": 1}]}, "'center' is missing"),
+        ({"tags": 5}, "not as"),
+        ({"size": "x"}, "not as"),
+        ({"size": -1}, "size -1"),
+    ):
+        (tmp_path / "markers.json").write_text(json.dumps({**good, **change}))
+        with pytest.raises(CaptureError, match=said) as caught:
+            read_markers(tmp_path)
+        assert "markers.json: " in str(caught.value)
+    with pytest.raises(CaptureError, match="defsense capture markers"):
+        read_markers(tmp_path / "other.json")
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_many_tags_stand_upright_like_one(seed):
+    normals = np.random.default_rng(seed).standard_normal((5, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    assert tag_placement._upright(normals) == pytest.approx(np.array([upright(n) for n in normals]))
