@@ -141,7 +141,7 @@ def find_lag(
 
 
 def _smooth(time: Float, values: Float, blur: float) -> _Rows:
-    """Fit local lines under a Gaussian window onto the grid; columns with many gaps are left out."""
+    """Fit local lines under a Gaussian window onto the grid, without columns with many gaps."""
     is_known = np.isfinite(values)
     values = values[:, is_known.mean(0) > MIN_KNOWN_SHARE]
     good = np.isfinite(values).all(1)
@@ -240,7 +240,7 @@ def _moments(x: _Rows, y: _Rows, lag: int, part: slice) -> Float:
 
 
 def _information(moments: Float, p: int) -> Float:
-    """Return nats (...) that the first p variables share with the others, by moments (..., m, m)."""
+    """Return nats (...) that the first p of m variables share with the others."""
     n = np.maximum(moments[..., :1, :1], 1.0)
     mean = moments[..., 0, 1:] / n[..., 0]
     spread = moments[..., 1:, 1:] / n - mean[..., :, None] * mean[..., None, :]
@@ -362,7 +362,7 @@ class _LagPeak:
         return total
 
     def zoom(self, point: Float, blocks: Int) -> Float:
-        """Return the best point (2,) of ever finer grids, because peaks may be as sharp as cusps."""
+        """Return the best point (2,) of ever finer grids; peaks may be as sharp as cusps."""
         reach = np.array([0.08, 6e-4 if self.is_drift_free else 0.0])
         for _ in range(6):
             sides = [np.linspace(-r, r, 17 if r else 1) for r in reach]

@@ -89,7 +89,7 @@ def synchronize_by_led(
             that never changes is refused.
         within: Largest error of `rough`, s.
         conversion: Time that the conversions of a sample take, s (see
-            `voltage_divider.conversion_time`). A sample's flag is older than its time by half of it.
+            `voltage_divider.conversion_time`). A sample's flag is older than its time by half.
         max_gap: Longest gap between samples that is not a jump of the clock, s. None accepts any,
             for clocks that were compared with another.
 
