@@ -1,6 +1,6 @@
 """Pages of the guide that come from the declarations of the files that users edit.
 
-A page has the keys of a file where it says ```{file-keys} device```; the JSON Schema of each file is
+A page has the keys of a file where it says ```{file-keys} device```. The JSON Schema of each file is
 written to `schemas/` next to the pages.
 """
 

@@ -126,7 +126,7 @@ def json_schema(kind: type) -> dict[str, Any]:
 
 def _for_toml(node: Any) -> Any:
     """Remove null, which TOML does not have, and write lists of fixed length as draft 7 does."""
-    if isinstance(node, list):
+    if isinstance(node, list | tuple):
         return [_for_toml(item) for item in node]
     if not isinstance(node, Mapping):
         return node
