@@ -12,7 +12,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import LiveError
 from ...decoding.trained_model import Decoded, TrainedModel, decoded
-from ...sensing.signal import relative_change
+from ...sensing.response import relative_change
 from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_note
 from .live_frame import LiveFrame, Note, Quality
 from .rest_tracker import Rest, RestTracker, drift_note
@@ -287,7 +287,7 @@ class LiveDecoder:
         return [
             Note(
                 "cord-replaced",
-                f"{name} differs by {100 * d:+.0f} % from its resistance at rest in the training: if"
+                f"{name} has changed by {100 * d:+.0f} % at rest since the training: if"
                 " its cord was replaced, recalibrate the model",
                 {"channel": name, "change": float(d)},
             )

@@ -12,7 +12,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...decoding.channel_faults import LOOSE, SHORTED, STUCK, TORN, FaultLimits, find_faults
 from ...decoding.trained_model import TrainedModel
-from ...sensing.signal import relative_change
+from ...sensing.response import relative_change
 from .live_frame import Note
 
 #: Kind of fault in which the plugs of two channels are exchanged.

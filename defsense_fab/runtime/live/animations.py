@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...core.arrays import Float, Int
 from ...core.errors import LiveError, StorageError
-from ...core.storage.files import free_path
+from ...core.storage.files import unused_path
 from ..frames.live_frame import LiveFrame
 from ..recording.animation import AnimationFile
 from ..recording.animation_recorder import AnimationRecorder
@@ -66,7 +66,7 @@ class Animations:
         with self._lock:
             if self._recorder is not None:
                 raise LiveError(f"{self._path} is being recorded; stop that first")
-            path = free_path(path)
+            path = unused_path(path)
             self._recorder = AnimationRecorder(path, self._rest, self._faces)
             self._path = path
         return path
@@ -112,12 +112,12 @@ class Animations:
 
     def _write(self, recorder: AnimationRecorder) -> Written:
         try:
-            return Written(recorder.finish(free_path(self._path)))
+            return Written(recorder.finish(unused_path(self._path)))
         except StorageError as error:
             failed = [str(error)]
         for folder in self._spare:
             try:
-                return Written(recorder.finish(free_path(folder() / self._path.name)), failed[0])
+                return Written(recorder.finish(unused_path(folder() / self._path.name)), failed[0])
             except StorageError as error:
                 failed += [str(error)] if str(error) not in failed else []
         raise StorageError("the animation is not written: " + "; nor elsewhere: ".join(failed))

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...core.device.device import Device
 from ...core.errors import DefsenseError, TrainingError
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...sensing.layout import LAYOUT, LayoutRecord, load_layout
 from ...training.models.model_file import MODEL, is_model, load_model
 from .model_fit import Misfit, misfit

@@ -13,11 +13,11 @@ from ...core.device.device import Device
 from ...core.device.device_file import load_device
 from ...core.errors import LiveError
 from ...core.mesh import Surface
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...decoding.trained_model import TrainedModel
 from ...sensing.layout import LAYOUT, layout_hash, load_layout
 from ...training.models.model_file import load_model
-from ...twin.devices.simulated_device import SimulatedDevice, simulated_device
+from ...twin.devices.simulated_device import SimulatedDevice, load_simulated_device
 from ..controls.pose_amplitudes import PoseBasis, PoseRamp
 from .model_fit import Misfit, misfit
 
@@ -97,7 +97,7 @@ def without_build(model: TrainedModel, device: Device | None = None) -> LiveDevi
 
 def with_build(model: TrainedModel, device: Device) -> LiveDevice:
     """Of a built device that the model fits. Raises CaptureError where it is not built."""
-    found = simulated_device(device, model.rest_points)
+    found = load_simulated_device(device, model.rest_points)
     cords = tuple(
         LiveCord(name, cord.path, moved)
         for name, cord, moved in zip(found.names, found.cords, found.moved, strict=True)

@@ -17,7 +17,7 @@ from ...capture.readout.source import Source
 from ...core.arrays import Float
 from ...core.errors import ControlError, LiveError
 from ...core.progress import Progress, silent
-from ...twin.recordings.walking_board import WalkingBoard, parse_faults, walking_board
+from ...twin.recordings.walking_board import WalkingBoard, parse_faults, simulate_walking_board
 from ..controls.control_bank import ControlBank
 from ..controls.control_spec import ControlSpec
 from ..controls.pose_amplitudes import RADIUS_90
@@ -234,7 +234,7 @@ def _twin(live: LiveDevice, port: str, progress: Progress) -> WalkingBoard | Non
                             " none")  # fmt: skip
     if not 1 <= values["minutes"] <= 60:
         raise LiveError(f"{port}: minutes are from 1 to 60")
-    return walking_board(
+    return simulate_walking_board(
         live.device, unit=values["unit"], seed=values["seed"], seconds=60.0 * values["minutes"],
         faults=parse_faults(live.wired, faults), progress=progress,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from ...core.errors import StorageError
-from ...core.storage.files import free_path, storage_errors
+from ...core.storage.files import unused_path, storage_errors
 
 
 class RunFolder:
@@ -23,7 +23,7 @@ class RunFolder:
         """Make it unless it is there, and say where it is. Raises StorageError."""
         with self._lock, storage_errors(self.path):
             while self._new:
-                free = free_path(self.path)
+                free = unused_path(self.path)
                 try:
                     free.mkdir(parents=True)
                 except FileExistsError:  # of a run that began at the same moment

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...core.errors import OutputError, StorageError
-from ...core.storage.files import free_path, storage_errors, write_text
+from ...core.storage.files import unused_path, storage_errors, write_text
 from ..frames.live_frame import LiveFrame
 from .midi_mapping import MidiLearn, MidiMapper, as_toml, default_mapping, merged
 from .midi_ports import MidiPort, MidiPorts, SystemPorts, find_port
@@ -28,7 +28,7 @@ class MidiFile:
 
     def __init__(self, path: Path, title: str) -> None:
         """A file that is there stays: the name gets a number. Raises StorageError."""
-        self.path = free_path(path)
+        self.path = unused_path(path)
         with storage_errors(self.path):
             self._file = self.path.open("xb")
             self._file.write(b"MThd" + struct.pack(">IHHH", 6, 0, 1, _TICKS))
@@ -98,7 +98,7 @@ class MidiOutput:
         self._anew = False  # notes that may sound shall end, and all be sent again
         self._learn: MidiLearn | None = None
         self._new: MidiMapping | None = None  # that was learned last
-        self._learned_into, self._wrote = free_path(Path(settings.learned)), False
+        self._learned_into, self._wrote = unused_path(Path(settings.learned)), False
         self._told = set[int]()  # channels whose instrument was chosen
         self.trouble: str | None = None
         try:
@@ -227,6 +227,6 @@ class MidiOutput:
         self._mapping, self._new = merged(self._mapping, new), new
         self._anew = True
         if not self._wrote:
-            self._learned_into = free_path(self._learned_into)
+            self._learned_into = unused_path(self._learned_into)
         write_text(self._learned_into, as_toml(self._mapping))
         self._wrote = True

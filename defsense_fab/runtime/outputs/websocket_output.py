@@ -198,7 +198,7 @@ class WebSocketServer:
 
     async def _may_read(self, connection: ServerConnection) -> bool:
         request = connection.request
-        if request is not None and self.access.knows(request.path):
+        if request is not None and self.access.has_token(request.path):
             return True
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_TOKEN_WAIT):

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.errors import LiveError, StorageError
-from ...core.storage.files import replacing, storage_errors
+from ...core.storage.files import replace_file, storage_errors
 from ..frames.live_frame import LiveFrame
 from .animation import Animation, AnimationFile, Float32
 from .gltf_animation import write_gltf
@@ -140,7 +140,7 @@ def write_animation(path: Path, animation: Animation) -> AnimationFile:
 
 def _write_npz(path: Path, animation: Animation) -> AnimationFile:
     """`rest` (v, 3) and `positions` (n, v, 3) mm, `faces` (f, 3), `times` (n,) s."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replace_file(path) as temporary, temporary.open("wb") as file:
         np.savez(
             file,
             rest=animation.rest,

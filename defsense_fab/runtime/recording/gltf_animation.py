@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Float
-from ...core.storage.files import replacing
+from ...core.storage.files import replace_file
 from ...core.version import __version__
 from .animation import Animation, AnimationFile, Float32
 
@@ -196,7 +196,7 @@ def write_gltf(
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     size = 12 + 8 + len(text) + 8 + data.size
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replace_file(path) as temporary, temporary.open("wb") as file:
         file.write(struct.pack("<III", _MAGIC, 2, size))
         file.write(struct.pack("<II", len(text), _JSON) + text)
         file.write(struct.pack("<II", data.size, _BIN))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.errors import LiveError, StorageError
 from ...core.machine.optional_libraries import optional
-from ...core.storage.files import replacing
+from ...core.storage.files import replace_file
 from .animation import Animation, AnimationFile, Float32
 
 _SAVE = 64e6  # bytes of samples after which they are written, so that they do not fill the memory
@@ -27,7 +27,7 @@ def write_usd(path: Path, animation: Animation) -> AnimationFile:
     require_usd(path)
     from pxr import Tf
 
-    with replacing(path) as temporary:
+    with replace_file(path) as temporary:
         temporary.touch()  # the system says why where it cannot be; USD would make folders
         try:
             _write(temporary, animation)

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import OutputError
-from ...core.machine.local_access import LOCAL, Access
+from ...core.machine.local_access import LOCAL_HOSTS, Access
 from ...core.machine.optional_libraries import optional
 
 # Markdown of viser's pages without HTML.
@@ -46,7 +46,7 @@ def plain_markdown(markdown: str, image_root: Path | None = None) -> str:  # noq
 def refusal(access: Access, port: int, path: str, cookies: list[str]) -> str | None:
     """Why a request with this path and these Cookie headers is refused; None where it has the
     token in one of them, or none is needed."""
-    if access.knows(path) or any(access.is_token(v) for v in _values(cookies, port)):
+    if access.has_token(path) or any(access.is_token(v) for v in _values(cookies, port)):
         return None
     return "open the link that `defsense studio` prints: it ends with the token"
 
@@ -168,7 +168,7 @@ def _need_free(host: str, port: int) -> None:
         try:
             probe.bind((host, port))
         except OSError as error:
-            if host not in LOCAL and error.errno == errno.EADDRNOTAVAIL:
+            if host not in LOCAL_HOSTS and error.errno == errno.EADDRNOTAVAIL:
                 raise _no_address(host) from None
             raise OutputError(
                 "is in use by another program",

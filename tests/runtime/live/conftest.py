@@ -21,7 +21,7 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from tests.twin.devices.conftest import small_bar as small_bar_fixture
+from tests.twin.conftest import small_bar as small_bar_fixture
 from tests.runtime.bars import bent, twisted
 from tests.training.conftest import walk
 
