@@ -26,7 +26,7 @@ from sklearn.model_selection import PredefinedSplit
 from defsense_fab.core.arrays import Float
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.training.data.dataset import Dataset, Recording
-from defsense_fab.training.fitting.decoder_selection import try_candidate
+from defsense_fab.training.fitting.decoder_selection import FitData, fit_candidate
 from defsense_fab.training.fitting.train_model import train
 from defsense_fab.training.regression.candidates import AFFINE, Candidate
 from defsense_fab.training.regression.frames import Frames, assign_folds, split_frames
@@ -62,10 +62,11 @@ def affine(dataset: Dataset, rounds: int) -> tuple[float, float]:
     x: Float = frames.inputs(Past(), range(3))
     outputs = frames.points - dataset.rest_points
     weights, fold = np.ones(outputs.shape[:2]), assign_folds(len(frames))
+    data = FitData(frames, range(3), outputs, weights, fold)
     peer = RidgeCV(alphas=len(frames) * INPUT_NOISES**2, cv=PredefinedSplit(fold))
 
     def own() -> None:
-        try_candidate(Candidate(AFFINE, Past()), frames, range(3), outputs, weights, fold).decoder()
+        fit_candidate(Candidate(AFFINE, Past()), data).decoder()
 
     def theirs() -> None:
         peer.fit(frames.inputs(Past(), range(3)), outputs.reshape(len(x), -1))

@@ -29,7 +29,7 @@ from defsense_fab.core.arrays import Float
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.core.storage.build_folder import build_folder
+from defsense_fab.core.device.build_folder import build_folder
 from defsense_fab.decoding.trained_model import TrainedModel
 from defsense_fab.sensing.layout import LayoutRecord, load_layout
 from defsense_fab.training.data.dataset import Dataset, Recording
@@ -89,7 +89,7 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
         prior = simulated_prior(device, whole.channels, whole.rest_points)
         result = train(whole, prior=prior)
         r = whole.recordings[0]
-        after = slice(int(result.tested.frame_index[0]), len(r.time))
+        after = slice(int(result.test_frames.frame_index[0]), len(r.time))
         off, radius = errors(result.model, r, after)
         tell(
             seed,
@@ -106,9 +106,9 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
 
 
 def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str, float]) -> None:
-    rows = {a.name: a for a in result.attempts}
+    rows = {a.name: a for a in result.candidates}
     static = min(a.test.rmse for a in rows.values() if a.test and not (a.moved or a.worked))
-    best = rows[result.chosen]
+    best = rows[result.selected]
     known = np.isfinite(off)
     worst = min(poses, key=lambda p: poses[p])
     assert best.test is not None
@@ -116,11 +116,11 @@ def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str
     assert affine is not None
     inside = (off[known] <= radius[known]).mean()
     print(
-        f"  seed {seed}: affine {affine.rmse:.2f}, static {static:.2f}, {result.chosen}"
+        f"  seed {seed}: affine {affine.rmse:.2f}, static {static:.2f}, {result.selected}"
         f" {best.test.rmse:.2f} ± {best.test.per_state.std():.2f} (folds"
         f" {best.cross_validated:.2f}, peak {best.test.peak:.1f}, mean peak"
         f" {best.test.average_peak:.2f}); inside {inside:.1%}, least {poses[worst]:.1%} ({worst}),"
-        f" radius {np.nanmean(radius):.2f}; {len(result.tested)} tested",
+        f" radius {np.nanmean(radius):.2f}; {len(result.test_frames)} tested",
         flush=True,
     )
 
@@ -129,14 +129,14 @@ def foretold(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
     """Predicted against measured."""
     plain = train(whole, TrainingOptions(decoder="quadratic", memory=False))
     for found in (result, plain):
-        if found.repeats is None:
-            print(f"    {found.chosen}: no shape is shown twice")
+        if found.repeatability is None:
+            print(f"    {found.selected}: no shape is shown twice")
             continue
         frames = decode_frames(found.model, whole, _TEST)
-        p = predicted_error(found.repeats, frames, promised(layout, found.chosen))
+        p = predicted_error(found.repeatability, frames, promised(layout, found.selected))
         parts = ", ".join(f"{cause} {square:.3f}" for cause, square in p.shares.items())
         print(
-            f"    {found.chosen}: predicted {p.predicted:.2f}, measured {p.measured:.2f}, ratio"
+            f"    {found.selected}: predicted {p.predicted:.2f}, measured {p.measured:.2f}, ratio"
             f" {p.ratio:.2f} (the promise alone {p.promised_ratio:.2f}): {parts}",
             flush=True,
         )
@@ -150,7 +150,7 @@ def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: i
     )
     print(f"    no picture: {rmse(errors(alone, r, after)[0]):.2f}; all: {goal:.2f}")
     rate = 1 / float(np.median(np.diff(r.time)))
-    cut = int(full.tested.frame_index[0])
+    cut = int(full.test_frames.frame_index[0])
     cases = {
         "60 pictures of the first minute": slice(0, round(60 * rate), round(rate)),
         "60 pictures of the training": slice(0, cut, cut // 60),
@@ -188,10 +188,10 @@ def later(model: TrainedModel, r: Recording) -> None:
                 told += f"; {error}"
                 continue
             gains = ", ".join(
-                f"{g:.2f} ± {e:.2f}" for g, e in zip(found.gain, found.error, strict=True)
+                f"{g:.2f} ± {e:.2f}" for g, e in zip(found.gain, found.gain_error, strict=True)
             )
             after = rmse(errors(found.model, now, every)[0])
-            told += f" by {rounds}: {after:.2f} (gains {gains}, left {found.left:.1f})"
+            told += f" by {rounds}: {after:.2f} (gains {gains}, left {found.residual:.1f})"
             told += " refused" if found.problems else ""
         print(told, flush=True)
 

@@ -36,7 +36,6 @@ def add(commands: Commands) -> None:
 
 
 def _recalibrate(options: argparse.Namespace) -> int:
-    from ...training.fitting.recalibration import as_told
     from ...training.models.model_file import MODEL, load_model, write_model
     from ...training.models.recalibration_routine import recalibrate_from
     from ...training.models.train_device import model_path
@@ -50,7 +49,7 @@ def _recalibrate(options: argparse.Namespace) -> int:
     with results():
         if options.json:
             written = None if found.problems else str(path)
-            told = {"model": written, "enough": not found.problems, **as_told(found)}
+            told = {"model": written, "enough": not found.problems, **found.to_json()}
             sys.stdout.write(json.dumps(told, indent=1) + "\n")
             return 0
         from rich.table import Table
@@ -58,7 +57,7 @@ def _recalibrate(options: argparse.Namespace) -> int:
         table = Table(title="what has changed since the training")
         for name in ("channel", "gain"):
             table.add_column(name, justify="left" if name == "channel" else "right")
-        for name, gain, error in zip(model.channels, found.gain, found.error, strict=True):
+        for name, gain, error in zip(model.channels, found.gain, found.gain_error, strict=True):
             table.add_row(name, f"{gain:.3f} ± {error:.3f}")
         console().print(table)
         say([f"warning: {p}" for p in (*found.problems, *found.notes)])

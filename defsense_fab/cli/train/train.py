@@ -132,28 +132,28 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
     table.add_column("decoder", no_wrap=True)
     for name in ("folds", "test", "peak", "mean peak"):
         table.add_column(name, justify="right", no_wrap=True)
-    for a in result.attempts:
+    for a in result.candidates:
         test = ["-"] * 3
         if a.test is not None:
             sd = a.test.per_state.std()
             test = [f"{a.test.rmse:.2f} ± {sd:.2f}", f"{a.test.peak:.2f}",
                     f"{a.test.average_peak:.2f}"]  # fmt: skip
-        mark = "*" if a.name == result.chosen else " "
+        mark = "*" if a.name == result.selected else " "
         table.add_row(f"{mark} {a.name}", f"{a.cross_validated:.2f}", *test)
     out.print(table)
-    chosen = next(a for a in result.attempts if a.name == result.chosen)
+    chosen = next(a for a in result.candidates if a.name == result.selected)
     about = [
         "*: chosen by the folds",
-        f"trained on {len(result.trained)} pictures, tested on the {len(result.tested)} after",
+        f"trained on {len(result.training_frames)} pictures, tested on the {len(result.test_frames)} after",
     ]
     if chosen.moved or chosen.worked:
         times = [f"{t:.2g} s" for t in (*chosen.moved, *chosen.worked)]
         about.append(f"memory: {', '.join(times)}")
-    if result.wrong.any():
-        share = result.wrong.sum() / max(int(result.trained.visible.sum()), 1)
+    if result.wrong_markers.any():
+        share = result.wrong_markers.sum() / max(int(result.training_frames.visible.sum()), 1)
         about.append(f"{share:.2%} of the markers were wrong, and left out of the training")
-    if result.wrong_tested.any():
-        share = result.wrong_tested.sum() / max(int(result.tested.visible.sum()), 1)
+    if result.wrong_test_markers.any():
+        share = result.wrong_test_markers.sum() / max(int(result.test_frames.visible.sum()), 1)
         about.append(
             f"{share:.2%} of the markers of the test seem wrong; its errors are with them: look at"
             " the tracks"

@@ -99,7 +99,7 @@ def _twin(options: argparse.Namespace) -> int:
         return _list(traits.disable_traits(off), options)
     from ...capture.sessions.result_files import QUALITY
     from ...twin.recordings.twin_recordings import simulate_runs
-    from ...twin.recordings.twin_session import (
+    from ...workflow.sessions.twin_sessions import (
         ASSUMPTIONS,
         check_free,
         session_folder,

@@ -123,7 +123,10 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
     shown = {name: pose for name, pose in poses.items() if pose.reach >= _MIN_REACH}
     if len(shown) < 2:
         incomplete = {name: pose.reach for name, pose in poses.items() if name not in shown}
-        found = [*shown, *(f"{n} ({reach:.0%} as far as trained)" for n, reach in incomplete.items())]
+        found = [
+            *shown,
+            *(f"{n} ({reach:.0%} as far as trained)" for n, reach in incomplete.items()),
+        ]
         raise TrainingError(
             f"recalibration needs two poses or more of {', '.join(model.poses) or 'none'}, but the"
             f" recording shows {', '.join(found) or 'none'}",
@@ -248,7 +251,7 @@ def _describe_notes(
     ]
     if uncertain:
         notes.append(
-            f"these poses determine gains only roughly ({', '.join(uncertain)}); record more rounds,"
-            " with each pose as far as in the training"
+            f"these poses determine gains roughly ({', '.join(uncertain)}); record more"
+            " rounds, with each pose as far as in the training"
         )
     return tuple(notes)

@@ -17,7 +17,7 @@ from ...core.arrays import Float
 from ...core.errors import TrainingError
 from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Recording
-from ..fitting.recalibration import Recalibration, as_told, recalibrate
+from ..fitting.recalibration import Recalibration, recalibrate
 
 _FEW = 5  # samples at rest that tell nothing yet
 
@@ -29,7 +29,7 @@ def recalibrate_from(model: TrainedModel, folders: Sequence[Path]) -> Recalibrat
     about = {
         "at": datetime.now(UTC).isoformat(timespec="seconds"),
         "by": [str(folder) for folder in folders],
-        **as_told(found),
+        **found.to_json(),
     }
     before = model.told.get("recalibrated", [])
     told = {**model.told, "recalibrated": [*before, about]}

@@ -8,7 +8,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.errors import TrainingError
-from ...core.storage.build_folder import finished_build
+from ...core.device.build_folder import finished_build
 from ...geometry.bodies.body_record import load_surface
 from ...geometry.bodies.meshing.mesh_file import load_mesh
 from ...mechanics.elements.point_location import PointLocator

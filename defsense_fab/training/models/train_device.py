@@ -15,7 +15,7 @@ import numpy as np
 from ...core.device.device import Device
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...core.version import __version__
 from ...decoding.trained_model import TrainedModel
 from ...sensing.layout import layout_hash, load_layout, load_prediction
@@ -70,24 +70,24 @@ def told_of(
     result: Training, dataset: Dataset, options: TrainingOptions, prior: Prior | None
 ) -> dict[str, Any]:
     """What there is to know of a training, in plain values: for the model's file and `--json`."""
-    trained = result.trained
+    trained = result.training_frames
     return {
         **_origin(),
-        "decoder": result.chosen,
+        "decoder": result.selected,
         "options": asdict(options),
-        "pictures": {"trained": len(trained), "tested": len(result.tested)},
-        "wrong_markers": float(result.wrong.sum() / max(int(trained.visible.sum()), 1)),
+        "pictures": {"trained": len(trained), "tested": len(result.test_frames)},
+        "wrong_markers": float(result.wrong_markers.sum() / max(int(trained.visible.sum()), 1)),
         "wrong_markers_tested": float(
-            result.wrong_tested.sum() / max(int(result.tested.visible.sum()), 1)
+            result.wrong_test_markers.sum() / max(int(result.test_frames.visible.sum()), 1)
         ),
         "simulated_states": 0 if prior is None else len(prior.names),
-        "candidates": [row(a) for a in result.attempts],
+        "candidates": [row(a) for a in result.candidates],
         "sessions": sorted({r.session for r in dataset.recordings}),
         "units_trained": sorted({r.unit for r in dataset.recordings}),
         "runs": [r.name for r in dataset.recordings],
         "data": {r.name: recording_hash(r) for r in dataset.recordings},
         "held_out": _held_out(result, dataset),
-        "repeatability": None if result.repeats is None else asdict(result.repeats),
+        "repeatability": None if result.repeatability is None else asdict(result.repeatability),
         "first_rest": first_rest_signals(dataset),
         "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
         "sync_error": {r.name: r.sync_error for r in dataset.recordings},
@@ -104,7 +104,7 @@ def recording_hash(r: Recording) -> str:
 def _held_out(result: Training, dataset: Dataset) -> list[Mapping[str, Any]]:
     """Of each recording how long after its first picture, s, pictures were held out; None: all
     were trained on."""
-    tested, time = result.tested.recording_index, result.tested.time
+    tested, time = result.test_frames.recording_index, result.test_frames.time
     return [
         {
             "run": r.name,

@@ -20,7 +20,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import TrainingError
 from ...core.machine.optional_libraries import optional
-from ...core.storage.files import replacing_folder
+from ...core.storage.files import replace_folder
 from ...core.version import __version__
 from ..data.dataset import Dataset, Recording
 
@@ -40,7 +40,7 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
     samples, frames = _samples(dataset), _frames(dataset)
     told = json.loads(json.dumps(_about(dataset), allow_nan=False))
     about = json.dumps(told | {"sha256": _hash(told, samples, frames)})
-    with replacing_folder(path, over=True) as new:
+    with replace_folder(path, overwrite=True) as new:
         for name, columns in ((SAMPLES, samples), (FRAMES, frames)):
             table = arrow.table(columns).replace_schema_metadata({_KEY: about.encode()})
             parquet.write_table(table, new / name)

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import TrainingError
-from ...core.storage.files import replacing_folder, write_text
+from ...core.storage.files import replace_folder, write_text
 from ..data.dataset import Dataset, Recording
 from .dataset_parquet import parquet_library
 
@@ -38,7 +38,7 @@ def write_lerobot(folder: Path, dataset: Dataset, rate: int | None = None) -> No
     fps = rate or (round(1 / float(np.median(steps))) if len(steps) else 1)
     if fps < 1:
         raise TrainingError(f"{folder}: {fps} frames a second cannot be; give 1 or more")
-    with replacing_folder(folder) as part:
+    with replace_folder(folder) as part:
         (part / "meta").mkdir()
         _write(part, dataset, fps, arrow, parquet)
 

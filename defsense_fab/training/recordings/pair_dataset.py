@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...capture.clocks.synchronization import synchronize_by_motion
-from ...capture.files.formats import read_any
+from ...capture.files.formats import read_tracks
 from ...capture.sessions.signals import motion
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError, TrainingError
@@ -39,7 +39,7 @@ def pair_dataset(
     The device rests in the first `quiet` s; its name is `device`, the markers', or what it is
     `called` where those do not tell. Raises TrainingError, CaptureError."""
     return of_series(
-        read_series(signals), read_any(tracks), str(tracks), device=device, layout=layout,
+        read_series(signals), read_tracks(tracks), str(tracks), device=device, layout=layout,
         unit=unit, markers=markers, offset=offset, quiet=quiet, called=called,
     )  # fmt: skip
 

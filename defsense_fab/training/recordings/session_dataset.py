@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.files.formats import read_any
+from ...capture.files.formats import read_tracks
 from ...capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ...capture.sessions.session import CaptureSession, load
 from ...core.arrays import Bool, Float
@@ -17,7 +17,7 @@ from ...core.device.device import Device
 from ...core.errors import TrainingError
 from ...core.markers import Tracks
 from ...core.storage import typed_json
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...core.storage.files import load_json
 from ...core.storage.session_manifest import manifest_path
 from ...sensing.layout import LAYOUT, LayoutRecord, layout_hash, load_layout
@@ -62,7 +62,7 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
             " record anew"
         )
     signals = read_table(folder / SIGNALS)
-    tracks = read_any(folder / ALIGNED)
+    tracks = read_tracks(folder / ALIGNED)
     for name, count in ((SIGNALS, len(signals.values)), (ALIGNED, len(tracks.time))):
         if count < quality.get("frames", 0):
             raise TrainingError(

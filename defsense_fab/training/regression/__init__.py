@@ -1,1 +1,1 @@
-"""Ridge regression on camera frames: candidates, weights, intervals, and a simulation as a prior."""
+"""Ridge regression on frames: candidates, weights, intervals, and the simulation as a prior."""

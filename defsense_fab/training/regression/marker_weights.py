@@ -1,7 +1,7 @@
 """Weights of the markers in each frame: less for uncertain ones, none for wrong ones.
 
 A quadratic decoder is fitted repeatedly with Huber's weights. A marker is wrong if its residual is
-larger than `WRONG_MARKER_SIGMAS` robust standard deviations while the residuals of the frame's other
+larger than `WRONG_MARKER_SIGMAS` robust standard deviations while those of the frame's other
 markers, or of the frames before and after, are not. Causes are mistaken tags, reflections, and
 frames that were aligned wrongly to the rest pose. Where all markers are off for long, the decoder
 is wrong and not the markers.
@@ -110,4 +110,6 @@ def _axis_scale(distance: Float) -> float:
 
     The distances are taken to have a Maxwell distribution.
     """
-    return max(float(np.median(distance)) / 1.538, _MIN_SCALE_MM) if len(distance) else _MIN_SCALE_MM
+    return (
+        max(float(np.median(distance)) / 1.538, _MIN_SCALE_MM) if len(distance) else _MIN_SCALE_MM
+    )

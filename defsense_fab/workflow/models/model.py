@@ -149,6 +149,6 @@ def train(
     )  # fmt: skip
     options = TrainingOptions(decoder=decoder, test_share=share)
     training = train_dataset(data, options, prior, progress)
-    tests = {a.name: a.test for a in training.attempts}
-    test = tests[training.chosen]
+    tests = {a.name: a.test for a in training.candidates}
+    test = tests[training.selected]
     return Model(training.model, None if test is None else test.rmse, tuple(notes))

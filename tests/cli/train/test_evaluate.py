@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.capture.files.formats import write_any
+from defsense_fab.capture.files.formats import write_tracks
 from defsense_fab.cli.main import main
 from defsense_fab.core.markers import Tracks
 from defsense_fab.report.evaluation import evaluation_report
@@ -68,9 +68,9 @@ def test_json_of_what_training_held_out(files, capsys, no_figures):
         bar.dataset(bar.recording(40, noise=0.002, sigma=0.15, gaps=0.1)),
         TrainingOptions("affine", memory=False),
     )
-    [own] = [a for a in training.attempts if a.name == training.chosen]
+    [own] = [a for a in training.candidates if a.name == training.selected]
     errors = data["models"]["affine"]["errors"]
-    assert errors["frames"] == len(training.tested)
+    assert errors["frames"] == len(training.test_frames)
     assert errors["peak"] == pytest.approx(own.test.peak, rel=1e-6)
     assert errors["average_peak"] == pytest.approx(own.test.average_peak, rel=1e-6)
 
@@ -81,7 +81,7 @@ def test_files_of_others(files, tmp_path, capsys, no_figures):
     columns = np.column_stack([r.sample_time + 0.5, r.signals])
     signals = write_csv(tmp_path / "signals.csv", ["time", *bar.CHANNELS], columns)
     tracks = Tracks(r.time, bar.IDS, r.points, r.sigma, np.arange(len(r.time)))
-    write_any(tmp_path / "take.c3d", tracks)
+    write_tracks(tmp_path / "take.c3d", tracks)
     given = ["--signals", str(signals), "--tracks", str(tmp_path / "take.c3d")]
     out = ["--out", str(tmp_path / "out"), "--json"]
 

@@ -99,7 +99,7 @@ def test_another_resistance_at_rest_is_no_gain(recorded: Maker) -> None:
     run = routine(recorded, [1.0] * 3)
     aged = replace(run, ohm=run.ohm + np.array([0.0, 45.0, 0.0]))
     found = recalibrate(model, [aged])  # type: ignore[arg-type]
-    np.testing.assert_allclose(found.at_rest, [0.0, 0.03, 0.0], atol=2e-3)
+    np.testing.assert_allclose(found.rest_signals, [0.0, 0.03, 0.0], atol=2e-3)
     np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
 
 
@@ -118,7 +118,7 @@ def test_where_poses_do_not_tell_a_gain_it_stays_near_one_and_that_is_told(
     for gain in ([1.2, 1.0, 1.0], [0.8, 0.8, 0.8]):
         found = recalibrate(remembering, [routine(recorded, gain)])
         assert np.abs(np.log(found.gain)).max() < 0.12
-        assert found.changed < 0.9
+        assert found.change_probability < 0.9
         assert found.notes
 
 

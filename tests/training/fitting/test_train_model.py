@@ -27,7 +27,7 @@ def changed(dataset: Dataset, **changes: object) -> Dataset:
 def test_the_affine_decoder_is_the_ridge_of_a_library(recorded: Maker) -> None:
     dataset = recorded(60)
     result = train(dataset, TrainingOptions(decoder="affine", memory=False))
-    row = result.attempts[0]
+    row = result.candidates[0]
     frames, _ = split_frames(Frames.from_dataset(dataset))
     x = frames.inputs(result.model.main.past, range(3))
     peer = Ridge(alpha=row.lambda_**2, solver="cholesky", tol=1e-12)
@@ -39,18 +39,18 @@ def test_the_affine_decoder_is_the_ridge_of_a_library(recorded: Maker) -> None:
 
 def test_signals_that_bend_get_a_decoder_that_bends(recorded: Maker) -> None:
     result = train(recorded(60, noise=0.0))
-    rmse = {a.name: a.test.rmse for a in result.attempts if a.test}
-    assert result.chosen in ("quadratic", "kernel")
+    rmse = {a.name: a.test.rmse for a in result.candidates if a.test}
+    assert result.selected in ("quadratic", "kernel")
     assert rmse["quadratic"] < 0.5 * rmse["affine"]
-    assert next(a for a in result.attempts if a.name == "quadratic").cross_validated == (
+    assert next(a for a in result.candidates if a.name == "quadratic").cross_validated == (
         pytest.approx(rmse["quadratic"], rel=0.5)
     )
 
 
 def test_cords_that_relax_get_a_memory(recorded: Maker) -> None:
     result = train(recorded(180, tear=0.3, noise=2e-3))
-    best = next(a for a in result.attempts if a.name == result.chosen)
-    static = min(a.test.rmse for a in result.attempts if a.test and not (a.moved or a.worked))
+    best = next(a for a in result.candidates if a.name == result.selected)
+    static = min(a.test.rmse for a in result.candidates if a.test and not (a.moved or a.worked))
     assert best.moved or best.worked
     assert best.test is not None
     assert best.test.rmse < 0.8 * static
@@ -58,7 +58,7 @@ def test_cords_that_relax_get_a_memory(recorded: Maker) -> None:
 
 def test_cords_that_remember_nothing_get_no_memory(recorded: Maker) -> None:
     result = train(recorded(180, noise=0.0))
-    assert result.chosen in ("quadratic", "kernel")
+    assert result.selected in ("quadratic", "kernel")
 
 
 def test_intervals_hold_on_what_comes_later(recorded: Maker) -> None:
@@ -66,7 +66,7 @@ def test_intervals_hold_on_what_comes_later(recorded: Maker) -> None:
     for seed in range(4):
         dataset = recorded(200, seed=seed, noise=2e-3, tear=0.1)
         result = train(dataset, TrainingOptions(decoder="quadratic", memory=False))
-        run, later = dataset.recordings[0], result.tested.frame_index
+        run, later = dataset.recordings[0], result.test_frames.frame_index
         found = result.model.decode(run.sample_time, run.signals, run.time[later])
         off = np.linalg.norm(found.points - run.points[later], axis=2)
         inside.append((off <= found.radius).mean())
@@ -112,14 +112,19 @@ def test_wrong_markers_do_not_spoil_the_rest(recorded: Maker) -> None:
         found = train(dirty, options).model.decode(run.sample_time, run.signals, run.time[after])
         return float(np.sqrt(((found.points - run.points[after]) ** 2).sum(2).mean()))
 
-    good = next(a.test.rmse for a in train(clean).attempts if a.name == "quadratic" and a.test)
+    good = next(a.test.rmse for a in train(clean).candidates if a.name == "quadratic" and a.test)
     assert error(TrainingOptions(decoder="quadratic")) < 1.05 * good
     assert error(TrainingOptions(decoder="quadratic", weighted=False)) > 10 * good
     result = train(dirty)
-    hit = result.wrong & (
-        wrong[result.trained.frame_index] | (np.abs(result.trained.frame_index - 301.5) < 2)[:, None]
+    hit = result.wrong_markers & (
+        wrong[result.training_frames.frame_index]
+        | (np.abs(result.training_frames.frame_index - 301.5) < 2)[:, None]
     )
-    assert hit.sum() == result.wrong.sum() > 0.98 * wrong[result.trained.frame_index].sum()
+    assert (
+        hit.sum()
+        == result.wrong_markers.sum()
+        > 0.98 * wrong[result.training_frames.frame_index].sum()
+    )
 
 
 def test_a_decoder_that_fails_for_long_does_not_make_its_markers_wrong(recorded: Maker) -> None:
@@ -127,7 +132,7 @@ def test_a_decoder_that_fails_for_long_does_not_make_its_markers_wrong(recorded:
     run = dataset.recordings[0]
     ohm = run.ohm.copy()
     ohm[600:900] *= 1.02  # the cords, not the cameras
-    assert not train(changed(dataset, ohm=ohm)).wrong.any()
+    assert not train(changed(dataset, ohm=ohm)).wrong_markers.any()
 
 
 def test_less_certain_markers_weigh_less(recorded: Maker) -> None:
@@ -156,15 +161,18 @@ def test_gaps_and_lost_samples_are_left_out(recorded: Maker) -> None:
     ohm = run.ohm.copy()
     ohm[1000:1200] = np.nan
     result = train(changed(dataset, ohm=ohm))
-    lost = np.abs(run.time[result.trained.frame_index] - run.sample_time[1100]) < 100 / 60 - 0.02
+    lost = (
+        np.abs(run.time[result.training_frames.frame_index] - run.sample_time[1100])
+        < 100 / 60 - 0.02
+    )
     assert not lost.any()
-    assert next(a.test.rmse for a in result.attempts if a.name == "quadratic" and a.test) < 0.4
+    assert next(a.test.rmse for a in result.candidates if a.name == "quadratic" and a.test) < 0.4
 
 
 def test_too_few_pictures_are_refused_with_their_number(recorded: Maker) -> None:
     with raises(TrainingError, "too-few-frames", count=29, needed=50):
         train(recorded(1.0))
-    assert len(train(recorded(3.0), TrainingOptions(memory=False)).trained) > 50
+    assert len(train(recorded(3.0), TrainingOptions(memory=False)).training_frames) > 50
 
 
 def test_a_marker_that_no_camera_saw_is_named(recorded: Maker) -> None:
@@ -225,7 +233,7 @@ def test_a_run_that_begins_without_signals_is_trained_on(recorded: Maker) -> Non
     ohm = second.ohm.copy()
     ohm[:10, 1] = np.nan
     late = replace(dataset, recordings=(dataset.recordings[0], replace(second, ohm=ohm)))
-    assert np.isfinite(train(late).attempts[-1].cross_validated)
+    assert np.isfinite(train(late).candidates[-1].cross_validated)
 
 
 def test_a_short_circuit_is_no_signal(recorded: Maker) -> None:
@@ -235,7 +243,7 @@ def test_a_short_circuit_is_no_signal(recorded: Maker) -> None:
     ohm[500:560, 0] = 0.0
     ohm[700:760, 1] = np.inf
     found, clean = train(changed(dataset, ohm=ohm)), train(dataset)
-    assert found.attempts[0].cross_validated < 1.1 * clean.attempts[0].cross_validated
+    assert found.candidates[0].cross_validated < 1.1 * clean.candidates[0].cross_validated
     assert found.model.faults is not None
     assert clean.model.faults is not None
     np.testing.assert_allclose(found.model.faults.low, clean.model.faults.low, atol=0.02)
@@ -252,7 +260,7 @@ def test_rows_are_compared_by_one_measure(recorded: Maker) -> None:
         changed(dataset, points=points, sigma=np.broadcast_to(poor, points.shape).copy()),
         TrainingOptions(memory=False),
     )
-    rows = {a.name: a.cross_validated for a in result.attempts}
+    rows = {a.name: a.cross_validated for a in result.candidates}
     assert rows["affine"] < 1.5 * rows["quadratic"] + 1.0
 
 
@@ -272,8 +280,8 @@ def test_fallbacks_of_the_paper_s_map_are_the_paper_s(recorded: Maker) -> None:
     run = dataset.recordings[0]
     sigma = np.random.default_rng(0).uniform(0.02, 2.0, run.points.shape)
     result = train(changed(dataset, sigma=sigma), TrainingOptions(decoder="affine", memory=False))
-    x = result.trained.inputs(result.model.main.past, [0, 2])
-    o = result.trained.points.reshape(len(x), -1)
+    x = result.training_frames.inputs(result.model.main.past, [0, 2])
+    o = result.training_frames.points.reshape(len(x), -1)
     best = min(
         (Ridge(alpha=len(x) * s**2, solver="cholesky").fit(x, o) for s in INPUT_NOISES),
         key=lambda r: np.abs(r.coef_.T - result.model.without["top"].decoder.weights).max(),

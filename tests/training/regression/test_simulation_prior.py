@@ -68,15 +68,17 @@ def test_a_simulation_of_another_device_is_not_followed(recorded: Maker) -> None
     other = replace(prior, signals=prior.signals[::-1].copy())
     dataset = recorded(60)
     without, with_it = train(dataset), train(dataset, prior=other)
-    rows = {a.name: a for a in with_it.attempts}
+    rows = {a.name: a for a in with_it.candidates}
     assert rows["simulated"].cross_validated > 5 * rows["quadratic"].cross_validated
     assert error(with_it.model, dataset) < 1.2 * error(without.model, dataset)
-    assert rows["affine"].cross_validated == without.attempts[0].cross_validated
+    assert rows["affine"].cross_validated == without.candidates[0].cross_validated
 
 
 def test_the_simulation_alone_is_a_model_without_intervals(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(30, noise=0.0)
-    model = fit_simulated_model("toy", "", dataset.channels, dataset.ids, dataset.rest_points, prior)
+    model = fit_simulated_model(
+        "toy", "", dataset.channels, dataset.ids, dataset.rest_points, prior
+    )
     assert error(model, dataset) < 0.5
     assert model.main.intervals is None
     assert set(model.without) == set(dataset.channels)

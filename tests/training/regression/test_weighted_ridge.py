@@ -43,7 +43,9 @@ def test_an_affine_map_is_that_of_a_library_s_ridge_for_every_marker(
     x, o, w = data
     phi, whitened = affine(x)
     noise = 0.03
-    beta, constant = solve_ridge(accumulate_sums(phi, o, w, np.zeros(400, int)).without(), np.array([noise]))
+    beta, constant = solve_ridge(
+        accumulate_sums(phi, o, w, np.zeros(400, int)).without(), np.array([noise])
+    )
     B, b = whitened.undo(beta[0], constant[0])
     for m in range(5):
         peer = Ridge(alpha=noise**2 * w[:, m].sum(), solver="cholesky", tol=1e-12)

@@ -60,7 +60,7 @@ def causes_by_rebuilding(
         )  # fmt: skip
         prior = simulated_prior(device, data.channels, data.rest_points)
         found = train(data, options, silent, prior)
-        test = next(a.test for a in found.attempts if a.name == found.chosen)
+        test = next(a.test for a in found.candidates if a.name == found.selected)
         assert test is not None
         return test.rmse
 

@@ -17,9 +17,9 @@ import tomlkit
 from ....core.device.device import Device, Sensor
 from ....core.device.device_file import DEVICE, load_device
 from ....core.progress import Progress
-from ....core.storage.build_folder import build_folder
-from ....core.storage.files import replacing_folder, storage_errors, write_text
-from ....core.storage.own_files import own_files
+from ....core.device.build_folder import build_folder
+from ....core.storage.files import replace_folder, storage_errors, write_text
+from ....core.device.build_folder import own_files
 from ....optimize.prediction.design_task import load_task
 from ....optimize.search import baselines
 from ...build.build import build
@@ -130,8 +130,8 @@ def _straight(choice: LayoutChoice, simulated: Device) -> Sequence[Sensor]:
     task = load_task(simulated, build_folder(simulated)).design
     assert choice.count is not None
     if choice.cords == MANUAL:
-        return baselines.manual(task, choice.count)
-    return baselines.visual(task, choice.count, np.random.default_rng(_SEED))
+        return baselines.manual_layout(task, choice.count)
+    return baselines.visual_layout(task, choice.count, np.random.default_rng(_SEED))
 
 
 def _tables(sensors: Sequence[Sensor]) -> Any:
@@ -160,5 +160,5 @@ def _link(source: Path, target: Path) -> None:
             shutil.copy2(a, b)
         return b
 
-    with replacing_folder(target) as temporary:
+    with replace_folder(target) as temporary:
         shutil.copytree(source, temporary, copy_function=one, dirs_exist_ok=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.device.device import Device
-from ....core.storage.build_folder import build_folder
+from ....core.device.build_folder import build_folder
 from ....decoding.decoders import fit_decoder
 from ....decoding.trained_model import TrainedModel
 from ....geometry.bodies.meshing.mesh_file import load_mesh
@@ -29,10 +29,10 @@ from ....sensing.built_cord import BuiltCord, CordReading
 from ....sensing.layout import load_layout
 from ....training.evaluation.decoded_frames import DecodedFrames
 from ....training.models.simulated_prior import simulated_prior
-from ....training.regression.candidates import form_of, KERNEL, SIMULATED
+from ....training.regression.candidates import parse_form, KERNEL, SIMULATED
 from ....training.regression.simulation_prior import Prior
-from ....training.regression.simulated_decoder import simulated_decoder
-from ....twin.devices.pose_samples import coordinates
+from ....training.regression.simulated_decoder import fit_simulated_decoder
+from ....twin.devices.pose_samples import pose_axes
 from ....twin.scenes.pose_space import PoseSpace
 from .unit_session import true_weights
 
@@ -79,7 +79,7 @@ class DesignedMovement:
 
     def error(self, kind: str) -> MovementError:
         """Of a decoder of this `kind`, as training names them."""
-        form, s, p = form_of(kind), self._test_signals, self._test_points
+        form, s, p = parse_form(kind), self._test_signals, self._test_points
         decode = self._decoder(form)
         said = decode(s).reshape(p.shape)
         rng = np.random.default_rng(_SEED)
@@ -94,7 +94,7 @@ class DesignedMovement:
 
     def _decoder(self, form: str) -> Callable[[Float], Float]:
         if form == SIMULATED:
-            return simulated_decoder(self._prior)
+            return fit_simulated_decoder(self._prior)
         some = _some(len(self._points), _KERNEL if form == KERNEL else _MOMENTS)
         points = self._points[some].reshape(len(some), -1)
         return fit_decoder(form, self._signals[some], points, self._noise)
@@ -123,7 +123,7 @@ def _designed(
     fields = load_fields(folder)
     names = [p.name for p in device.poses]
     states = np.array([[w.get(name, 0.0) for name in names] for w in fields.weights])
-    space = PoseSpace(coordinates(device.poses), states)
+    space = PoseSpace(pose_axes(device.poses), states)
     locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
     ways = [locator.displacement(locator.find(c.path), fields.displacements) for c in cords]
 

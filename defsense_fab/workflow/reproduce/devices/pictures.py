@@ -13,7 +13,7 @@ from ....core.arrays import Float
 from ....core.device.device import Device
 from ....core.mesh import Surface
 from ....core.progress import Progress
-from ....core.storage.build_folder import build_folder
+from ....core.device.build_folder import build_folder
 from ....core.storage.files import digest
 from ....geometry.bodies.body_record import load_surface
 from ....geometry.bodies.orientation import standing

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ....capture.files.formats import read_any
+from ....capture.files.formats import read_tracks
 from ....capture.sessions.result_files import ALIGNED
 from ....core.device.device import Device
 from ....core.markers import FILE as MARKERS
 from ....core.markers import Markers, read_markers
 from ....core.progress import Progress
-from ....core.storage.build_folder import build_folder
+from ....core.device.build_folder import build_folder
 from ....core.storage.files import digest, storage_errors
 from ....geometry.bodies.meshing.mesh_file import RECORD
 from ....sensing.layout import LAYOUT, layout_hash, load_layout
@@ -26,7 +26,7 @@ from ....twin.devices.device_fields import MechanicsTraits
 from ....twin.devices.twin_traits import FilmTraits
 from ....twin.devices.twin_traits import TwinTraits
 from ....twin.recordings.twin_recordings import simulate_runs
-from ....twin.recordings.twin_session import write_sessions
+from ...sessions.twin_sessions import write_sessions
 from ...tags.markers import write_markers
 from ..experiments.experiment import Experiment, SessionPlan
 from ..results.kept import keep, kept, once
@@ -148,6 +148,6 @@ def unit_key(experiment: Experiment, device: Device, markers: Markers, unit: int
 
 def _rare(session: Path) -> list[int]:
     """Markers that the cameras hardly ever see."""
-    tracks = read_any(session / ALIGNED)
+    tracks = read_tracks(session / ALIGNED)
     seen = tracks.seen.mean(axis=0)
     return [int(n) for n, s in zip(tracks.ids, seen, strict=True) if s < _SEEN]

@@ -12,7 +12,7 @@ from ....runtime.controls.pose_amplitudes import RADIUS_90
 from ....runtime.live.live_device import LiveDevice, live_device
 from ....runtime.surface.live_surface import LiveSurface, make_surface
 from ....runtime.surface.surface_mesh import SurfaceBasis
-from ....twin.devices.device_fields import MechanicsTraits, device_fields
+from ....twin.devices.device_fields import MechanicsTraits, solve_fields
 from .sessions import unit_model, unit_session
 from .unit_session import recording_of, true_weights
 
@@ -39,7 +39,7 @@ def shown_frames(
     moment in the last `share` of a unit's session in which it was furthest, and others least."""
     session, live = unit_session(device, unit), live_device(unit_model(device, unit), device.source)
     assert live.rest is not None
-    fields = device_fields(device, mechanics)
+    fields = solve_fields(device, mechanics)
     r = recording_of(device, session)
     tested = r.time[round((1 - share) * len(r.time)) :]
     decoded = live.model.decode(r.sample_time, r.signals, tested)

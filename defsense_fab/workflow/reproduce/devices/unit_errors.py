@@ -39,14 +39,14 @@ def unit_errors(
     `causes` of its mean square, also `by_truth`; and how often poses were `told_apart`."""
     found = evaluate_files([model_file], DataFiles((session,)), device)
     (told,) = as_data(found)["models"].values()
-    affine = next(a for a in training.attempts if a.name == AFFINE)
+    affine = next(a for a in training.candidates if a.name == AFFINE)
     assert affine.test is not None
     frames = found.models[0].evaluation.frames
-    designed = DesignedMovement(device, session, training.model, training.trained.time, frames)
-    moved = {AFFINE: designed.error(AFFINE), "chosen": designed.error(training.chosen)}
+    designed = DesignedMovement(device, session, training.model, training.training_frames.time, frames)
+    moved = {AFFINE: designed.error(AFFINE), "chosen": designed.error(training.selected)}
     return {
-        "decoder": training.chosen,
-        "frames": {"trained": len(training.trained), "tested": told["errors"]["frames"]},
+        "decoder": training.selected,
+        "frames": {"trained": len(training.training_frames), "tested": told["errors"]["frames"]},
         "markers": len(training.model.ids),
         "affine": {
             "rmse": affine.test.rmse,
@@ -75,10 +75,10 @@ def _movement_row(
 ) -> dict[str, Any]:
     """With what the training tells of how well the cords repeat, where it does."""
     measured = float(np.sqrt((frames.per_frame**2).mean()))
-    if training.repeats is None:
+    if training.repeatability is None:
         return _as_row(moved, moved.rmse, measured)
     promise = Promise(moved.rmse, moved.noise, moved.rmse, moved.rmse)
-    p = predicted_error(training.repeats, frames, promise)
+    p = predicted_error(training.repeatability, frames, promise)
     return {**_as_row(moved, p.predicted, measured), "mean_squares": p.shares}
 
 

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import numpy as np
-from defsense_fab.capture.sessions.session import create, PoseStep
 
-from defsense_fab.capture.files.formats import write_any
+from defsense_fab.capture.files.formats import write_tracks
+from defsense_fab.capture.sessions.session import PoseStep, create
 from defsense_fab.training.data.dataset import Recording
 from tests.training.models.data.files_of_others import markers, tracks_of, write_csv
 from tests.training.synthetic import CHANNELS
@@ -32,7 +32,7 @@ def write_session(folder: Path, r: Recording, device: str = "bar", layout: str =
         reference=[1000.0] * 3, calibration=None, markers=markers(), unit=r.unit, layout=layout,
     )  # fmt: skip
     (folder / "run-1").mkdir()
-    write_any(folder / "aligned.csv", tracks_of(r))
+    write_tracks(folder / "aligned.csv", tracks_of(r))
     write_samples(folder / "samples.csv", r)
     columns = [np.arange(len(r.time)), r.time, *r.signals_at(r.time).T]
     write_csv(folder / "signals.csv", ["frame", "time", *CHANNELS], np.column_stack(columns))

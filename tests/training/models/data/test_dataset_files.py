@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from defsense_fab.training.recordings.dataset_parquet import read_dataset, write_dataset
-from defsense_fab.training.recordings.lerobot_export import write_lerobot
 
 from defsense_fab.core.errors import StorageError, TrainingError
+from defsense_fab.training.recordings.dataset_parquet import read_dataset, write_dataset
+from defsense_fab.training.recordings.lerobot_export import write_lerobot
 from tests.training.synthetic import CHANNELS, IDS, dataset, places, recording
 
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.training.recordings.dataset_parquet import write_dataset
-from defsense_fab.training.recordings.datasets import load_datasets
 
-from defsense_fab.capture.files.formats import write_any
+from defsense_fab.capture.files.formats import write_tracks
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.markers import write_markers_file
+from defsense_fab.training.recordings.dataset_parquet import write_dataset
+from defsense_fab.training.recordings.datasets import load_datasets
+from tests.places import BAR
 from tests.training.models.data.files_of_others import markers, tracks_of, write_signals
 from tests.training.models.data.xdf_writer import stream, write_xdf
-from tests.places import BAR
 from tests.training.synthetic import CHANNELS, IDS, REST, dataset, recording
 
 
@@ -32,7 +32,7 @@ def files(tmp_path):
         stream(2, "Cams", "MoCap", labels, r[1].time, r[1].points.reshape(len(r[1].time), -1)),
     )
     write_signals(tmp_path / "s.csv", r[2])
-    write_any(tmp_path / "t.npz", tracks_of(r[2]))
+    write_tracks(tmp_path / "t.npz", tracks_of(r[2]))
     write_markers_file(markers(), tmp_path / "markers.json")
     return tmp_path, r
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.training.recordings.pair_dataset import pair_dataset
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.files.formats import write_any
+from defsense_fab.capture.files.formats import write_tracks
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.markers import Tracks
 from defsense_fab.training.data.dataset_checks import check_dataset
+from defsense_fab.training.recordings.pair_dataset import pair_dataset
 from tests.training.models.data.files_of_others import markers, tracks_of, write_csv, write_signals
 from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, recording
 
@@ -34,7 +34,7 @@ def rigid(points, time):
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet", ".c3d", ".trc"])
 def test_tracks_of_every_format_go_with_signals_by_time(tmp_path, r, suffix):
     signals = write_signals(tmp_path / "signals.csv", r)
-    write_any(tmp_path / f"take{suffix}", tracks_of(r))
+    write_tracks(tmp_path / f"take{suffix}", tracks_of(r))
     found = pair_dataset(signals, tmp_path / f"take{suffix}", markers=markers())
     (got,) = found.recordings
     assert found.channels == CHANNELS
@@ -50,7 +50,7 @@ def test_tracks_of_every_format_go_with_signals_by_time(tmp_path, r, suffix):
 
 
 def test_resistances_have_their_r0_from_the_rest(tmp_path, r):
-    write_any(tmp_path / "take.csv", tracks_of(r))
+    write_tracks(tmp_path / "take.csv", tracks_of(r))
     names = ["time", *(f"{c}_ohm" for c in CHANNELS)]
     path = write_csv(tmp_path / "ohm.csv", names, np.column_stack([r.sample_time, r.ohm]))
     for given, said in ((markers(), "s in which the markers are at rest"), (None, "the first 3 s")):
@@ -64,7 +64,7 @@ def test_resistances_have_their_r0_from_the_rest(tmp_path, r):
     start = np.searchsorted(r.time, 8.0)
     points = np.concatenate([r.points[start:], r.points[:start]])
     back = Tracks(later.time, IDS, points, later.sigma, later.frame)
-    write_any(tmp_path / "later.csv", back)
+    write_tracks(tmp_path / "later.csv", back)
     split = np.searchsorted(r.sample_time, 8.0)
     ohm = np.concatenate([r.ohm[split:], r.ohm[:split]])
     turned = write_csv(tmp_path / "t.csv", names, np.column_stack([r.sample_time, ohm]))
@@ -80,7 +80,7 @@ def test_resistances_have_their_r0_from_the_rest(tmp_path, r):
 
 def test_an_offset_is_given_or_found_by_motion(tmp_path, r):
     signals = write_signals(tmp_path / "s.csv", replace(r, sample_time=r.sample_time + 105.25))
-    write_any(tmp_path / "take.c3d", tracks_of(r))
+    write_tracks(tmp_path / "take.c3d", tracks_of(r))
     with pytest.raises(TrainingError, match=r"no time in common \(105\.2 to 135\.2 s, 0\.0 to 30"):
         pair_dataset(signals, tmp_path / "take.c3d")
     given = pair_dataset(signals, tmp_path / "take.c3d", offset=-105.25).recordings[0]
@@ -92,7 +92,7 @@ def test_an_offset_is_given_or_found_by_motion(tmp_path, r):
     assert 0 < found.sync_error < 0.05
     assert np.abs(found.sample_time - r.sample_time).mean() < 0.03
     still = tracks_of(r).part(r.time < QUIET)
-    write_any(tmp_path / "still.csv", still)
+    write_tracks(tmp_path / "still.csv", still)
     with pytest.raises(TrainingError, match=r"no offset is found by motion.*; give it"):
         pair_dataset(signals, tmp_path / "still.csv", offset="auto")
 
@@ -102,7 +102,7 @@ def test_tracks_in_another_frame_are_laid_onto_the_rest_pose(tmp_path, r):
     take = replace(
         tracks_of(r), points=rigid(r.points, r.time), sigma=np.full(r.points.shape, np.nan)
     )
-    write_any(tmp_path / "take.trc", take)
+    write_tracks(tmp_path / "take.trc", take)
     found = pair_dataset(signals, tmp_path / "take.trc", markers=markers())
     (got,) = found.recordings
     off = np.linalg.norm(got.points - r.points, axis=2)
@@ -114,17 +114,17 @@ def test_tracks_in_another_frame_are_laid_onto_the_rest_pose(tmp_path, r):
     with pytest.raises(TrainingError, match=r"take\.trc: is not in the device's frame"):
         pair_dataset(signals, tmp_path / "take.trc", markers=wrong)
     metres = replace(take, points=r.points / 1000)
-    write_any(tmp_path / "m.csv", metres)
+    write_tracks(tmp_path / "m.csv", metres)
     with pytest.raises(TrainingError, match=r"off\), and cannot be laid onto its rest.*in mm"):
         pair_dataset(signals, tmp_path / "m.csv", markers=markers())
     exchanged = replace(take, ids=IDS[[1, 0, 2, 3, 4]])
-    write_any(tmp_path / "e.csv", exchanged)
+    write_tracks(tmp_path / "e.csv", exchanged)
     with pytest.raises(
         TrainingError, match=r"have the places of markers\.json: .*; check the mark"
     ):
         pair_dataset(signals, tmp_path / "e.csv", markers=markers())
     others = replace(take, ids=IDS + 30)
-    write_any(tmp_path / "o.csv", others)
+    write_tracks(tmp_path / "o.csv", others)
     with pytest.raises(TrainingError, match="its markers are 31, 32, 35, 37, 38, the device's are"):
         pair_dataset(signals, tmp_path / "o.csv", markers=markers())
 
@@ -146,7 +146,7 @@ def test_tracks_in_another_frame_are_laid_onto_the_rest_pose(tmp_path, r):
 )  # fmt: skip
 def test_tables_that_cannot_be_used(tmp_path, r, table, says):
     (tmp_path / "s.csv").write_text(table)
-    write_any(tmp_path / "take.csv", tracks_of(r).part(slice(0, 10)))
+    write_tracks(tmp_path / "take.csv", tracks_of(r).part(slice(0, 10)))
     with pytest.raises(TrainingError, match=says):
         pair_dataset(tmp_path / "s.csv", tmp_path / "take.csv")
 
@@ -157,7 +157,7 @@ def test_rows_without_signals_are_no_samples(tmp_path, r):
     for k in range(600, 720):
         lines[k] = ",".join(lines[k].split(",")[:2]) + ",,,,"
     (tmp_path / "s.csv").write_text("\n".join(lines))
-    write_any(tmp_path / "take.csv", tracks_of(r))
+    write_tracks(tmp_path / "take.csv", tracks_of(r))
     found = pair_dataset(tmp_path / "s.csv", tmp_path / "take.csv", markers=markers())
     assert len(found.recordings[0].sample_time) == len(r.sample_time) - 120
     assert {p.kind for p in check_dataset(found)} == {"few frames"}
@@ -166,7 +166,7 @@ def test_rows_without_signals_are_no_samples(tmp_path, r):
 def test_tracks_in_which_nothing_is_seen(tmp_path, r):
     nothing = replace(tracks_of(r), points=np.full_like(r.points, np.nan))
     nothing = replace(nothing, sigma=nothing.points)
-    write_any(tmp_path / "take.csv", nothing)
+    write_tracks(tmp_path / "take.csv", nothing)
     signals = write_signals(tmp_path / "s.csv", r)
     with pytest.raises(TrainingError, match="no marker was seen in 900 frames"):
         pair_dataset(signals, tmp_path / "take.csv")
@@ -179,7 +179,7 @@ def test_samples_and_frames_keep_their_own_clocks(tmp_path):
     is made up between samples."""
     for frames in (15.0, 30.0):
         r = recording(5, 20.0, rate=60.0, frames=frames)
-        write_any(tmp_path / "take.csv", tracks_of(r))
+        write_tracks(tmp_path / "take.csv", tracks_of(r))
         got = pair_dataset(write_signals(tmp_path / "s.csv", r), tmp_path / "take.csv").recordings[
             0
         ]
@@ -194,7 +194,7 @@ def test_a_device_that_moves_in_what_is_taken_for_its_rest_is_told(tmp_path, r):
     signals = write_signals(tmp_path / "signals.csv", r)
     later = r.time > QUIET + 5
     tracks = tracks_of(r).part(later)
-    write_any(tmp_path / "take.csv", tracks)
+    write_tracks(tmp_path / "take.csv", tracks)
     notes = pair_dataset(signals, tmp_path / "take.csv").provenance["sessions"][0]["notes"]
     assert any("mm in the first 3 s, which are taken for the rest" in note for note in notes)
     notes = pair_dataset(signals, tmp_path / "take.csv", markers=markers()).provenance

@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.core.storage import typed_json
-from defsense_fab.sensing.layout import layout_hash
-from defsense_fab.workflow.sessions import processing
-from defsense_fab.workflow.sessions.processing import process_session
-from defsense_fab.capture.sessions import session as sessions
-from defsense_fab.training.recordings.session_dataset import session_dataset
 
 from benchmarks import memory
-from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.files.formats import read_tracks
+from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
+from defsense_fab.core.storage import typed_json
+from defsense_fab.sensing.layout import layout_hash
+from defsense_fab.training.recordings.session_dataset import session_dataset
+from defsense_fab.workflow.sessions import processing
+from defsense_fab.workflow.sessions.processing import process_session
 from tests.core.records.layouts import layout
 from tests.places import BAR
 
@@ -53,7 +53,7 @@ def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
     assert found.device == "plate"
     np.testing.assert_array_equal(found.ids, session.markers.ids)
     np.testing.assert_array_equal(found.rest_points, session.markers.centers)
-    aligned = read_any(session.folder / "aligned.csv")
+    aligned = read_tracks(session.folder / "aligned.csv")
     for k, (r, ohm) in enumerate(zip(found.recordings, (1200.0, 1260.0), strict=True)):
         assert r.name == f"{session.folder}/run-{k + 1}"
         assert r.rest == pytest.approx([ohm] * 4, rel=1e-3)

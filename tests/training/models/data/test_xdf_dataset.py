@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from defsense_fab.training.recordings.xdf_dataset import xdf_dataset
 
 from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.recordings.xdf_dataset import xdf_dataset
 from tests.training.models.data.files_of_others import markers
 from tests.training.models.data.xdf_writer import stream, write_xdf
 from tests.training.synthetic import CHANNELS, IDS, R0, recording

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.report.evaluation import evaluation_report
-from defsense_fab.training.evaluation.evaluate_models import _names, evaluate_models
-from defsense_fab.report.evaluation.evaluation_report import write_evaluation
 
 from defsense_fab.core.errors import StorageError, TrainingError
 from defsense_fab.decoding.signal_history import Past
+from defsense_fab.report.evaluation import evaluation_report
+from defsense_fab.report.evaluation.evaluation_report import write_evaluation
 from defsense_fab.training.data.dataset import recording_fingerprint
+from defsense_fab.training.evaluation.evaluate_models import _names, evaluate_models
 from tests.training import soft_bar as bar
 
 CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}

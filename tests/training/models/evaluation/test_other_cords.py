@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.training.recordings.dataset_parquet import write_dataset
-from defsense_fab.report.evaluation import evaluation_report
-from defsense_fab.training.evaluation.other_cords import other_cords
-from defsense_fab.training.models.model_file import write_model
-from defsense_fab.training.models.train_device import train_dataset
 
 from defsense_fab.cli.main import main
+from defsense_fab.report.evaluation import evaluation_report
+from defsense_fab.training.evaluation.other_cords import other_cords
 from defsense_fab.training.fitting.train_model import TrainingOptions
+from defsense_fab.training.models.model_file import write_model
+from defsense_fab.training.models.train_device import train_dataset
+from defsense_fab.training.recordings.dataset_parquet import write_dataset
 from tests.training import soft_bar as bar
 
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.training.evaluation.twin_truth import budget_of_truth, MEMORY, TRUTH
 
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.training.evaluation.error_budget import CAMERAS, READ_OUT
 from defsense_fab.training.evaluation.evaluate import evaluate
+from defsense_fab.training.evaluation.twin_truth import MEMORY, TRUTH, budget_of_truth
 from tests.training import soft_bar as bar
 
 CAUSES = {"noise": 0.004, "sigma": 0.3, "memory": 0.2}

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from defsense_fab.training.models.model_file import load_model, write_model
 
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.input_decoder import InputDecoder, InputFeatures, all_products
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.decoding.trained_model import Branch, Intervals, TrainedModel, TrainedRange
+from defsense_fab.training.models.model_file import load_model, write_model
 
 
 def made(past: Past | None = None, centers: int = 3) -> TrainedModel:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from defsense_fab.training.recordings.data_files import DataFiles
-from defsense_fab.training.recordings.dataset_parquet import write_dataset
-from defsense_fab.training.models.prepare import prepare
-from defsense_fab.training.models.train_device import train_dataset
 
-from defsense_fab.capture.files.formats import write_any
+from defsense_fab.capture.files.formats import write_tracks
 from defsense_fab.core.markers import write_markers_file
 from defsense_fab.training.fitting.train_model import TrainingOptions
+from defsense_fab.training.models.prepare import prepare
+from defsense_fab.training.models.train_device import train_dataset
+from defsense_fab.training.recordings.data_files import DataFiles
+from defsense_fab.training.recordings.dataset_parquet import write_dataset
 from tests.training.models.data.files_of_others import markers, tracks_of
 from tests.training.models.data.session_writer import write_samples, write_session
 from tests.training.models.data.xdf_writer import stream, write_xdf
@@ -64,7 +64,7 @@ def xdf(folder, r):
 def pair(suffix):
     def files(folder, r):
         signals, take = folder / "samples.csv", folder / f"take{suffix}"
-        write_any(take, tracks_of(r))
+        write_tracks(take, tracks_of(r))
         return DataFiles((), write_samples(signals, r), take, folder / "markers.json")
 
     return files
