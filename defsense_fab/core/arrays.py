@@ -1,4 +1,4 @@
-"""Array types used in signatures; shapes and units stand in each docstring."""
+"""Array types for signatures, and points as text. Docstrings give shapes and units of arrays."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 
-def xyz(point: Float) -> str:
-    """A point (n,) mm as it stands in messages."""
+def format_point(point: Float) -> str:
+    """Return a point (n,) in mm as text for messages, such as `(1.0, 2.5, 0.0)`."""
     return "(" + ", ".join(f"{x:.1f}" for x in np.round(point, 1) + 0.0) + ")"
 
 
-def places(text: str) -> list[Float]:
-    """The points (3,) mm in a message, each as `xyz` has written it."""
-    found = re.findall(r"\((-?\d+\.\d), (-?\d+\.\d), (-?\d+\.\d)\)", text)
-    return [np.array(numbers, float) for numbers in found]
+def parse_points(text: str) -> list[Float]:
+    """Return the points (3,) in mm that `format_point` has written into a text."""
+    matches = re.findall(r"\((-?\d+\.\d), (-?\d+\.\d), (-?\d+\.\d)\)", text)
+    return [np.array(numbers, float) for numbers in matches]

@@ -1,4 +1,10 @@
-"""Planes and planar piecewise-cubic Hermite curves, the shape of a cord's path."""
+"""Paths of cords: planes, planar cubic Hermite curves in them, and points sampled along the curves.
+
+Points lie at uniform curve parameters, the same number in every span, so that they depend linearly
+on control points and tangents: the derivatives of the optimizer rely on that. How many points are
+needed depends on the use: a total number for signals, a spacing for distances, a sag for solids.
+Points that must be evenly spaced along the length are resampled from them.
+"""
 
 from __future__ import annotations
 
@@ -12,83 +18,34 @@ import numpy as np
 
 from .arrays import Float
 
-# Points along the paths of cords: how many there are, and where along the length they lie.
-#
-# A path is a planar Hermite curve. Its points lie at a uniform curve parameter, the same number in
-# every span, so that they depend linearly on control points and tangents: the optimiser's derivatives
-# rest on that. How many are needed depends on the use: a number in all for signals, a spacing for
-# distances, a sag for solids. What has to lie evenly along the length is resampled from them.
+#: Least number of points of a path for its signal, and in `layout.json`.
+MIN_PATH_SAMPLES = 120
 
-#: A path has at least this many points for its signal, and in `layout.json`.
-SAMPLES = 120
-
-
-class PlanarPath(Protocol):
-    """What has a path: a curve in a plane, as a device's sensors are."""
-
-    @property
-    def plane(self) -> Plane: ...
-
-    @property
-    def curve(self) -> Hermite: ...
-
-
-def per_span_for_signal(curve: Hermite) -> int:
-    """Points of each span, for at least `SAMPLES` in all."""
-    return int(np.ceil(SAMPLES / (len(curve.points) - 1)))
-
-
-def per_span_for_spacing(curve: Hermite, spacing: float) -> int:
-    """Points of each span, 32 to 2000, for neighbours at most about `spacing` mm apart."""
-    coarse = curve.sample(16)
-    longest = np.linalg.norm(np.diff(coarse, axis=0), axis=1).max() * 16
-    return int(np.clip(longest / spacing, 32, 2000))
-
-
-def per_span_for_sag(curve: Hermite, sag: float) -> int:
-    """Points of each span, 8 to 400, for chords that lie within `sag` mm of the curve."""
-    second = hermite_basis(len(curve.points), 4)[2]
-    bend = np.linalg.norm(second @ np.concatenate([curve.points, curve.tangents]), axis=1).max()
-    return int(np.clip(np.ceil(np.sqrt(bend / (8 * sag))), 8, 400))
-
-
-def sample_path(path: PlanarPath, per_span: int | None = None) -> Float:
-    """The path's points (p, 3) mm in the rest frame, `per_span` of each span of the curve; by
-    default those of its signal and of `layout.json`, p > 100."""
-    count = per_span_for_signal(path.curve) if per_span is None else per_span
-    return path.plane.to_world(path.curve.sample(count))
-
-
-def arc_lengths(points: Float) -> Float:
-    """Length along polylines (..., p, d) from their first point to each point: (..., p), mm."""
-    step = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
-    return np.concatenate([np.zeros((*step.shape[:-1], 1)), np.cumsum(step, axis=-1)], axis=-1)
-
-
-def resample(points: Float, start: float, end: float, count: int) -> Float:
-    """`count` points (count, d) of a polyline (p, d), evenly along its length between the arc
-    lengths `start` and `end` mm from its first point."""
-    along, at = arc_lengths(points), np.linspace(start, end, count)
-    return np.stack([np.interp(at, along, column) for column in points.T], axis=1)
-
-
-_EXACT = 1e-15  # of a unit vector: what rounding leaves
+_UNIT_ROUNDING = 1e-15  # rounding error of a unit vector
 
 
 def _dot(a: Float, b: Float) -> float:
-    """Of two vectors (3,), the same on every processor, which BLAS is not."""
+    """Return the product of two vectors (3,), the same on every processor, unlike BLAS."""
     (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
     return float(a1 * b1 + a2 * b2 + a3 * b3)
 
 
-def _unit(vector: Float) -> Float:
+def _normalize(vector: Float) -> Float:
     length = math.sqrt(_dot(vector, vector))
-    return vector if abs(length - 1) <= _EXACT else vector / length
+    return vector if abs(length - 1) <= _UNIT_ROUNDING else vector / length
 
 
 @dataclass(frozen=True)
 class Plane:
-    """Frame of a cord plane: `origin` (3,) mm; columns of `axes` (3, 3): x, y, normal."""
+    """Frame of a cord's plane.
+
+    Attributes:
+        origin: Origin (3,), mm.
+        axes: Orthonormal matrix (3, 3) whose columns are x, y and the normal.
+
+    Raises:
+        ValueError: A shape is wrong, or the axes are not orthonormal.
+    """
 
     origin: Float
     axes: Float
@@ -101,45 +58,63 @@ class Plane:
 
     @property
     def normal(self) -> Float:
+        """Unit normal (3,)."""
         return self.axes[:, 2]
 
     @classmethod
     def from_normal(cls, origin: Float, normal: Float, x_axis: Float) -> Plane:
-        """Frame with the given normal and the part of `x_axis` that lies in the plane.
+        """Create a plane from its normal and the direction of its x axis.
 
-        A normal and an x axis that are orthonormal already are taken as they are, so that a frame
-        made from its own axes is itself to the last digit.
+        A normal and an x axis that are already orthonormal are used unchanged, so that a plane
+        created from its own axes is equal to the last digit.
+
+        Args:
+            origin: Origin (3,), mm.
+            normal: Normal (3,) of any length.
+            x_axis: Vector (3,) whose component in the plane gives the x axis.
+
+        Returns:
+            The plane.
+
+        Raises:
+            ValueError: The normal is zero, or parallel to `x_axis`.
         """
         normal, x_axis = np.asarray(normal, float), np.asarray(x_axis, float)
         if np.linalg.norm(normal) < 1e-9:
             raise ValueError("the normal must not be zero")
-        n = _unit(normal)
-        x, off = x_axis, _dot(x_axis, n)
-        if abs(off) > _EXACT * np.linalg.norm(x_axis):
-            x = x_axis - off * n
-            x = x - _dot(x, n) * n  # what rounding has left
+        n = _normalize(normal)
+        x, height = x_axis, _dot(x_axis, n)
+        if abs(height) > _UNIT_ROUNDING * np.linalg.norm(x_axis):
+            x = x_axis - height * n
+            x = x - _dot(x, n) * n  # remove the rounding error
         if np.linalg.norm(x) < 1e-9 * max(1.0, float(np.linalg.norm(x_axis))):
             raise ValueError("x_axis must not be parallel to the normal")
-        x = _unit(x)
+        x = _normalize(x)
         return cls(np.asarray(origin, float), np.stack([x, np.cross(n, x), n], axis=1))
 
     def coincides(self, other: Plane) -> bool:
-        """Whether both are the same plane, whatever their frames."""
+        """Return whether both are the same plane, whatever their frames."""
         (a, b, c), (x, y, z) = self.normal.tolist(), other.normal.tolist()
         square = (b * z - c * y) ** 2 + (c * x - a * z) ** 2 + (a * y - b * x) ** 2
         return square < 1e-12 and abs(float((self.origin - other.origin) @ other.normal)) < 1e-4
 
     def to_world(self, points: Float) -> Float:
-        """In-plane points (..., 2) to the rest frame (..., 3), mm."""
+        """Transform points (..., 2) in the plane to the rest frame (..., 3), mm."""
         return np.asarray(self.origin + points @ self.axes[:, :2].T)
 
 
 @dataclass(frozen=True)
 class Hermite:
-    """Piecewise cubic Hermite curve: `points` (k, 2) and `tangents` (k, 2), k >= 2, in mm.
+    """Piecewise cubic Hermite curve in a plane.
 
-    Span i runs over t in [i, i + 1] from points[i] to points[i + 1] with the given
-    derivatives with respect to t.
+    Span i covers t in [i, i + 1], from points[i] to points[i + 1], with the given derivatives by t.
+
+    Attributes:
+        points: Control points (k, 2), k >= 2, mm.
+        tangents: Derivatives (k, 2) at the control points, mm.
+
+    Raises:
+        ValueError: A shape is wrong, or a number is not finite.
     """
 
     points: Float
@@ -154,17 +129,23 @@ class Hermite:
             raise ValueError("control points and tangents must be finite numbers")
 
     def sample(self, per_span: int) -> Float:
-        """Points at uniform t, ((k - 1) * per_span + 1, 2)."""
+        """Return the points ((k - 1) * per_span + 1, 2) at uniform t, mm."""
         basis = hermite_basis(len(self.points), per_span)[0]
         return np.asarray(basis @ np.concatenate([self.points, self.tangents]))
 
 
 def catmull_rom(points: Float) -> Float:
-    """Central differences through `points` (..., k, 2), one-sided at the ends: (..., k, 2).
+    """Return tangents for a smooth curve through control points.
 
-    Where neighbouring spans differ in length the tangent is weighted so that the curve keeps
-    the shorter span free of overshoot (non-uniform Catmull-Rom, chordal, scaled to the
-    shorter span).
+    They are central differences, one-sided at the ends. Where neighboring spans differ in length,
+    they are weighted so that the curve does not overshoot in the shorter span (non-uniform
+    Catmull-Rom, chordal, scaled to the shorter span).
+
+    Args:
+        points: Control points (..., k, 2), mm.
+
+    Returns:
+        Tangents (..., k, 2), mm.
     """
     step = np.diff(points, axis=-2)
     length = np.maximum(np.linalg.norm(step, axis=-1, keepdims=True), 1e-12)
@@ -178,11 +159,17 @@ def catmull_rom(points: Float) -> Float:
 
 @lru_cache(maxsize=64)
 def hermite_basis(count: int, per_span: int) -> tuple[Float, Float, Float]:
-    """Matrices that map [points; tangents] (2k, 2) to positions, first and second derivatives.
+    """Return the matrices that evaluate Hermite curves and their derivatives.
 
-    The positions are at ((k - 1) * per_span + 1) uniform t. The derivatives are at both ends
-    and at interior t of every span, ((k - 1) * (per_span + 1)), since the curvature jumps at
-    control points.
+    Args:
+        count: Number of control points k.
+        per_span: Steps of t in each span.
+
+    Returns:
+        Three read-only matrices that map [points; tangents] (2k, 2). The first gives positions at
+        ((k - 1) * per_span + 1) uniform t. The others give the first and second derivatives by t
+        at both ends and at the inner t of every span, ((k - 1) * (per_span + 1)), since the
+        curvature jumps at control points.
     """
 
     def rows(span: int, t: Float, order: int) -> Float:
@@ -207,8 +194,16 @@ def hermite_basis(count: int, per_span: int) -> tuple[Float, Float, Float]:
 
 
 def curvature(points: Float, tangents: Float, per_span: int) -> Float:
-    """Signed curvature (..., q) in 1/mm of Hermite curves given by `points` and `tangents`
-    (..., k, 2), at both ends and inside of every span."""
+    """Return the signed curvature of Hermite curves.
+
+    Args:
+        points: Control points (..., k, 2), mm.
+        tangents: Tangents (..., k, 2), mm.
+        per_span: Steps of the curve parameter in each span.
+
+    Returns:
+        Curvature (..., (k - 1) * (per_span + 1)) at both ends and inside of every span, 1/mm.
+    """
     _, first, second = hermite_basis(points.shape[-2], per_span)
     stack = np.concatenate([points, tangents], axis=-2)
     d, dd = first @ stack, second @ stack
@@ -217,27 +212,101 @@ def curvature(points: Float, tangents: Float, per_span: int) -> Float:
 
 
 def bend_radius(points: Float) -> Float:
-    """Radius of the circle through each three neighbours, (p - 2,) mm."""
+    """Return the radius of the circle through every three neighbors of a polyline.
+
+    Args:
+        points: Points (p, 3), mm.
+
+    Returns:
+        Radii (p - 2,), mm; 0 where the polyline turns back.
+    """
     a, b, c = points[:-2], points[1:-1], points[2:]
     sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     radius = np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12)
-    turned_back = np.einsum("ij,ij->i", b - a, c - b) <= 0
-    return np.asarray(np.where(turned_back, 0.0, radius))
+    turns_back = np.einsum("ij,ij->i", b - a, c - b) <= 0
+    return np.asarray(np.where(turns_back, 0.0, radius))
 
 
-def coincident(planes: Sequence[Plane]) -> list[list[int]]:
-    """Sets of coincident planes, as their indices."""
-    out: list[list[int]] = []
-    for i, p in enumerate(planes):
-        same = next((known for known in out if p.coincides(planes[known[0]])), None)
-        if same is None:
-            out.append([i])
+def group_coincident_planes(planes: Sequence[Plane]) -> list[list[int]]:
+    """Return the groups of coincident planes, as indices in the given order."""
+    groups: list[list[int]] = []
+    for i, plane in enumerate(planes):
+        group = next((g for g in groups if plane.coincides(planes[g[0]])), None)
+        if group is None:
+            groups.append([i])
         else:
-            same.append(i)
-    return out
+            group.append(i)
+    return groups
 
 
-def distinct(planes: Sequence[Plane]) -> list[Plane]:
-    """One of each set of coincident planes: a body is cut there once."""
-    return [planes[same[0]] for same in coincident(planes)]
+def distinct_planes(planes: Sequence[Plane]) -> list[Plane]:
+    """Return one plane of each coincident group: a body is cut once there."""
+    return [planes[group[0]] for group in group_coincident_planes(planes)]
+
+
+class PlanarPath(Protocol):
+    """Object with a curve in a plane, such as a sensor of a device."""
+
+    @property
+    def plane(self) -> Plane:
+        """Plane of the path."""
+
+    @property
+    def curve(self) -> Hermite:
+        """Curve in that plane."""
+
+
+def per_span_for_signal(curve: Hermite) -> int:
+    """Return the points per span for at least `MIN_PATH_SAMPLES` points in all."""
+    return int(np.ceil(MIN_PATH_SAMPLES / (len(curve.points) - 1)))
+
+
+def per_span_for_spacing(curve: Hermite, spacing: float) -> int:
+    """Return the points per span (32 to 2000) for neighbors at most about `spacing` mm apart."""
+    coarse = curve.sample(16)
+    longest = np.linalg.norm(np.diff(coarse, axis=0), axis=1).max() * 16
+    return int(np.clip(longest / spacing, 32, 2000))
+
+
+def per_span_for_sag(curve: Hermite, sag: float) -> int:
+    """Return the points per span (8 to 400) for chords within `sag` mm of the curve."""
+    second = hermite_basis(len(curve.points), 4)[2]
+    bend = np.linalg.norm(second @ np.concatenate([curve.points, curve.tangents]), axis=1).max()
+    return int(np.clip(np.ceil(np.sqrt(bend / (8 * sag))), 8, 400))
+
+
+def sample_path(path: PlanarPath, per_span: int | None = None) -> Float:
+    """Return points along a path in the rest frame.
+
+    Args:
+        path: Object with a `plane` and a `curve`.
+        per_span: Points per span; by default as many as for signals and `layout.json`.
+
+    Returns:
+        Points (p, 3), mm; p > `MIN_PATH_SAMPLES` by default.
+    """
+    count = per_span_for_signal(path.curve) if per_span is None else per_span
+    return path.plane.to_world(path.curve.sample(count))
+
+
+def arc_lengths(points: Float) -> Float:
+    """Return the length (..., p) along polylines (..., p, d) from the first to each point, mm."""
+    step = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
+    return np.concatenate([np.zeros((*step.shape[:-1], 1)), np.cumsum(step, axis=-1)], axis=-1)
+
+
+def resample(points: Float, start: float, end: float, count: int) -> Float:
+    """Return points that are evenly spaced along a polyline.
+
+    Args:
+        points: Polyline (p, d), mm.
+        start: Arc length of the first returned point from the polyline's first point, mm.
+        end: Arc length of the last returned point, mm.
+        count: Number of points.
+
+    Returns:
+        Points (count, d), mm.
+    """
+    along, lengths = arc_lengths(points), np.linspace(start, end, count)
+    return np.stack([np.interp(lengths, along, column) for column in points.T], axis=1)

@@ -1,4 +1,4 @@
-"""Which tag is glued where on a body, and the file that says so, `markers.json`."""
+"""Markers on a body: where their tags are glued (`markers.json`), and their positions over time."""
 
 from __future__ import annotations
 
@@ -11,67 +11,30 @@ from .arrays import Bool, Float, Int
 from .errors import CaptureError
 from .storage.files import load_json, storage_errors, write_json
 
-# Where markers were, by time.
-
-
-@dataclass(frozen=True)
-class Tracks:
-    """t frames of m markers: `time` (t,) s, increasing; the markers' numbers `ids` (m,); `points`
-    (t, m, 3) mm, NaN where a marker was not seen; `sigma` (t, m, 3) mm, standard deviations along
-    the axes, NaN likewise (all NaN where they are not known); `frame` (t,), numbers of the frames,
-    which may leave some out."""
-
-    time: Float
-    ids: Int
-    points: Float
-    sigma: Float
-    frame: Int
-
-    def __post_init__(self) -> None:
-        t, m = len(self.time), len(self.ids)
-        shapes = (self.time.shape, self.frame.shape, self.points.shape, self.sigma.shape)
-        if shapes != ((t,), (t,), (t, m, 3), (t, m, 3)):
-            raise CaptureError(
-                f"tracks of {t} frames and {m} markers cannot have points {self.points.shape},"
-                f" sigma {self.sigma.shape} and frames {self.frame.shape}",
-                code="wrong-shape",
-            )
-        if (np.diff(self.time) <= 0).any() or not np.isfinite(self.time).all():
-            raise CaptureError(
-                "tracks: times must increase from frame to frame", code="times-not-increasing"
-            )
-        if len(np.unique(self.ids)) < m:
-            raise CaptureError("tracks: two markers of one number", code="duplicate-marker")
-        if (np.isnan(self.points).any(-1) != np.isnan(self.points).all(-1)).any():
-            raise CaptureError(
-                "tracks: of a marker a part of its place is NaN; write three numbers or three NaN",
-                code="point-partly-nan",
-            )
-
-    def part(self, frames: slice | Bool) -> Tracks:
-        """Some of the frames, a mask (t,) or a slice."""
-        return Tracks(
-            self.time[frames], self.ids, self.points[frames], self.sigma[frames], self.frame[frames]
-        )
-
-    @property
-    def seen(self) -> Bool:
-        """Which markers were seen (t, m)."""
-        return np.asarray(np.isfinite(self.points[..., 0]))
-
-
 SCHEMA = 1
 FILE = "markers.json"
-#: Corners in the order in which detectors give them: clockwise from the top left of the picture.
+#: Corners in the order of detectors: clockwise from the top left of the tag's picture.
 _CORNERS = np.array([[-1.0, 1], [1, 1], [1, -1], [-1, -1]])
+_WRITE_ACTION = "Write it with 'defsense capture markers DEVICE'"
 
 
 @dataclass(frozen=True)
 class Markers:
-    """m tags of one `dictionary` on the body of `device`, their black squares `size` mm wide: the
-    numbers `ids` (m,); `centers` (m, 3) mm in the rest frame; `axes` (m, 3, 3), in columns the
-    tag's x (to the right in its picture), y (up in it) and the normal out of the body; which of
-    them lie on the `anchor` (m,)."""
+    """Tags of one dictionary on a body, in its rest frame.
+
+    Attributes:
+        device: Name of the device.
+        dictionary: Name of the tag dictionary.
+        size: Width of the tags' black squares, mm.
+        ids: Numbers of the tags (m,).
+        centers: Centers of the tags (m, 3), mm.
+        axes: Axes of the tags (m, 3, 3): the columns are x (right in its picture), y (up in its
+            picture) and the normal out of the body.
+        anchor: Whether each tag is on the anchor (m,).
+
+    Raises:
+        CaptureError: A shape or a value is invalid.
+    """
 
     device: str
     dictionary: str
@@ -86,39 +49,117 @@ class Markers:
         shapes = (self.ids.shape, self.centers.shape, self.axes.shape, self.anchor.shape)
         if m == 0 or shapes != ((m,), (m, 3), (m, 3, 3), (m,)):
             raise CaptureError(
-                f"markers: {m} numbers do not go with centers {self.centers.shape}, axes"
-                f" {self.axes.shape} and anchor {self.anchor.shape}",
+                f"{m} numbers do not fit centers {self.centers.shape}, axes {self.axes.shape} and"
+                f" anchor {self.anchor.shape}",
                 code="wrong-shape",
+                where="markers",
             )
         if not (np.isfinite(self.centers).all() and np.isfinite(self.axes).all()):
-            raise CaptureError("markers: a center or an axis is no number", code="not-finite")
+            raise CaptureError(
+                "a center or an axis is not finite", code="not-finite", where="markers"
+            )
         if not 0 < self.size < 1000:
             raise CaptureError(
-                f"markers: size {self.size:g} mm cannot be", code="bad-marker-size", size=self.size
+                f"a size of {self.size:g} mm is not possible",
+                code="bad-marker-size",
+                where="markers",
+                action="Give the width of the black squares in mm",
+                size=self.size,
             )
         if len(np.unique(self.ids)) < m:
-            raise CaptureError("markers: numbers must be different", code="duplicate-marker")
+            raise CaptureError(
+                "two tags have the same number", code="duplicate-marker", where="markers"
+            )
         if self.ids.min() < 0:
-            raise CaptureError("markers: numbers must be 0 or more", code="bad-marker-id")
+            raise CaptureError("a tag has a negative number", code="bad-marker-id", where="markers")
         for number, a in zip(self.ids, self.axes, strict=True):
             if np.abs(a.T @ a - np.eye(3)).max() > 1e-6 or np.linalg.det(a) < 0:
                 raise CaptureError(
-                    f"markers: tag {number}: axes must be at right angles, of length 1 and"
-                    " right-handed",
+                    "its axes are not orthonormal and right-handed",
                     code="bad-marker-axes",
+                    where=f"markers: tag {number}",
                     marker=int(number),
                 )
 
     @property
     def corners(self) -> Float:
-        """Of the black squares (m, 4, 3) mm, in the order of detectors: top left, top right, bottom
-        right, bottom left of the tag's picture."""
+        """Corners of the black squares (m, 4, 3), mm, clockwise from the picture's top left."""
         across = np.einsum("ck,mjk->mcj", _CORNERS, self.axes[:, :, :2])
         return np.asarray(self.centers[:, None] + self.size / 2 * across)
 
 
+@dataclass(frozen=True)
+class Tracks:
+    """Positions of m markers in t frames.
+
+    Attributes:
+        time: Times of the frames (t,), s, increasing.
+        ids: Numbers of the markers (m,).
+        points: Positions (t, m, 3), mm; NaN where a marker is not visible.
+        sigma: Standard deviations (t, m, 3) along the axes, mm; NaN where a marker is not visible,
+            all NaN where they are not known.
+        frame: Numbers of the frames (t,), which may have gaps.
+
+    Raises:
+        CaptureError: A shape or a value is invalid.
+    """
+
+    time: Float
+    ids: Int
+    points: Float
+    sigma: Float
+    frame: Int
+
+    def __post_init__(self) -> None:
+        t, m = len(self.time), len(self.ids)
+        shapes = (self.time.shape, self.frame.shape, self.points.shape, self.sigma.shape)
+        if shapes != ((t,), (t,), (t, m, 3), (t, m, 3)):
+            raise CaptureError(
+                f"{t} frames of {m} markers do not fit points {self.points.shape}, sigma"
+                f" {self.sigma.shape} and frames {self.frame.shape}",
+                code="wrong-shape",
+                where="tracks",
+            )
+        if (np.diff(self.time) <= 0).any() or not np.isfinite(self.time).all():
+            raise CaptureError(
+                "times do not increase from frame to frame",
+                code="times-not-increasing",
+                where="tracks",
+            )
+        if len(np.unique(self.ids)) < m:
+            raise CaptureError(
+                "two markers have the same number", code="duplicate-marker", where="tracks"
+            )
+        if (np.isnan(self.points).any(-1) != np.isnan(self.points).all(-1)).any():
+            raise CaptureError(
+                "a position has some, but not all, coordinates NaN",
+                code="point-partly-nan",
+                where="tracks",
+                action="Give three numbers or three NaN",
+            )
+
+    def part(self, frames: slice | Bool) -> Tracks:
+        """Return some of the frames, selected by a mask (t,) or a slice."""
+        return Tracks(
+            self.time[frames], self.ids, self.points[frames], self.sigma[frames], self.frame[frames]
+        )
+
+    @property
+    def seen(self) -> Bool:
+        """Whether each marker is visible in each frame (t, m)."""
+        return np.asarray(np.isfinite(self.points[..., 0]))
+
+
 def write_markers_file(markers: Markers, path: Path) -> None:
-    """Raises StorageError where it cannot be written."""
+    """Write `markers.json`.
+
+    Args:
+        markers: The markers of a device.
+        path: File to write.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
     m = markers
     tags = [
         {"id": int(i), "center": c.tolist(), "axes": a.tolist(), "anchor": bool(f)}
@@ -138,17 +179,29 @@ def write_markers_file(markers: Markers, path: Path) -> None:
 
 
 def read_markers(path: Path) -> Markers:
-    """Of `markers.json`, or of the folder that holds it. Raises CaptureError with the file."""
+    """Read `markers.json`.
+
+    Args:
+        path: The file, or the folder that holds it.
+
+    Returns:
+        The markers of a device.
+
+    Raises:
+        CaptureError: The file cannot be read or is invalid.
+    """
     path = path / FILE if path.is_dir() else path
-    data = load_json(path, CaptureError, "'defsense capture markers DEVICE' writes such a file")
+    data = load_json(path, CaptureError, _WRITE_ACTION)
     try:
         if data["schema"] != SCHEMA:
             raise CaptureError(
-                f"this version reads schema {SCHEMA}, not {data['schema']!r}", code="wrong-schema"
+                f"has the schema {data['schema']!r}; this version reads {SCHEMA}",
+                code="wrong-schema",
+                action=_WRITE_ACTION,
             )
         tags = list(data["tags"])
         for tag in tags:
-            _check(tag)
+            _check_tag(tag)
         return Markers(
             str(data["device"]),
             str(data["dictionary"]),
@@ -159,33 +212,46 @@ def read_markers(path: Path) -> Markers:
             np.array([t["anchor"] for t in tags], bool),
         )
     except CaptureError as error:
-        raise CaptureError(f"{path}: {error}", code=error.code, **error.data) from None
+        where = f"{path}: {error.where}" if error.where else path
+        raise CaptureError(
+            error.problem, code=error.code, where=where, action=error.action, **error.data
+        ) from None
     except KeyError as error:
         raise CaptureError(
-            f"{path}: {error.args[0]!r} is missing; write it anew",
+            f"{error.args[0]!r} is missing",
             code="missing-key",
+            where=path,
+            action=_WRITE_ACTION,
             key=error.args[0],
         ) from None
     except (TypeError, ValueError, OverflowError) as error:
         raise CaptureError(
-            f"{path}: not as 'defsense capture markers' writes it: {error}",
+            f"is not a file of markers ({error})",
             code="bad-marker-file",
+            where=path,
+            action=_WRITE_ACTION,
         ) from None
 
 
-def _check(tag: dict[str, object]) -> None:
+def _check_tag(tag: dict[str, object]) -> None:
     number = tag["id"]
     if not isinstance(number, int) or isinstance(number, bool):
-        raise CaptureError(f"tag {number!r}: its id must be a whole number", code="bad-marker-id")
+        raise CaptureError(
+            "its id is not an integer", code="bad-marker-id", where=f"tag {number!r}"
+        )
     for key, shape in (("center", (3,)), ("axes", (3, 3))):
         if np.shape(np.asarray(tag[key], float)) != shape:
             raise CaptureError(
-                f"tag {number}: {key} must be {' x '.join(map(str, shape))} numbers",
+                f"{key} does not have {' x '.join(map(str, shape))} numbers",
                 code="wrong-shape",
+                where=f"tag {number}",
                 marker=number,
                 key=key,
             )
     if not isinstance(tag["anchor"], bool):
         raise CaptureError(
-            f"tag {number}: anchor must be true or false", code="not-a-boolean", marker=number
+            "anchor is not true or false",
+            code="not-a-boolean",
+            where=f"tag {number}",
+            marker=number,
         )

@@ -1,4 +1,4 @@
-"""How a cord's resistance answers to strain, as a record: what `response.json` holds."""
+"""Response of a cord's resistance to strain: the jigs that strain it, and `response.json`."""
 
 from __future__ import annotations
 
@@ -9,20 +9,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from .arrays import Float
 from .errors import CalibrationError
 from .storage.files import load_json
 
-# Strain of a bar that lies on a rigid jig of known radius (DefSense, CHI 2016, Fig. 3).
-
-#: Of the paper's nine jigs: radii of their surfaces, mm.
-RADII = (75.0, 87.5, 100.0, 112.0, 150.0, 175.0, 200.0, 225.0, 250.0)
-
-
-def bent_strain(radius: float, height: float, thickness: float) -> float:
-    """Of a line `height` mm above a jig whose surface has this radius, mm, in a bar of this
-    thickness, mm: its neutral plane lies at radius + thickness / 2 and keeps its length."""
-    return (height - thickness / 2) / (radius + thickness / 2)
-
+#: Radii of the surfaces of the nine jigs in DefSense (CHI 2016, Fig. 3), mm.
+JIG_RADII_MM = (75.0, 87.5, 100.0, 112.0, 150.0, 175.0, 200.0, 225.0, 250.0)
 
 #: Coefficients of each model of w(eps) = (R - R0)/R0; `sensing/response.py` evaluates them.
 MODELS: dict[str, tuple[str, ...]] = {
@@ -33,21 +25,50 @@ MODELS: dict[str, tuple[str, ...]] = {
     "piecewise": ("strains", "changes"),
 }
 
-#: Of `response.json`.
+#: Schema of `response.json`.
 SCHEMA = 1
-_LEAST_KNOTS = 2
-_PRIOR = 4  # pieces, that a spread taken for granted counts as much as
+_MIN_KNOTS = 2
+_ASSUMED_SPREAD_PIECES = 4  # number of measured pieces that the assumed spread counts for
+_FIT_ACTION = "Write it with 'defsense calibrate fit'"
+
+
+def bent_strain(radius: float, height: float, thickness: float) -> float:
+    """Return the strain along a line in a bar that is bent over a rigid jig.
+
+    The neutral plane of the bar is at radius + thickness / 2 and keeps its length.
+
+    Args:
+        radius: Radius of the jig's surface, mm.
+        height: Height of the line above the jig's surface, mm.
+        thickness: Thickness of the bar, mm.
+
+    Returns:
+        The strain, positive in tension.
+
+    References:
+        DefSense, CHI 2016, Fig. 3.
+    """
+    return (height - thickness / 2) / (radius + thickness / 2)
 
 
 @dataclass(frozen=True)
 class ResponseSpec:
-    """A `model` of MODELS with its `coefficients`, and the `strain_range` (low, high) in which it
-    was measured, without unit.
+    """Model of w(eps) = (R - R0)/R0 with its coefficients.
 
-    line: w = k eps. two-slopes: `tension` eps above rest, `compression` eps below. quadratic:
-    w = k eps + q eps^2. cubic: with c eps^3, too. piecewise: monotone through the points
-    (`strains`, `changes`), (0, 0) among them. Raises CalibrationError for coefficients that are
-    missing, not finite or out of order.
+    The models are:
+        line: w = k eps.
+        two-slopes: w = `tension` eps above rest, w = `compression` eps below.
+        quadratic: w = k eps + q eps^2.
+        cubic: w = k eps + q eps^2 + c eps^3.
+        piecewise: monotone through the points (`strains`, `changes`), which include (0, 0).
+
+    Attributes:
+        model: A name in `MODELS`.
+        coefficients: The model's coefficients by name.
+        strain_range: Lowest and highest strain at which the response was measured.
+
+    Raises:
+        CalibrationError: Coefficients are missing, not finite or out of order.
     """
 
     model: str
@@ -57,74 +78,90 @@ class ResponseSpec:
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             self._fail(
-                f"unknown model {self.model!r}; there is: {', '.join(MODELS)}", "unknown-model"
+                f"unknown model {self.model!r}", "unknown-model", f"Choose {', '.join(MODELS)}"
             )
         names = MODELS[self.model]
         if set(self.coefficients) != set(names):
+            given = ", ".join(map(str, self.coefficients)) or "none"
             self._fail(
-                f"the model {self.model!r} has the coefficients {', '.join(names)}, not"
-                f" {', '.join(map(str, self.coefficients)) or 'none'}",
+                f"the model {self.model!r} has the coefficients {given}",
                 "wrong-coefficients",
+                f"Give {', '.join(names)}",
             )
         for name in names:
+            given = self.coefficients[name]
             try:
-                value = np.asarray(self.coefficients[name], float)
+                value = np.asarray(given, float)
             except (TypeError, ValueError):
-                self._fail(
-                    f"{name} must be numbers, not {self.coefficients[name]!r}", "not-a-number"
-                )
+                self._fail(f"{name} is {given!r}", "not-a-number", "Give numbers")
             if value.ndim != int(self.model == "piecewise") or not np.isfinite(value).all():
-                self._fail(
-                    f"{name} must be finite numbers, not {self.coefficients[name]!r}", "not-finite"
-                )
+                self._fail(f"{name} is {given!r}", "not-finite", "Give finite numbers")
         low, high = self.strain_range
         if not low < high:
-            self._fail(f"the strain range {low:g} to {high:g} is empty", "empty-range")
+            self._fail(
+                f"the strain range {low:g} to {high:g} is empty",
+                "empty-range",
+                "Give the lower strain first",
+            )
         if self.model in ("quadratic", "cubic") and not low <= 0 <= high:
             self._fail(
-                f"the strain range {low:g} to {high:g} must have rest (0) in it",
+                f"the strain range {low:g} to {high:g} does not include rest",
                 "rest-outside-range",
+                "Give a range that includes 0",
             )
         if self.model == "piecewise":
-            strains, changes = (np.asarray(self.coefficients[n], float) for n in names)
-            if len(strains) != len(changes) or len(strains) < _LEAST_KNOTS:
-                self._fail(
-                    "strains and changes must be lists of one length, two points or more",
-                    "lists-differ",
-                )
-            if not (np.diff(strains) > 0).all() or not (np.diff(changes) >= 0).all():
-                self._fail("strains must rise, and changes must not fall", "not-monotone")
-            rest = np.flatnonzero(strains == 0)
-            if len(rest) != 1 or changes[rest[0]] != 0:
-                self._fail(
-                    "at rest (strain 0) the change must be 0; add that point", "rest-not-zero"
-                )
+            self._check_points(*(np.asarray(self.coefficients[n], float) for n in names))
+
+    def _check_points(self, strains: Float, changes: Float) -> None:
+        if len(strains) != len(changes) or len(strains) < _MIN_KNOTS:
+            self._fail(
+                f"there are {len(strains)} strains and {len(changes)} changes",
+                "lists-differ",
+                f"Give as many strains as changes, at least {_MIN_KNOTS}",
+            )
+        if not (np.diff(strains) > 0).all() or not (np.diff(changes) >= 0).all():
+            self._fail(
+                "strains do not increase, or changes decrease",
+                "not-monotone",
+                "Sort the points by strain and remove those whose change is lower",
+            )
+        rest = np.flatnonzero(strains == 0)
+        if len(rest) != 1 or changes[rest[0]] != 0:
+            self._fail(
+                "there is no change of 0 at a strain of 0", "rest-not-zero", "Add the point (0, 0)"
+            )
 
     @classmethod
     def line(cls, k: float) -> ResponseSpec:
-        """w = k eps, from a data sheet: measured nowhere, taken to hold everywhere."""
+        """Create w = k eps from a data sheet: not measured, and assumed at all strains."""
         return cls("line", {"k": k})
 
-    def _fail(self, problem: str, code: str) -> NoReturn:
-        raise CalibrationError(f"response: {problem}", code=code)
+    def _fail(self, problem: str, code: str, action: str) -> NoReturn:
+        raise CalibrationError(problem, code=code, where="response", action=action)
 
     def to_json(self) -> dict[str, Any]:
-        """The part of `response.json` that `read_response` reads."""
-        plain = {
+        """Return the part of `response.json` that `read_response` reads."""
+        coefficients = {
             name: np.asarray(value, float).tolist() for name, value in self.coefficients.items()
         }
         return {
             "model": self.model,
-            "coefficients": plain,
+            "coefficients": coefficients,
             "strain_range": list(self.strain_range),
         }
 
 
 @dataclass(frozen=True)
 class MeasuredResponse:
-    """What `defsense calibrate fit` found of a cord, by the `file` it is in: the slope `k_res` at
-    rest with its 95 % `interval`, and the standard deviation `spread` of a piece's gain, that of
-    the pieces measured pooled with the one that was taken for granted."""
+    """What a calibration says about the slope of a cord's response.
+
+    Attributes:
+        file: Name of the file.
+        k_res: Slope at rest.
+        interval: 95 % interval of the slope at rest.
+        spread: Standard deviation of the gains of pieces: that of the measured pieces, pooled with
+            the assumed one.
+    """
 
     file: str
     k_res: float
@@ -133,9 +170,18 @@ class MeasuredResponse:
 
 
 def read_measured(path: Path) -> MeasuredResponse | None:
-    """Of `response.json`; None of one that was written by hand, without doubts. Raises
-    CalibrationError."""
-    data = load_json(path, CalibrationError, "'defsense calibrate fit' writes such a file")
+    """Read the uncertainty of a response.
+
+    Args:
+        path: A `response.json`.
+
+    Returns:
+        The uncertainty; None for a file written by hand, which has none.
+
+    Raises:
+        CalibrationError: The file cannot be read or is invalid.
+    """
+    data = load_json(path, CalibrationError, _FIT_ACTION)
     if not {"k_res", "interval", "doubt", "pieces"} <= set(data):
         return None
     try:
@@ -143,30 +189,44 @@ def read_measured(path: Path) -> MeasuredResponse | None:
         gains = np.array([float(p["gain"]) for p in data["pieces"]])
         assumed, k_res = float(data["doubt"]["spread_assumed"]), float(data["k_res"])
     except (KeyError, TypeError, ValueError) as error:
-        raise CalibrationError(
-            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}",
-            code="bad-response-file",
-        ) from None
-    own = float(((gains - gains.mean()) ** 2).sum()) if len(gains) else 0.0
-    free = _PRIOR + max(len(gains) - 1, 0)
-    spread = float(np.sqrt((_PRIOR * assumed**2 + own) / free))
+        raise _bad_file(path, error) from None
+    squares = float(((gains - gains.mean()) ** 2).sum()) if len(gains) else 0.0
+    freedom = _ASSUMED_SPREAD_PIECES + max(len(gains) - 1, 0)
+    spread = float(np.sqrt((_ASSUMED_SPREAD_PIECES * assumed**2 + squares) / freedom))
     return MeasuredResponse(path.name, k_res, (low, high), spread)
 
 
 def read_response(path: Path) -> ResponseSpec:
-    """Of `response.json`, as `defsense calibrate fit` writes it. Raises CalibrationError."""
-    data = load_json(path, CalibrationError, "'defsense calibrate fit' writes such a file")
+    """Read `response.json`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The response.
+
+    Raises:
+        CalibrationError: The file cannot be read or is invalid.
+    """
+    data = load_json(path, CalibrationError, _FIT_ACTION)
     try:
         if data["schema"] != SCHEMA:
             raise CalibrationError(
-                f"this version reads schema {SCHEMA}, not {data['schema']!r}", code="wrong-schema"
+                f"has the schema {data['schema']!r}; this version reads {SCHEMA}",
+                code="wrong-schema",
+                action=_FIT_ACTION,
             )
         low, high = (float(n) for n in data["strain_range"])
         return ResponseSpec(data["model"], dict(data["coefficients"]), (low, high))
     except CalibrationError as error:
-        raise CalibrationError(f"{path}: {error}", code=error.code, **error.data) from None
-    except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(
-            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}",
-            code="bad-response-file",
+            error.problem, code=error.code, where=path, action=error.action, **error.data
         ) from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise _bad_file(path, error) from None
+
+
+def _bad_file(path: Path, error: Exception) -> CalibrationError:
+    return CalibrationError(
+        f"is not a response ({error!r})", code="bad-response-file", where=path, action=_FIT_ACTION
+    )

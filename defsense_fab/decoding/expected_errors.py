@@ -3,44 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.arrays import Bool, Float, Int
-from ..core.device.states import LoadingPath, on_path
+from ..core.device.states import LoadingPath, loading_path
 
 # What a layout is predicted to reach, as it stands in `layout.json`.
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Marker errors in mm. `rmse` counts the read-out's noise, `rmse_noise_free` does not.
-
-    `unseen` and `unseen_noise_free` are of the `tested` states, which the decoder was not trained
-    on, by `how` (see decoding/expected_errors.py); `floor` is the least noise-free RMSE over all states that
-    any layout of as many cords can reach with an affine map. `rmse`, `rmse_noise_free`, `peak` and
-    `average_peak` are of the states that it was trained on; `per_state` and `held_out` are RMSE by
-    state, noise included. `noise` is the standard deviation of (R - R0)/R0 of each cord.
-    """
-
-    decoder: str
-    noise: tuple[float, ...]
-    unseen: float
-    unseen_noise_free: float
-    tested: int
-    how: str
-    rmse: float
-    rmse_noise_free: float
-    peak: float
-    average_peak: float
-    floor: float
-    per_state: Mapping[str, float]
-    held_out: Mapping[str, float]
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 HELD_OUT, LEFT_OUT, NONE = "held out", "left out", "none"
@@ -87,7 +57,7 @@ def unseen_states(states: Sequence[Weights], held_out: Bool) -> UnseenStates:
         return UnseenStates(HELD_OUT, ((np.flatnonzero(~held_out), held),), paths)
     groups: dict[object, list[int]] = {}
     for k, weights in enumerate(states[1:], 1):
-        path, at = on_path(weights)
+        path, at = loading_path(weights)
         groups.setdefault(at * path[0][1] if len(path) == 1 else (path, at), []).append(k)
     everything = np.arange(len(states))
     if len(groups) < 2:
@@ -100,7 +70,7 @@ def _paths(states: Sequence[Weights]) -> tuple[tuple[Int, Float], ...]:
     """Of states, rest first: a pose's amplitudes, and mixtures of the same ratios."""
     found: dict[LoadingPath, list[tuple[int, float]]] = {}
     for k, weights in enumerate(states[1:], 1):
-        path, at = on_path(weights)
+        path, at = loading_path(weights)
         found.setdefault(path, []).append((k, at))
     return tuple(
         (np.array([k for k, _ in path]), np.array([at for _, at in path]))

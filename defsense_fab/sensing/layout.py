@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 
 from ..core.arrays import Float
 from ..core.curve import Hermite, Plane
+from ..core.device.build_folder import BUILD_AGAIN
 from ..core.device.device import Sensor
 from ..core.errors import DefsenseError, StorageError
+from ..core.prediction import Prediction
 from ..core.response import MeasuredResponse
 from ..core.storage import typed_json
-from ..core.storage.build_folder import BUILD_AGAIN
 from ..core.storage.files import digest, load_json, write_json
-from ..decoding.expected_errors import Prediction
 from .built_cord import BuiltCord
 
 LAYOUT, PREDICTION = "layout.json", "prediction.json"

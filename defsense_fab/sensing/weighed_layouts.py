@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from ..core.storage import typed_json
-from ..core.storage.build_folder import BUILD_AGAIN
+from ..core.device.build_folder import BUILD_AGAIN
 from .layout import CordPath
 
 LAYOUTS = "layouts.json"

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.curve import (
-    SAMPLES,
+    MIN_PATH_SAMPLES,
     Hermite,
     Plane,
     arc_lengths,
     catmull_rom,
     curvature,
-    distinct,
+    distinct_planes,
     per_span_for_sag,
     per_span_for_signal,
     per_span_for_spacing,
@@ -57,7 +57,7 @@ def test_chords_lie_as_near_to_the_curve_as_asked(quarters, sag):
 def test_a_path_lies_in_its_plane_with_enough_points(quarters):
     plane = Plane.from_normal(np.array([1.0, 2, 3]), np.array([1.0, 1, 1]), np.array([1.0, 0, 0]))
     path = sample_path(Sensor("c", plane, quarters, frozenset()))
-    assert len(path) == 4 * per_span_for_signal(quarters) + 1 > SAMPLES
+    assert len(path) == 4 * per_span_for_signal(quarters) + 1 > MIN_PATH_SAMPLES
     assert (path - plane.origin) @ plane.normal == pytest.approx(np.zeros(len(path)), abs=1e-12)
     assert len(sample_path(Sensor("c", plane, quarters, frozenset()), 7)) == 29
 
@@ -109,4 +109,4 @@ def test_coincident_planes_count_once():
     a = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
     b = Plane.from_normal(np.array([5, 3, 0.0]), np.array([0, 0, -1.0]), np.array([0, 1.0, 0]))
     c = Plane.from_normal(np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
-    assert distinct([a, b, c]) == [a, c]
+    assert distinct_planes([a, b, c]) == [a, c]

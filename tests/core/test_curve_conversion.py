@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from defsense_fab.core.curve import Hermite, catmull_rom
-from defsense_fab.core.curve_conversion import arcs, fit_curve
+from defsense_fab.core.curve_conversion import curve_to_arcs, fit_curve
 
 # Curves with few points through what a hand draws.
 
@@ -74,7 +74,7 @@ def test_arcs_join_smoothly_and_follow_the_curve(seed):
     x = np.array([2, 10, 36, 62, 88, 114, 140, 148.0])
     points = np.stack([x, rng.uniform(-10, 10, 8)], axis=1)
     curve = Hermite(points, catmull_rom(points))
-    chain = arcs(curve, 0.01)
+    chain = curve_to_arcs(curve, 0.01)
     assert chain[1:, 0] == pytest.approx(chain[:-1, 2], abs=1e-9)
     assert chain[0, 0] == pytest.approx(points[0])
     assert chain[-1, 2] == pytest.approx(points[-1])
@@ -91,5 +91,5 @@ def test_arcs_join_smoothly_and_follow_the_curve(seed):
 
 def test_a_straight_path_is_straight():
     points = np.array([[0, 0], [10, 0], [30, 0.0]])
-    chain = arcs(Hermite(points, catmull_rom(points)), 0.01)
+    chain = curve_to_arcs(Hermite(points, catmull_rom(points)), 0.01)
     assert np.abs(chain[:, :, 1]).max() < 1e-12

@@ -1,4 +1,4 @@
-"""The device: what `device.toml` says, as frozen records. Lengths in mm, angles in radians."""
+"""A device: the content of `device.toml` as frozen records. Lengths in mm, angles in radians."""
 
 from __future__ import annotations
 
@@ -19,8 +19,12 @@ BodyKind = Literal["script", "step", "mesh"]
 
 @dataclass(frozen=True)
 class BaySpec:
-    """A connector bay: the point `at` (3,) mm of the skin around which it opens, and its width,
-    height and depth, mm."""
+    """Connector bay.
+
+    Attributes:
+        at: Point (3,) of the skin around which the bay opens, mm.
+        size: Width, height and depth, mm.
+    """
 
     at: Float
     size: tuple[float, float, float]
@@ -28,9 +32,17 @@ class BaySpec:
 
 @dataclass(frozen=True)
 class BodySpec:
-    """Where the body comes from; `scale` turns a mesh's unit into mm; the connector `bay` that is
-    cut into it; `time_limit` of a script or of reading a file, s; whether cavities are to be
-    filled."""
+    """Source of the body.
+
+    Attributes:
+        kind: Kind of source.
+        path: File of the source.
+        parameters: Parameters of a script.
+        scale: Factor from a mesh's unit to mm.
+        bay: Connector bay that is cut into the body.
+        time_limit: Limit for running a script or reading a file, s.
+        fill_cavities: Whether enclosed cavities are filled.
+    """
 
     kind: BodyKind
     path: Path
@@ -43,8 +55,16 @@ class BodySpec:
 
 @dataclass(frozen=True)
 class MaterialSpec:
-    """Isotropic soft material: Young's modulus in MPa at small strain, Poisson's ratio below 0.5,
-    density in g/cm^3; `constants` (MPa) of the hyperelastic `model` where E does not give them."""
+    """Isotropic soft material.
+
+    Attributes:
+        name: Name of the material.
+        young_modulus: Young's modulus at small strain, MPa.
+        poisson_ratio: Poisson's ratio, below 0.5.
+        model: Name of the hyperelastic model.
+        density: Density, g/cm^3.
+        constants: Constants of the model that Young's modulus does not determine, MPa.
+    """
 
     name: str
     young_modulus: float
@@ -56,8 +76,13 @@ class MaterialSpec:
 
 @dataclass(frozen=True)
 class MeshSpec:
-    """Edge length of the tets in mm, or the relative `accuracy` of signals that chooses it;
-    `time_limit` of the mesher, s."""
+    """Requirements on the tetrahedral mesh.
+
+    Attributes:
+        edge_length: Edge length of the tetrahedra, mm; None where `accuracy` determines it.
+        accuracy: Relative accuracy of the signals.
+        time_limit: Limit for the mesher, s.
+    """
 
     edge_length: float | None = None
     accuracy: float | None = None
@@ -66,11 +91,16 @@ class MeshSpec:
 
 @dataclass(frozen=True)
 class Handle:
-    """A region moved rigidly: rotation vector (3,) rad about the point `about` (3,) mm, or the
-    region's centre.
+    """Region that is moved rigidly.
 
-    `translation` (3,) mm has NaN where the solver finds it (zero resultant force). `free_axes`
-    (f, 3) are the axes about which the solver turns it: none, one (a hinge) or all three.
+    Attributes:
+        region: Name of the region.
+        rotation: Rotation vector (3,), rad.
+        translation: Translation (3,), mm; NaN in components that the solver determines, where the
+            resultant force is zero.
+        free_axes: Axes (f, 3) about which the solver rotates the region: none, one (a hinge) or
+            all three.
+        about: Pivot (3,), mm; None for the region's center.
     """
 
     region: str
@@ -82,7 +112,12 @@ class Handle:
 
 @dataclass(frozen=True)
 class SymmetryPlane:
-    """A region whose nodes stay in their plane, with unit `normal` (3,)."""
+    """Region whose nodes stay in their plane.
+
+    Attributes:
+        region: Name of the region.
+        normal: Unit normal (3,) of the plane.
+    """
 
     region: str
     normal: Float
@@ -90,7 +125,13 @@ class SymmetryPlane:
 
 @dataclass(frozen=True)
 class PointDrag:
-    """A spring of `stiffness` (N/mm) that pulls the point `at` (3,) mm by `by` (3,) mm."""
+    """Spring that pulls at a point.
+
+    Attributes:
+        at: The point (3,) at rest, mm.
+        by: Displacement (3,) of the spring's other end, mm.
+        stiffness: Stiffness, N/mm.
+    """
 
     at: Float
     by: Float
@@ -99,7 +140,12 @@ class PointDrag:
 
 @dataclass(frozen=True)
 class RegionPressure:
-    """Pressure in MPa on the body's surface inside a region; positive pushes inwards."""
+    """Pressure on the body's surface in a region.
+
+    Attributes:
+        region: Name of the region.
+        value: Pressure, MPa; positive pushes inward.
+    """
 
     region: str
     value: float
@@ -109,7 +155,14 @@ class RegionPressure:
 class Pose:
     """Fixed regions, handles and loads that together define one deformation.
 
-    `gravity` (3,) in multiples of standard gravity.
+    Attributes:
+        name: Name of the pose.
+        fixed: Names of the regions that stay in place.
+        handles: Regions that move.
+        symmetry: Regions that stay in their plane.
+        drags: Springs that pull at points.
+        pressures: Pressures on the surface.
+        gravity: Gravity (3,), in multiples of standard gravity.
     """
 
     name: str
@@ -123,8 +176,15 @@ class Pose:
 
 @dataclass(frozen=True)
 class StatesSpec:
-    """Fractions of each pose, and weighted mixtures of poses; held-out ones are only scored. Where
-    mixtures are not `given`, they are proposed, and those that cannot be solved are left out."""
+    """States that are simulated: fractions of each pose, and weighted mixtures of poses.
+
+    Attributes:
+        ramp: Fractions of each pose.
+        mixtures: Weights of the poses in each mixture.
+        held_out: The same for states that are only used to evaluate a design.
+        given: Whether the user gave the states. Others are proposed, and those that cannot be
+            solved are left out.
+    """
 
     ramp: tuple[float, ...] = (1.0,)
     mixtures: tuple[Mapping[str, float], ...] = ()
@@ -134,26 +194,45 @@ class StatesSpec:
 
 @dataclass(frozen=True)
 class OutputsSpec:
-    """`markers`: how many to spread, explicit points (n, 3), or the whole surface."""
+    """Positions that the device reports.
+
+    Attributes:
+        markers: Number of markers to distribute, explicit points (n, 3) in mm, or the whole
+            surface.
+        anchor: Region that stays in place during recordings, to which recorded markers are aligned.
+    """
 
     markers: int | Float | Literal["surface"]
     anchor: str | None = None
 
 
-#: What becomes of a response that was measured in tension where its cord is compressed: the factor
-#: of its slope below zero strain.
-COMPRESSION = {"same": 1.0, "half": 0.5, "none": 0.0, "rising": -1.0}
+#: Assumed behavior of a compressed cord whose response was measured in tension: the factor of its
+#: slope below zero strain.
+COMPRESSION_FACTORS = {"same": 1.0, "half": 0.5, "none": 0.0, "rising": -1.0}
 
 
 @dataclass(frozen=True)
 class CordSpec:
-    """A piezoresistive cord; its `response` to strain, and what it is taken to do under
-    `compression` where that was not measured (a name of COMPRESSION, or "measured"); what is known
-    of the response where it was `measured`; `noise` is the
-    standard deviation of (R - R0)/R0 however long the cord, `contact` that of the resistance of
-    each joint with a wire, ohm; `lengths` the least and the greatest that a piece may have, free
-    ends included, and `min_stretch` the least that is to lie between its ends and be stretched; the
-    outside of the `ferrule` that joins it to a wire, mm; Young's `modulus`, MPa."""
+    """Piezoresistive cord.
+
+    Attributes:
+        name: Name of the cord.
+        diameter: Diameter, mm.
+        ohm_per_mm: Resistance per length at rest, ohm/mm.
+        response: Response of the resistance to strain.
+        max_strain: Largest strain that the cord withstands.
+        min_bend_radius: Smallest radius of curvature, mm.
+        noise: Standard deviation of (R - R0)/R0, whatever the cord's length.
+        lengths: Smallest and largest length of a piece, free ends included, mm.
+        ferrule_diameter: Outer diameter of the ferrule that joins cord and wire, mm.
+        ferrule_length: Length of the ferrule, mm.
+        contact: Standard deviation of the resistance of each joint with a wire, ohm.
+        min_stretch: Smallest length between a piece's ends that is stretched, mm.
+        modulus: Young's modulus, MPa.
+        compression: Assumed behavior below zero strain, a key of `COMPRESSION_FACTORS`, or
+            "measured".
+        measured: Uncertainty of a response that was measured.
+    """
 
     name: str
     diameter: float
@@ -172,28 +251,45 @@ class CordSpec:
     measured: MeasuredResponse | None = None
 
 
-#: What reads the resistances: full scale of a conversion in counts, and conversions a sample.
+#: Converters that read the resistances: full scale of a conversion (counts) and conversions per
+#: sample.
 CONVERTERS = {"arduino": (1023, 16), "ads1115": (40000, 1)}
-#: A cord slides in its channel between ends that hold it, or is glued into it all along.
+#: A cord slides in its channel between ends that hold it, or is glued along its whole length.
 ASSEMBLIES = ("held", "bonded")
-#: Parts are printed, or cast in moulds that are printed.
+#: Parts are printed, or cast in molds that are printed.
 PROCESS_KINDS = ("print", "cast")
 
 
 @dataclass(frozen=True)
 class FabricationSpec:
-    """Printing process: channel clearance on the diameter, least wall, free cord at each end, mm;
-    whether joints of cord and wire get `pockets` in the body, and cuts are limited (`limit_cuts`)
-    to what their cords need; whether wires leave their pockets by a bend (`strain_relief`; None:
-    where that costs little accuracy), and their `wire_diameter`; `marker_seats`, how many flats for
-    tags of `marker_size` mm; the `assembly` of the cords (ASSEMBLIES), and by how much of its
-    length a held one is stretched as it is laid (`prestretch`; None: as much as it needs).
+    """How the device is made.
 
-    `kind` is "print" or "cast" in printed moulds, `line`, `layer` and `hole` what the printer lays
-    and the least hole that stays open, `spacing` what parts keep on its bed, mm, `supports` whether
-    parts need them: "no", "yes" or all "inside" of hollows; `copies` of the device on the plates;
-    walls of moulds (`mould_wall`, mm), and the linear `shrinkage` of what is cast, where it is
-    given (None: as the silicone's row has it)."""
+    Attributes:
+        process: Name of the process.
+        clearance: Clearance of a cord in its channel, on the diameter, mm.
+        wall: Smallest wall thickness, mm.
+        lead: Free cord at each end, mm.
+        bed: Size of the print bed, mm.
+        pockets: Whether joints of cord and wire get pockets in the body.
+        limit_cuts: Whether a cut is limited to the area that its cords need.
+        strain_relief: Whether wires leave their pockets by a bend; None where that costs little
+            accuracy.
+        wire_diameter: Diameter of the wires, mm.
+        marker_seats: Number of flats for tags.
+        marker_size: Size of the tags, mm.
+        assembly: How cords are assembled, a name in `ASSEMBLIES`.
+        prestretch: Share of its length by which a held cord is stretched during assembly; None
+            for as much as it needs.
+        kind: Kind of process, a name in `PROCESS_KINDS`.
+        line: Width of the printer's lines, mm.
+        layer: Height of the printer's layers, mm.
+        hole: Smallest hole that stays open, mm.
+        spacing: Distance of parts on the print bed, mm.
+        supports: Whether parts need supports: "no", "yes", or "inside" of hollows.
+        copies: Copies of the device on the plates.
+        mould_wall: Wall thickness of molds, mm.
+        shrinkage: Linear shrinkage of the cast material; None for that of the silicone's row.
+    """
 
     process: str
     clearance: float
@@ -219,16 +315,22 @@ class FabricationSpec:
     shrinkage: float | None = None
 
 
-#: What the optimiser may change of a cord's plane: where it lies and how it is turned, or where it
-#: lies and not its direction.
+#: Freedoms of a cord's plane: position and direction, or position only.
 PLANE_FREEDOMS = frozenset({"plane", "offset"})
-#: What it may change of a cord.
+#: Freedoms of a cord, which the optimizer may use.
 FREEDOMS = ("path", "plane", "offset")
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One cord: its plane, its path in the plane, and what the optimiser may change."""
+    """One cord in the device.
+
+    Attributes:
+        name: Name of the sensor.
+        plane: Plane of its path.
+        curve: Path in the plane.
+        free: Freedoms that the optimizer may use, names in `FREEDOMS`.
+    """
 
     name: str
     plane: Plane
@@ -236,20 +338,37 @@ class Sensor:
     free: frozenset[str] = frozenset()
 
 
-#: What the map from readings to positions may be; see `decoding/decoders.py`.
+#: Kinds of maps from readings to positions; see `decoding/decoders.py`.
 DECODERS = ("affine", "quadratic", "kernel")
-#: What is preferred among layouts that are about as good.
+#: Preference among layouts of similar quality.
 PREFERENCES = ("simple", "accuracy")
 
 
 @dataclass(frozen=True)
 class Device:
-    """All that a build needs to know; `source` is the folder of `device.toml`, `propose` the number
-    of cords to find besides those drawn, `planes` the most planes that they may take, or None;
-    among layouts that are about as good `prefer` takes the simplest one or the most accurate; the
-    `converter` that reads the cords (CONVERTERS); the `seed` of the random choices of the search
-    for cords, and the most `searches` that are made (None: as many as their number of cords asks
-    for)."""
+    """Everything that a build needs to know.
+
+    Attributes:
+        name: Name of the device.
+        source: Folder of `device.toml`.
+        body: Source of the body.
+        material: Material of the body.
+        mesh: Requirements on the mesh.
+        regions: Shapes of the named regions.
+        poses: Poses that the device must sense.
+        states: States that are simulated.
+        outputs: Positions that the device reports.
+        cord: The cord.
+        fabrication: How the device is made.
+        sensors: Cords that the user has drawn.
+        propose: Number of cords to find in addition to those.
+        planes: Largest number of planes of the cords; None for no limit.
+        decoder: Map from readings to positions, a name in `DECODERS`, or "auto".
+        prefer: Preference among layouts of similar quality, a name in `PREFERENCES`.
+        converter: Converter that reads the cords, a name in `CONVERTERS`.
+        seed: Seed of the random choices of the search for cords.
+        searches: Largest number of searches; None for the number that the cords need.
+    """
 
     name: str
     source: Path

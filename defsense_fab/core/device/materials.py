@@ -1,4 +1,4 @@
-"""What a maker needs to know of a silicone: a row of `data/silicones.csv`."""
+"""Data sheets of materials: Young's modulus from the Shore hardness, and how silicones are cast."""
 
 from __future__ import annotations
 
@@ -8,37 +8,55 @@ from dataclasses import dataclass
 
 from ..storage.package_data import read_rows
 
-# Shore A hardness to Young's modulus, with how far such a conversion can be trusted.
-#
-# Gent 1958 ("On the relation between indentation hardness and Young's modulus", Rubber Chemistry
-# and Technology 31, 896): a rigid punch on a linear elastic half space. It gives no error of its own.
-# Over the 13 materials of `data/materials.csv` between 20A and 80A whose modulus does not come from
-# their hardness, the conversion's mean ratio to that modulus is 0.97 and the standard deviation of
-# its logarithm 0.32: a 90 % band of a factor 1.7 either way. A reading that is 5 units off is 20 to
-# 28 %. Above 80A the formula diverges, below 20A it does not reach zero; Shore 00 has no accepted
-# conversion.
-
-LOW, HIGH = 20.0, 80.0
-#: Standard deviation of ln(conversion / modulus); see the module's text.
-SPREAD = 0.32
+#: Shore A hardness between which the conversion holds. Above, the formula diverges; below, it does
+#: not reach zero.
+MIN_SHORE_A, MAX_SHORE_A = 20.0, 80.0
+#: Standard deviation of ln(conversion / modulus), over the 13 materials of `data/materials.csv`
+#: between 20A and 80A whose modulus does not come from their hardness. The mean ratio is 0.97.
+LOG_SPREAD = 0.32
 
 
 @dataclass(frozen=True)
 class ShoreModulus:
-    """Young's modulus in MPa with its 90 % band."""
+    """Young's modulus estimated from a hardness.
+
+    Attributes:
+        value: The estimate, MPa.
+        low: Lower end of the 90 % band, MPa.
+        high: Upper end of the 90 % band, MPa.
+    """
 
     value: float
     low: float
     high: float
 
 
-def gent(shore_a: float) -> float:
-    """Young's modulus (MPa) of a Shore A reading, Gent 1958 eq. 6 in SI units."""
+def gent_modulus(shore_a: float) -> float:
+    """Return Young's modulus (MPa) of a Shore A hardness.
+
+    The model is a rigid punch on a linear elastic half-space; its source gives no error. A reading
+    that is 5 units wrong changes the modulus by 20 to 28 %.
+
+    References:
+        Gent 1958, "On the relation between indentation hardness and Young's modulus", Rubber
+        Chemistry and Technology 31, 896, eq. 6 in SI units.
+    """
     return 0.0981 * (56 + 7.62336 * shore_a) / (0.137505 * (254 - 2.54 * shore_a))
 
 
-def from_shore(hardness: str) -> ShoreModulus:
-    """The modulus of a hardness such as "30A". Raises ValueError outside 20A to 80A."""
+def modulus_from_shore(hardness: str) -> ShoreModulus:
+    """Estimate Young's modulus from a hardness on a data sheet.
+
+    Args:
+        hardness: A Shore A hardness such as "30A". Other scales, such as Shore 00, have no
+            accepted conversion.
+
+    Returns:
+        The modulus with its 90 % band, a factor of 1.7 either way.
+
+    Raises:
+        ValueError: The text is not a Shore A hardness from 20A to 80A.
+    """
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*A\s*", hardness)
     if match is None:
         raise ValueError(
@@ -46,20 +64,29 @@ def from_shore(hardness: str) -> ShoreModulus:
             " conversion, give young_modulus"
         )
     reading = float(match[1])
-    if not LOW <= reading <= HIGH:
+    if not MIN_SHORE_A <= reading <= MAX_SHORE_A:
         raise ValueError(
-            f"{hardness} lies outside {LOW:g}A to {HIGH:g}A, where the conversion holds; give"
-            " young_modulus"
+            f"{hardness} is outside of {MIN_SHORE_A:g}A to {MAX_SHORE_A:g}A, where the conversion"
+            " holds; give young_modulus"
         )
-    value = gent(reading)
-    factor = math.exp(1.645 * SPREAD)
+    value = gent_modulus(reading)
+    factor = math.exp(1.645 * LOG_SPREAD)
     return ShoreModulus(value, value / factor, value * factor)
 
 
 @dataclass(frozen=True)
 class Silicone:
-    """Parts A and B `by` weight or volume; linear shrinkage as it cures; how long it can be poured
-    (min) and until it is taken out (h) at 23 C, None where that is not known; how it `cures`."""
+    """How a silicone is mixed and cast: a row of `data/silicones.csv`.
+
+    Attributes:
+        name: Name of the silicone.
+        ratio: Parts A and B.
+        by: Whether the parts are by "weight" or "volume".
+        shrinkage: Linear shrinkage as it cures, as a share of the length.
+        pot_life: Time in which it can be poured at 23 C, min; None where it is not known.
+        cure: Time until it can be demolded at 23 C, h; None where it is not known.
+        cures: Kind of cure.
+    """
 
     name: str
     ratio: tuple[float, float]
@@ -70,8 +97,8 @@ class Silicone:
     cures: str
 
 
-def silicone(name: str) -> Silicone | None:
-    """The row of this name, if there is one."""
+def find_silicone(name: str) -> Silicone | None:
+    """Return the silicone of a name, or None."""
     row = read_rows("silicones.csv").get(name)
     if row is None:
         return None

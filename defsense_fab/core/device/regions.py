@@ -1,4 +1,4 @@
-"""Named parts of a body, by shape in rest coordinates (mm)."""
+"""Shapes of the named regions of a body, in the rest frame (mm)."""
 
 from __future__ import annotations
 
@@ -11,46 +11,71 @@ from ..arrays import Bool, Float
 
 @dataclass(frozen=True)
 class Box:
-    """Axis-aligned box from `low` to `high`, each (3,)."""
+    """Axis-aligned box.
+
+    Attributes:
+        low: Lowest corner (3,), mm.
+        high: Highest corner (3,), mm.
+    """
 
     low: Float
     high: Float
 
     def contains(self, points: Float) -> Bool:
+        """Return whether points (..., 3) are in the box (...)."""
         return np.asarray(((points >= self.low) & (points <= self.high)).all(axis=-1))
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """Ball around `center` (3,) of `radius`."""
+    """Solid sphere.
+
+    Attributes:
+        center: Center (3,), mm.
+        radius: Radius, mm.
+    """
 
     center: Float
     radius: float
 
     def contains(self, points: Float) -> Bool:
+        """Return whether points (..., 3) are in the sphere (...)."""
         return np.asarray(np.linalg.norm(points - self.center, axis=-1) <= self.radius)
 
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """All points on the side of the plane through `origin` that `normal` points to."""
+    """All points on one side of a plane.
+
+    Attributes:
+        origin: Point (3,) of the plane, mm.
+        normal: Vector (3,) to the side of the half-space, of any length.
+    """
 
     origin: Float
     normal: Float
 
     def contains(self, points: Float) -> Bool:
+        """Return whether points (..., 3) are in the half-space (...)."""
         return np.asarray((points - self.origin) @ self.normal >= 0)
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """Solid cylinder of `radius` about the segment from `start` to `end`."""
+    """Solid cylinder.
+
+    Attributes:
+        start: Start of its axis (3,), mm.
+        end: End of its axis (3,), mm.
+        radius: Radius, mm.
+    """
 
     start: Float
     end: Float
     radius: float
 
     def contains(self, points: Float) -> Bool:
+        """Return whether points (..., 3) are in the cylinder (...)."""
         axis = self.end - self.start
         height = float(np.linalg.norm(axis))
         axis = axis / height
@@ -62,9 +87,15 @@ class Cylinder:
 Shape = Box | Sphere | HalfSpace | Cylinder
 
 
-def flaw(shape: Shape) -> tuple[str, str] | None:
-    """Why a shape of finite numbers holds no space, as the key that is wrong and a sentence; None
-    of a shape that does."""
+def shape_problem(shape: Shape) -> tuple[str, str] | None:
+    """Return why a shape is empty.
+
+    Args:
+        shape: A shape with finite numbers.
+
+    Returns:
+        The key of `device.toml` that is wrong and what is wrong with it; None for a valid shape.
+    """
     if isinstance(shape, Box) and (shape.low >= shape.high).any():
         return "box", "the first corner must be lower than the second in x, y and z"
     if isinstance(shape, HalfSpace) and not shape.normal.any():

@@ -1,4 +1,4 @@
-"""States that cover what a device's poses span, for devices that do not say theirs."""
+"""States of a device: default states that cover its poses, and the loading path of a state."""
 
 from __future__ import annotations
 
@@ -11,78 +11,101 @@ import numpy as np
 from ..arrays import Float
 from .device import Handle, Pose, StatesSpec
 
-# How far along which path of loading a state lies.
+DEFAULT_RAMP = (0.25, 0.5, 0.75, 1.0)
+_MAX_PAIRS, _MAX_TRIPLES = 15, 4  # of poses that are mixed
+#: Two poses are opposite where the sum of their actions on a region is smaller than this share of
+#: the larger one.
+_OPPOSITE_REMAINDER = 0.5
+_MM_PER_RAD = 50.0  # translation that counts as much as a rotation by one radian
 
-#: The poses of a path by name, and how much of each there is where the largest is whole.
+#: Poses of a path by name, with their shares relative to the largest one.
 LoadingPath = tuple[tuple[str, float], ...]
 
 
-def on_path(weights: Mapping[str, float]) -> tuple[LoadingPath, float]:
-    """Of a state with so much of each pose (of one at least, not zero): poses of which it has
-    nothing, and the order in which they are given, do not matter."""
+def loading_path(weights: Mapping[str, float]) -> tuple[LoadingPath, float]:
+    """Return the loading path of a state, and how far along it the state is.
+
+    Neither poses of weight zero nor the order of the poses matter.
+
+    Args:
+        weights: Weight of each pose in the state; at least one is not zero.
+
+    Returns:
+        The path, and the largest weight.
+    """
     largest = max(map(abs, weights.values()))
     return tuple((n, round(w / largest, 9)) for n, w in sorted(weights.items()) if w), largest
 
 
-RAMP = (0.25, 0.5, 0.75, 1.0)
-#: Mixtures of two and of three poses, at most.
-_PAIRS, _TRIPLES = 15, 4
-#: Poses are opposite where of two moves of a region less than this is left in their sum.
-_LEFT = 0.5
+def default_states(poses: Sequence[Pose], ramp: tuple[float, ...] = DEFAULT_RAMP) -> StatesSpec:
+    """Propose states for a device that does not define any.
 
+    The states are each pose at the fractions of the ramp. Pairs of poses that can be mixed and are
+    not opposite are added at the largest fraction and at half of it. Held out are pairs of one at
+    the largest fraction and one at half, and three poses at once. Where no two poses can be mixed,
+    each pose between its two largest fractions is held out.
 
-def default_states(poses: Sequence[Pose], ramp: tuple[float, ...] = RAMP) -> StatesSpec:
-    """Each pose at the fractions of `ramp`, and of poses that agree and are not opposite each pair,
-    whole (the largest fraction) and half. Held out are pairs of a whole and a half and three poses
-    at once, or where no two go together each pose between its two largest fractions."""
-    pairs = [(a, b) for a, b in combinations(poses, 2) if agree(a, b) and not opposite(a, b)]
-    pairs = sorted(pairs, key=lambda p: _apart(poses, p))[:_PAIRS]
+    Args:
+        poses: Poses of the device.
+        ramp: Fractions of each pose, increasing.
+
+    Returns:
+        The states, marked as not given.
+    """
+    pairs = [(a, b) for a, b in combinations(poses, 2) if can_mix(a, b) and not are_opposite(a, b)]
+    pairs = sorted(pairs, key=lambda p: _pair_order(poses, p))[:_MAX_PAIRS]
     mixtures, held_out = [], []
-    whole, half = ramp[-1], _short(0.5 * ramp[-1])
+    full, half = ramp[-1], _round_weight(0.5 * ramp[-1])
     for a, b in pairs:
-        mixtures += [{a.name: w, b.name: w} for w in (half, whole)]
-        held_out += [{a.name: whole, b.name: half}, {a.name: half, b.name: whole}]
-    together = {frozenset((a.name, b.name)) for a, b in pairs}
+        mixtures += [{a.name: w, b.name: w} for w in (half, full)]
+        held_out += [{a.name: full, b.name: half}, {a.name: half, b.name: full}]
+    mixed = {frozenset((a.name, b.name)) for a, b in pairs}
     triples = [
         t
         for t in combinations([p.name for p in poses], 3)
-        if all(frozenset(pair) in together for pair in combinations(t, 2))
+        if all(frozenset(pair) in mixed for pair in combinations(t, 2))
     ]
-    held_out += [dict.fromkeys(t, _short(0.7 * whole)) for t in triples[:_TRIPLES]]
+    held_out += [dict.fromkeys(t, _round_weight(0.7 * full)) for t in triples[:_MAX_TRIPLES]]
     if not held_out:
         between = (ramp[-1] + (ramp[-2] if len(ramp) > 1 else 0.0)) / 2
-        held_out = [{p.name: _short(between)} for p in poses]
+        held_out = [{p.name: _round_weight(between)} for p in poses]
     return StatesSpec(ramp, tuple(mixtures), tuple(held_out), given=False)
 
 
-def _apart(poses: Sequence[Pose], pair: tuple[Pose, Pose]) -> tuple[int, int]:
-    """Neighbours first, so that a selection has all poses."""
+def _pair_order(poses: Sequence[Pose], pair: tuple[Pose, Pose]) -> tuple[int, int]:
+    """Return a sort key that puts neighbors first, so that a selection includes all poses."""
     names = [p.name for p in poses]
     first, second = (names.index(p.name) for p in pair)
     return second - first, first
 
 
-def agree(a: Pose, b: Pose) -> bool:
-    """Whether two poses can be mixed: none moves what the other fixes, and what both move they turn
-    about one point, freely in both or in neither."""
+def can_mix(a: Pose, b: Pose) -> bool:
+    """Return whether two poses can act at once.
+
+    Neither may move a region that the other fixes. A region that both move must turn about the same
+    pivot, and be free in both or in neither.
+    """
     moved = [{h.region: h for h in pose.handles} for pose in (a, b)]
     if set(a.fixed) & moved[1].keys() or set(b.fixed) & moved[0].keys():
         return False
     return all(
-        shared_point(h, moved[1][name]) is not False
+        shared_pivot(h, moved[1][name]) is not False
         and h.free_axes.shape == moved[1][name].free_axes.shape
         for name, h in moved[0].items()
         if name in moved[1]
     )
 
 
-def shared_point(a: Handle, b: Handle) -> Float | Literal[False] | None:
-    """The point (3,) mm about which a region turns that both handles move, None for its middle;
-    False where they turn it about different points."""
+def shared_pivot(a: Handle, b: Handle) -> Float | Literal[False] | None:
+    """Return the pivot about which two handles turn the same region.
+
+    Returns:
+        The pivot (3,) in mm, None for the region's center, or False where the pivots differ.
+    """
     turning = [h for h in (a, b) if h.rotation.any() or len(h.free_axes)]
-    points = [h.about for h in turning]
-    first = points[0] if points else None
-    for other in points[1:]:
+    pivots = [h.about for h in turning]
+    first = pivots[0] if pivots else None
+    for other in pivots[1:]:
         if (first is None) != (other is None) or (
             first is not None and not np.array_equal(first, np.asarray(other))
         ):
@@ -90,28 +113,38 @@ def shared_point(a: Handle, b: Handle) -> Float | Literal[False] | None:
     return first
 
 
-def _short(weight: float) -> float:
-    """As many digits as the name of a state has."""
+def _round_weight(weight: float) -> float:
+    """Round to as many digits as the name of a state has."""
     return float(f"{weight:.6g}")
 
 
-def opposite(a: Pose, b: Pose) -> bool:
-    """Whether a pose takes back what the other does, as bending up and down: then their mixtures
-    are nearer to rest than either."""
-    mine, theirs = acts(a), acts(b)
+def are_opposite(a: Pose, b: Pose) -> bool:
+    """Return whether one pose undoes the other, as bending up and down.
+
+    Mixtures of such poses are closer to rest than either pose.
+    """
+    actions, others = pose_actions(a), pose_actions(b)
     return any(
-        float(np.linalg.norm(mine[key] + theirs[key]))
-        < _LEFT * float(max(np.linalg.norm(mine[key]), np.linalg.norm(theirs[key])))
-        for key in mine.keys() & theirs.keys()
+        float(np.linalg.norm(actions[key] + others[key]))
+        < _OPPOSITE_REMAINDER
+        * float(max(np.linalg.norm(actions[key]), np.linalg.norm(others[key])))
+        for key in actions.keys() & others.keys()
     )
 
 
-def acts(pose: Pose) -> dict[tuple[object, ...], Float]:
-    """All that a pose does, by what it does it to. Of a handle rotation (rad) and translation, in
-    which 50 mm count as a radian, (6,); free is none."""
+def pose_actions(pose: Pose) -> dict[tuple[object, ...], Float]:
+    """Return everything that a pose does, by the kind of action and its target.
+
+    Args:
+        pose: A pose.
+
+    Returns:
+        Gravity (3,); per handle, rotation (rad) and translation (in units of 50 mm) (6,), where
+        free components are 0; pressures (1,); drags (3,).
+    """
     out: dict[tuple[object, ...], Float] = {("gravity",): pose.gravity}
     for h in pose.handles:
-        out["handle", h.region] = np.append(h.rotation, np.nan_to_num(h.translation) / 50.0)
+        out["handle", h.region] = np.append(h.rotation, np.nan_to_num(h.translation) / _MM_PER_RAD)
     for p in pose.pressures:
         out["pressure", p.region] = np.array([p.value])
     for d in pose.drags:

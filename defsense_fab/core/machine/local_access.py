@@ -1,4 +1,4 @@
-"""Who may use what listens here: pages of this machine, and whoever has the token."""
+"""Decide who may use a server: pages of this machine, and clients that have the token."""
 
 from __future__ import annotations
 
@@ -6,31 +6,47 @@ import secrets
 from urllib.parse import parse_qs, urlsplit
 
 #: Names of this machine for itself.
-LOCAL = ("127.0.0.1", "localhost", "::1")
+LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 
 
 class Access:
-    """On this machine alone no token is needed, but browsers lend themselves to foreign pages: the
-    `Origin` that they tell must be this machine's, and the `Host` that they asked for, too, as a
-    foreign name may be made to lead here. Listening for other machines needs the token."""
+    """Access rules of a server.
+
+    A server for this machine alone needs no token. But a browser also sends requests on behalf of
+    foreign pages, so the request's `Origin` must be this machine's. Its `Host` must be, too, since
+    a foreign name may be made to resolve to this machine. A server for other machines needs the
+    token.
+
+    Args:
+        host: Address at which the server listens.
+        token: A custom token; by default a random one, where one is needed.
+
+    Attributes:
+        local: Whether the server listens for this machine alone.
+        token: The token; empty where none is needed.
+    """
 
     def __init__(self, host: str, token: str = "") -> None:
-        """Of what listens at the address `host`, with a `token` of one's own."""
-        self.local = host in LOCAL
+        self.local = host in LOCAL_HOSTS
         self.token = token or ("" if self.local else secrets.token_urlsafe(16))
 
     def refusal(self, host: str, origins: list[str]) -> str | None:
-        """Why a request with these headers is refused; None where it is not."""
-        if self.local and _name_of(f"//{host}") not in LOCAL:
-            return f"this listens on this machine only, and not by the name {host[:80]!r}"
+        """Return why a request is refused, or None.
+
+        Args:
+            host: The request's `Host` header.
+            origins: Its `Origin` headers.
+        """
+        if self.local and _host_name(f"//{host}") not in LOCAL_HOSTS:
+            return f"this server listens on this machine only, and not by the name {host[:80]!r}"
         for origin in origins:
-            own = not self.local and origin.split("://", 1)[-1].lower() == host.lower()
-            if _name_of(origin) not in LOCAL and not own:
+            is_same = not self.local and origin.split("://", 1)[-1].lower() == host.lower()
+            if _host_name(origin) not in LOCAL_HOSTS and not is_same:
                 return f"pages of {origin[:80]!r} may not read this"
         return None
 
-    def knows(self, path: str) -> bool:
-        """Whether the path of a request has the token, or none is needed."""
+    def has_token(self, path: str) -> bool:
+        """Return whether a request's path has the token, or none is needed."""
         if not self.token:
             return True
         try:
@@ -40,10 +56,11 @@ class Access:
         return self.is_token(given[0])
 
     def is_token(self, text: str) -> bool:
+        """Return whether a text is the token, in constant time."""
         return secrets.compare_digest(text.encode(errors="replace"), self.token.encode())
 
 
-def _name_of(url: str) -> str:
+def _host_name(url: str) -> str:
     try:
         return urlsplit(url).hostname or ""
     except ValueError:

@@ -1,5 +1,7 @@
-"""What systems do differently with processes: ending one with all that it started, a limit of its
-memory, and what it took. `sys.platform` is asked so that mypy checks each system's own branch."""
+"""Processes and their threads, where systems differ: ending, limits, and resource use.
+
+The branches compare `sys.platform` so that mypy checks each system's own code.
+"""
 
 from __future__ import annotations
 
@@ -11,30 +13,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-# Linear algebra in one thread, whose sums do not depend on how many cores there are.
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Within it the BLAS libraries that are loaded use one thread: with several, results differ in
-    their last digits, and a search can end elsewhere. Matrices here are too small to gain from
-    more: training took four times as long on two cores. As a decorator, within the function."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, "blas"):
-        yield
-
-
-#: For `subprocess.Popen`: a group of its own, which Ctrl-C does not reach and `end_group` ends.
+#: Arguments of `subprocess.Popen` for a process group that Ctrl-C does not reach, and that
+#: `kill_group` ends.
 if sys.platform == "win32":
-    OWN_GROUP: dict[str, Any] = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    NEW_GROUP: dict[str, Any] = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
 else:
-    OWN_GROUP: dict[str, Any] = {"start_new_session": True}
+    NEW_GROUP: dict[str, Any] = {"start_new_session": True}
 
 
-def end_group(pid: int) -> None:
-    """End the process `pid`, begun with `OWN_GROUP`, and what it started. On Windows what is left
-    of an ended process cannot be found any more."""
+def kill_group(pid: int) -> None:
+    """End a process that was started with `NEW_GROUP`, and all processes that it started.
+
+    On Windows, children of a process that has already ended cannot be found.
+
+    Args:
+        pid: Number of the process.
+    """
     if sys.platform == "win32":
         subprocess.run(["taskkill", "/F", "/T", "/PID", str(pid)], check=False, capture_output=True)
         return
@@ -44,21 +38,26 @@ def end_group(pid: int) -> None:
         return
 
 
-def end_own_group() -> None:
-    """End this process, which was begun with `OWN_GROUP`, and all that it started."""
+def kill_own_group() -> None:
+    """End this process, which was started with `NEW_GROUP`, and all that it started."""
     if sys.platform != "win32":
         os.killpg(0, signal.SIGKILL)
-    end_group(os.getpid())
+    kill_group(os.getpid())
 
 
 def was_killed(code: int) -> bool:
-    """Whether an exit code tells of an end from outside, as for want of memory."""
+    """Return whether an exit code means that the system killed a process, as for lack of memory."""
     return sys.platform != "win32" and -code == signal.SIGKILL
 
 
 def limit_memory(size: int) -> None:
-    """Let this process have `size` bytes at most, where the system can: not on Windows, and macOS
-    refuses limits of address space."""
+    """Limit the memory of this process where the system can.
+
+    Windows cannot, and macOS refuses limits of the address space.
+
+    Args:
+        size: Limit, bytes.
+    """
     if sys.platform == "win32":
         return
     import resource
@@ -71,13 +70,19 @@ def limit_memory(size: int) -> None:
 
 
 def cpu_seconds() -> float:
-    """Of this process and of its children that have ended (not of those on Windows), s."""
+    """Return the processor time of this process and of its ended children, s.
+
+    On Windows, children are not included.
+    """
     used = os.times()
     return used.user + used.system + used.children_user + used.children_system
 
 
-def peak_memory() -> float:
-    """Of this process and of its largest child that has ended (not of those on Windows), MB."""
+def peak_memory_mb() -> float:
+    """Return the largest memory of this process or of its largest ended child, MB.
+
+    On Windows, children are not included.
+    """
     if sys.platform == "win32":
         import psutil
 
@@ -87,3 +92,17 @@ def peak_memory() -> float:
     used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     unit = 1 if sys.platform == "darwin" else 1024  # bytes
     return max(u.ru_maxrss for u in used) * unit / 2**20
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Use one thread for linear algebra, in the libraries loaded so far.
+
+    With several threads the last digits of sums depend on the number of cores, and a search can
+    end elsewhere. The matrices here are too small to gain from more threads: training took four
+    times as long on two cores. It can also decorate a function.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        yield

@@ -1,9 +1,9 @@
-"""Text files that are only added to, line by line: recordings, and the logs of sessions.
+"""Text files to which lines are only appended: recordings, and the logs of sessions.
 
-Each line is one write at the file's end, so a program that dies leaves all but the line that it was
-at. What goes on with such a file ends that line with a ~, which marks it as cut for good, even
-where what is left of it would read like a line. A reader leaves out what was cut, and what a disk's
-damaged block left of lines.
+Each line is one write at the file's end, so a program that dies loses at most the line that it was
+writing. A program that continues such a file ends the incomplete line with a ~, which marks it as
+cut for good, even where the rest reads like a complete line. Readers skip lines that are cut, and
+lines that a damaged block of the disk has garbled.
 """
 
 from __future__ import annotations
@@ -14,47 +14,68 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import CaptureError, StorageError
-from .files import claim, storage_errors, unreadable_code
+from .files import storage_errors, try_lock, unreadable_code
 
-_CUT = b"~"
+_CUT_MARK = b"~"
 _FLAGS = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0)
 
 
 class AppendLog:
-    """Adds lines to a file, from any thread; the file is this object's alone where the system and
-    the file system have locks."""
+    """Appends lines to a file, from any thread.
+
+    No other program can append to it meanwhile, where the file system has locks.
+
+    Args:
+        path: File to create or to continue.
+        head: First line or lines of the file.
+        kind: What the file is called in errors.
+
+    Raises:
+        CaptureError: The file starts with other lines, or another program writes to it.
+        StorageError: The file cannot be written.
+    """
 
     def __init__(self, path: Path, head: str = "", kind: str = "log") -> None:
-        """Begin the file with the line or lines `head`, or go on with one that begins so. Raises
-        CaptureError where it begins otherwise (it is no `kind`) or another program writes to it;
-        StorageError where it cannot be written."""
-        self._path, self._lock, self._whole = path, threading.Lock(), True
+        self._path, self._lock = path, threading.Lock()
+        self._ends_with_newline = True
         with storage_errors(path):
             self._file = os.open(path, _FLAGS, 0o644)
         try:
             self._claim()
-            self._begin(f"{head}\n".encode() if head else b"", kind)
+            self._start(f"{head}\n".encode() if head else b"", kind)
         except BaseException:
             os.close(self._file)
             self._file = -1
             raise
 
     def line(self, text: str) -> None:
-        """Add a line, or several that belong together, without the last one's end. Raises
-        StorageError, as when the disk is full; what came of the line then is marked as cut."""
+        """Append a line, or several that belong together.
+
+        Args:
+            text: The line, without the end of the last line.
+
+        Raises:
+            StorageError: The log is closed, or the system refused, as when the disk is full. A
+                line that was written in part is then marked as cut.
+        """
         with self._lock:
             if self._file < 0:
                 raise StorageError(
-                    f"{self._path}: is closed; nothing more can be written to it",
+                    "is closed; nothing more can be written to it",
                     code="log-closed",
+                    where=self._path,
                     path=self._path,
                 )
             with storage_errors(self._path):
-                self._write((b"" if self._whole else _CUT + b"\n") + f"{text}\n".encode())
+                mark = b"" if self._ends_with_newline else _CUT_MARK + b"\n"
+                self._write(mark + f"{text}\n".encode())
 
     def close(self) -> None:
-        """Wait until all of it is on the disk; nothing is written from then on. Raises
-        StorageError."""
+        """Wait until everything is on the disk, and close the file. Idempotent.
+
+        Raises:
+            StorageError: The system refused.
+        """
         with self._lock:
             file, self._file = self._file, -1
         if file < 0:
@@ -73,57 +94,72 @@ class AppendLog:
 
     def _claim(self) -> None:
         with storage_errors(self._path):
-            if not claim(self._file):
+            if not try_lock(self._file):
                 raise CaptureError(
-                    f"{self._path}: another program is recording to it; stop that first",
+                    "another program is recording to it",
                     code="file-in-use",
+                    where=self._path,
+                    action="Stop that program first",
                     path=self._path,
                 )
 
-    def _begin(self, head: bytes, kind: str) -> None:
+    def _start(self, head: bytes, kind: str) -> None:
         with storage_errors(self._path):
             size = os.fstat(self._file).st_size
-            begins = os.read(self._file, len(head)) if size else b""
-            if not (head.startswith(begins) if size < len(head) else begins == head):
+            start = os.read(self._file, len(head)) if size else b""
+            if not (head.startswith(start) if size < len(head) else start == head):
                 raise CaptureError(
-                    f"{self._path}: is no {kind}; choose another file",
+                    f"is not a {kind}",
                     code="wrong-file-kind",
+                    where=self._path,
+                    action="Choose another file",
                     path=self._path,
                     file_kind=kind,
                 )
-            if size < len(head):  # new, or cut off while it was begun
+            if size < len(head):  # new, or cut off within its head
                 self._write(head[size:])
             elif size:
                 os.lseek(self._file, -1, os.SEEK_END)
-                self._whole = os.read(self._file, 1) == b"\n"
+                self._ends_with_newline = os.read(self._file, 1) == b"\n"
 
     def _write(self, data: bytes) -> None:
         while data:
             count = os.write(self._file, data)
-            self._whole = data[count - 1 : count] == b"\n"
+            self._ends_with_newline = data[count - 1 : count] == b"\n"
             data = data[count:]
 
 
 def was_cut(line: str) -> bool:
-    """Whether a line, without its end, is marked as cut."""
-    return line.endswith(_CUT.decode())
+    """Return whether a line, without its end, is marked as cut."""
+    return line.endswith(_CUT_MARK.decode())
 
 
 def is_damaged(line: str) -> bool:
-    """Whether a line is what a disk's damaged block left."""
+    """Return whether a line comes from a damaged block of the disk."""
     return "\0" in line or "\ufffd" in line
 
 
 class LogLines:
-    """Iterates over the whole lines of a file, with their numbers from 1 on and without their ends;
-    `cut` and `damaged` count those that were left out so far."""
+    """Iterates over the complete lines of a log, with their numbers from 1 and without their ends.
+
+    Args:
+        path: File to read.
+
+    Attributes:
+        cut: Lines skipped so far because they are cut.
+        damaged: Lines skipped so far because they are damaged.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.cut = self.damaged = 0
 
     def __iter__(self) -> Iterator[tuple[int, str]]:
-        """Raises CaptureError where the file cannot be read."""
+        """Iterate from the start.
+
+        Raises:
+            CaptureError: The file cannot be read.
+        """
         self.cut = self.damaged = 0
         try:
             with self._path.open("rb") as file:
@@ -138,12 +174,14 @@ class LogLines:
                     yield number, text
         except OSError as error:
             raise CaptureError(
-                f"{self._path}: cannot be read: {error.strerror}",
+                f"cannot be read: {error.strerror}",
                 code=unreadable_code(error),
+                where=self._path,
+                action="Check the path and its permissions",
                 path=self._path,
             ) from None
 
     @property
-    def left_out(self) -> int:
-        """Lines that were cut or damaged."""
+    def skipped(self) -> int:
+        """Lines skipped so far because they are cut or damaged."""
         return self.cut + self.damaged

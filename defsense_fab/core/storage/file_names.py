@@ -1,4 +1,4 @@
-"""Names of files and folders that every system can have: Windows is the strictest."""
+"""Names of files and folders that are valid on every operating system; Windows is the strictest."""
 
 from __future__ import annotations
 
@@ -8,56 +8,69 @@ from pathlib import Path
 
 from ..errors import StorageError
 
-#: What no name of a file may contain, besides control characters.
-FORBIDDEN = '<>:"/\\|?*'
-#: Names that belong to devices of Windows, with whatever suffix.
+#: Characters that no file name may contain, in addition to control characters.
+FORBIDDEN_CHARACTERS = '<>:"/\\|?*'
+#: Names of Windows devices, with any suffix.
 _RESERVED = re.compile(
     r"con|prn|aux|nul|(com|lpt)[0-9\u00b9\u00b2\u00b3]|con(in|out)\$", re.IGNORECASE
 )
-_ODD = re.compile(f"[{re.escape(FORBIDDEN)}\x00-\x1f]")
-_LONGEST, _SAFE = 120, 60  # bytes, of a name alone: paths have limits, too
+_FORBIDDEN = re.compile(f"[{re.escape(FORBIDDEN_CHARACTERS)}\x00-\x1f]")
+_MAX_NAME_BYTES = 120  # of a name alone, since whole paths have limits, too
+_MAX_SAFE_NAME_BYTES = 60
 
 
 def is_reserved(name: str) -> bool:
-    """Whether Windows takes it for a device: by what stands before the first full stop."""
+    """Return whether Windows takes a name, up to its first full stop, for a device."""
     return _RESERVED.fullmatch(name.partition(".")[0].rstrip()) is not None
 
 
-def folded(name: str) -> str:
-    """Equal for names that some file system takes for one."""
+def fold_name(name: str) -> str:
+    """Return a text that is equal for names that some file system cannot tell apart."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
-def refusal(name: str) -> str | None:
-    """Why no file can be called so, with what to do; None where it can, on every system."""
+def name_problem(name: str) -> str | None:
+    """Return why no file can have a name, and what to do; None for a name that is valid."""
     if is_reserved(name):
-        return f"Windows keeps the name {name!r} for itself; choose another"
-    bad = _ODD.search(name)
-    if bad or name.endswith((".", " ")):
-        why = f"contains {bad[0]!r}" if bad else "ends with a point or a space"
-        return f"the name {why}, which Windows cannot have; use letters, digits and hyphens"
+        return f"the name {name!r} is reserved by Windows; choose another"
+    match = _FORBIDDEN.search(name)
+    if match or name.endswith((".", " ")):
+        reason = f"contains {match[0]!r}" if match else "ends with a full stop or a space"
+        return f"the name {reason}, which Windows does not allow; use letters, digits and hyphens"
     try:
-        if len(name.encode()) > _LONGEST:
-            return f"the name is too long; use fewer letters ({_LONGEST} bytes)"
+        if len(name.encode()) > _MAX_NAME_BYTES:
+            return f"the name has more than {_MAX_NAME_BYTES} bytes; use fewer letters"
     except UnicodeEncodeError:
-        return "the name is no text in this system's encoding; use letters, digits and hyphens"
+        return "the name cannot be encoded as UTF-8; use letters, digits and hyphens"
     return None
 
 
 def check_folder_name(folder: Path) -> None:
-    """Raises StorageError for a folder whose name not every system can have, or that of one above
-    it which is yet to be made."""
+    """Check the name of a folder, and those of its parents that do not exist yet.
+
+    Args:
+        folder: Folder to be created.
+
+    Raises:
+        StorageError: Some operating system cannot have such a folder.
+    """
     path = folder.resolve()
-    for one in (path, *(p for p in path.parents if not p.exists())):
-        why = refusal(one.name)
-        if why:
-            raise StorageError(f"{folder}: {why}", code="bad-file-name", name=one.name)
+    for new in (path, *(p for p in path.parents if not p.exists())):
+        problem = name_problem(new.name)
+        if problem:
+            raise StorageError(problem, code="bad-file-name", where=folder, name=new.name)
 
 
 def safe_name(name: str) -> str:
-    """A name for a file, made of one that came from elsewhere: letters of any script and digits, no
-    folders, no suffix, no hidden files, none that a system keeps for itself."""
+    """Derive a file name from a name of unknown origin.
+
+    Args:
+        name: A name or path, such as that of an uploaded file.
+
+    Returns:
+        Letters of any script and digits, without folders and suffix; neither hidden nor reserved.
+    """
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     stem = re.sub(r"[^\w-]+", "-", last.rpartition(".")[0] or last).strip("-_")
-    stem = stem.encode()[:_SAFE].decode(errors="ignore") or "body"
+    stem = stem.encode()[:_MAX_SAFE_NAME_BYTES].decode(errors="ignore") or "body"
     return f"body-{stem}" if is_reserved(stem) else stem

@@ -1,4 +1,4 @@
-"""Writing without half-written files, and hashing what a result was derived from."""
+"""Files that are written whole or not at all, locked against other programs, and hashed."""
 
 from __future__ import annotations
 
@@ -16,30 +16,270 @@ from typing import Any
 
 from ..errors import DefsenseError, StorageError
 
-# One holder of a file at a time, among processes and among threads.
-
 if sys.platform == "win32":
     import msvcrt
 else:
     import fcntl
 
-#: What file systems say that have no locks (some of networks).
+#: Error codes of the operating system's refusals.
+_ERROR_CODES: dict[type[OSError], str] = {
+    FileNotFoundError: "file-not-found",
+    NotADirectoryError: "not-a-folder",
+    IsADirectoryError: "not-a-file",
+    FileExistsError: "path-exists",
+    PermissionError: "permission-denied",
+}
+_RELEASE_TIMEOUT_S = 2.0  # within which a virus scanner on Windows closes a new file
+#: Errors of file systems without locks, such as some network file systems.
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
-#: The byte that is locked on Windows, where nobody reads or writes: other programs cannot reach
-#: what is locked there.
-_FAR = 2**30
+#: Byte that is locked on Windows. Other programs cannot access a locked byte, so it is one that
+#: nobody reads or writes.
+_LOCKED_BYTE = 2**30
 
 
-def claim(file: int) -> bool:
-    """Lock an open file, by its descriptor, until it is closed; False where another holds it. True
-    also where the file system has no locks. Raises OSError for other refusals."""
+@contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Convert the operating system's errors to StorageError.
+
+    Args:
+        path: File that is written, for errors that name none.
+
+    Raises:
+        StorageError: The system refused; the code tells the reason, such as `disk-full`.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise StorageError(
+                "the disk is full",
+                code="disk-full",
+                where=path,
+                action="Free some space and run again",
+                path=path,
+            ) from None
+        refused = Path(error.filename or path)
+        raise StorageError(
+            str(error.strerror or error),
+            code=_ERROR_CODES.get(type(error), "file-unusable"),
+            where=refused,
+            action="Check the path and its permissions",
+            path=refused,
+        ) from None
+
+
+@contextmanager
+def replace_file(path: Path) -> Iterator[Path]:
+    """Write a file that replaces `path` at the end, or leaves it untouched after an error.
+
+    Args:
+        path: File to replace.
+
+    Yields:
+        A temporary path next to `path`, with the same suffix, that only this process uses.
+
+    Raises:
+        StorageError: The system refused.
+    """
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        with storage_errors(path):
+            try:
+                yield temporary
+                _move(temporary, path)
+            except OSError as error:
+                if error.filename == str(temporary):
+                    error.filename = str(path)
+                raise
+    finally:
+        with suppress(OSError):  # it does not exist where its folder could not be written
+            temporary.unlink()
+
+
+@contextmanager
+def replace_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Write a folder that takes the place of `path` at the end, or nothing after an error.
+
+    Args:
+        path: Folder to write. An empty folder there is replaced.
+        overwrite: Whether a folder with content is replaced, too.
+
+    Yields:
+        An empty folder next to `path` that only this process uses.
+
+    Raises:
+        StorageError: `path` is a file, or a folder with content; or the system refused.
+    """
+    path = path.resolve()  # "." has no name
+    new = path.with_name(f".{path.name}.{os.getpid()}.part")
+    old = path.with_name(f".{path.name}.{os.getpid()}.old")
+    try:
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            new.mkdir()
+            yield new
+            if path.exists():
+                if path.is_file() or (not overwrite and any(path.iterdir())):
+                    raise StorageError(
+                        "already exists",
+                        code="path-exists",
+                        where=path,
+                        action="Choose another folder",
+                        path=path,
+                    )
+                _move(path, old)
+            _move(new, path)
+    finally:
+        if old.exists() and not path.exists():
+            old.rename(path)
+        for leftover in (new, old):
+            shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _move(source: Path, target: Path) -> None:
+    """Move a file or folder; on Windows, wait until other programs have closed it."""
+    end = time.monotonic() + (_RELEASE_TIMEOUT_S if sys.platform == "win32" else 0.0)
+    while True:
+        try:
+            source.replace(target)
+            return
+        except PermissionError:
+            if time.monotonic() >= end:
+                raise
+        time.sleep(0.05)
+
+
+def check_folder(path: Path) -> None:
+    """Check, before long work, that its results can be written to a folder.
+
+    Args:
+        path: Folder for the results, which need not exist.
+
+    Raises:
+        StorageError: The folder cannot be created, or does not accept files.
+    """
+    with storage_errors(path):
+        absolute = path.absolute()
+        existing = next((p for p in (absolute, *absolute.parents) if os.path.lexists(p)), None)
+        if existing is None:  # a drive that does not exist
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+        if not existing.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(existing))
+        if not os.access(existing, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(existing))
+
+
+def unused_path(path: Path) -> Path:
+    """Return `path`, or the first of x-2.mid, x-3.mid, ... that does not exist."""
+    number, candidate = 1, path
+    while os.path.lexists(candidate):
+        number += 1
+        candidate = path.parent / f"{path.stem}-{number}{path.suffix}"
+    return candidate
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write data as JSON, whole or not at all.
+
+    Args:
+        path: File to write.
+        data: Plain values; NaN and infinity are not allowed.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write text in UTF-8 with unchanged line ends, whole or not at all.
+
+    Args:
+        path: File to write.
+        text: Content.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    with replace_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+
+
+def load_json(path: Path, error: type[DefsenseError], action: str) -> Any:
+    """Read a JSON file.
+
+    Args:
+        path: File to read.
+        error: Class of the errors to raise.
+        action: What the user can do about a file that is missing or damaged.
+
+    Returns:
+        The content.
+
+    Raises:
+        DefsenseError: Of the class `error`, where the file cannot be read or is not JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise error(
+            f"cannot be read: {problem.strerror}",
+            code=unreadable_code(problem),
+            where=path,
+            action=action,
+            path=path,
+        ) from None
+    except ValueError as problem:
+        raise error(
+            f"is not valid JSON, or was cut off or edited ({problem})",
+            code="not-json",
+            where=path,
+            action=action,
+            path=path,
+        ) from None
+
+
+def unreadable_code(error: OSError) -> str:
+    """Return the error code of a file that cannot be read."""
+    return "file-not-found" if isinstance(error, FileNotFoundError) else "file-unreadable"
+
+
+def digest(*parts: Any) -> str:
+    """Return a hash of plain values and of files' contents, stable between runs.
+
+    Args:
+        *parts: Values with a stable `repr`; a Path stands for the content of its file.
+
+    Returns:
+        16 hexadecimal digits.
+    """
+    h = hashlib.sha256()
+    for part in parts:
+        data = part.read_bytes() if isinstance(part, Path) else repr(part).encode()
+        h.update(len(data).to_bytes(8, "little") + data)
+    return h.hexdigest()[:16]
+
+
+def try_lock(file: int) -> bool:
+    """Try to lock an open file until it is closed.
+
+    Args:
+        file: Descriptor of the file.
+
+    Returns:
+        False where another process or thread holds the lock. True where the file is locked, and
+        where the file system has no locks.
+
+    Raises:
+        OSError: The system refused for another reason.
+    """
     try:
         if sys.platform == "win32":
             before = os.lseek(file, 0, os.SEEK_CUR)
-            os.lseek(file, _FAR, os.SEEK_SET)
+            os.lseek(file, _LOCKED_BYTE, os.SEEK_SET)
             try:
                 msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-            except PermissionError:  # what another holds
+            except PermissionError:  # another holder
                 return False
             finally:
                 os.lseek(file, before, os.SEEK_SET)
@@ -54,178 +294,31 @@ def claim(file: int) -> bool:
 
 
 @contextmanager
-def locked(path: Path, message: str, code: str = "file-in-use") -> Iterator[None]:
-    """Hold the lock of the file `path`, which is made where there is none and keeps its content.
+def file_lock(
+    path: Path, problem: str, code: str = "file-in-use", where: object = "", action: str = ""
+) -> Iterator[None]:
+    """Hold the lock of a file, among processes and among threads.
 
-    The file stays: were it removed, a second holder could lock the removed one, and a third a new
-    one. The system ends the lock with the process. Raises StorageError, with `message` and `code`
-    where another holds it.
+    The file is created where there is none, and keeps its content. It is not removed at the end:
+    otherwise a second holder could lock the removed file, and a third a new one. The system ends
+    the lock with the process.
+
+    Args:
+        path: File to lock.
+        problem: What is wrong where another holds the lock.
+        code: Error code for that.
+        where: The place that is named in the error.
+        action: What the user can do about it.
+
+    Raises:
+        StorageError: Another process or thread holds the lock, or the system refused.
     """
     with storage_errors(path):
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         with storage_errors(path):
-            if not claim(file):
-                raise StorageError(message, code=code, path=path)
+            if not try_lock(file):
+                raise StorageError(problem, code=code, where=where, action=action, path=path)
         yield
     finally:
         os.close(file)
-
-
-#: Error codes of the operating system's refusals.
-_CODES: dict[type[OSError], str] = {
-    FileNotFoundError: "file-not-found",
-    NotADirectoryError: "not-a-folder",
-    IsADirectoryError: "not-a-file",
-    FileExistsError: "path-exists",
-    PermissionError: "permission-denied",
-}
-_LETS_GO = 2.0  # s within which a virus scanner is done with a new file
-
-
-@contextmanager
-def storage_errors(path: Path) -> Iterator[None]:
-    """Turn the operating system's refusals into one clear line."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise StorageError(
-                f"{path}: the disk is full; free some space and run again",
-                code="disk-full",
-                path=path,
-            ) from None
-        raise StorageError(
-            f"{error.filename or path}: {error.strerror or error}; check the path and permissions",
-            code=_CODES.get(type(error), "file-unusable"),
-            path=Path(error.filename or path),
-        ) from None
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A name beside `path`, of the same suffix and of this process only, to write to: moved into
-    place at the end, gone after an error. Raises StorageError where the system refuses."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
-    try:
-        with storage_errors(path):
-            try:
-                yield temporary
-                _move(temporary, path)
-            except OSError as error:
-                if error.filename == str(temporary):
-                    error.filename = str(path)
-                raise
-    finally:
-        with suppress(OSError):  # there is none where its folder could not be written
-            temporary.unlink()
-
-
-@contextmanager
-def replacing_folder(path: Path, *, over: bool = False) -> Iterator[Path]:
-    """An empty folder beside `path`, of this process only, to write to: moved into place at the
-    end, gone after an error. What is at `path` stays until then; an empty folder is replaced, any
-    other only `over` it. Raises StorageError where something is there, and where the system
-    refuses."""
-    path = path.resolve()  # "." has no name
-    new = path.with_name(f".{path.name}.{os.getpid()}.part")
-    old = path.with_name(f".{path.name}.{os.getpid()}.old")
-    try:
-        with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            new.mkdir()
-            yield new
-            if path.exists():
-                if path.is_file() or (not over and any(path.iterdir())):
-                    raise StorageError(
-                        f"{path}: is there already; choose another folder",
-                        code="path-exists",
-                        path=path,
-                    )
-                _move(path, old)
-            _move(new, path)
-    finally:
-        if old.exists() and not path.exists():
-            old.rename(path)
-        for left in (new, old):
-            shutil.rmtree(left, ignore_errors=True)
-
-
-def _move(source: Path, target: Path) -> None:
-    """On Windows a file that another program has open, if only a virus scanner, stays where it is:
-    most let go of it soon."""
-    end = time.monotonic() + (_LETS_GO if sys.platform == "win32" else 0.0)
-    while True:
-        try:
-            source.replace(target)
-            return
-        except PermissionError:
-            if time.monotonic() >= end:
-                raise
-        time.sleep(0.05)
-
-
-def check_folder(path: Path) -> None:
-    """Before long work whose results go to a folder `path`, made if need be: raises StorageError
-    where it cannot be made, or takes no files."""
-    with storage_errors(path):
-        whole = path.absolute()
-        there = next((p for p in (whole, *whole.parents) if os.path.lexists(p)), None)
-        if there is None:  # a drive that is not there
-            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-        if not there.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(there))
-        if not os.access(there, os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(there))
-
-
-def free_path(path: Path) -> Path:
-    """A name by which nothing is there: x.mid, x-2.mid, x-3.mid, ..."""
-    number, free = 1, path
-    while os.path.lexists(free):
-        number += 1
-        free = path.parent / f"{path.stem}-{number}{path.suffix}"
-    return free
-
-
-def write_json(path: Path, data: Any) -> None:
-    """`data` as JSON, whole or not at all. Raises StorageError."""
-    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """`text` in UTF-8 with its line ends as they are, whole or not at all. Raises StorageError."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="")
-
-
-def load_json(path: Path, error: type[DefsenseError], hint: str) -> Any:
-    """What is in `path`. Raises `error`, with a `hint`, where it cannot be read or is not JSON."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise error(
-            f"{path}: cannot be read: {problem.strerror}; {hint}",
-            code=unreadable_code(problem),
-            path=path,
-        ) from None
-    except ValueError as problem:
-        raise error(
-            f"{path}: not valid JSON ({problem}), cut off or edited; {hint}",
-            code="not-json",
-            path=path,
-        ) from None
-
-
-def unreadable_code(error: OSError) -> str:
-    """Return the error code of a file that cannot be read."""
-    return "file-not-found" if isinstance(error, FileNotFoundError) else "file-unreadable"
-
-
-def digest(*parts: Any) -> str:
-    """Hash of plain values and files' contents (Path), stable between runs."""
-    h = hashlib.sha256()
-    for part in parts:
-        data = part.read_bytes() if isinstance(part, Path) else repr(part).encode()
-        h.update(len(data).to_bytes(8, "little") + data)
-    return h.hexdigest()[:16]

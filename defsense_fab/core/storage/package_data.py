@@ -1,5 +1,9 @@
-"""Where files are that come with the package but are kept elsewhere in the repository, since people
-look for them there. `setup.py` copies them into wheels, and reads this file alone for it."""
+"""Find data that comes with the package: tables in `data/`, and folders kept in the repository.
+
+People look for devices, examples and firmware at the repository's root, so they stay there and
+`setup.py` copies them into wheels. It runs this file alone, which therefore imports no other module
+of the package.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +11,8 @@ import csv
 from importlib.resources import files
 from pathlib import Path
 
-# The tables in `data/`: materials, cords, printers; each row names its source.
-
-
-def read_rows(file: str) -> dict[str, dict[str, str]]:
-    """Rows of `data/<file>` by their `name` column."""
-    text = (files("defsense_fab") / "data" / file).read_text(encoding="utf-8")
-    return {row["name"]: row for row in csv.DictReader(text.splitlines())}
-
-
 _PACKAGE = Path(__file__).resolve().parents[2]
-#: Folders of `data/` in an installed package, and of what folder of the repository each is made.
+#: Folders of `data/` in an installed package, and the folders of the repository they come from.
 IN_REPOSITORY = {
     "devices": "fixtures/devices",
     "examples": "examples",
@@ -26,6 +21,26 @@ IN_REPOSITORY = {
 
 
 def package_data(name: str) -> Path:
-    """The folder of that name: the package's own where it is installed, else the repository's."""
+    """Return a folder with package data.
+
+    Args:
+        name: A key of `IN_REPOSITORY`.
+
+    Returns:
+        The folder in the installed package, or else in the repository.
+    """
     inside = _PACKAGE / "data" / name
     return inside if inside.is_dir() else _PACKAGE.parent / IN_REPOSITORY[name]
+
+
+def read_rows(file: str) -> dict[str, dict[str, str]]:
+    """Read a table in `data/`: materials, cords, printers. Each row names its source.
+
+    Args:
+        file: Name of a CSV file in `data/`.
+
+    Returns:
+        The rows by their `name` column, each with its cells by column.
+    """
+    text = (files("defsense_fab") / "data" / file).read_text(encoding="utf-8")
+    return {row["name"]: row for row in csv.DictReader(text.splitlines())}

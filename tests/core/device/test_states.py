@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from defsense_fab.core.device.device import Handle, PointDrag, Pose, RegionPressure
-from defsense_fab.core.device.states import RAMP, default_states
+from defsense_fab.core.device.states import DEFAULT_RAMP, default_states
 
 FREE = np.full(3, np.nan)
 
@@ -20,7 +20,7 @@ UP, DOWN, TWIST = turn("up", y=-30), turn("down", y=30), turn("twist", x=45)
 def test_pairs_that_are_not_opposite_are_mixed_whole_and_half():
     found = default_states([UP, DOWN, TWIST])
     assert not found.given
-    assert found.ramp == RAMP
+    assert found.ramp == DEFAULT_RAMP
     assert {tuple(sorted(m.items())) for m in found.mixtures} == {
         (("twist", w), (pose, w)) if pose > "twist" else ((pose, w), ("twist", w))
         for pose in ("up", "down")

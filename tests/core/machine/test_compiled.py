@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import defsense_fab
-from defsense_fab.core.machine.compiled import sources
+from defsense_fab.core.machine.compiled import source_files
 
 PACKAGE = Path(defsense_fab.__file__).parent
 USERS = [
@@ -100,7 +100,7 @@ def test_the_key_covers_all_that_a_module_uses(path):
     used = {n for n in known if n.startswith("defsense_fab.")}
     files = {Path(sys.modules[n].__file__) for n in used}
     assert files
-    assert files <= sources(path)
+    assert files <= source_files(path)
 
 
 def test_nothing_is_compiled_past_the_key():

@@ -24,7 +24,7 @@ def test_lines_of_several_threads_stay_whole(tmp_path):
     assert texts[0] == "head"
     for k in range(4):
         assert [t for t in texts if t.startswith(f"{k} ")] == [f"{k} {n}" for n in range(300)]
-    assert lines.left_out == 0
+    assert lines.skipped == 0
 
 
 def test_what_was_cut_or_damaged_is_left_out_and_counted(tmp_path):
@@ -33,7 +33,7 @@ def test_what_was_cut_or_damaged_is_left_out_and_counted(tmp_path):
     lines = LogLines(path)
     for _ in range(2):  # counted anew each time
         assert list(lines) == [(1, "one"), (2, ""), (6, "five")]
-        assert (lines.cut, lines.damaged, lines.left_out) == (2, 2, 4)
+        assert (lines.cut, lines.damaged, lines.skipped) == (2, 2, 4)
     with raises(CaptureError, "file-not-found", path=tmp_path / "none"):
         list(LogLines(tmp_path / "none"))
 

@@ -8,7 +8,7 @@ from defsense_fab.workflow.build.export import export_name
 
 from defsense_fab.core.device.device_file import load_device, parse_device
 from defsense_fab.core.errors import DeviceError, StorageError
-from defsense_fab.core.storage.file_names import check_folder_name, folded, refusal, safe_name
+from defsense_fab.core.storage.file_names import check_folder_name, fold_name, name_problem, safe_name
 from tests.errors import raises
 from tests.places import BAR, ROOT
 
@@ -20,9 +20,9 @@ def test_no_tracked_file_breaks_a_rule():
     paths = [p for p in listed.stdout.decode().split("\0") if p]
     assert len(paths) > 1000
     names = {part for path in paths for part in path.split("/")}
-    assert {name: refusal(name) for name in names if refusal(name)} == {}
+    assert {name: name_problem(name) for name in names if name_problem(name)} == {}
     places = {"/".join(p.split("/")[: k + 1]) for p in paths for k in range(p.count("/") + 1)}
-    assert len({folded(p) for p in places}) == len(places)
+    assert len({fold_name(p) for p in places}) == len(places)
     assert max(map(len, paths)) <= _LONGEST_PATH
     modes = subprocess.run(["git", "ls-files", "-s"], cwd=ROOT, capture_output=True, check=True)
     assert b"\n120000 " not in b"\n" + modes.stdout  # links are text files there
@@ -69,7 +69,7 @@ def test_names_of_a_device_make_no_file_that_windows_refuses(tmp_path):
     states = ["con@0.5", "0.5*con+1*twist", "+".join(f"0.25*{'x' * 59}{k}" for k in range(9))]
     files = [field_path(tmp_path, s).name for s in states]
     assert files[:2] == ["con@0.5.vtu", "0.5-con+1-twist.vtu"]
-    assert [refusal(f) for f in files] == [None] * 3
+    assert [name_problem(f) for f in files] == [None] * 3
     assert files[2] != field_path(tmp_path, states[2] + "+1*con").name
 
 

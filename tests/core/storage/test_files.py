@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.core.storage.files import check_folder, free_path, locked, replacing_folder
+from defsense_fab.core.storage.files import check_folder, unused_path, file_lock, replace_folder
 
 from ...errors import raises
 
@@ -20,9 +20,9 @@ from ...errors import raises
 def test_a_second_holder_is_refused_until_the_first_leaves(tmp_path):
     path = tmp_path / "lock"
     path.write_text("kept")
-    with locked(path, "busy here"), raises(StorageError, "file-in-use", path=path):
-        locked(path, "busy here").__enter__()
-    with locked(path, "busy"):
+    with file_lock(path, "busy here"), raises(StorageError, "file-in-use", path=path):
+        file_lock(path, "busy here").__enter__()
+    with file_lock(path, "busy"):
         assert path.read_text("utf-8") == "kept"
 
 
@@ -31,7 +31,7 @@ def test_a_lock_that_is_left_between_opening_and_locking_has_one_holder(tmp_path
     not come in by a new file of the same name."""
     path, flock = tmp_path / "lock", fcntl.flock
     first = contextlib.ExitStack()
-    first.enter_context(locked(path, "busy"))
+    first.enter_context(file_lock(path, "busy"))
 
     def leave_then_lock(file, how):
         first.close()
@@ -39,10 +39,10 @@ def test_a_lock_that_is_left_between_opening_and_locking_has_one_holder(tmp_path
 
     with monkeypatch.context() as patch:
         patch.setattr(fcntl, "flock", leave_then_lock)
-        second = locked(path, "busy")
+        second = file_lock(path, "busy")
         second.__enter__()
     with raises(StorageError, "file-in-use", path=path):
-        locked(path, "busy").__enter__()
+        file_lock(path, "busy").__enter__()
     second.__exit__(None, None, None)
 
 
@@ -54,14 +54,14 @@ def test_a_process_that_dies_leaves_no_lock(tmp_path):
     )
     path = tmp_path / "lock"
     assert subprocess.run([sys.executable, "-c", code, str(path)]).returncode == -9
-    with locked(path, "busy"):
+    with file_lock(path, "busy"):
         assert path.exists()
 
 
 def test_a_place_where_no_file_can_be_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with raises(StorageError, "not-a-folder", path=tmp_path / "file" / "lock"):
-        locked(tmp_path / "file" / "lock", "busy").__enter__()
+        file_lock(tmp_path / "file" / "lock", "busy").__enter__()
 
 
 def names(folder):
@@ -70,7 +70,7 @@ def names(folder):
 
 def test_a_folder_is_there_at_the_end_only(tmp_path):
     out = tmp_path / "a" / "out"
-    with replacing_folder(out) as new:
+    with replace_folder(out) as new:
         (new / "x").write_text("1")
         assert not out.exists()
     assert names(out) == ["x"]
@@ -84,7 +84,7 @@ def test_an_error_leaves_all_as_it_was(tmp_path, over):
     (out / "before").write_text("1")
 
     def fail():
-        with replacing_folder(out, over=over) as new:
+        with replace_folder(out, overwrite=over) as new:
             (new / "x").write_text("1")
             raise ValueError("stop")
 
@@ -97,16 +97,16 @@ def test_an_error_leaves_all_as_it_was(tmp_path, over):
 def test_what_is_there_is_replaced_where_that_is_asked_for(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
-    with replacing_folder(out) as new:  # an empty one
+    with replace_folder(out) as new:  # an empty one
         (new / "x").write_text("1")
-    with raises(StorageError, "path-exists", path=out), replacing_folder(out):
+    with raises(StorageError, "path-exists", path=out), replace_folder(out):
         pass
     assert names(out) == ["x"]
-    with replacing_folder(out, over=True) as new:
+    with replace_folder(out, overwrite=True) as new:
         (new / "y").write_text("1")
     assert names(out) == ["y"]
     file = out / "y"
-    with raises(StorageError, "path-exists", path=file), replacing_folder(file, over=True):
+    with raises(StorageError, "path-exists", path=file), replace_folder(file, overwrite=True):
         pass
     assert names(tmp_path) == ["out"]
     assert names(out) == ["y"]
@@ -114,7 +114,7 @@ def test_what_is_there_is_replaced_where_that_is_asked_for(tmp_path):
 
 def test_a_refusal_of_the_system_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StorageError) as caught, replacing_folder(tmp_path / "file/x"):
+    with pytest.raises(StorageError) as caught, replace_folder(tmp_path / "file/x"):
         pass
     assert caught.value.code in ("not-a-folder", "path-exists")
     assert "\n" not in str(caught.value)
@@ -122,10 +122,10 @@ def test_a_refusal_of_the_system_is_one_line(tmp_path):
 
 def test_a_name_that_is_taken_gets_a_number(tmp_path):
     path = tmp_path / "x.mid"
-    assert free_path(path) == path
+    assert unused_path(path) == path
     path.write_text("")
     (tmp_path / "x-2.mid").symlink_to("nowhere")
-    assert free_path(path) == tmp_path / "x-3.mid"
+    assert unused_path(path) == tmp_path / "x-3.mid"
 
 
 def test_a_folder_that_cannot_be_is_told_before_it_is_made(tmp_path):
