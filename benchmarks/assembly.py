@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.device.device import COMPRESSION
+from defsense_fab.core.device.device import COMPRESSION_FACTORS
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.optimize.prediction.design_task import DesignTask, load_task
 from defsense_fab.optimize.prediction.predict import Scored, predict
@@ -42,7 +42,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", nargs="+", type=Path)
-    parser.add_argument("--compression", nargs="*", choices=COMPRESSION, default=list(COMPRESSION))
+    parser.add_argument("--compression", nargs="*", choices=COMPRESSION_FACTORS, default=list(COMPRESSION_FACTORS))
     options = parser.parse_args()
     print("device           assembly              largest signal  least strain"
           "  trained  untrained")  # fmt: skip
@@ -50,7 +50,7 @@ def main() -> None:
         device = load_device(path)
         folder = build(device, "optimize").folder
         layout = load_layout(folder)
-        task = load_task(device, folder).decoded_by(layout.prediction.decoder)
+        task = load_task(device, folder).with_decoder(layout.prediction.decoder)
         paths = [s.built for s in layout.sensors]
         designed = predict(task, paths)
         strains = [mean_strain(c.path, task.everything.deform(c.path)) for c in paths]
@@ -67,7 +67,7 @@ def main() -> None:
             ("held, stretched", task, held(None)), ("held as it lies", task, held(0.0)),
         ]  # fmt: skip
         for name in options.compression:
-            other = replace(task, reading=task.reading.gauge_spread(1.0, COMPRESSION[name]))
+            other = replace(task, reading=task.reading.gauge_spread(1.0, COMPRESSION_FACTORS[name]))
             cases.append((f"bonded, {name}", other, [replace(c, prestretch=None) for c in paths]))
         for name, case, cords in cases:
             found = predict(case, cords)

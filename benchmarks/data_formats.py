@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.files.formats import read_tracks, write_tracks
 from defsense_fab.capture.sessions.result_files import ALIGNED, SAMPLES, SIGNALS
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.device.device import Device
@@ -48,7 +48,7 @@ def forms(session: Path, data: Dataset, folder: Path) -> dict[str, DataFiles]:
     """The session's data in `folder`, by what it is written as."""
     (r,) = data.recordings
     markers = session / "markers.json"
-    tracks = read_any(session / ALIGNED)
+    tracks = read_tracks(session / ALIGNED)
     shutil.copy(session / SAMPLES, folder / SAMPLES)
     shutil.copy(session / SIGNALS, folder / SIGNALS)
     write_dataset(folder / "dataset", data)
@@ -61,7 +61,7 @@ def forms(session: Path, data: Dataset, folder: Path) -> dict[str, DataFiles]:
     }
     for suffix in (".csv", ".npz", ".parquet", ".c3d", ".trc"):
         path = folder / f"take{suffix}"
-        write_any(path, tracks)
+        write_tracks(path, tracks)
         name = f"samples.csv, tracks {suffix}"
         out[name] = DataFiles((), folder / SAMPLES, path, markers)
     out["signals.csv, tracks .csv"] = DataFiles((), folder / SIGNALS, folder / "take.csv", markers)

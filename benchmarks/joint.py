@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.optimize.limits.constraints import Constraints
-from defsense_fab.optimize.problem.cord_kinematics import cord_at
+from defsense_fab.optimize.problem.cord_kinematics import place_cord
 from defsense_fab.optimize.problem.cord_parameters import CordParameters
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.problem.problem import Problem
@@ -69,5 +69,5 @@ def refine(
     found = least_squares(residual, start, jacobian, method="trf", x_scale="jac", max_nfev=steps)
     x = found.x[: sum(c.size for c in objective.cords)]
     return tuple(
-        cord_at(c, p).sensor() for c, p in zip(objective.cords, objective.split(x), strict=True)
+        place_cord(c, p).sensor() for c, p in zip(objective.cords, objective.split(x), strict=True)
     )

@@ -23,7 +23,7 @@ import numpy as np
 
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.readings import Geometry, Memory, Piece, Readings
-from defsense_fab.core.response import RADII
+from defsense_fab.core.response import JIG_RADII_MM
 
 TRUE = 2.0
 _STEP, _READ = 30.0, 20.0  # s per jig, and after which it is read
@@ -50,7 +50,7 @@ def session(
             (turn, face, radius)
             for turn in range(rounds)
             for face in (1, -1)
-            for radius in (np.nan, *rng.permutation(RADII))
+            for radius in (np.nan, *rng.permutation(JIG_RADII_MM))
         ]
         for place, side in (("top", 1), ("neutral", 0), ("bottom", -1)):
             pieces.append(Piece(specimen, place, side == 0))

@@ -29,17 +29,17 @@ from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.prediction.design_task import DesignTask, load_task
 from defsense_fab.optimize.prediction.predict import predict
-from defsense_fab.optimize.problem.cord_kinematics import cord_at
+from defsense_fab.optimize.problem.cord_kinematics import place_cord
 from defsense_fab.optimize.problem.cord_parameters import CordParameters
 from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.problem.problem import Problem
 from defsense_fab.optimize.refinement.descent import descend
-from defsense_fab.optimize.refinement.refine import layout_error, optimise
+from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
 from defsense_fab.optimize.search import baselines
-from defsense_fab.optimize.search.candidate_families import through
+from defsense_fab.optimize.search.candidate_families import waves_through_body
 from defsense_fab.optimize.search.candidates import build_pool
-from defsense_fab.optimize.search.starting_layouts import choices, seeds
+from defsense_fab.optimize.search.starting_layouts import candidate_choices, select_starts
 from defsense_fab.sensing.built_cord import BuiltCord
 from defsense_fab.workflow.build import build
 
@@ -74,7 +74,7 @@ def median(work: Callable[[], object], repeat: int = 200) -> float:
 
 
 def three(problem: Problem) -> list[CordParameters]:
-    return [CordParameters(s) for s in baselines.manual(problem, 3)]
+    return [CordParameters(s) for s in baselines.manual_layout(problem, 3)]
 
 
 def objective(problem: Problem) -> None:
@@ -121,7 +121,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
     mesh = problem.locator.mesh
     pieces = []
     for c, part in zip(cords, ours.split(x), strict=True):
-        at = problem.locator.find(cord_at(c, part).points)
+        at = problem.locator.find(place_cord(c, part).points)
         corner = mesh.nodes[mesh.cells[at.cell, 0]]
         local = jnp.asarray(problem.fields[:, mesh.cells[at.cell]])  # (s, p, 10, 3)
         pieces.append((corner, mesh.bary_gradient[at.cell], local))
@@ -166,8 +166,8 @@ def refinement(problem: Problem) -> None:
     print("refinement of one selected layout, error and worst violation reached")
     slivers = ThinParts(problem)
     rng = np.random.default_rng(0)
-    cords = choices(problem, (), 3, 6000, rng)
-    (start,) = seeds(problem, cords, 1, None, slivers, rng, quiet)
+    cords = candidate_choices(problem, (), 3, 6000, rng)
+    (start,) = select_starts(problem, cords, 1, None, slivers, rng, quiet)
     print(f"  start                         {layout_error(problem, start):.3f} mm")
     descend(problem, start, 2, 1e-3, slivers, quiet)
 
@@ -199,7 +199,7 @@ def refinement(problem: Problem) -> None:
             options=options,
         )
         layout = tuple(
-            cord_at(c, x).sensor() for c, x in zip(free, objective.split(found.x), strict=True)
+            place_cord(c, x).sensor() for c, x in zip(free, objective.split(found.x), strict=True)
         )
         show(f"scipy {method}, {found.nfev} values", layout, time.perf_counter() - begin, ours)
     print("the whole search: proposal, selection, refinement; 8 seeds")
@@ -207,7 +207,7 @@ def refinement(problem: Problem) -> None:
     for seed in range(8):
         anew = replace(problem)
         begin = time.perf_counter()
-        found = optimise(anew, (), np.random.default_rng(seed), quiet, extra=3)
+        found = optimize_layout(anew, (), np.random.default_rng(seed), quiet, extra=3)
         times.append(time.perf_counter() - begin)
         errors.append(found.rmse)
     print(
@@ -219,7 +219,7 @@ def refinement(problem: Problem) -> None:
 def candidates(problem: Problem) -> None:
     """Signals of thousands of candidates in one batch against a loop over them."""
     rng = np.random.default_rng(0)
-    pool = build_pool(problem, [lambda r=r: through(problem, 5000, r) for r in rng.spawn(4)])
+    pool = build_pool(problem, [lambda r=r: waves_through_body(problem, 5000, r) for r in rng.spawn(4)])
     paths = pool.paths[:5000]
     fast = median(lambda: problem.signals(paths), 5)
     some = paths[:100]
@@ -241,10 +241,10 @@ def table(task: DesignTask) -> None:
     for noise in (0.0, 0.002):
         problem = replace(task.design, noise=noise)
         scored = replace(task, reading=replace(task.reading, relative=noise, contact=0.0))
-        rows = {"manual": [baselines.manual(problem, 3)]}
+        rows = {"manual": [baselines.manual_layout(problem, 3)]}
         rngs = [np.random.default_rng(s) for s in range(5)]
-        rows["visual"] = [baselines.visual(problem, 3, np.random.default_rng(s)) for s in range(21)]
-        rows["full"] = [optimise(problem, (), r, quiet, extra=3).sensors for r in rngs]
+        rows["visual"] = [baselines.visual_layout(problem, 3, np.random.default_rng(s)) for s in range(21)]
+        rows["full"] = [optimize_layout(problem, (), r, quiet, extra=3).sensors for r in rngs]
         best = 0.0
         for name in ("full", "visual", "manual"):
             found = [
@@ -278,7 +278,7 @@ def noise(task: DesignTask) -> None:
                 exact.problem(surface, mesh, states, decoder=decoder, noise=sigma)
                 for states in (exact.MIXTURES, exact.UNSEEN)
             )
-            layout = optimise(design, (), np.random.default_rng(0), quiet, extra=3).sensors
+            layout = optimize_layout(design, (), np.random.default_rng(0), quiet, extra=3).sensors
             S, T = (
                 np.stack([p.signals(sample_path(s)) for s in layout], axis=1)
                 for p in (design, unseen)
@@ -297,12 +297,12 @@ def growth(problem: Problem) -> None:
     """Cost of value and gradient, and of the whole search, as sizes grow."""
     print("value and gradient (ms) and the whole search (s) by number of cords")
     for count in (1, 2, 3, 4, 6, 8):
-        cords = [CordParameters(s) for s in baselines.manual(problem, min(count, 3))]
+        cords = [CordParameters(s) for s in baselines.manual_layout(problem, min(count, 3))]
         cords = [cords[i % len(cords)] for i in range(count)]
         f = Objective(problem, cords)
         x = np.random.default_rng(0).normal(0, 0.5, sum(c.size for c in cords))
         begin = time.perf_counter()
-        optimise(problem, (), np.random.default_rng(0), quiet, extra=count, starts=4)
+        optimize_layout(problem, (), np.random.default_rng(0), quiet, extra=count, starts=4)
         whole = time.perf_counter() - begin
         print(f"  {count} cords: {1e3 * median(lambda f=f, x=x: f(x), 50):7.3f} ms, {whole:6.2f} s")
     print("value and gradient (ms) by number of states")

@@ -30,7 +30,7 @@ from defsense_fab.capture.tracking.observations import stored
 from defsense_fab.capture.videos.video_detection import VideoDetections
 from defsense_fab.capture.videos.video_tracks import assemble
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.camera import Camera, rotations
+from defsense_fab.core.camera import Camera, rotation_matrices
 from tests.capture.rigs import flat, rig, spread, tags
 
 _PIVOT, _TAKES, _HALVES = np.array([0.0, 0.0, -60.0]), 0.1, 0.05
@@ -38,7 +38,7 @@ _PIVOT, _TAKES, _HALVES = np.array([0.0, 0.0, -60.0]), 0.1, 0.05
 
 def turned(camera: Camera, axis: Float) -> Camera:
     """Turned by a vector (3,) rad about the pivot behind its lens."""
-    R = rotations(axis)
+    R = rotation_matrices(axis)
     return replace(
         camera,
         rotation=R @ camera.rotation,

@@ -30,12 +30,12 @@ import numpy as np
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.device.states import agree, opposite
+from defsense_fab.core.device.states import can_mix, are_opposite
 from defsense_fab.decoding.decoders import fit_decoder
 from defsense_fab.geometry.bodies.body_record import load_surface
 from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh_record
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.material import Material, split
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
@@ -63,7 +63,7 @@ def random_states(device: Device, count: int, rng: np.random.Generator) -> list[
         for k in rng.permutation(len(device.poses))[: rng.integers(1, 4)]:
             pose = device.poses[k]
             others = [device.poses[i] for i in chosen]
-            if all(agree(pose, o) and not opposite(pose, o) for o in others):
+            if all(can_mix(pose, o) and not are_opposite(pose, o) for o in others):
                 chosen.append(int(k))
         weights = {device.poses[k].name: float(rng.uniform(0.2, 1.2)) for k in chosen}
         out.append(Loading(weights, (1.0,), True, optional=True))
@@ -79,7 +79,7 @@ def measured(
     surface = load_surface(folder)
     edge = load_mesh_record(folder).edge_length
     assert edge is not None
-    mesh = tetrahedralise(surface, options.edge * edge).mesh
+    mesh = tetrahedralize(surface, options.edge * edge).mesh
     fine = QuadraticMesh.from_linear(conform(mesh, list(device.regions.values())))
     drawn = random_states(device, options.states, rng)
     plan, todo, _ = jobs(device, fine, [*loadings(device), *drawn])

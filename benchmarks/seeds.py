@@ -24,7 +24,7 @@ from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.prediction.as_built import assumed_cords
 from defsense_fab.optimize.prediction.design_task import SEED, load_task
 from defsense_fab.optimize.prediction.predict import predict
-from defsense_fab.optimize.refinement.refine import optimise
+from defsense_fab.optimize.refinement.refine import optimize_layout
 from defsense_fab.sensing.layout import load_layout
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.stage_optimize import searches
@@ -39,11 +39,11 @@ def searched(folder: Path, count: int) -> tuple[str, int, np.ndarray]:
     made = build(device, "optimize").folder
     layout = load_layout(made)
     decoder = layout.prediction.decoder
-    task = load_task(device, made).decoded_by(decoder)
+    task = load_task(device, made).with_decoder(decoder)
     out = []
     for seed in range(count):
         try:
-            found = optimise(
+            found = optimize_layout(
                 task.design, device.sensors, np.random.default_rng((SEED, seed)),
                 lambda *_: None, extra=device.propose, planes=device.planes,
             )  # fmt: skip

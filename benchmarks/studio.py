@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.machine.processes import one_blas_thread
-from defsense_fab.core.storage.build_folder import build_folder
+from defsense_fab.core.device.build_folder import build_folder
 from defsense_fab.runtime.view.local_page import HOST, end_page, local_page
 from defsense_fab.sensing.layout import load_layout
 from defsense_fab.studio.cords.cord_scene import with_point

@@ -17,7 +17,7 @@ import numpy as np
 from defsense_fab.core.curve import Plane, sample_path
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.storage.build_folder import build_folder
+from defsense_fab.core.device.build_folder import build_folder
 from defsense_fab.optimize.prediction.body_section import BodySection
 from defsense_fab.optimize.prediction.layout_judge import LayoutJudge
 from defsense_fab.optimize.prediction.next_cord import next_cord, shortest

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
 from defsense_fab.capture.sessions.session import load
 from defsense_fab.cli.main import main as defsense
@@ -100,7 +100,7 @@ def main() -> None:
 
 
 def compare(kind: str, twin: live_twin.LiveTwin, out: Path) -> None:
-    session, tracks = load(out), read_any(out / "aligned.csv")
+    session, tracks = load(out), read_tracks(out / "aligned.csv")
     run = session.runs[0]
     names = [c.name for c in session.rig.cameras]
     starts = [int(read_camera_tags(run, n, len(session.markers.ids)).time[0]) for n in names]

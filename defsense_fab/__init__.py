@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from .workflow.simulation import simulate as simulate
     from .core.errors import DefsenseError as DefsenseError
     from .core.mesh import Surface as Surface
-    from .decoding.expected_errors import Prediction as Prediction
+    from .core.prediction import Prediction as Prediction
     from .runtime.frames.live_frame import LiveFrame as LiveFrame
     from .training.data.dataset import Dataset as Dataset
     from .training.data.dataset import Recording as Recording

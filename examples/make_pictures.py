@@ -16,12 +16,12 @@ from PIL import Image, ImageDraw
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
-from defsense_fab.core.storage.build_folder import build_folder
+from defsense_fab.core.device.build_folder import build_folder
 from defsense_fab.mechanics.solver.field_files import load_fields
 from defsense_fab.report.colors import COLORS
 from defsense_fab.report.pictures.scene import poly, Scene
 from defsense_fab.report.pictures.views import looking
-from defsense_fab.twin.devices.simulated_device import simulated_device
+from defsense_fab.twin.devices.simulated_device import load_simulated_device
 
 VIEW = looking(np.array([0.45, -1.0, 0.55]), np.array([0, 0, 1.0]))
 COLUMNS, SMOOTH = 5, 2
@@ -31,7 +31,7 @@ WIDTH, GAP, TEXT = 1100, 12, 16  # pixels
 def picture(folder, also=()):
     """Rest, each pose at its full amplitude, and other states by name, all at one scale."""
     device = load_device(folder)
-    found = simulated_device(device, np.zeros((0, 3)))
+    found = load_simulated_device(device, np.zeros((0, 3)))
     states = [("at rest", None)] + [(r.name.replace("_", " "), r.states[-1]) for r in found.ramps]
     names = load_fields(build_folder(device)).names
     states += [(s.replace("1*", "").replace("+", " and "), names.index(s)) for s in also]

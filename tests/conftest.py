@@ -11,7 +11,7 @@ from benchmarks.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 
 # The same examples on every run: what fails once in twenty runs says nothing of the change at hand.
 # `--hypothesis-profile=random` looks for others.
@@ -56,7 +56,7 @@ def bar():
 
 @pytest.fixture(scope="session")
 def bar_mesh(bar):
-    return tetrahedralise(bar, 10.0).mesh
+    return tetrahedralize(bar, 10.0).mesh
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.files.formats import read_tracks, write_tracks
 from defsense_fab.capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from defsense_fab.cli.main import main as defsense
 from defsense_fab.core.arrays import Float
@@ -83,7 +83,7 @@ def both(session: Path, change: Callable[[dict[str, Float]], None]) -> None:
 
 
 def tracks(session: Path, change: Callable[[Tracks], Tracks]) -> None:
-    write_any(session / ALIGNED, change(read_any(session / ALIGNED)))
+    write_tracks(session / ALIGNED, change(read_tracks(session / ALIGNED)))
 
 
 def tell(path: Path, **changes: object) -> None:
@@ -105,7 +105,7 @@ def shorter(session: Path, seconds: float) -> None:
         kept = [line for line, k in zip(lines, keep, strict=True) if k]
         (session / name).write_text("\n".join(kept) + "\n", encoding="utf-8")
     tracks(session, lambda t: t.part(t.time < seconds))
-    tell(session / QUALITY, frames=len(read_any(session / ALIGNED).time))
+    tell(session / QUALITY, frames=len(read_tracks(session / ALIGNED).time))
 
 
 def train(place: Place, *words: str | Path, device: bool = True) -> Words:
@@ -117,7 +117,7 @@ def pair(place: Place, signals: Path, suffix: str = ".csv", session: Path | None
     """The options of two files of a session."""
     session = session or place.a
     take = place.new / f"take{suffix}"
-    write_any(take, read_any(session / ALIGNED))
+    write_tracks(take, read_tracks(session / ALIGNED))
     return ["--signals", signals, "--tracks", take, "--markers", session / "markers.json"]
 
 

@@ -20,7 +20,7 @@ from benchmarks.damage.copies import (
     tell,
     train,
 )
-from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.files.formats import read_tracks, write_tracks
 from defsense_fab.capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from defsense_fab.core.arrays import Float
 
@@ -65,24 +65,24 @@ for _suffix in (".c3d", ".trc", ".parquet", ".npz", ".csv"):
 @fault("tracks in metres")
 def _(p: Place) -> Words:
     words = pair(p, p.a / SAMPLES)
-    t = read_any(p.new / "take.csv")
-    write_any(p.new / "take.csv", replace(t, points=t.points / 1000, sigma=t.sigma / 1000))
+    t = read_tracks(p.new / "take.csv")
+    write_tracks(p.new / "take.csv", replace(t, points=t.points / 1000, sigma=t.sigma / 1000))
     return train(p, *words)
 
 
 @fault("tracks of other markers")
 def _(p: Place) -> Words:
     words = pair(p, p.a / SAMPLES)
-    t = read_any(p.new / "take.csv")
-    write_any(p.new / "take.csv", replace(t, ids=t.ids + 500))
+    t = read_tracks(p.new / "take.csv")
+    write_tracks(p.new / "take.csv", replace(t, ids=t.ids + 500))
     return train(p, *words)
 
 
 @fault("markers' numbers exchanged")
 def _(p: Place) -> Words:
     words = pair(p, p.a / SAMPLES)
-    t = read_any(p.new / "take.csv")
-    write_any(p.new / "take.csv", replace(t, points=t.points[:, ::-1]))
+    t = read_tracks(p.new / "take.csv")
+    write_tracks(p.new / "take.csv", replace(t, points=t.points[:, ::-1]))
     return train(p, *words)
 
 

@@ -24,7 +24,7 @@ from benchmarks.damage.copies import (
     tracks,
     train,
 )
-from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.markers import Tracks
@@ -65,7 +65,7 @@ def _(p: Place) -> Words:
         return t.part(off > 5.0)
 
     tracks(s, held)
-    tell(s / QUALITY, frames=len(read_any(s / ALIGNED).time))
+    tell(s / QUALITY, frames=len(read_tracks(s / ALIGNED).time))
     return train(p, s)
 
 

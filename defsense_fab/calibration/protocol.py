@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
+from ..core.storage.session_manifest import Criterion
 
 # The protocol of a calibration: which jig next, and which way up.
 
@@ -50,26 +51,6 @@ def plan(
 
 _TIMES = np.geomspace(0.5, 120, 60)  # s, of the exponentials that are tried
 _NOISY = 3.0  # standard errors of a difference that are no change
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """A reading has settled when the means over the last two halves of `window` s differ by less
-    than `tolerance` of the resistance, in every channel (or by less than three standard errors,
-    where noise hides that much), not before `least` s; after `most` s it is taken as it is."""
-
-    window: float = 6.0
-    tolerance: float = 0.0005
-    least: float = 8.0
-    most: float = 90.0
-
-    def __str__(self) -> str:
-        half = self.window / 2
-        return (
-            f"settled = means over the last {half:g} s and the {half:g} s before differ by less"
-            f" than {self.tolerance:.2%} (after {self.least:g} s or more; taken anyway after"
-            f" {self.most:g} s)"
-        )
 
 
 @dataclass(frozen=True)

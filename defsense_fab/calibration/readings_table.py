@@ -19,7 +19,7 @@ from typing import NoReturn
 import numpy as np
 
 from ..core.errors import CalibrationError
-from ..core.response import RADII
+from ..core.response import JIG_RADII_MM
 from ..core.storage.files import unreadable_code
 from .readings import TERMS, Geometry, Notice, Piece, Readings
 
@@ -38,7 +38,7 @@ def read_table(
     Raises CalibrationError with file, line and column for what cannot be read.
     """
     rows, names = _rows(path)
-    jigs = tuple(RADII if radii is None else radii)
+    jigs = tuple(JIG_RADII_MM if radii is None else radii)
     warnings = []
     ignored = [n for n in names if n not in (*_NEEDED, "round", "face")]
     if ignored:

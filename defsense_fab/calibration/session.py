@@ -26,7 +26,8 @@ from ..core.storage.session_manifest import (
     load_calibration,
     manifest_path,
 )
-from .protocol import FACES, Creep, Criterion, JigStep, creep, plan, settled
+from .protocol import creep, Creep, FACES, JigStep, plan, settled
+from ..core.storage.session_manifest import Criterion
 from .readings import Geometry, Memory, Piece, Readings
 
 FRAMES = "frames.csv"

@@ -28,7 +28,13 @@ class DefsenseError(Exception):
     is_machine_limit = False
 
     def __init__(
-        self, problem: str, *, code: str = "unspecified", where: object = "", action: str = "", **data: object
+        self,
+        problem: str,
+        *,
+        code: str = "unspecified",
+        where: object = "",
+        action: str = "",
+        **data: object,
     ) -> None:
         super().__init__(problem)
         self.problem = problem

@@ -1,1 +1,1 @@
-"""Materials, quadratic tets, Newton: poses to displacement fields."""
+"""Finite elements: compute the displacement fields of a body in its poses."""

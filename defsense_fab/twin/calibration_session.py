@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration import session as sessions
-from ..calibration.protocol import Criterion, settled
+from ..core.storage.session_manifest import Criterion
+from ..calibration.protocol import settled
 from ..calibration.readings import Geometry
 from ..calibration.session import CalibrationSession
 from ..capture.readout.recording import Recorder
 from ..capture.readout.source import Event, StampedSample
-from ..core.response import RADII
+from ..core.response import JIG_RADII_MM
 from ..sensing.serial_frames import PROTOCOL, Info, Sample
 from ..sensing.voltage_divider import Dividers
 from .electronics.cords import CordTraits, SpecimenTwin
@@ -32,7 +33,7 @@ def record_twin(
     seed: int,
     length: float = 150.0,
     geometry: Geometry | None = None,
-    radii: Sequence[float] = RADII,
+    radii: Sequence[float] = JIG_RADII_MM,
     rounds: int = 3,
     faces: Sequence[str] = ("a", "b"),
     rate: int = 10,

@@ -13,7 +13,7 @@ from ..core.device.device_file import DEVICE, load_device
 from ..core.device.regions import Shape
 from ..core.errors import DeviceError, StorageError
 from ..core.progress import Progress, silent
-from ..core.storage.own_files import refuse_outside
+from ..core.device.build_folder import refuse_outside
 from .bodies import write_body
 from .build.build import build
 from .build.stages import STAGES

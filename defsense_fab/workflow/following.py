@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.arrays import Float, xyz
+from ..core.arrays import Float, format_point
 from ..core.errors import DeviceError
 from ..core.mesh import TetMesh
 from ..geometry.kernels.surface_queries import SignedDistance
@@ -45,6 +45,6 @@ def _refuse_far(points: Float, distance: Float, mesh: TetMesh) -> None:
         worst = int(distance.argmax())
         raise DeviceError(
             f"points: {far} of {len(points)} lie more than {limit:.3g} mm outside of the body, the"
-            f" furthest {xyz(points[worst])} by {distance[worst]:.3g} mm, where nothing was"
+            f" furthest {format_point(points[worst])} by {distance[worst]:.3g} mm, where nothing was"
             " simulated; give points in mm in the body's rest frame, on it or near it"
         )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..core.arrays import Float
 from ..core.errors import LayoutError
-from ..decoding.expected_errors import Prediction
+from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
 from ..sensing.layout import CordRecord, LayoutRecord, load_layout, load_prediction
 from .device import table_html

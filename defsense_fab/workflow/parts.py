@@ -9,9 +9,9 @@ from pathlib import Path
 
 from ..core.errors import FabricationError, StorageError
 from ..core.mesh import Surface
-from ..decoding.expected_errors import Prediction
+from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
-from ..core.storage.files import replacing_folder
+from ..core.storage.files import replace_folder
 from ..geometry.parts.manifest import FOLDER, Manifest, load_manifest
 from ..geometry.parts.part_files import load_parts
 from .device import table_html
@@ -36,7 +36,7 @@ class Parts:
         at all. Raises StorageError."""
         folder = path(folder, "folder", StorageError)
         source = self.layout.poses.device.workspace.folder / "build" / FOLDER
-        with replacing_folder(folder) as new:
+        with replace_folder(folder) as new:
             shutil.copytree(source, new, dirs_exist_ok=True)
         return folder
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.errors import StorageError
-from ..core.storage.files import replacing
+from ..core.storage.files import replace_file
 from . import given
 
 
@@ -27,7 +27,7 @@ class Picture:
         file = given.path(path, "path", StorageError)
         if file.suffix.lower() != ".png":
             raise StorageError(f"{file}: a picture is a .png file; let its name end so")
-        with replacing(file) as temporary:
+        with replace_file(file) as temporary:
             temporary.write_bytes(self.png)
         return file
 

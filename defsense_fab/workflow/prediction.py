@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.device.device import DECODERS
 from ..core.errors import LayoutError
-from ..decoding.expected_errors import Prediction
+from ..core.prediction import Prediction
 from ..optimize.prediction import predict as design
 from ..optimize.prediction.design_task import load_task
 from .given import number, of_kind
@@ -46,5 +46,5 @@ def predict(
     if noise is not None:
         deviation = number(noise, "noise", LayoutError, above=0)
         device = replace(device, cord=replace(device.cord, noise=deviation))
-    task = load_task(device, seen.device.workspace.folder / "build").decoded_by(kind)
+    task = load_task(device, seen.device.workspace.folder / "build").with_decoder(kind)
     return design.predict(task, [c.built for c in layout.cords]).prediction

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arrays import Float
-from ..core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere, flaw
+from ..core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere, shape_problem
 from ..core.errors import DeviceError
 from .given import array, number, shown
 
@@ -66,7 +66,7 @@ def _table(name: str, shape: object) -> dict[str, Any]:
 
 
 def _checked(shape: S) -> S:
-    if wrong := flaw(shape):
+    if wrong := shape_problem(shape):
         raise DeviceError(": ".join(wrong))
     return shape
 

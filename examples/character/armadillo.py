@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.geometry.bodies.body_file import read_foreign
+from defsense_fab.geometry.bodies.body_file import read_body_file
 
 HEIGHT = 150.0  # mm
 #: Of the half width, from which on there are hands; of the height, the feet, and the trunk.
@@ -94,7 +94,7 @@ def main():
     parser.add_argument("file", type=Path)
     parser.add_argument("folder", type=Path)
     asked = parser.parse_args()
-    points = read_foreign(asked.file).surface.vertices
+    points = read_body_file(asked.file).surface.vertices
     size = np.ptp(points, axis=0)
     up = 1 + int(size[2] > size[1])
     scale = HEIGHT / size[up]

@@ -3,14 +3,14 @@
 import numpy as np
 
 from defsense_fab.calibration.readings import TERMS, Geometry, Piece, Readings
-from defsense_fab.core.response import RADII
+from defsense_fab.core.response import JIG_RADII_MM
 
 GEOMETRY = Geometry()
 
 
 def readings(
     response, seed=0, noise=0.001, rounds=1, specimens=("150", "200"), both=False, spread=0.0,
-    radii=RADII, drift=0.0,
+    radii=JIG_RADII_MM, drift=0.0,
 ):  # fmt: skip
     """Of cords with this response (a function of strain), turned over for half of the readings if
     `both`; `drift` is what all cords of a specimen gain per reading."""

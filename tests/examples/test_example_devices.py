@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.body_file import read_foreign
+from defsense_fab.geometry.bodies.body_file import read_body_file
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -47,7 +47,7 @@ def test_a_character_of_one_s_own_begins_with_its_hands_feet_and_trunk(tmp_path)
     program = EXAMPLES / "character" / "armadillo.py"
     subprocess.run([sys.executable, program, body, made], check=True, capture_output=True)
     device = load_device(made)
-    points = device.body.scale * read_foreign(made / body.name).surface.vertices
+    points = device.body.scale * read_body_file(made / body.name).surface.vertices
     assert np.ptp(points[:, 2]) == pytest.approx(150, abs=0.1)
     held = {name: points[region.contains(points)] for name, region in device.regions.items()}
     assert set(held) == {"trunk", "left_hand", "right_hand", "left_foot", "right_foot"}

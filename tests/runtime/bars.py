@@ -1,4 +1,4 @@
-"""A bar of 150 mm with markers, bent, twisted and pulled by closed formulas."""
+"""A bar of 150 mm with markers that is bent, twisted and pulled by closed formulas."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ POSES = ("bend_up", "bend_down", "twist_left", "twist_right", "bend_left", "pull
 
 
 def markers(count, rng):
-    """At rest (m, 3), mm."""
+    """Return random marker positions at rest (m, 3), mm."""
     return rng.uniform([0, -15, -15], [LENGTH, 15, 15], (count, 3))
 
 
 def bent(rest, amplitude, sign=1, axis=2):
-    """Displacements (m, 3) of a bend onto a circle, by 90 degrees at amplitude 1."""
+    """Return displacements (m, 3) of a bend onto a circle, by 90 degrees at amplitude 1."""
     k = amplitude * np.pi / 2 / LENGTH
     if k == 0:
         return np.zeros_like(rest)
@@ -37,7 +37,7 @@ def pulled(rest, amplitude):
 
 
 def poses(rest):
-    """The six of POSES."""
+    """Return the basis of the six POSES."""
 
     def ramp(shape, *args):
         return PoseRamp(STEPS, np.array([shape(rest, a, *args) for a in STEPS]))

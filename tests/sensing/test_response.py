@@ -9,7 +9,7 @@ import pytest
 
 from defsense_fab.core.errors import CalibrationError
 from defsense_fab.core.response import ResponseSpec, read_response
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.sensing.response import Response, relative_change, respond, response_of, signals
@@ -56,7 +56,7 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
     exact = signals(paths, field(paths)[None], Response.line(1.0))[0]
     sizes, errors = [], []
     for edge_length in (12.0, 8.5, 6.0, 4.25):
-        mesh = tetrahedralise(bar, edge_length).mesh
+        mesh = tetrahedralize(bar, edge_length).mesh
         quadratic = QuadraticMesh.from_linear(mesh)
         locator = PointLocator(quadratic)
         u = (field(quadratic.nodes) - quadratic.nodes)[None]

@@ -15,7 +15,7 @@ from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
 from tests.places import BAR
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
-from tests.twin.devices.conftest import small_bar as small_bar_fixture
+from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar, live_bar = small_bar_fixture, live_bar_fixture
 

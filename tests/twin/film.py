@@ -17,7 +17,7 @@ import numpy as np
 from defsense_fab.core.arrays import Bool, Float, Int
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError, StorageError
-from defsense_fab.core.storage.files import replacing, write_text
+from defsense_fab.core.storage.files import replace_file, write_text
 from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.exposure import expose
 from defsense_fab.twin.filming.renderer import Renderer
@@ -137,7 +137,7 @@ def record_film(
     renderer = Renderer(camera, optics, rng)
     scenes: list[Scene] = []
     shown: list[tuple[Float, Float]] = []
-    with replacing(path) as part, _writer(path, part, fourcc, shutter.rate, camera.size) as writer:
+    with replace_file(path) as part, _writer(path, part, fourcc, shutter.rate, camera.size) as writer:
         for time, is_repeated in zip(times, repeats, strict=True):
             if not is_repeated:
                 scene, instants = expose(scene_at, camera, float(time), optics)
@@ -198,7 +198,7 @@ def _collect_truth(
 
 def save_truth(path: Path, truth: FilmTruth) -> None:
     """Write the truth about a film as NPZ."""
-    with replacing(path) as part:
+    with replace_file(path) as part:
         np.savez_compressed(part, **{f.name: getattr(truth, f.name) for f in fields(FilmTruth)})
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ...core.arrays import Bool, Float
-from ...core.camera import Camera, distort, rotations
+from ...core.camera import Camera, distort, rotation_matrices
 from ...core.errors import CaptureError
 from ..tags.detection import BoardView
 from ..tags.tag_patterns import CharucoBoard
@@ -69,7 +69,7 @@ def solve_fisheye(
 
     def miss(x: Float) -> Float:
         pose = x[_LENS:].reshape(-1, 6)[owner]
-        at = np.einsum("nij,nj->ni", rotations(pose[:, :3]), flat) + pose[:, 3:]
+        at = np.einsum("nij,nj->ni", rotation_matrices(pose[:, :3]), flat) + pose[:, 3:]
         shown = distort(at[:, :2] / at[:, 2:], x[4:_LENS], fisheye=True)[0]
         return np.asarray((shown * x[:2] + x[2:4] - seen).ravel())
 

@@ -1,1 +1,1 @@
-"""Tracks in CSV, NPZ, Parquet, C3D and TRC."""
+"""Files of tracks in CSV, NPZ, Parquet, C3D and TRC."""

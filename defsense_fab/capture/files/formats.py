@@ -1,4 +1,4 @@
-"""Tracks in the files of others, by the suffix of the name."""
+"""Read and write tracks in any format, chosen by the file's suffix."""
 
 from __future__ import annotations
 
@@ -13,83 +13,112 @@ import numpy as np
 from ...core.errors import CaptureError
 from ...core.machine.optional_libraries import optional
 from ...core.markers import Tracks
-from ...core.storage.files import replacing
 from .c3d import read_c3d, write_c3d
 from .track_conversion import WrittenFrames, frame_grid, on_even_frames
-from .tracks_csv import COLUMNS, check_size, from_rows, read_tracks, to_rows, write_tracks
+from .tracks_csv import COLUMNS, check_size, from_rows, read_csv, to_rows, write_csv
 from .trc import read_trc, write_trc
 
 _ARRAYS = {"time": float, "ids": np.int64, "points": float, "sigma": float, "frame": np.int64}
 
 
 def check_suffix(path: Path) -> None:
-    """Raises CaptureError for a name whose suffix is of no format."""
+    """Check that a file's suffix belongs to a format.
+
+    Raises:
+        CaptureError: If it does not.
+    """
     _format(path)
 
 
-def write_any(path: Path, tracks: Tracks) -> WrittenFrames:
-    """As .csv, .npz, .parquet, .c3d or .trc, with the frames of `on_even_frames`: the same ones in
-    all formats. Raises CaptureError for other suffixes, tracks that the format cannot hold and
-    libraries that are missing; StorageError."""
+def write_csv(path: Path, tracks: Tracks) -> WrittenFrames:
+    """Write tracks as .csv, .npz, .parquet, .c3d or .trc.
+
+    All formats get the same frames, those of `on_even_frames`.
+
+    Returns:
+        The frames that were written.
+
+    Raises:
+        CaptureError: If the suffix is unknown, the format cannot hold the tracks, or a library is
+            missing.
+        StorageError: If the file cannot be written.
+    """
     write = _format(path)[1]
-    whole, written = on_even_frames(tracks)
-    write(path, whole)
+    even_tracks, written = on_even_frames(tracks)
+    write(path, even_tracks)
     if path.suffix.lower() == ".c3d":  # its times follow from its rate
-        grid = frame_grid(whole.time)
-        assert grid is not None  # what has no rate was refused
-        written = replace(written, moved=float(grid.off.max() * grid.period))
+        grid = frame_grid(even_tracks.time)
+        assert grid is not None  # tracks without a rate were refused
+        written = replace(written, max_time_shift=float(grid.deviation.max() * grid.period))
     return written
 
 
-def read_any(path: Path) -> Tracks:
-    """From .csv, .npz, .parquet, .c3d or .trc. Raises CaptureError for other suffixes, files that
-    are wrong and libraries that are missing."""
+def read_csv(path: Path) -> Tracks:
+    """Read tracks from .csv, .npz, .parquet, .c3d or .trc.
+
+    Raises:
+        CaptureError: If the suffix is unknown, the file is invalid, or a library is missing.
+    """
     return _format(path)[0](path)
 
 
 def write_npz(path: Path, tracks: Tracks) -> None:
-    """All of the record, by its names, compressed."""
+    """Write all arrays of the tracks by name, compressed."""
     arrays = {name: np.asarray(getattr(tracks, name), kind) for name, kind in _ARRAYS.items()}
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 def read_npz(path: Path) -> Tracks:
-    """As `write_npz` writes it. Raises CaptureError for what is not."""
+    """Read tracks as `write_npz` writes them.
+
+    Raises:
+        CaptureError: If the file is not such a file.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             check_size(path, sum(entry.file_size for entry in archive.infolist()))
-        with path.open("rb") as whole, np.load(whole, allow_pickle=False) as file:
-            found = {name: np.asarray(file[name]) for name in _ARRAYS}
+        with path.open("rb") as content, np.load(content, allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name]) for name in _ARRAYS}
     except KeyError as error:
         raise CaptureError(
-            f"{path}: is no NPZ of tracks: {error.args[0]}",
+            f"is not an NPZ file of tracks: {error.args[0]}",
             code="array-missing",
+            where=path,
+            action="Choose another file",
             name=error.args[0],
         ) from None
     except FileNotFoundError as error:
-        raise CaptureError(
-            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
-        ) from None
+        raise _unreadable(path, error) from None
     except (OSError, EOFError, ValueError, TypeError, MemoryError, zipfile.BadZipFile):
-        raise CaptureError(
-            f"{path}: is no whole NPZ file; copy or write it again", code="file-damaged"
-        ) from None
+        raise _damaged(path, "NPZ") from None
     for name, kind in _ARRAYS.items():
-        if not np.can_cast(found[name].dtype, kind, "same_kind"):
+        if not np.can_cast(arrays[name].dtype, kind, "same_kind"):
             raise CaptureError(
-                f"{path}: {name} has no numbers of the right kind", code="not-a-number", name=name
+                f"the array {name} does not hold numbers of the right kind",
+                code="not-a-number",
+                where=path,
+                action="Write the file again",
+                name=name,
             )
-        if name in ("time", "ids", "frame") and found[name].ndim != 1:
-            raise CaptureError(f"{path}: {name} must be a list", code="shape-wrong", name=name)
+        if name in ("time", "ids", "frame") and arrays[name].ndim != 1:
+            raise CaptureError(
+                f"the array {name} must have one dimension",
+                code="shape-wrong",
+                where=path,
+                action="Write the file again",
+                name=name,
+            )
     try:
-        return Tracks(**{name: found[name].astype(kind) for name, kind in _ARRAYS.items()})
+        return Tracks(**{name: arrays[name].astype(kind) for name, kind in _ARRAYS.items()})
     except CaptureError as error:
-        raise CaptureError(f"{path}: {error}", code=error.code, **error.data) from None
+        raise CaptureError(
+            error.problem, code=error.code, where=path, action=error.action, **error.data
+        ) from None
 
 
 def write_parquet(path: Path, tracks: Tracks) -> None:
-    """The columns of the CSV, in full precision."""
+    """Write the columns of the CSV in full precision."""
     arrow, parquet = _libraries(path)
     rows = to_rows(tracks)
     columns = {
@@ -101,34 +130,59 @@ def write_parquet(path: Path, tracks: Tracks) -> None:
 
 
 def read_parquet(path: Path) -> Tracks:
-    """A table with the columns of the CSV, others ignored. Raises CaptureError for what is not."""
+    """Read a table with the columns of the CSV; other columns are ignored.
+
+    Raises:
+        CaptureError: If the file is not such a table.
+    """
     arrow, parquet = _libraries(path)
     try:
-        with path.open("rb") as file:
-            whole = parquet.ParquetFile(file)
-            names = whole.schema_arrow.names
+        with path.open("rb") as content:
+            file = parquet.ParquetFile(content)
+            names = file.schema_arrow.names
             missing = [name for name in COLUMNS if name not in names]
             if missing:
                 raise CaptureError(
-                    f"{path}: has no column {missing[0]}; it needs {', '.join(COLUMNS)}",
+                    f"has no column {missing[0]}",
                     code="column-missing",
+                    where=path,
+                    action=f"Write the columns {', '.join(COLUMNS)}",
                     column=missing[0],
                 )
-            check_size(path, whole.metadata.num_rows * len(COLUMNS) * 8)
-            table = whole.read(columns=list(COLUMNS))
+            check_size(path, file.metadata.num_rows * len(COLUMNS) * 8)
+            table = file.read(columns=list(COLUMNS))
     except (arrow.ArrowException, EOFError):
-        raise CaptureError(
-            f"{path}: is no whole Parquet file; copy or write it again", code="file-damaged"
-        ) from None
+        raise _damaged(path, "Parquet") from None
     except OSError as error:
-        raise CaptureError(
-            f"{path}: cannot be read: {error.strerror or error}", code="file-unreadable"
-        ) from None
+        raise _unreadable(path, error) from None
     try:
         columns = [np.asarray(table[name].to_numpy(), float) for name in COLUMNS]
     except (ValueError, TypeError):
-        raise CaptureError(f"{path}: its columns must be numbers", code="not-a-number") from None
+        raise CaptureError(
+            "its columns must be numbers",
+            code="not-a-number",
+            where=path,
+            action="Write the file again",
+        ) from None
     return from_rows(path, np.column_stack(columns), lambda row: f"{path}: row {row + 1}")
+
+
+def _damaged(path: Path, kind: str) -> CaptureError:
+    return CaptureError(
+        f"is not a complete {kind} file",
+        code="file-damaged",
+        where=path,
+        action="Copy or write it again",
+    )
+
+
+def _unreadable(path: Path, error: OSError) -> CaptureError:
+    return CaptureError(
+        f"cannot be read: {error.strerror or error}",
+        code="file-unreadable",
+        where=path,
+        action="Check the file's name",
+    )
 
 
 def _libraries(path: Path) -> tuple[Any, Any]:
@@ -140,7 +194,7 @@ def _libraries(path: Path) -> tuple[Any, Any]:
 
 _Format = tuple[Callable[[Path], Tracks], Callable[[Path, Tracks], None]]
 _FORMATS: dict[str, _Format] = {
-    ".csv": (read_tracks, write_tracks),
+    ".csv": (read_csv, write_csv),
     ".npz": (read_npz, write_npz),
     ".parquet": (read_parquet, write_parquet),
     ".c3d": (lambda path: read_c3d(path).tracks, write_c3d),
@@ -151,8 +205,10 @@ _FORMATS: dict[str, _Format] = {
 def _format(path: Path) -> _Format:
     if path.suffix.lower() not in _FORMATS:
         raise CaptureError(
-            f"{path}: tracks are files named {', '.join(_FORMATS)}; choose one of these suffixes",
+            f"tracks are stored in files named {', '.join(_FORMATS)}",
             code="unknown-file-format",
+            where=path,
+            action="Choose one of these suffixes",
             suffixes=tuple(_FORMATS),
         )
     return _FORMATS[path.suffix.lower()]

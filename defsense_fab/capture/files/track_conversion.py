@@ -1,7 +1,8 @@
-"""Tracks on even frames: with the frames that a camera dropped, as frames without markers.
+"""Prepare tracks for motion-capture formats: axes, marker labels and even frames.
 
-Formats of motion capture have one rate and every frame; so that tracks are the same in whichever
-format they are, all of them get these frames, numbers and rate. Places are never interpolated.
+Formats of motion capture have one rate and every frame. So that tracks are the same in every format,
+all formats get the frames that a camera dropped, as frames without markers. Positions are never
+interpolated.
 """
 
 from __future__ import annotations
@@ -16,12 +17,45 @@ from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
 
-# Names of markers in the files of motion-capture systems.
+#: Rotation to axes with y upwards, from each kind of axes.
+_TO_Y_UP = {
+    "camera": np.diag([1.0, -1.0, -1.0]),
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
+#: Descriptions of the kinds of axes.
+AXES = {
+    "camera": "x right, y down, z ahead",
+    "y": "x right, y up, z back",
+    "z": "x right, y ahead, z up",
+}
+MAX_JITTER = 0.1  # periods by which a frame may be off the grid
+#: Missing frames are filled up to this count, or to this multiple of the frames that there are, so
+#: that a single wrong time does not become a million frames.
+MAX_FILLED_FRAMES, MAX_FILLED_FACTOR = 65_535, 4
+
+
+def change_axes(tracks: Tracks, source: str, up: str) -> Tracks:
+    """Turn tracks by quarter turns, so that another axis points upwards.
+
+    Args:
+        tracks: Tracks to turn.
+        source: Present axes: `camera`, or the axis that points upwards, `y` or `z`.
+        up: Axis that shall point upwards, `y` or `z`.
+    """
+    R = _TO_Y_UP[up].T @ _TO_Y_UP[source]
+    # Adding zero removes negative zeros, which would be written as -0.
+    return replace(tracks, points=tracks.points @ R.T + 0.0, sigma=tracks.sigma @ np.abs(R).T)
 
 
 @dataclass(frozen=True)
-class Labelled:
-    """Tracks of m markers, and the `labels` (m) that the file has for them."""
+class LabeledTracks:
+    """Tracks with the labels that their file gives the markers.
+
+    Attributes:
+        tracks: Tracks of m markers.
+        labels: Labels of the markers (m,).
+    """
 
     tracks: Tracks
     labels: tuple[str, ...]
@@ -31,129 +65,125 @@ class Labelled:
             raise CaptureError(
                 f"{len(self.tracks.ids)} markers cannot have {len(self.labels)} labels",
                 code="labels-differ",
+                where="tracks",
+                action="Pass one label for each marker",
             )
 
 
-def labels_of(ids: Int) -> list[str]:
-    """The labels that tags (m,) get: `tag_7`."""
+def marker_labels(ids: Int) -> list[str]:
+    """Return the labels of markers (m,), such as `tag_7`."""
     return [f"tag_{number}" for number in ids.tolist()]
 
 
-def numbers_of(labels: Sequence[str]) -> Int:
-    """Numbers (m,) for labels: the digits at their ends where all have some and no two the same,
-    else 0 to m - 1."""
+def marker_numbers(labels: Sequence[str]) -> Int:
+    """Return numbers (m,) for labels.
+
+    They are the digits at the labels' ends; if one has none, or two have the same, the numbers 0 to
+    m - 1.
+    """
     ends = [re.search(r"[0-9]{1,15}$", label) for label in labels]
-    found = [int(end.group()) for end in ends if end]
-    if len(set(found)) < len(labels):
-        found = list(range(len(labels)))
-    return np.array(found, np.int64)
-
-
-# Tracks turned so that another of their axes points upwards, by quarter turns alone.
-
-#: To axes with y upwards, from: a camera's (x right, y down, z ahead), y upwards, z upwards.
-_TO_Y = {
-    "camera": np.diag([1.0, -1.0, -1.0]),
-    "y": np.eye(3),
-    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
-}
-#: In words.
-AXES = {
-    "camera": "x right, y down, z ahead",
-    "y": "x right, y up, z back",
-    "z": "x right, y ahead, z up",
-}
-
-
-def turned(tracks: Tracks, source: str, up: str) -> Tracks:
-    """From the axes `source` ("camera", "y", or "z" upwards) to those with `up`, y or z."""
-    # No zero is negative, which would be written as -0.
-    R = _TO_Y[up].T @ _TO_Y[source]
-    return replace(tracks, points=tracks.points @ R.T + 0.0, sigma=tracks.sigma @ np.abs(R).T)
-
-
-#: Most that a frame may be off the grid, in periods.
-JITTER = 0.1
-#: Frames that are always filled up to, and so many times those that there are: a single wrong time
-#: must not become a million frames.
-_MOST, _TIMES = 65_535, 4
+    numbers = [int(end.group()) for end in ends if end]
+    if len(set(numbers)) < len(labels):
+        numbers = list(range(len(labels)))
+    return np.array(numbers, np.int64)
 
 
 @dataclass(frozen=True)
 class FrameGrid:
-    """Times (t,) s as `start` + `period` * `index` (t,), and how far each is `off`, in periods."""
+    """Times of t frames as start + period * index.
+
+    Attributes:
+        index: Grid position of each frame (t,).
+        start: Time of index 0, s.
+        period: Period of the grid, s.
+        deviation: Distance of each frame from its grid position (t,), in periods.
+    """
 
     index: Int
     start: float
     period: float
-    off: Float
+    deviation: Float
 
     @property
-    def even(self) -> bool:
+    def is_even(self) -> bool:
         """Whether the frames have one rate."""
-        return bool((np.diff(self.index) >= 1).all() and self.off.max() <= JITTER)
+        increases = bool((np.diff(self.index) >= 1).all())
+        return increases and bool(self.deviation.max() <= MAX_JITTER)
 
     @property
     def gaps(self) -> int:
-        """Frames that are missing."""
+        """Number of missing frames."""
         return int(self.index[-1]) + 1 - len(self.index)
 
 
 @dataclass(frozen=True)
 class WrittenFrames:
-    """What was written: `frames`, at `rate` Hz, None where times are uneven; of these `gaps` that
-    the tracks did not have; `moved` s, by which times are others in the file at most."""
+    """Frames that were written to a file.
+
+    Attributes:
+        frames: Number of frames.
+        rate: Frames per second, Hz; None if the times are uneven.
+        gaps: Number of the frames that the tracks did not have.
+        max_time_shift: Largest difference between the times of tracks and file, s.
+    """
 
     frames: int
     rate: float | None
     gaps: int
-    moved: float = 0.0
+    max_time_shift: float = 0.0
 
     @property
-    def told(self) -> str:
-        """In words."""
+    def summary(self) -> str:
+        """Description for messages."""
         if self.rate is None:
-            at = " at uneven times" if self.frames > 1 else ""
-            return f"{self.frames} frame{'' if self.frames == 1 else 's'}{at}"
-        out = f"{self.frames} frames at {self.rate:.6g} Hz"
+            times = " at uneven times" if self.frames > 1 else ""
+            return f"{self.frames} frame{'' if self.frames == 1 else 's'}{times}"
+        summary = f"{self.frames} frames at {self.rate:.6g} Hz"
         if self.gaps:
-            out += f", {self.gaps} of them dropped ones without markers"
-        if self.moved > 1e-6:
-            out += f", times moved by up to {1e3 * self.moved:.3g} ms to be even"
-        return out
+            summary += f", {self.gaps} of them dropped frames without markers"
+        if self.max_time_shift > 1e-6:
+            summary += f", times moved by up to {1e3 * self.max_time_shift:.3g} ms to be even"
+        return summary
 
 
 def frame_grid(time: Float) -> FrameGrid | None:
-    """The grid that is nearest to increasing times (t,) s; None for less than two."""
+    """Fit a grid to increasing times (t,), s; None for fewer than two."""
     if len(time) < 2:
         return None
     steps = np.diff(time)
-    # Of the shorter steps, since more than half of the frames may have been dropped.
-    ones = np.rint(steps / np.quantile(steps, 0.1, method="lower")) == 1
-    index = np.concatenate([[0], np.cumsum(np.rint(steps / steps[ones].mean()))]).astype(np.int64)
-    away = index - index.mean()
-    period = float(away @ time / (away @ away)) if away.any() else float(steps.mean())
+    # By the shorter steps, because more than half of the frames may have been dropped.
+    is_single = np.rint(steps / np.quantile(steps, 0.1, method="lower")) == 1
+    positions = np.concatenate([[0], np.cumsum(np.rint(steps / steps[is_single].mean()))])
+    index = positions.astype(np.int64)
+    centered = index - index.mean()
+    if centered.any():
+        period = float(centered @ time / (centered @ centered))
+    else:
+        period = float(steps.mean())
     start = float(time.mean() - period * index.mean())
     return FrameGrid(index, start, period, np.abs(time - start - period * index) / period)
 
 
 def on_even_frames(tracks: Tracks) -> tuple[Tracks, WrittenFrames]:
-    """Tracks with all frames from the first to the last, numbered on from the first one's number;
-    as they are where their times are uneven, or nearly all frames would be missing ones."""
+    """Fill tracks up to all frames from the first to the last.
+
+    Frames are numbered from the first one's number. Tracks with uneven times stay unchanged, and so
+    do tracks of which nearly all frames would be missing.
+    """
     grid = frame_grid(tracks.time)
-    if grid is None or not grid.even:
+    if grid is None or not grid.is_even:
         return tracks, WrittenFrames(len(tracks.time), None, 0)
     rate, count = 1 / grid.period, int(grid.index[-1]) + 1
-    if count > max(_MOST, _TIMES * len(tracks.time)):
+    if count > max(MAX_FILLED_FRAMES, MAX_FILLED_FACTOR * len(tracks.time)):
         return tracks, WrittenFrames(len(tracks.time), rate, 0)
     frame = tracks.frame[0] + np.arange(count)
     if not grid.gaps:
-        whole = Tracks(tracks.time, tracks.ids, tracks.points, tracks.sigma, frame)
-        return whole, WrittenFrames(count, rate, 0)
+        renumbered = Tracks(tracks.time, tracks.ids, tracks.points, tracks.sigma, frame)
+        return renumbered, WrittenFrames(count, rate, 0)
     time = np.asarray(grid.start + grid.period * np.arange(count), float)
     time[grid.index] = tracks.time
     points = np.full((count, *tracks.points.shape[1:]), np.nan)
     sigma = points.copy()
     points[grid.index], sigma[grid.index] = tracks.points, tracks.sigma
-    whole = Tracks(time, tracks.ids, points, sigma, frame)
-    return whole, WrittenFrames(count, rate, grid.gaps)
+    filled = Tracks(time, tracks.ids, points, sigma, frame)
+    return filled, WrittenFrames(count, rate, grid.gaps)

@@ -1,7 +1,12 @@
-"""Tracks as a table with a row per marker seen, and that table as CSV.
+"""Tracks as a table with a row per visible marker, and that table as CSV.
 
-Columns `frame, time, id, x, y, z, sx, sy, sz` (s, mm). A frame in which nothing was seen has one
-row, and a marker that was never seen one in the first frame, with `nan` for what is not known.
+Columns are `frame, time, id, x, y, z, sx, sy, sz` (s, mm). A frame without visible markers has one
+row. A marker that is never visible has one row in the first frame. Unknown values are `nan`.
+
+A table may leave out markers that were not visible. So a damaged or hostile file of some kB, each
+row of which names another frame and another marker, would fill all memory. Reading may therefore
+take at most 64 MB and a hundred times the size of the file: in CSV, a marker then must be visible in
+about every hundredth frame.
 """
 
 from __future__ import annotations
@@ -14,43 +19,47 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
-from ...core.storage.files import replacing
 
-# How much memory a file of tracks may ask for.
-#
-# Tracks are a table of frames by markers, in which a file may leave out what was not seen: a damaged
-# or hostile one of some kB, every row of which names another frame and another marker, would fill all
-# memory there is. So what is read may take at most 64 MB and a hundred times the size of the file: in
-# CSV a marker then has to be seen in about every hundredth frame.
-
-_FREE, _TIMES = 64_000_000, 100  # bytes; the size of the file
-#: Bytes of a marker in a frame: its place and its standard deviations.
-CELL = 48
+COLUMNS = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
+BYTES_PER_MARKER = 48  # in a frame: position and standard deviations
+FREE_BYTES, MAX_EXPANSION = 64_000_000, 100
+_HEADER = ",".join(COLUMNS)
+_ROW_FORMAT = "%d,%.9f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n"
+_BLOCK_FRAMES = 1000  # written at once
 
 
 def check_size(path: Path, needed: int) -> None:
-    """Raises CaptureError where so many bytes of memory are out of all proportion to the file."""
+    """Check that the memory that a file of tracks needs is in proportion to its size.
+
+    Args:
+        path: File of tracks.
+        needed: Memory that its tracks need, bytes.
+
+    Raises:
+        CaptureError: If it needs too much.
+    """
     size = path.stat().st_size
-    if needed > _FREE + _TIMES * size:
+    if needed > FREE_BYTES + MAX_EXPANSION * size:
         raise CaptureError(
-            f"{path}: its tracks would take {needed / 1e6:.0f} MB of memory, out of all proportion"
-            f" to a file of {size / 1e6:.3g} MB; check its numbers of frames and markers",
+            f"its tracks need {needed / 1e6:.0f} MB of memory, out of proportion to a file of"
+            f" {size / 1e6:.3g} MB",
             code="tracks-too-large",
+            where=path,
+            action="Check its numbers of frames and markers",
         )
 
 
-COLUMNS = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
-_HEADER = ",".join(COLUMNS)
-_ROW = "%d,%.9f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n"
-_BLOCK = 1000  # frames written at once
+def to_rows(tracks: Tracks, never_visible: Bool | None = None) -> Float:
+    """Return the table (r, 9), sorted by frame and then in the order of the tracks' markers.
 
-
-def to_rows(tracks: Tracks, never: Bool | None = None) -> Float:
-    """The table (r, 9), by frame and in it by marker as the tracks have them; with rows in the
-    first frame for the markers (m,) that are `never` seen."""
+    Args:
+        tracks: Tracks of m markers.
+        never_visible: Markers (m,) that get a row in the first frame; by default those that are
+            never visible.
+    """
     rows = tracks.seen
     if rows.size:
-        rows[0] |= never_seen(tracks) if never is None else never
+        rows[0] |= never_visible_markers(tracks) if never_visible is None else never_visible
         rows[~rows.any(axis=1), 0] = True
     t, m = np.nonzero(rows)
     return np.column_stack(
@@ -58,108 +67,161 @@ def to_rows(tracks: Tracks, never: Bool | None = None) -> Float:
     ).astype(float)
 
 
-def never_seen(tracks: Tracks) -> Bool:
-    """Which markers (m,)."""
+def never_visible_markers(tracks: Tracks) -> Bool:
+    """Return which markers (m,) are never visible."""
     return np.asarray(~tracks.seen.any(axis=0))
 
 
 def from_rows(path: Path, rows: Float, where: Callable[[int], str]) -> Tracks:
-    """Tracks of a file's table (r, 9) in any order, markers by number. Raises CaptureError that
-    begins with `where(row)` for what cannot be, and for frames and markers out of all proportion to
-    the file."""
+    """Return the tracks of a table.
 
-    def refuse(wrong: Bool, code: str, why: Callable[[int], str]) -> None:
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            raise CaptureError(f"{where(row)}: {why(row)}", code=code, row=row + 1)
+    Args:
+        path: File of the table.
+        rows: Table (r, 9), in any order.
+        where: Names the place of a row in messages.
 
-    absent = np.isnan(rows[:, 3:]).all(1)
-    for i, name in enumerate(COLUMNS[:6]):
-        wrong = ~np.isfinite(rows[:, i]) & ~(absent & (i >= 3))
-        refuse(wrong, "not-a-number", lambda _, name=name: f"{name} is not a finite number")  # type: ignore[misc]
-    for i in (0, 2):
-        wrong = np.asarray((rows[:, i] != np.rint(rows[:, i])) | (np.abs(rows[:, i]) >= 2.0**53))
-        refuse(
-            wrong,
-            "not-a-whole-number",
-            lambda r, i=i: f"{COLUMNS[i]} {rows[r, i]:g} is not a whole number",
-        )  # type: ignore[misc]
-    known = np.isfinite(rows[:, 6:]).all(1) & (rows[:, 6:] >= 0).all(1)
-    refuse(
-        np.asarray(~(known | np.isnan(rows[:, 6:]).all(1))),
-        "sigma-invalid",
-        lambda _: "sx, sy, sz are standard deviations: three numbers of at least 0, or three nan",
-    )
+    Returns:
+        Tracks with markers sorted by number.
+
+    Raises:
+        CaptureError: If a row is invalid, or frames and markers are out of proportion to the file.
+    """
+
+    def check(is_wrong: Bool, code: str, problem: Callable[[int], str], action: str) -> None:
+        if is_wrong.any():
+            row = int(np.argmax(is_wrong))
+            raise CaptureError(
+                problem(row), code=code, where=where(row), action=action, row=row + 1
+            )
+
+    _check_cells(rows, check)
     order = np.lexsort((rows[:, 2], rows[:, 0]))
-    sorted_ = rows[order]
-    frame, first, at = np.unique(sorted_[:, 0], return_index=True, return_inverse=True)
-    ids, column = np.unique(sorted_[:, 2], return_inverse=True)
-    time = sorted_[first, 1]
+    sorted_rows = rows[order]
+    frame, first, position = np.unique(sorted_rows[:, 0], return_index=True, return_inverse=True)
+    ids, column = np.unique(sorted_rows[:, 2], return_inverse=True)
+    time = sorted_rows[first, 1]
 
-    twice = np.zeros(len(rows), bool)
-    twice[order[1:]] = (np.diff(sorted_[:, [0, 2]], axis=0) == 0).all(1)
-    refuse(
-        twice,
+    is_repeated = np.zeros(len(rows), bool)
+    is_repeated[order[1:]] = (np.diff(sorted_rows[:, [0, 2]], axis=0) == 0).all(1)
+    check(
+        is_repeated,
         "marker-repeated",
         lambda r: f"frame {rows[r, 0]:.0f} has marker {rows[r, 2]:.0f} twice",
+        "Delete one of the rows",
     )
-    other = np.zeros(len(rows), bool)
-    other[order] = sorted_[:, 1] != time[at]
-    refuse(other, "times-differ", lambda r: f"frame {rows[r, 0]:.0f} has two times; it needs one")
-    back = np.zeros(len(rows), bool)
-    back[order[first[1:]]] = np.diff(time) <= 0
-    refuse(
-        back,
+    differs = np.zeros(len(rows), bool)
+    differs[order] = sorted_rows[:, 1] != time[position]
+    check(
+        differs,
+        "times-differ",
+        lambda r: f"frame {rows[r, 0]:.0f} has two times",
+        "Give all rows of a frame the same time",
+    )
+    goes_back = np.zeros(len(rows), bool)
+    goes_back[order[first[1:]]] = np.diff(time) <= 0
+    check(
+        goes_back,
         "times-not-increasing",
-        lambda r: f"the time {rows[r, 1]:g} s is not later than that of the frame before",
+        lambda r: f"the time {rows[r, 1]:g} s is not later than that of the previous frame",
+        "Number the frames in the order of their times",
     )
 
-    check_size(path, len(frame) * len(ids) * CELL)
+    check_size(path, len(frame) * len(ids) * BYTES_PER_MARKER)
     points = np.full((len(frame), len(ids), 3), np.nan)
     sigma = points.copy()
-    points[at, column], sigma[at, column] = sorted_[:, 3:6], sorted_[:, 6:]
-    return Tracks(time, _whole(ids), points, sigma, _whole(frame))
+    points[position, column] = sorted_rows[:, 3:6]
+    sigma[position, column] = sorted_rows[:, 6:]
+    return Tracks(time, _as_int(ids), points, sigma, _as_int(frame))
 
 
-def _whole(values: Float) -> Int:
+def _check_cells(
+    rows: Float, check: Callable[[Bool, str, Callable[[int], str], str], None]
+) -> None:
+    """Check that the cells of a table (r, 9) are numbers of the right kind."""
+    is_absent = np.isnan(rows[:, 3:]).all(1)
+    for i, name in enumerate(COLUMNS[:6]):
+        is_wrong = ~np.isfinite(rows[:, i]) & ~(is_absent & (i >= 3))
+        check(
+            is_wrong,
+            "not-a-number",
+            lambda _, name=name: f"{name} is not a finite number",  # type: ignore[misc]
+            "Write a number",
+        )
+    for i in (0, 2):
+        values = rows[:, i]
+        is_wrong = np.asarray((values != np.rint(values)) | (np.abs(values) >= 2.0**53))
+        check(
+            is_wrong,
+            "not-a-whole-number",
+            lambda r, i=i: f"{COLUMNS[i]} {rows[r, i]:g} is not a whole number",  # type: ignore[misc]
+            "Write a whole number",
+        )
+    is_known = np.isfinite(rows[:, 6:]).all(1) & (rows[:, 6:] >= 0).all(1)
+    check(
+        np.asarray(~(is_known | np.isnan(rows[:, 6:]).all(1))),
+        "sigma-invalid",
+        lambda _: "sx, sy, sz are not valid standard deviations",
+        "Write three numbers of at least 0, or three nan",
+    )
+
+
+def _as_int(values: Float) -> Int:
     return values.astype(np.int64)
 
 
-def write_tracks(path: Path, tracks: Tracks) -> None:
-    """The table as CSV: times to 1 ns, places to 1 nm, `nan` where not known. Raises StorageError
-    where it cannot be written."""
-    never = never_seen(tracks)
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+def write_csv(path: Path, tracks: Tracks) -> None:
+    """Write tracks as CSV: times to 1 ns, positions to 1 nm, `nan` for unknown values.
+
+    Raises:
+        StorageError: If the file cannot be written.
+    """
+    never_visible = never_visible_markers(tracks)
+    with replace_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(_HEADER + "\n")
-        for k in range(0, len(tracks.time), _BLOCK):
-            rows = to_rows(tracks.part(slice(k, k + _BLOCK)), never & (k == 0))
-            file.write((_ROW * len(rows)) % tuple(rows.ravel().tolist()))
+        for k in range(0, len(tracks.time), _BLOCK_FRAMES):
+            part = tracks.part(slice(k, k + _BLOCK_FRAMES))
+            rows = to_rows(part, never_visible & (k == 0))
+            file.write((_ROW_FORMAT * len(rows)) % tuple(rows.ravel().tolist()))
 
 
-def read_tracks(path: Path) -> Tracks:
-    """From CSV as `write_tracks` writes it. Raises CaptureError with the line for what is not."""
+def read_csv(path: Path) -> Tracks:
+    """Read tracks from CSV as `write_csv` writes it.
+
+    Raises:
+        CaptureError: If the file cannot be read, or one of its lines is invalid.
+    """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
         raise CaptureError(
-            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+            f"cannot be read: {error.strerror}",
+            code="file-unreadable",
+            where=path,
+            action="Check the file's name",
         ) from None
     except UnicodeDecodeError:
         raise CaptureError(
-            f"{path}: is no table of tracks (not text)", code="not-a-tracks-file"
+            "is not a table of tracks, because it is not text",
+            code="not-a-tracks-file",
+            where=path,
+            action="Choose another file",
         ) from None
     if not lines or lines[0].strip() != _HEADER:
-        found = repr(lines[0][:60]) if lines else "nothing"
+        present = repr(lines[0][:60]) if lines else "nothing"
         raise CaptureError(
-            f"{path}:1: the first line must be {_HEADER}, not {found}", code="header-wrong", line=1
+            f"the first line must be {_HEADER}, not {present}",
+            code="header-wrong",
+            where=f"{path}:1",
+            action="Choose another file",
+            line=1,
         )
     numbers = [i for i, line in enumerate(lines[1:], 2) if line.strip()]
-    rows = _table(path, numbers, [lines[i - 1] for i in numbers])
+    rows = _parse(path, numbers, [lines[i - 1] for i in numbers])
     return from_rows(path, rows, lambda row: f"{path}:{numbers[row]}")
 
 
-def _table(path: Path, numbers: list[int], lines: list[str]) -> Float:
-    """The cells (r, 9)."""
+def _parse(path: Path, numbers: list[int], lines: list[str]) -> Float:
+    """Return the cells (r, 9) of numbered lines."""
     if not lines:
         return np.empty((0, len(COLUMNS)))
     try:
@@ -169,24 +231,37 @@ def _table(path: Path, numbers: list[int], lines: list[str]) -> Float:
     except ValueError:
         pass
     for number, line in zip(numbers, lines, strict=True):
-        cells = line.split(",")
-        if len(cells) != len(COLUMNS):
+        _check_line(f"{path}:{number}", number, line)
+    raise CaptureError(
+        "is not a table of numbers",
+        code="not-a-tracks-file",
+        where=path,
+        action="Choose another file",
+    )
+
+
+def _check_line(where: str, number: int, line: str) -> None:
+    """Raise CaptureError for a line whose cells are not nine numbers."""
+    cells = line.split(",")
+    if len(cells) != len(COLUMNS):
+        raise CaptureError(
+            f"has {len(cells)} cells, but there are {len(COLUMNS)} columns",
+            code="cell-count-differs",
+            where=where,
+            action=f"Write {_HEADER}",
+            line=number,
+            count=len(cells),
+        )
+    for name, cell in zip(COLUMNS, cells, strict=True):
+        try:
+            float(cell)
+        except ValueError:
             raise CaptureError(
-                f"{path}:{number}: {len(cells)} cells under {len(COLUMNS)} columns; a row is"
-                f" {_HEADER}",
-                code="cell-count-differs",
+                f"{name} is not a number: {cell[:40]!r}",
+                code="not-a-number",
+                where=where,
+                action="Write a number, or nan",
                 line=number,
-                count=len(cells),
-            )
-        for name, cell in zip(COLUMNS, cells, strict=True):
-            try:
-                float(cell)
-            except ValueError:
-                raise CaptureError(
-                    f"{path}:{number}: {name} is not a number: {cell[:40]!r}",
-                    code="not-a-number",
-                    line=number,
-                    column=name,
-                    value=cell[:40],
-                ) from None
-    raise CaptureError(f"{path}: is no table of numbers", code="not-a-tracks-file")
+                column=name,
+                value=cell[:40],
+            ) from None

@@ -204,7 +204,7 @@ def read_recording(path: Path) -> Recording:
         sums=table[:, len(_COLUMNS) :],
         full_scale=full_scale,
         events=tuple(events),
-        damaged_lines=lines.left_out,
+        damaged_lines=lines.skipped,
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...core.storage.session_manifest import FILE, load_capture
 from ...sensing.layout import LAYOUT, layout_hash, load_layout
 from .result_files import ALIGNED, QUALITY

@@ -9,7 +9,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.markers import Tracks
 from ...core.storage.files import storage_errors, write_json, write_text
-from ..files.formats import write_any
+from ..files.formats import write_tracks
 from ..files.track_conversion import on_even_frames
 from .processed_session import ProcessedSession
 from .sample_table import write_samples
@@ -22,7 +22,7 @@ TRACKS, ALIGNED, SIGNALS, SAMPLES, QUALITY, REPORT = (
 
 def write_results(folder: Path, session: CaptureSession, result: ProcessedSession) -> None:
     """All but the tracks in the cameras' frame and the report. Raises StorageError."""
-    write_any(folder / ALIGNED, result.aligned)
+    write_tracks(folder / ALIGNED, result.aligned)
     columns = ["frame", "time", *session.channels, "alignment_residual"]
     t = result.tracks
     whole, _ = on_even_frames(Tracks(t.time, t.ids[:0], t.points[:, :0], t.sigma[:, :0], t.frame))

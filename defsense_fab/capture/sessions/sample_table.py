@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.storage.files import replacing
+from ...core.storage.files import replace_file
 from ...sensing.response import relative_change
 from ..readout.recording import read_recording
 from .session import BOARD, CaptureSession
@@ -44,7 +44,7 @@ def write_samples(
     if not runs or not session.channels:
         return
     names = [*session.channels, *(f"{channel}_ohm" for channel in session.channels)]
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with replace_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(["run", "counter", "device_us", "time", *names]) + "\n")
         for name in runs:
             recording = read_recording(session.folder / name / BOARD)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.arrays import Bool
 from ...core.errors import CaptureError
-from ...core.storage.files import replacing
+from ...core.storage.files import replace_file
 from .tag_patterns import CharucoBoard, Dictionary
 
 # The outlines of a picture of black and white cells.
@@ -97,7 +97,7 @@ def pdf(path: Path, title: str) -> Iterator[Any]:
     otherwise. Raises StorageError where it cannot be written."""
     from reportlab.pdfgen.canvas import Canvas
 
-    with replacing(path) as temporary:
+    with replace_file(path) as temporary:
         canvas = Canvas(str(temporary), invariant=1)
         canvas.setTitle(title)
         canvas.setAuthor("defsense-fab")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.camera import Camera, rotations
+from ...core.camera import Camera, rotation_matrices
 from .pose_equations import PRIOR, PoseEquations, SharedViews, pose_equations
 
 _MOVES = 6  # that are looked for, at most
@@ -88,7 +88,7 @@ def find_camera_motion(
         if best is None:
             break
         _, c, at, d = best
-        motion = CameraMotion(c, at, rotations(d[:3]), d[3:])
+        motion = CameraMotion(c, at, rotation_matrices(d[:3]), d[3:])
         found = sorted([*found, motion], key=lambda m: m.at)
         R, T = _replayed(cameras, views.count, found)
     for _ in range(_ROUNDS if found else 0):
@@ -97,7 +97,7 @@ def find_camera_motion(
             lo = found[k - 1].at if k else 0
             hi = found[k + 1].at if k + 1 < len(found) else views.count
             d = sums.pose(m.camera, m.at, hi)[0] - sums.pose(m.camera, lo, m.at)[0]
-            turn = rotations(d[:3])
+            turn = rotation_matrices(d[:3])
             found[k] = replace(
                 m, rotation=_orthogonal(turn @ m.rotation), translation=turn @ m.translation + d[3:]
             )
@@ -190,7 +190,7 @@ def _as_begun(cameras: Sequence[Camera], views: SharedViews) -> list[Camera]:
         told = [float(sums.pose(c, 0, views.count)[0] @ sums.g[-1, c]) for c in range(len(out))]
         c = int(np.argmax(told))
         d = sums.pose(c, 0, views.count)[0]
-        out[c] = CameraMotion(c, 0, rotations(d[:3]), d[3:]).moved(out[c])
+        out[c] = CameraMotion(c, 0, rotation_matrices(d[:3]), d[3:]).moved(out[c])
     return out
 
 

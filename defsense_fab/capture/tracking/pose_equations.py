@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.camera import Camera, cross_matrices, rotations
+from ...core.camera import Camera, cross_matrices, rotation_matrices
 from .reconstruction import square
 
 _STEPS = 6  # of Gauss and Newton for the tags' poses
@@ -157,7 +157,7 @@ def _of_tags(
         d = np.linalg.solve(A, a[..., None])[..., 0]
         size = np.linalg.norm(d[:, :3], axis=1, keepdims=True)
         d[:, :3] *= np.minimum(1.0, 0.3 / np.maximum(size, 1e-12))
-        turn, place = rotations(d[:, :3]) @ turn, place + d[:, 3:]
+        turn, place = rotation_matrices(d[:, :3]) @ turn, place + d[:, 3:]
     chi = (w * (miss**2).sum(axis=(2, 3))).sum(axis=1) / (8 * use.sum(axis=1) - 6)
     trust = _trust(chi, views)[:, None]
     by = np.concatenate([-D @ cross_matrices(X), D], axis=-1).reshape(n, v, 8, 6)

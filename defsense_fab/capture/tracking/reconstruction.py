@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.camera import Camera, cross_matrices, rotations
+from ...core.camera import Camera, cross_matrices, rotation_matrices
 
 # Where tags are, from one camera: by how large they look.
 #
@@ -122,7 +122,7 @@ def _fit(
             d = np.linalg.solve(N, g[..., None])[..., 0]
             angle = np.linalg.norm(d[:, :3], axis=1, keepdims=True)
             d[:, :3] *= np.minimum(1.0, 0.3 / np.maximum(angle, 1e-12))
-            R = rotations(d[:, :3]) @ R
+            R = rotation_matrices(d[:, :3]) @ R
             t = t + d[:, 3:]
     return X, np.linalg.inv(N)[:, 3:, 3:], chi, (miss**2).sum(axis=(1, 2))
 

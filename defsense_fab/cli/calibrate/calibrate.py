@@ -193,7 +193,7 @@ def _common(sub: argparse.ArgumentParser) -> None:
 
 
 def _specimen(options: argparse.Namespace, bars: Bars) -> int:
-    from ...core.response import RADII
+    from ...core.response import JIG_RADII_MM
     from ...workflow.calibrate.specimen_files import write_specimen
 
     with bars(options) as progress:
@@ -203,7 +203,7 @@ def _specimen(options: argparse.Namespace, bars: Bars) -> int:
             thickness=options.thickness,
             width=options.width,
             offset=options.offset,
-            radii=numbers("--radii", options.radii) if options.radii else RADII,
+            radii=numbers("--radii", options.radii) if options.radii else JIG_RADII_MM,
             cord=options.cord,
             process=options.process,
             progress=progress,

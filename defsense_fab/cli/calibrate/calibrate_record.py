@@ -302,7 +302,7 @@ def _given(options: argparse.Namespace) -> set[str]:
 
 def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any]:
     """Of a new session. Raises DeviceError for options that make none."""
-    from ...calibration.protocol import Criterion
+    from ...core.storage.session_manifest import Criterion
     from ...calibration.readings import LEAST_RADII
 
     o: dict[str, Any] = {

@@ -116,8 +116,8 @@ def _add_convert(steps: Commands) -> None:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from ...capture.files.formats import check_suffix, read_any, write_any
-    from ...capture.files.track_conversion import AXES, turned
+    from ...capture.files.formats import check_suffix, read_tracks, write_tracks
+    from ...capture.files.track_conversion import AXES, change_axes
 
     check_suffix(options.out)
     if options.up and not options.source_up:
@@ -127,10 +127,10 @@ def _convert(options: argparse.Namespace) -> int:
         )
     if options.source_up and not options.up:
         raise DeviceError("--source-up is for --up: give the axis that is to point upwards, too")
-    tracks, frame = read_any(options.source), "as it was"
+    tracks, frame = read_tracks(options.source), "as it was"
     if options.up:
-        tracks, frame = turned(tracks, options.source_up, options.up), AXES[options.up]
-    written = write_any(options.out, tracks)
+        tracks, frame = change_axes(tracks, options.source_up, options.up), AXES[options.up]
+    written = write_tracks(options.out, tracks)
     seen = float(tracks.seen.mean()) if tracks.points.size else 0.0
     data = {"frames": written.frames, "rate": written.rate, "gaps": written.gaps,
             "markers": len(tracks.ids), "seen": seen, "frame": frame}  # fmt: skip
@@ -138,7 +138,7 @@ def _convert(options: argparse.Namespace) -> int:
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
     else:
         say([
-            f"{written.told}; {data['markers']} markers, {seen:.0%} seen in"
+            f"{written.summary}; {data['markers']} markers, {seen:.0%} seen in"
             f" {len(tracks.time)} frames",
             f"frame: {frame}",
             f"Look at: {options.out}",
@@ -153,8 +153,8 @@ def ends(sub: argparse.ArgumentParser) -> None:
 
 
 def _process(options: argparse.Namespace, bars: Bars) -> int:
-    from ...capture.files.formats import check_suffix, write_any
-    from ...capture.files.track_conversion import AXES, turned
+    from ...capture.files.formats import check_suffix, write_tracks
+    from ...capture.files.track_conversion import AXES, change_axes
     from ...capture.tracking.track_filters import smooth
     from ...capture.videos.video_tracks import process_videos
 
@@ -192,19 +192,19 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         )  # fmt: skip
     tracks, quality = found.tracks, found.quality
     if options.up:
-        tracks = turned(tracks, "camera", options.up)
+        tracks = change_axes(tracks, "camera", options.up)
     if not world:
         quality["frame"] += f", {AXES[options.up or 'camera']}"
     if options.smooth is not None:
         tracks = smooth(tracks, options.smooth)
         quality = {**quality, "smoothed": options.smooth}
-    written = write_any(out, tracks)
+    written = write_tracks(out, tracks)
     if options.json:
         quality |= {"rate": written.rate, "gaps": written.gaps}
         sys.stdout.write(json.dumps(quality, indent=1) + "\n")
         return 0
     show_quality(quality)
-    say([f"written: {written.told}", f"frame: {quality['frame']}", f"Look at: {out}"])
+    say([f"written: {written.summary}", f"frame: {quality['frame']}", f"Look at: {out}"])
     return 0
 
 
@@ -219,7 +219,7 @@ def _writable(out: Path) -> None:
 
 
 def _process_session(options: argparse.Namespace, bars: Bars) -> int:
-    from ...capture.files.formats import write_any
+    from ...capture.files.formats import write_tracks
     from ...capture.sessions.result_files import REPORT
     from ...capture.tracking.track_filters import smooth
     from ...workflow.sessions.processing import process_session
@@ -234,7 +234,7 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
     if options.out is not None:
         aligned = found.aligned
         smoothed = smooth(aligned, options.smooth) if options.smooth else aligned
-        written = write_any(options.out, smoothed)
+        written = write_tracks(options.out, smoothed)
     if options.json:
         sys.stdout.write(json.dumps(q, indent=1) + "\n")
         return 0
@@ -250,7 +250,7 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
         f"{q['frames']} frames, {q['aligned_frames']:.0%} aligned to rest by {q['aligned_by']}"
         + (f", residual {residual:.3f} mm" if residual is not None else ""),
         *(f"warning: {w}" for w in q["warnings"]),
-        *([] if written is None else [f"{options.out}: {written.told}"]),
+        *([] if written is None else [f"{options.out}: {written.summary}"]),
         f"Look at: {options.session / REPORT}",
     ]
     say(lines)

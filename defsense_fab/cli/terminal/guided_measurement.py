@@ -14,7 +14,7 @@ from rich.text import Text
 from ...calibration.guided_measurement import MeasurementView
 from ...calibration.protocol import JigStep
 from ...calibration.session import CHANNELS
-from ...calibration.protocol import Criterion
+from ...core.storage.session_manifest import Criterion
 from .canvas import Canvas
 from .screen import LiveScreen
 

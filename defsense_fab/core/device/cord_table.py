@@ -9,7 +9,7 @@ from typing import Annotated
 from ..response import MeasuredResponse, ResponseSpec, read_measured, read_response
 from ..schema.declare import NonNegative, Positive, Problem, Table, key, missing, unknown_choice
 from ..storage.package_data import read_rows
-from .device import COMPRESSION, CordSpec
+from .device import COMPRESSION_FACTORS, CordSpec
 
 #: Keys that replace a row of the catalogue, all from the data sheet of a cord.
 SHEET = ("diameter", "ohm_per_mm", "gauge_factor", "max_strain")
@@ -109,7 +109,7 @@ class CordTable(Table):
             " in tension, `half` of it, `none`, or `rising` resistance both ways; not together"
             " with `response`.",
             default="the row's, or `same`",
-            choices=COMPRESSION,
+            choices=COMPRESSION_FACTORS,
         ),
     ] = None
     response: Annotated[
@@ -231,7 +231,7 @@ class CordTable(Table):
 
 def _data_sheet_response(gauge_factor: float, compression: str) -> ResponseSpec:
     """Return the response of a cord of which only the behaviour in tension is known."""
-    if COMPRESSION[compression] == 1:
+    if COMPRESSION_FACTORS[compression] == 1:
         return ResponseSpec.line(gauge_factor)
-    slopes = {"tension": gauge_factor, "compression": gauge_factor * COMPRESSION[compression]}
+    slopes = {"tension": gauge_factor, "compression": gauge_factor * COMPRESSION_FACTORS[compression]}
     return ResponseSpec("two-slopes", slopes)

@@ -26,7 +26,7 @@ from .device_tables import (
 )
 from .fabrication_table import FabricationTable
 from .material_table import MaterialTable
-from .materials import silicone
+from .materials import find_silicone
 from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
 
 DEVICE = "device.toml"
@@ -218,7 +218,7 @@ def _check_body(
 def _check_agreement(declared: DeviceFile) -> Iterator[Problem]:
     """Yield problems of keys in one table that exclude those in another."""
     row, name = declared.fabrication.row, declared.material.name
-    if row["kind"] == "cast" and name in read_rows("materials.csv") and not silicone(name):
+    if row["kind"] == "cast" and name in read_rows("materials.csv") and not find_silicone(name):
         yield Problem(
             ("material", "name"),
             f"{name!r} is not a silicone, which [fabrication] process {row['name']!r} casts",

@@ -25,7 +25,7 @@ from .device import (
     OutputsSpec,
     Sensor,
 )
-from .regions import Box, Cylinder, HalfSpace, Shape, Sphere, flaw
+from .regions import Box, Cylinder, HalfSpace, Shape, Sphere, shape_problem
 
 _BODY_KINDS: tuple[BodyKind, ...] = ("script", "step", "mesh")
 _MIN_POINT_DISTANCE_MM = 1e-6
@@ -234,7 +234,7 @@ class RegionTable(Table):
         if len(given) != 1:
             text = f"needs exactly one of {', '.join(kinds)}; it has {len(given)}"
             yield Problem((), text, "region-shape", "Give one of them")
-        elif wrong := flaw(self.shape()):
+        elif wrong := shape_problem(self.shape()):
             name, text = wrong
             path = (name,) if name == given[0] else (given[0], name)
             yield Problem(path, text, "region-empty")
@@ -397,6 +397,17 @@ class SensorTable(Table):
 
     def check(self) -> Iterator[Problem]:
         """Yield problems of points and tangents that make no curve, and of freedoms."""
+        with np.errstate(over="ignore", invalid="ignore"):  # huge numbers end as not finite
+            yield from self._check_curve()
+        if {"plane", "offset"} <= set(self.free):
+            yield Problem(
+                ("free",),
+                "a free plane may also shift",
+                "keys-exclusive",
+                "Leave out either 'plane' or 'offset'",
+            )
+
+    def _check_curve(self) -> Iterator[Problem]:
         steps = np.diff(self.control_points, axis=0)
         if (np.linalg.norm(steps, axis=1) < _MIN_POINT_DISTANCE_MM).any():
             text = "two neighbours coincide"
@@ -412,13 +423,6 @@ class SensorTable(Table):
                 Hermite(np.array(self.control_points), self._tangents)
             except ValueError as error:
                 yield Problem(("control_points",), str(error), "not-finite")
-        if {"plane", "offset"} <= set(self.free):
-            yield Problem(
-                ("free",),
-                "a free plane may also shift",
-                "keys-exclusive",
-                "Leave out either 'plane' or 'offset'",
-            )
 
     @property
     def _tangents(self) -> Any:

@@ -10,7 +10,7 @@ from msgspec import Meta
 from ..schema.declare import Positive, Problem, Table, key, missing, unknown_choice
 from ..storage.package_data import read_rows
 from .device import MaterialSpec
-from .materials import from_shore
+from .materials import modulus_from_shore
 
 #: Young's modulus of soft bodies: from the softest gels to thermoplastic polyurethane, Shore 60D.
 SOFT_YOUNG_MODULUS_MPA = (0.002, 500.0)
@@ -102,7 +102,7 @@ class MaterialTable(Table):
             text = "young_modulus is given too"
             yield Problem(("shore",), text, "keys-exclusive", "Give only one of the two")
         try:
-            from_shore(self.shore)
+            modulus_from_shore(self.shore)
         except ValueError as error:
             yield Problem(("shore",), str(error), "hardness-invalid")
 
@@ -136,7 +136,7 @@ class MaterialTable(Table):
         if given:
             young = 4 * (given["c10"] + given.get("c01", 0.0)) * (1 + poisson)
         elif self.shore is not None:
-            young = from_shore(self.shore).value
+            young = modulus_from_shore(self.shore).value
         else:
             young = self.young_modulus or float(row["young_modulus"])
         return MaterialSpec(self.name, young, poisson, self.model, density, given)

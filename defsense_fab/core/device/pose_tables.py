@@ -10,9 +10,9 @@ from msgspec import Meta
 
 from ..arrays import Float
 from ..schema.declare import Problem, Table, Vector, key, unknown_choice
-from ..storage.file_names import folded
+from ..storage.file_names import fold_name
 from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, SymmetryPlane
-from .states import RAMP, default_states
+from .states import DEFAULT_RAMP, default_states
 
 #: Largest movement (mm), load or stiffness; beyond, arithmetic overflows.
 MAX_SIZE = 1e5
@@ -235,7 +235,7 @@ class StatesTable(Table):
     ramp: Annotated[
         Annotated[tuple[_Fraction, ...], Meta(min_length=1)],
         key("Fractions of every pose that the design is optimised for."),
-    ] = RAMP
+    ] = DEFAULT_RAMP
     mixtures: Annotated[
         list[dict[str, float]] | None,
         key(
@@ -322,7 +322,7 @@ def check_pose_names(poses: Sequence[PoseTable]) -> Iterator[Problem]:
     """Yield problems of names that are used twice, or that differ only in case."""
     names = ["rest"]
     for position, pose in enumerate(poses):
-        same = next((n for n in names if folded(n) == folded(pose.name)), None)
+        same = next((n for n in names if fold_name(n) == fold_name(pose.name)), None)
         if same is not None:
             text = f"{pose.name!r} is used already"
             if same != pose.name:

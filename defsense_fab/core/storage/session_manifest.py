@@ -7,9 +7,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from ...calibration.protocol import Criterion
 from ..errors import CalibrationError, CaptureError
 from . import typed_json
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A reading has settled when the means over the last two halves of `window` s differ by less
+    than `tolerance` of the resistance, in every channel (or by less than three standard errors,
+    where noise hides that much), not before `least` s; after `most` s it is taken as it is."""
+
+    window: float = 6.0
+    tolerance: float = 0.0005
+    least: float = 8.0
+    most: float = 90.0
+
+    def __str__(self) -> str:
+        half = self.window / 2
+        return (
+            f"settled = means over the last {half:g} s and the {half:g} s before differ by less"
+            f" than {self.tolerance:.2%} (after {self.least:g} s or more; taken anyway after"
+            f" {self.most:g} s)"
+        )
+
 
 FILE = "session.json"
 #: Where capture sessions were described before; it is still read.

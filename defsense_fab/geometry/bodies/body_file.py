@@ -43,7 +43,7 @@ class FileBody:
     unit: float = 1.0
 
 
-def read_foreign(path: Path, limit: float = 120.0) -> FileBody:
+def read_body_file(path: Path, limit: float = 120.0) -> FileBody:
     """The body in a STEP or mesh file of which nothing is known, in its unit, with its cavities
     filled. Raises BodyError where it is not one closed solid, and where reading takes more than
     `limit` s; it names the file without its folder."""

@@ -14,7 +14,7 @@ from ...core.errors import StorageError
 from ...core.mesh import Surface
 from ..kernels.cutting_tools import Prism
 from ...core.storage import typed_json
-from ...core.storage.build_folder import BUILD_AGAIN
+from ...core.device.build_folder import BUILD_AGAIN
 
 FOLDER = "body"
 

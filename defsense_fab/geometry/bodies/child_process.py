@@ -1,7 +1,7 @@
-"""A module run in a process of its own, which Ctrl-C, a time limit and the caller's end all stop.
+"""Run a module in a child process that Ctrl-C, a time limit and the caller's end all stop.
 
-In the caller's process a script would leave its modules behind, and native code takes Ctrl-C away
-or ends the program without a word.
+In the caller's process a body script would leave its modules behind, and native code would block
+Ctrl-C or end the program without a message. A child avoids both.
 """
 
 from __future__ import annotations
@@ -15,114 +15,133 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import IO, Any
 
-from ...core.errors import BodyError, DefsenseError
+from ...core.errors import DefsenseError
 from ...core.machine.processes import OWN_GROUP, end_group, end_own_group, was_killed
 from .. import kernels
 
-# The CAD kernel, which takes seconds to load, loaded while another process works.
-
-
-@contextmanager
-def loaded_meanwhile(module: str) -> Iterator[Callable[[], ModuleType]]:
-    """Imports that module of `kernels` beside what is done meanwhile; what is given waits for it,
-    and gives `kernels.brep`.
-
-    Nothing else may import the kernel before: two threads that do so at once find it half made. A
-    program that ended before the import is done would show its traceback: it waits at the end.
-    An import that fails is tried again, and fails, where the kernel is asked for.
-    """
-
-    def load() -> None:
-        with suppress(ImportError):
-            import_module(f"{kernels.__name__}.{module}")
-
-    thread = threading.Thread(target=load)
-
-    def brep() -> ModuleType:
-        thread.join()
-        return import_module(f"{kernels.__name__}.brep")
-
-    thread.start()
-    try:
-        yield brep
-    finally:
-        thread.join()
-
-
-#: What a child leaves as its error where it has no memory, or not enough.
+#: Error text that a child writes when it runs out of memory.
 OUT_OF_MEMORY = "out of memory"
-#: Between calls of `on_wait`, s.
-_EVERY = 2.0
+#: Time between calls of `on_wait`, s.
+WAIT_INTERVAL_S = 2.0
 
 
 @dataclass(frozen=True)
-class Failure:
-    """How it is told that a child failed: an `error` whose text begins with `who`, and what to do
-    where it ended early (`crashed`) or took too long (`slow`)."""
+class ChildFailure:
+    """How to report that a child failed.
+
+    Attributes:
+        error: Class of the error to raise.
+        where: What failed: the file or step.
+        subject: Noun phrase that starts the problem, such as "the script".
+        crash_action: What the user can do if the child ended early.
+        timeout_action: What the user can do if the child took too long.
+    """
 
     error: type[DefsenseError]
-    who: str
-    crashed: str
-    slow: str
+    where: str
+    subject: str
+    crash_action: str = ""
+    timeout_action: str = ""
 
 
 @contextlib.contextmanager
-def finished(
+def run_module(
     module: str,
-    give: Callable[[Path], None],
+    write_task: Callable[[Path], None],
     result: str,
     limit: float,
-    failure: Failure,
+    failure: ChildFailure,
     relay: bool = False,
     on_wait: Callable[[], None] | None = None,
 ) -> Iterator[Path]:
-    """Run `python -m module FOLDER` and yield FOLDER, a temporary one that then holds `result`.
+    """Run `python -m module FOLDER` and yield the temporary FOLDER with the results.
 
-    `give` writes what the module needs into the folder beforehand. With `relay` what the module
-    prints goes to standard error; `on_wait` is called every few seconds meanwhile. Raises the
-    failure's error where no `result` is left, or where the module takes more than `limit` s.
+    Args:
+        module: Dotted name of the module to run.
+        write_task: Writes the module's input into the folder beforehand.
+        result: Name of the file that the module must leave in the folder.
+        limit: Time limit, s.
+        failure: Error to raise if the module fails.
+        relay: Whether to copy the module's output to standard error.
+        on_wait: Called every few seconds while the module runs.
+
+    Yields:
+        The folder, which holds `result`.
+
+    Raises:
+        DefsenseError: Of the class `failure.error`, with the code `process-ended-early` if the
+            module left no `result`, or `time-limit-exceeded`.
     """
     with tempfile.TemporaryDirectory(prefix="defsense-") as name:
         folder = Path(name)
-        give(folder)
-        code, said = _run(module, folder, limit, failure, relay, on_wait)
+        write_task(folder)
+        returncode, last_line = _run(module, folder, limit, failure, relay, on_wait)
         if not (folder / result).exists():
-            why = f"signal {-code}" if code < 0 else f"exit code {code}"
-            if was_killed(code):
-                why += ", perhaps for want of memory"
-            why += f": {said}" if said else ""
+            reason = f"signal {-returncode}" if returncode < 0 else f"exit code {returncode}"
+            if was_killed(returncode):
+                reason += ", perhaps out of memory"
+            reason += f": {last_line}" if last_line else ""
             error = failure.error(
-                f"{failure.who} ended early ({why}); {failure.crashed}",
+                f"{failure.subject} ended early ({reason})",
                 code="process-ended-early",
-                returncode=code,
-                last_line=said,
+                where=failure.where,
+                action=failure.crash_action,
+                returncode=returncode,
+                last_line=last_line,
             )
-            error.is_machine_limit = was_killed(code)
+            error.is_machine_limit = was_killed(returncode)
             raise error
         yield folder
 
 
-def refusal(result: Mapping[str, Any], text: str) -> BodyError:
-    """Return the error that a child left in its `result`: its `code` and `data`, with this text."""
-    return BodyError(text, code=result["code"], **result["data"])
+def error_record(error: DefsenseError) -> dict[str, Any]:
+    """Return the parts of an error as JSON data, for `error_from_record`."""
+    return {
+        "problem": error.problem,
+        "code": error.code,
+        "where": error.where,
+        "action": error.action,
+        "data": error.data,
+    }
+
+
+def error_from_record[E: DefsenseError](
+    kind: type[E], record: Mapping[str, Any], where: str | None = None
+) -> E:
+    """Recreate an error that a child wrote with `error_record`.
+
+    Args:
+        kind: Class of the error.
+        record: The child's record.
+        where: Place to name instead of the child's.
+
+    Returns:
+        The error.
+    """
+    return kind(
+        record["problem"],
+        code=record["code"],
+        where=record["where"] if where is None else where,
+        action=record["action"],
+        **record["data"],
+    )
 
 
 def _run(
     module: str,
     folder: Path,
     limit: float,
-    failure: Failure,
+    failure: ChildFailure,
     relay: bool,
     on_wait: Callable[[], None] | None,
 ) -> tuple[int, str]:
-    """The exit code, and the last line that was printed."""
+    """Return the exit code and the last line that the module printed."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-u", "-m", module, str(folder)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(p or str(Path.cwd()) for p in sys.path)},
@@ -140,35 +159,36 @@ def _run(
     reader = threading.Thread(target=_read, args=(process.stdout, last, relay), daemon=True)
     reader.start()
     try:
-        code = _ended(process, limit, on_wait)
+        returncode = _wait(process, limit, on_wait)
     except subprocess.TimeoutExpired:
         error = failure.error(
-            f"{failure.who} did not end within {round(limit, 2):g} s and was stopped;"
-            f" {failure.slow}",
+            f"{failure.subject} did not end within {round(limit, 2):g} s and was stopped",
             code="time-limit-exceeded",
+            where=failure.where,
+            action=failure.timeout_action,
             limit=limit,
         )
         error.is_machine_limit = True
         raise error from None
     finally:
-        end_group(process.pid)  # what it started ends, too
+        end_group(process.pid)  # with all processes that it started
         process.wait()
         process.stdin.close()
         reader.join(1.0)  # a process that the module started may hold the other end
         if not reader.is_alive():
             process.stdout.close()
-    return code, last[0] if last else ""
+    return returncode, last[0] if last else ""
 
 
-def _ended(process: subprocess.Popen[str], limit: float, on_wait: Callable[[], None] | None) -> int:
-    """The exit code. Raises TimeoutExpired after `limit` s."""
-    until = time.monotonic() + limit
-    while on_wait is not None and until - time.monotonic() > _EVERY:
+def _wait(process: subprocess.Popen[str], limit: float, on_wait: Callable[[], None] | None) -> int:
+    """Return the exit code, or raise TimeoutExpired after `limit` s."""
+    deadline = time.monotonic() + limit
+    while on_wait is not None and deadline - time.monotonic() > WAIT_INTERVAL_S:
         try:
-            return process.wait(_EVERY)
+            return process.wait(WAIT_INTERVAL_S)
         except subprocess.TimeoutExpired:
             on_wait()
-    return process.wait(max(until - time.monotonic(), 0.0))
+    return process.wait(max(deadline - time.monotonic(), 0.0))
 
 
 def _read(stream: IO[str], last: deque[str], relay: bool) -> None:
@@ -180,16 +200,52 @@ def _read(stream: IO[str], last: deque[str], relay: bool) -> None:
 
 
 def end_with_parent() -> None:
-    """Called by the module first: its process and all that it starts end when the caller has gone,
-    however it went. Standard input, through which that is known, is empty from then on. Native code
-    that keeps the interpreter's lock, as the mesher's does, delays the end until it comes back."""
+    """End this process, and all that it started, when the process that started it ends.
+
+    A module calls this first. Standard input, through which the end is noticed, is empty from then
+    on. Native code that holds the interpreter's lock, such as the mesher's, delays the end until it
+    releases the lock.
+    """
     lifeline = os.dup(0)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
 
     def watch() -> None:
-        os.read(lifeline, 1)  # returns when the caller's end of the pipe is closed
+        os.read(lifeline, 1)  # returns when the parent's end of the pipe is closed
         end_own_group()
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+@contextlib.contextmanager
+def load_kernel_meanwhile(module: str) -> Iterator[Callable[[], ModuleType]]:
+    """Import a CAD kernel in a thread while another process works, since it takes seconds.
+
+    Nothing else may import the kernel before the thread ends: two threads that import it at once
+    find it half initialized. The context waits for the thread at its end, since a program that ends
+    before would show a traceback. If the import fails it is repeated, and fails, when the kernel is
+    requested.
+
+    Args:
+        module: Name of the module of `geometry.kernels` to import: `occ` or `brep`.
+
+    Yields:
+        A function that waits for the import and returns the module `kernels.brep`.
+    """
+
+    def load() -> None:
+        with contextlib.suppress(ImportError):
+            import_module(f"{kernels.__name__}.{module}")
+
+    thread = threading.Thread(target=load)
+
+    def wait_for_brep() -> ModuleType:
+        thread.join()
+        return import_module(f"{kernels.__name__}.brep")
+
+    thread.start()
+    try:
+        yield wait_for_brep
+    finally:
+        thread.join()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import igl
 import numpy as np
 
-from ...core.arrays import Bool, Float, xyz
+from ...core.arrays import Bool, Float, format_point
 from ...core.device.device import BaySpec
 from ...core.errors import BodyError
 from ...core.mesh import Surface
@@ -75,8 +75,8 @@ def _skin_at(spec: BaySpec, body: Surface) -> tuple[Float, Float]:
     away = float(np.sqrt(np.ravel(square)[0]))
     if away > _FAR:
         raise BodyError(
-            f"[body.bay] at: {xyz(spec.at)} is {away:.1f} mm from the skin, whose nearest point"
-            f" is {xyz(center)}; give a point on the skin",
+            f"[body.bay] at: {format_point(spec.at)} is {away:.1f} mm from the skin, whose nearest point"
+            f" is {format_point(center)}; give a point on the skin",
             code="bay-off-skin",
             distance=away,
         )
@@ -104,7 +104,7 @@ def _heights(
     for top, covered in zip(tops, over, strict=True):
         if covered or len(surface_queries.hits(top, normal, body)):
             raise BodyError(
-                f"[body.bay]: the body lies over its opening near {xyz(top)}; choose a place that"
+                f"[body.bay]: the body lies over its opening near {format_point(top)}; choose a place that"
                 " a connector can reach",
                 code="bay-opening-covered",
                 at=top.tolist(),
@@ -115,7 +115,7 @@ def _heights(
     if high - low > depth / 2:
         fall = "ends" if np.isinf(low) else f"falls by {high - low:.1f} mm"
         raise BodyError(
-            f"[body.bay]: the skin around {xyz(center)} {fall} under an opening of"
+            f"[body.bay]: the skin around {format_point(center)} {fall} under an opening of"
             f" {2 * half[0]:g} x {2 * half[1]:g} mm; choose a flatter place or a smaller size",
             code="bay-skin-uneven",
         )
@@ -143,7 +143,7 @@ def _check(bay: Prism, body: Surface, depth: float) -> None:
         k = int(spare.argmin())
         raise BodyError(
             f"[body.bay]: it leaves {max(0.0, float(wall[k])):.1f} mm of wall near"
-            f" {xyz(points[k])}; {_WALL:g} mm is needed: choose another place or a smaller size",
+            f" {format_point(points[k])}; {_WALL:g} mm is needed: choose another place or a smaller size",
             code="bay-wall-thin",
             wall=float(wall[k]),
             at=points[k].tolist(),

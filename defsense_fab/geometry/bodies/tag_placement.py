@@ -34,7 +34,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TagRequest:
     """`count` tags with black squares of `size` mm on pieces of `outer` mm; at least `anchored` of
     them in the region where `anchor` is true of points (n, 3) mm; none over the mouths `avoid`
     (k, 3) mm, and preferably none across the `joints`; only places that can be seen from the
@@ -50,7 +50,7 @@ class Wanted:
     side: Float | None = None
 
 
-def tag_places(body: Surface, wanted: Wanted) -> list[Place]:
+def place_tags(body: Surface, wanted: TagRequest) -> list[Place]:
     """Farthest-point samples (Gonzalez 1985) of the places where the skin is flat enough for a
     piece, first of those on the anchor, then of all. Fewer than wanted where there is no room."""
     crosses = facet_crosses(body.vertices, body.faces)
@@ -81,7 +81,7 @@ def tag_places(body: Surface, wanted: Wanted) -> list[Place]:
     return [Place(centers[i], axes[i], bool(anchor[i])) for i in chosen]
 
 
-def spread_out(points: Float, least: float) -> bool:
+def are_spread_out(points: Float, least: float) -> bool:
     """Whether points (n, 3) mm are at least three and not on one line: their greatest distance from
     the line through the farthest two is `least` mm or more."""
     if len(points) < 3:
@@ -94,7 +94,7 @@ def spread_out(points: Float, least: float) -> bool:
     return bool(off.max() >= least)
 
 
-def _flat(body: Surface, points: Float, wanted: Wanted) -> tuple[Float, Float]:
+def _flat(body: Surface, points: Float, wanted: TagRequest) -> tuple[Float, Float]:
     """Of places (n, 3) those where a piece lies on the skin: middles (k, 3) and axes (k, 3, 3)."""
     cross = facet_crosses(body.vertices, body.faces)
     normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-30)
@@ -148,7 +148,7 @@ def _upright(normals: Float) -> Float:
     return np.stack([x, np.cross(normals, x), normals], axis=2)
 
 
-def _anchored(centers: Float, axes: Float, wanted: Wanted) -> Bool:
+def _anchored(centers: Float, axes: Float, wanted: TagRequest) -> Bool:
     """Which places (n,) have at least the middle half of their tag in the anchor's region; a little
     below the skin, on which the region's own faces may lie."""
     half = wanted.size / 4 * np.array([[0.0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]])
@@ -158,7 +158,7 @@ def _anchored(centers: Float, axes: Float, wanted: Wanted) -> Bool:
     return np.asarray(inside.all(1))
 
 
-def _crossed(centers: Float, axes: Float, wanted: Wanted) -> Bool:
+def _crossed(centers: Float, axes: Float, wanted: TagRequest) -> Bool:
     """Which pieces (n,) a joint's plane cuts."""
     out = np.zeros(len(centers), bool)
     for plane in wanted.joints:

@@ -8,12 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.curve import Plane, arc_lengths
 from ...core.mesh import Surface
 from ..bodies.connector_bay import inside
 from ..kernels.cutting_tools import Frustum, Tool, cylinder
-from ..kernels.surface_queries import distances_of
+from ..kernels.surface_queries import signed_distance_of
 from .wire_channels import NO_TURN, Hollow, Lead, Pit, Router, Wires
 
 #: The pocket's axis and the path within it differ by no more than this, rad.
@@ -21,7 +21,7 @@ _STRAIGHT = np.radians(25)
 #: How much deeper than at a level skin pockets may be for the bend of a wire: the skin leans.
 _DEEPER = (1.0, 1.3, 1.7)
 #: A channel may enter at up to this slope: depth gained per length of channel.
-INLET_SLOPE = 0.6
+MAX_INLET_SLOPE = 0.6
 
 
 @dataclass(frozen=True)
@@ -195,11 +195,11 @@ class Ends:
             return f"the cord bends within {length:.3g} mm of its end"
         axis = line[0] - np.linspace(0, length, count)[:, None] * end.out
         radius = pockets.diameter / 2
-        depth = distances_of(self._body).unsigned(axis)
-        needed = np.minimum(radius + self._wall, INLET_SLOPE * np.linspace(0, length, count))
+        depth = signed_distance_of(self._body).unsigned(axis)
+        needed = np.minimum(radius + self._wall, MAX_INLET_SLOPE * np.linspace(0, length, count))
         if (depth < needed).any():
             at = axis[int((depth - needed).argmin())]
-            return f"there is too little wall near {xyz(at)}"
+            return f"there is too little wall near {format_point(at)}"
         for points, hollow in others:
             gap = np.linalg.norm(axis[:, None] - points[None], axis=2).min()
             if gap < radius + hollow + self._wall:

@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import arc_lengths
 from ...core.mesh import Surface
-from ..kernels.surface_queries import distances_of
+from ..kernels.surface_queries import signed_distance_of
 
 # The end of a cord that is crimped when its channel is closed: it is pulled out of its mouth.
 
@@ -79,7 +79,7 @@ def stretches(
 
 def _nearest(points: Float, parts: Sequence[Surface]) -> Float:
     """The part (n,) that each point (n, 3) is deepest in, or else nearest to."""
-    return np.asarray(np.argmax([distances_of(part)(points) for part in parts], axis=0))
+    return np.asarray(np.argmax([signed_distance_of(part)(points) for part in parts], axis=0))
 
 
 def _joint(
@@ -130,7 +130,7 @@ def _merged(found: Sequence[tuple[int, tuple[int, int]]], places: Float) -> Iter
         yield Stretch(joint, pair, start, stop)
 
 
-def closed_later(found: Sequence[Stretch], joints: Sequence[Sides]) -> list[tuple[int, int]]:
+def find_late_joints(found: Sequence[Stretch], joints: Sequence[Sides]) -> list[tuple[int, int]]:
     """Where a cord is drawn together only after it was laid: (joint, k) for each joint that is
     closed later than those of the stretches k - 1 and k, and brings their parts together. Joints
     are closed in their order."""

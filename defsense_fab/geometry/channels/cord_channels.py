@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.curve import arc_lengths, bend_radius, per_span_for_sag, resample, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import surface_queries, triangle_kernel
 from ..kernels.cutting_tools import Tool, cylinder
-from ..kernels.surface_queries import distances_of
+from ..kernels.surface_queries import signed_distance_of
 from .channel_ends import End, Ends, Pockets, end_tools
 from .wire_channels import Hollow, Lead
 
@@ -101,7 +101,7 @@ class Channel:
         ]
 
 
-def channels_of(
+def make_channels(
     sensors: Sequence[Sensor],
     body: Surface,
     diameter: float,
@@ -141,8 +141,8 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
     tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
     found = [
-        surface_queries.way_out(path[0], -first, body, 2 * diameter),
-        surface_queries.way_out(path[-1], last, body, 2 * diameter),
+        surface_queries.find_exit(path[0], -first, body, 2 * diameter),
+        surface_queries.find_exit(path[-1], last, body, 2 * diameter),
     ]
     (start, before), (end, after) = found
     line = np.concatenate([path[:1] - before * first, path, path[-1:] + after * last])
@@ -158,11 +158,11 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
             code="zero-tangent",
             cord=sensor.name,
         )
-    inside = distances_of(body).inside(path)
+    inside = signed_distance_of(body).inside(path)
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
         where = "misses the body" if not inside.any() else "leaves the body"
-        at = xyz(outside[len(outside) // 2])
+        at = format_point(outside[len(outside) // 2])
         raise FabricationError(
             f"cord {sensor.name!r} {where} near {at}; move its plane or its path",
             code="path-leaves-body",
@@ -172,7 +172,7 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
     radius = bend_radius(path)
     k = int(radius.argmin())
     if radius[k] < 0.6 * diameter:
-        at = xyz(path[k + 1])
+        at = format_point(path[k + 1])
         raise FabricationError(
             f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near {at}, too tight"
             f" for a channel of {diameter:.2f} mm; smooth the path",

@@ -21,7 +21,7 @@ from ...core.mesh import Surface
 from ..bodies.connector_bay import in_solid, inside, without_bay
 from ..kernels import surface_queries, triangle_kernel
 from ..kernels.cutting_tools import Prism
-from ..kernels.surface_queries import distances_of
+from ..kernels.surface_queries import signed_distance_of
 from .planar_routing import HEADINGS, Grid, Way, search
 
 _SPACING = 0.25  # mm, between points of a lead
@@ -137,7 +137,7 @@ class Router:
     def __init__(self, body: Surface, wires: Wires, wall: float) -> None:
         self.wires, self._wall, self._body = wires, wall, body
         self._skin = without_bay(body, wires.bay) if wires.bay else body
-        self._depth = distances_of(self._skin).unsigned
+        self._depth = signed_distance_of(self._skin).unsigned
         self._grids: dict[int, tuple[Float, float, Float, Any]] = {}
 
     def to_bay(
@@ -293,7 +293,7 @@ class Router:
         mouth."""
         end = plane.to_world(way.arcs[-1, 2])
         out = _direction(plane, way)
-        depth, run = surface_queries.way_out(end, out, self._body, 2 * self.wires.diameter)
+        depth, run = surface_queries.find_exit(end, out, self._body, 2 * self.wires.diameter)
         if not 0 < depth <= _LONGEST:
             return None
         exit_ = end + depth * out

@@ -17,7 +17,7 @@ from ...core.mesh import Surface
 T = TypeVar("T")
 
 
-class MadeOnce(Generic[T]):
+class SurfaceCache(Generic[T]):
     """What `make` gives for a surface, kept as long as that surface (by its identity) is; it must
     not keep the surface itself."""
 
@@ -142,10 +142,10 @@ class _Balls:
 
 
 #: Rays come by the thousand.
-_balls_of = MadeOnce(_Balls)
+_balls_of = SurfaceCache(_Balls)
 
 
-def way_out(start: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:
+def find_exit(start: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:
     """From a point in the body along `out`: how far to the skin, and how far a tool may go on, up
     to `most` mm beyond it but only half way to where the body begins again."""
     found = hits(start, out, body)
@@ -236,4 +236,4 @@ class SignedDistance:
 
 
 #: Of a surface that is asked about again and again, its trees made once.
-distances_of = MadeOnce(SignedDistance)
+signed_distance_of = SurfaceCache(SignedDistance)

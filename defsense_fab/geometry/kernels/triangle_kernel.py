@@ -12,7 +12,7 @@ from ...core.arrays import Float
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from .cutting_tools import Frustum, Tool, frame
-from .surface_queries import MadeOnce
+from .surface_queries import SurfaceCache
 
 #: Facets around a round tool: its radius is that of the circle of the same area.
 SIDES = 48
@@ -32,7 +32,7 @@ def _manifold(surface: Surface) -> Any:
 
 
 #: Many layouts are cut out of one body, and finished parts are looked at again and again.
-_manifold_of = MadeOnce(_manifold)
+_manifold_of = SurfaceCache(_manifold)
 
 
 def to_manifold(surface: Surface, what: str) -> Any:

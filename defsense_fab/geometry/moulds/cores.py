@@ -8,12 +8,12 @@ from typing import Any
 import manifold3d as m3
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
 from ..parts.part_contacts import Contact
-from ..parts.records import Made
+from ..parts.records import PartSet
 from .planar import flat, upright
 from .records import Face
 
@@ -23,7 +23,7 @@ _WIDE = 0.3  # mm, of a notch that is one
 _CRUMB = 0.3  # mm^3, of a hollow that reaches no face: rounding of facets
 
 
-def faces(made: Made, index: int) -> list[Face]:
+def faces(made: PartSet, index: int) -> list[Face]:
     """Of the part with this index, the largest first.
 
     Raises FabricationError for a part without faces, or with a hollow that opens into none.
@@ -53,7 +53,7 @@ def faces(made: Made, index: int) -> list[Face]:
         if meets:
             cores[max(meets, key=lambda k: _opening(hollow, *ordered[k][:2]))].append(hollow)
         elif hollow.volume() > _CRUMB:
-            at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(hollow)))
+            at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(hollow)))
             raise FabricationError(
                 f"{part.name} cannot be cast: a hole near {at} opens into none of its faces, and"
                 " nothing in the mould could leave it; set strain_relief = false or remove"
@@ -112,7 +112,7 @@ def filled(bare: Any, sides: Sequence[Face]) -> Any:
     return triangle_kernel.union([bare, *notches]) if notches else bare
 
 
-def hollows_of(made: Made, index: int) -> Any:
+def hollows_of(made: PartSet, index: int) -> Any:
     """All tools that cut into the part with this index, as one solid, or None."""
     tools = [c.solid for c in made.channels]
     for pin in made.pins:
@@ -126,7 +126,7 @@ def hollows_of(made: Made, index: int) -> Any:
     return triangle_kernel.union(tools) if tools else None
 
 
-def mouths(made: Made) -> Float:
+def mouths(made: PartSet) -> Float:
     """Directions (n, 3) in which channels and wires leave the body."""
     out = []
     for channel in made.channels:

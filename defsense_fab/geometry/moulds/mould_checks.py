@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
@@ -69,7 +69,7 @@ def opens(
                     at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
                     raise FabricationError(
                         f"the pieces {k + 1} and {j + 1} of the mould of {name} lock near"
-                        f" {xyz(at)}, by {common.volume():.1f} mm^3; move a cord's plane there",
+                        f" {format_point(at)}, by {common.volume():.1f} mm^3; move a cord's plane there",
                         code="mould-pieces-lock",
                         part=name,
                     )
@@ -77,7 +77,7 @@ def opens(
             volume = float(common.volume())
             if volume > rubbed:
                 rubbed = volume
-                where = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(common)))
+                where = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(common)))
             if volume > max(_TOUCH, most):
                 raise FabricationError(
                     f"the mould of {name} does not open: its piece {k + 1} passes through"
@@ -130,7 +130,7 @@ def thin(pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Check]:
                     if area > most:
                         most = area
                         x = np.asarray(shape.to_polygons()[0]).mean(axis=0)
-                        at = xyz(frame(-piece.down) @ np.array([*x, z]))
+                        at = format_point(frame(-piece.down) @ np.array([*x, z]))
         share = lost / whole if whole else 1.0
         said = f"{piece.name}: share thinner than {width:.1f} mm"
         told = f"{said}: {share:.0%}, near {at}: a core may break there as it is printed"

@@ -16,12 +16,12 @@ import manifold3d as m3
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
-from ..parts.records import Made
+from ..parts.records import PartSet
 from ..printing.print_bed import least_turn
 from . import mould_checks
 from .cores import faces, filled, hollows_of, mouths
@@ -40,7 +40,7 @@ _PARALLEL = 0.9998  # cosine of directions that are taken for one
 
 
 def make_moulds(
-    made: Made, rules: MouldRules, report: Callable[[float, str], None] = lambda *_: None
+    made: PartSet, rules: MouldRules, report: Callable[[float, str], None] = lambda *_: None
 ) -> list[Mould]:
     """A mould for every part, in the parts' order.
 
@@ -53,7 +53,7 @@ def make_moulds(
     return out
 
 
-def check_openings(made: Made, rules: MouldRules) -> None:
+def check_openings(made: PartSet, rules: MouldRules) -> None:
     """Whether every part's mould can come off its skin, which takes a tenth of the time of the
     moulds themselves; their lids may lock all the same.
 
@@ -63,14 +63,14 @@ def check_openings(made: Made, rules: MouldRules) -> None:
         _opening(made, i, rules)
 
 
-def _opening(made: Made, index: int, rules: MouldRules) -> tuple[list[Face], Opening]:
+def _opening(made: PartSet, index: int, rules: MouldRules) -> tuple[list[Face], Opening]:
     """The faces of a part, and how the shell of its mould comes off."""
     sides = faces(made, index)
     skin = skin_of(triangle_kernel.to_surface(filled(made.bare[index], sides)), sides)
     return sides, shell_opening(made.parts[index].name, skin, sides, rules)
 
 
-def _mould(made: Made, index: int, rules: MouldRules) -> Mould:
+def _mould(made: PartSet, index: int, rules: MouldRules) -> Mould:
     """The mould of one part: of the orders in which its lids may be taken off the first that lets
     all of them pass each other."""
     sides, opening = _opening(made, index, rules)
@@ -86,7 +86,7 @@ def _mould(made: Made, index: int, rules: MouldRules) -> Mould:
 
 
 def _made(
-    made: Made, index: int, sides: Sequence[Face], opening: Opening, rules: MouldRules
+    made: PartSet, index: int, sides: Sequence[Face], opening: Opening, rules: MouldRules
 ) -> Mould:
     part, bare = made.parts[index], made.bare[index]
     closed = filled(bare, sides)
@@ -161,7 +161,7 @@ def _block(vertices: Float, sides: Sequence[Face], rules: MouldRules) -> Any:
 
 
 def _divided(
-    made: Made, bare: Any, block: Any, sides: Sequence[Face], hollows: Any, rules: MouldRules
+    made: PartSet, bare: Any, block: Any, sides: Sequence[Face], hollows: Any, rules: MouldRules
 ) -> tuple[list[Any], Any, float]:
     """A lid for each face, with its cores, and the shell around the part; the volume, mm^3, that is
     left free at the ends of cores so that lids can be closed."""
@@ -267,7 +267,7 @@ def whole(solid: Any, name: str) -> Any:
         triangle_kernel.to_manifold(rounded, name).decompose(), key=lambda p: -float(p.volume())
     )
     if len(found) > 1 and found[1].volume() > mould_checks.CRUMB:
-        at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(found[1])))
+        at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(found[1])))
         raise FabricationError(
             f"{name} falls apart: {found[1].volume():.1f} mm^3 come off near {at}; move a cord's"
             " plane there, or choose a process that prints",

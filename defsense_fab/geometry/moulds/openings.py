@@ -14,7 +14,7 @@ import igl
 import numpy as np
 from scipy.optimize import linprog
 
-from ...core.arrays import Bool, Float, xyz
+from ...core.arrays import Bool, Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import surface_queries
@@ -125,7 +125,7 @@ def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRule
     best = min([best, *pairs], key=lambda o: o.strain)
     if best.strain <= rules.strain:
         return best
-    where = xyz(best.at) if best.at is not None else "its skin"
+    where = format_point(best.at) if best.at is not None else "its skin"
     raise FabricationError(
         f"{name} cannot be cast: however its mould is divided, the part would be strained by"
         f" {best.strain:.0%} of its thickness near {where} as it is taken out, and"

@@ -9,8 +9,8 @@ from typing import Any
 import manifold3d as m3
 import numpy as np
 
-from ...core.arrays import Float, xyz
-from ...core.curve import Plane, coincident
+from ...core.arrays import Float, format_point
+from ...core.curve import Plane, group_coincident_planes
 from ...core.errors import FabricationError
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
@@ -128,7 +128,7 @@ def plan(
     it is open.
     The lid of a limited cut is `play` mm smaller than what was cut off.
     """
-    own = coincident([c.sensor.plane for c in channels])
+    own = group_coincident_planes([c.sensor.plane for c in channels])
     planes = [channels[same[0]].sensor.plane for same in own]
     threads = [_thread(c.lines, c) for c in channels]
     margin = 2 * radius + 2 * wall + _PIN
@@ -187,7 +187,7 @@ def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
     pieces = sorted(_solids(leaf), key=lambda p: -float(p.volume()))
     if len(pieces) > 1:
         chip = pieces[1]
-        at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(chip)))
+        at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(chip)))
         near = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
             f"the channel of cord {' and '.join(near)} cuts a piece of {chip.volume():.1f} mm^3 off"

@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from ...core.curve_conversion import arcs
+from ...core.curve_conversion import curve_to_arcs
 from ...core.errors import FabricationError
 from ..kernels import occ
 from ..kernels.cutting_tools import Tool
 from .division import Division
-from .records import Made, Part, Rules
+from .records import PartSet, Part, PartRules
 
 #: Largest difference of a part's volume between the kernels: of the part, and of the body.
 PART, BODY = 2e-3, 1e-4
 
 
 def solid_parts(
-    solid: Any, made: Made, division: Division, own: Sequence[Sequence[Tool]], rules: Rules
+    solid: Any, made: PartSet, division: Division, own: Sequence[Sequence[Tool]], rules: PartRules
 ) -> list[Part]:
     """The parts of `made` with their TopoDS_Solids.
 
@@ -51,12 +51,12 @@ def _errors() -> Iterator[None]:
 
 
 def _solid_parts(
-    solid: Any, made: Made, division: Division, own: Sequence[Sequence[Tool]], rules: Rules
+    solid: Any, made: PartSet, division: Division, own: Sequence[Sequence[Tool]], rules: PartRules
 ) -> list[Part]:
     cutters = []
     for c in made.channels:
         plane, curve = c.sensor.plane, c.sensor.curve
-        path = arcs(curve, occ.PATH_TOLERANCE)
+        path = curve_to_arcs(curve, occ.PATH_TOLERANCE)
         cutters.append(occ.tube(plane, path, curve.tangents[[0, -1]], *c.runs, rules.channel))
         if rules.pockets and rules.pockets.wires:
             wide = rules.pockets.wires.diameter

@@ -11,10 +11,10 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import DefsenseError, StorageError
-from ...decoding.expected_errors import Prediction
+from ...core.prediction import Prediction
 from .records import Check
 from ...core.storage import typed_json
-from ...core.storage.build_folder import BUILD_AGAIN
+from ...core.device.build_folder import BUILD_AGAIN
 
 FOLDER, MANIFEST = "parts", "parts/manifest.json"
 

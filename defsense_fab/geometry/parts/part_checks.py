@@ -14,23 +14,23 @@ from typing import Any
 import igl
 import numpy as np
 
-from ...core.arrays import xyz
+from ...core.arrays import format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
-from ..printing.print_bed import FOOTHOLD, footing
-from .records import Check, Made, Part, Rules
+from ..printing.print_bed import FOOTHOLD, first_layer_area
+from .records import Check, PartSet, Part, PartRules
 from .wall_checks import sockets
 
 # What a maker should know of parts and joints, by their names.
 
 
-def of_part(made: Made, i: int, piece: bool = False) -> list[str]:
+def of_part(made: PartSet, i: int, piece: bool = False) -> list[str]:
     """Of the part of this index, or the `piece` of one that was cut across: how it stands on the
     bed, and whether it has its number."""
     part, out = made.parts[i], []
-    if footing(triangle_kernel.to_manifold(part.surface, part.name), part.down) < FOOTHOLD:
+    if first_layer_area(triangle_kernel.to_manifold(part.surface, part.name), part.down) < FOOTHOLD:
         out.append(f"{part.name} has no flat face to stand on: print it with a brim and supports")
     if len(made.parts) > 1 and i not in {m.part for m in made.labels}:
         why = "has no number engraved" if piece else "has no face large enough for its number"
@@ -38,7 +38,7 @@ def of_part(made: Made, i: int, piece: bool = False) -> list[str]:
     return out
 
 
-def of_joints(made: Made) -> list[str]:
+def of_joints(made: PartSet) -> list[str]:
     """Of the joints that too few pins align."""
     out = []
     for k, cut in enumerate(made.cuts):
@@ -61,7 +61,7 @@ _LAYERS = 30
 
 
 def thin_places(
-    made: Made, pieces: Sequence[Any], which: Iterable[int], rules: Rules
+    made: PartSet, pieces: Sequence[Any], which: Iterable[int], rules: PartRules
 ) -> list[Check]:
     """How much of each part of `which` (indices) is thinner than two lines of the printer, in the
     layers in which it is printed: what is lost when their outlines are opened by that width. Raises
@@ -91,15 +91,15 @@ def thin_places(
             cords = " and ".join(repr(made.channels[c].name) for c in sorted(near))
             raise FabricationError(
                 f"{part.name} is thinner than {width:.1f} mm in {share:.0%} of it, near"
-                f" {xyz(at)}, between the planes of {cords}"
+                f" {format_point(at)}, between the planes of {cords}"
                 " and the skin: move a plane",
                 code="part-too-thin",
                 part=part.name,
             )
         name = f"{part.name}: share thinner than {width:.1f} mm"
-        told = f"{name}: {share:.0%}, near {xyz(at)}: it may print with gaps"
+        told = f"{name}: {share:.0%}, near {format_point(at)}: it may print with gaps"
         out.append(
-            Check(name, share, THIN, "", xyz(at) if thin else "", told if share > TOLD else "")
+            Check(name, share, THIN, "", format_point(at) if thin else "", told if share > TOLD else "")
         )
     return out
 
@@ -111,7 +111,7 @@ TOUCH = 0.02
 _OPENED = (0.3, 2.0, 10.0)  # mm between two halves
 
 
-def insertion(made: Made, pieces: Sequence[Any], rules: Rules) -> Check:
+def insertion(made: PartSet, pieces: Sequence[Any], rules: PartRules) -> Check:
     """Whether every cord with its wires lies in its groove and can be laid in: closed it touches no
     part; with the two sides of a cut apart, those of the cut touch neither.
     Raises FabricationError where one does."""
@@ -138,7 +138,7 @@ def touch(rod: Any, piece: Any, what: str, remedy: str = "move the cord or its p
     if volume > TOUCH:
         at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
         raise FabricationError(
-            f"{what} meets {volume:.2f} mm^3 of solid near {xyz(at)}; {remedy}",
+            f"{what} meets {volume:.2f} mm^3 of solid near {format_point(at)}; {remedy}",
             code="overlaps-solid",
             volume=volume,
         )
@@ -154,7 +154,7 @@ _OVERLAP = 1e-5
 _POINTS = 100_000
 
 
-def volumes(made: Made) -> Check:
+def volumes(made: PartSet) -> Check:
     """Conservation of volume. Raises FabricationError where it fails."""
     total = sum(p.volume for p in made.parts) + made.cut_out
     error = abs(total / made.body_volume - 1)
@@ -167,7 +167,7 @@ def volumes(made: Made) -> Check:
     return Check("volume lost or gained, of the body", error, CONSERVATION, "", "")
 
 
-def apart(made: Made) -> Check:
+def apart(made: PartSet) -> Check:
     """No two exported parts overlap. Raises FabricationError where two do."""
     solids = [triangle_kernel.to_manifold(p.surface, p.name) for p in made.parts]
     worst, at = 0.0, ""
@@ -180,7 +180,7 @@ def apart(made: Made) -> Check:
             if volume > worst:
                 worst, at = (
                     volume,
-                    xyz(triangle_kernel.centroid(triangle_kernel.to_surface(common))),
+                    format_point(triangle_kernel.centroid(triangle_kernel.to_surface(common))),
                 )
             if volume > _OVERLAP * made.body_volume:
                 raise FabricationError(
@@ -204,7 +204,7 @@ def _common(claimed: Any, a: Part, b: Part) -> float:
     return float(both.mean() * np.prod(np.ptp(bounds, axis=0)))
 
 
-def inspect(made: Made, pieces: Sequence[Any], body: Surface, rules: Rules) -> list[Check]:
+def inspect(made: PartSet, pieces: Sequence[Any], body: Surface, rules: PartRules) -> list[Check]:
     """All checks of the parts, whose manifold3d solids are `pieces`, of a `body`. Raises
     FabricationError for the first that fails."""
     return [

@@ -9,7 +9,7 @@ import trimesh
 
 from ...core.errors import StorageError
 from ...core.mesh import Surface
-from ...core.storage.build_folder import BUILD_AGAIN
+from ...core.device.build_folder import BUILD_AGAIN
 from .manifest import FOLDER, Manifest
 
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.device.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import without_bay
 from ..bodies.orientation import Z_UP, standing
-from ..channels.cord_channels import Channel, channels_of
+from ..channels.cord_channels import Channel, make_channels
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
 from ..printing.print_bed import resting
@@ -25,7 +25,7 @@ from .division import SMALL, Cut, Division, divide, plan
 from .engraving import Label
 from .part_checks import inspect
 from .part_contacts import Contact, contacts
-from .records import Made, Part, Rules
+from .records import PartSet, Part, PartRules
 from .wall_checks import walls, wire_walls
 
 # Names of parts by where they lie in the device.
@@ -97,10 +97,10 @@ def _steps(count: int, low: str, high: str) -> list[str]:
 def make_parts(
     surface: Surface,
     sensors: Sequence[Sensor],
-    rules: Rules,
+    rules: PartRules,
     report: Callable[[float, str], None] = lambda *_: None,
     solid: Any = None,
-) -> Made:
+) -> PartSet:
     """Divide the body along its cords' planes into parts that can be printed and put together.
 
     The facets are cut by manifold3d; with `solid` (the body's TopoDS_Solid) OpenCascade makes the
@@ -110,7 +110,7 @@ def make_parts(
     report(0.05, "cutting facets")
     body = triangle_kernel.to_manifold(surface, "the body")
     _one_solid(body)
-    channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
+    channels = make_channels(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
     around = [*walls(channels, surface, rules), *wire_walls(channels, surface, rules)]
     body_volume = float(body.volume())
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
@@ -144,7 +144,7 @@ def make_parts(
     )
     parts = [_part(i, n, p, meeting) for i, (n, p) in enumerate(zip(names, pieces, strict=True))]
     report(0.4, "checking")
-    made = Made(
+    made = PartSet(
         tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
         tuple(channels), (), (), removed, body_volume, division.leaves,
     )  # fmt: skip
@@ -163,7 +163,7 @@ def make_parts(
     return replace(made, parts=tuple(parts))
 
 
-def _bay(rules: Rules) -> Prism | None:
+def _bay(rules: PartRules) -> Prism | None:
     """The connector bay that wires lead to."""
     return rules.pockets.wires.bay if rules.pockets and rules.pockets.wires else None
 
@@ -172,7 +172,7 @@ def _one_solid(body: Any) -> None:
     pieces = body.decompose()
     for piece in sorted(pieces, key=lambda p: float(p.volume()))[:-1]:
         middle = triangle_kernel.centroid(triangle_kernel.to_surface(piece))
-        at = xyz(middle)
+        at = format_point(middle)
         raise FabricationError(
             f"the body has a closed cavity near {at}; open it to the outside or fill it"
             if piece.volume() < 0
@@ -227,7 +227,7 @@ def _own_tools(
     return own
 
 
-def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> list[str]:
+def _warnings(made: PartSet, grazing: Sequence[ChannelOpening], rules: PartRules) -> list[str]:
     """What a maker should know of the parts."""
     out = [check.note for check in made.checks if check.note]
     if len(made.seats) < rules.seats:
@@ -238,7 +238,7 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
     ends = [(c, e, n) for c in made.channels for e, n in zip(c.ends, ("start", "end"), strict=True)]
     if _bay(rules):
         out += [
-            f"the wire at the {which} of cord {channel.name}, near {xyz(end.mouth)}, does not"
+            f"the wire at the {which} of cord {channel.name}, near {format_point(end.mouth)}, does not"
             f" reach the connector bay: {end.reason or end.unled}"
             for channel, end, which in ends
             if end.wire != "bay"
@@ -248,7 +248,7 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
         what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
         out.append(
             f"the channel of cord {made.channels[g.line].name!r} {what} the joint of {joint} over"
-            f" {g.length:.0f} mm near {xyz(g.at)}: keep glue away from it there"
+            f" {g.length:.0f} mm near {format_point(g.at)}: keep glue away from it there"
         )
     for i, part in enumerate(made.parts):
         if part.volume < SMALL * made.body_volume:

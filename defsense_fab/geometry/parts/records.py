@@ -37,7 +37,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Rules:
+class PartRules:
     """What the cord and the printing process ask for, mm: diameters of the `cord` and its
     `channel`, `clearance` of pins on the diameter, least `wall` to the skin;
     whether to `limit` cuts to what their cords need; the `pockets` at cords' ends, or None;
@@ -77,7 +77,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Made:
+class PartSet:
     """The parts, in the order of their numbers, and how they are held together. Cuts come in the
     order in which the body was divided: it is closed in the opposite one. `cut_out` is the volume
     of all that was removed, mm^3; `bare` are the parts without channels, sockets and numbers

@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import in_solid, without_bay
-from ..channels.channel_ends import INLET_SLOPE, beside
+from ..channels.channel_ends import MAX_INLET_SLOPE, beside
 from ..channels.cord_channels import Channel
 from ..channels.wire_channels import SLOPE, Hollow
 from ..kernels.cutting_tools import Prism, frame
-from ..kernels.surface_queries import distances_of
+from ..kernels.surface_queries import signed_distance_of
 from .alignment_pins import Pin, gap, rings
-from .records import Check, Made, Rules
+from .records import Check, PartSet, PartRules
 
 # Walls around the sockets of pins.
 
@@ -25,12 +25,12 @@ from .records import Check, Made, Rules
 TOLERANCE = 0.06
 
 
-def sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
+def sockets(made: PartSet, body: Surface, rules: PartRules) -> list[Check]:
     """Walls from sockets to grooves and to the skin, sampled on the sockets' surface.
     Raises FabricationError for one that is too thin."""
     if not made.pins:
         return []
-    distances = distances_of(body)
+    distances = signed_distance_of(body)
     skin, groove = np.inf, np.inf
     where = ["", "", ""]
     hollows = [
@@ -43,14 +43,14 @@ def sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
         hull = shell(pin)
         between = float(gap(hull, made.pins[:k]).min())
         if between < apart:
-            apart, where[2] = between, xyz(pin.center)
+            apart, where[2] = between, format_point(pin.center)
         depth = distances.unsigned(hull)
         if depth.min() < skin:
-            skin, where[0] = float(depth.min()), xyz(pin.center)
+            skin, where[0] = float(depth.min()), format_point(pin.center)
         for name, line, radius in hollows:
             wall = float(line.query(hull)[0].min()) - radius
             if wall < groove:
-                groove, where[1] = wall, f"{xyz(pin.center)}, cord {name}"
+                groove, where[1] = wall, f"{format_point(pin.center)}, cord {name}"
     least = rules.inner_wall
     used = least - TOLERANCE
     out = [
@@ -80,20 +80,20 @@ def shell(pin: Pin) -> Float:
 _TOLERANCE = 0.02  # mm
 
 
-def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
+def walls(channels: Sequence[Channel], body: Surface, rules: PartRules) -> list[Check]:
     """Walls between channels and the skin, and between channels."""
-    distances = distances_of(body)
+    distances = signed_distance_of(body)
     radius, out = rules.channel / 2, []
     for i, channel in enumerate(channels):
         depth = distances.unsigned(channel.inside)
         along = np.linspace(0, channel.length, len(channel.inside))
         to_mouth = np.minimum(along, along[-1] - along)
-        needed = np.minimum(radius + rules.wall, INLET_SLOPE * to_mouth)
+        needed = np.minimum(radius + rules.wall, MAX_INLET_SLOPE * to_mouth)
         k = int((depth - needed).argmin())
         if depth[k] < needed[k] - _TOLERANCE:
             raise FabricationError(
                 f"cord {channel.name!r} leaves a wall of {depth[k] - radius:.2f} mm to the skin"
-                f" near {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards",
+                f" near {format_point(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards",
                 code="wall-too-thin",
                 cord=channel.name,
                 wall=float(depth[k]) - radius,
@@ -107,7 +107,7 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
                     float(whole[k]) - radius,
                     rules.wall - _TOLERANCE,
                     "mm",
-                    xyz(channel.inside[k]),
+                    format_point(channel.inside[k]),
                     at_least=True,
                 )
             )
@@ -120,23 +120,23 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
             if wall < least:
                 raise FabricationError(
                     f"cords {channel.name!r} and {other.name!r} leave a wall of {wall:.2f} mm near"
-                    f" {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart",
+                    f" {format_point(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart",
                     code="wall-too-thin",
                     cords=(channel.name, other.name),
                     wall=wall,
                 )
-            at = xyz(channel.inside[k])
+            at = format_point(channel.inside[k])
             out.append(Check(name, wall, least, "mm", at, at_least=True))
     return out
 
 
-def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
+def wire_walls(channels: Sequence[Channel], body: Surface, rules: PartRules) -> list[Check]:
     """Walls between the wires' leads and the skin, all other channels, and their own cord beyond
     the pocket that they begin in."""
     if not rules.pockets or not rules.pockets.wires:
         return []
     wires = rules.pockets.wires
-    distances = distances_of(without_bay(body, wires.bay) if wires.bay else body)
+    distances = signed_distance_of(without_bay(body, wires.bay) if wires.bay else body)
     radius, least = wires.diameter / 2, rules.inner_wall
     thinnest: dict[str, Check] = {}
     for channel, end, line, twin in (
@@ -160,7 +160,7 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
                 found += [(what, _away(points, h, wires.bay)) for h in hollows]
         for what, away in found:
             k = int(away.argmin())
-            wall, at = float(away[k]) - radius, xyz(points[k])
+            wall, at = float(away[k]) - radius, format_point(points[k])
             name = f"wall from the wire of cord {channel.name} to {what}"
             if wall < least - 2 * _TOLERANCE:
                 raise FabricationError(

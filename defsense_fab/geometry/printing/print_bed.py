@@ -36,9 +36,9 @@ def resting(surface: Surface, preferred: Sequence[Float]) -> Float:
     the one with the largest first layer."""
     solid = triangle_kernel.to_manifold(surface, "a part")
     for normal in preferred:
-        if footing(solid, normal) >= FOOTHOLD:
+        if first_layer_area(solid, normal) >= FOOTHOLD:
             return normal
-    return max([*preferred, *_sides(surface)], key=lambda normal: footing(solid, normal))
+    return max([*preferred, *_sides(surface)], key=lambda normal: first_layer_area(solid, normal))
 
 
 def other_side(surface: Surface, bed: tuple[float, float, float]) -> Float | None:
@@ -46,7 +46,7 @@ def other_side(surface: Surface, bed: tuple[float, float, float]) -> Float | Non
     sides on which the bed holds it; None where it holds it on none."""
     solid = triangle_kernel.to_manifold(surface, "a part")
     held = [normal for normal in _sides(surface) if fits(laid(surface, normal), bed)]
-    return max(held, key=lambda normal: footing(solid, normal), default=None)
+    return max(held, key=lambda normal: first_layer_area(solid, normal), default=None)
 
 
 def _sides(surface: Surface) -> list[Float]:
@@ -64,7 +64,7 @@ def _sides(surface: Surface) -> list[Float]:
     return [*flats, *around, *-around]
 
 
-def footing(solid: Any, down: Float) -> float:
+def first_layer_area(solid: Any, down: Float) -> float:
     """Area, mm^2, of a part's first layer (manifold3d solid) that two lines of the printer fill."""
     lying = solid.transform(np.column_stack([frame(-down).T, np.zeros(3)]))
     layer = lying.slice(lying.bounding_box()[2] + _LAYER)
@@ -131,7 +131,7 @@ def arrange(
     return out
 
 
-def fewest_plates(
+def count_fewest_plates(
     parts: Mapping[str, Surface],
     bed: tuple[float, float, float],
     printer: str,

@@ -8,7 +8,7 @@ from ...core.arrays import Float
 from ...core.mesh import Surface
 from ..kernels.cutting_tools import Prism
 from ..parts.engraving import Seat
-from ..parts.records import Made, Part
+from ..parts.records import PartSet, Part
 from ..printing.print_bed import fits, laid
 
 #: Least length of a piece, mm.
@@ -17,7 +17,7 @@ _STEP = 1.0  # mm, between the places that are tried
 _CLEAR = 2.0  # mm, from pins, ends of cords and numbers
 
 
-def cut_heights(made: Made, index: int, normal: Float, reach: float) -> Float:
+def cut_heights(made: PartSet, index: int, normal: Float, reach: float) -> Float:
     """Heights (n,) mm along `normal` at which a piece of at most `reach` mm may be cut off a part,
     the best first: where the least is cut that should not be, and pieces are about equally long."""
     heights = made.parts[index].surface.vertices @ normal
@@ -60,7 +60,7 @@ def reach(part: Part, normal: Float, bed: tuple[float, float, float]) -> float:
     return 0.0
 
 
-def cut_by(made: Made, index: int, height: float, normal: Float) -> list[str]:
+def cut_by(made: PartSet, index: int, height: float, normal: Float) -> list[str]:
     """What a plane at the height (mm) comes too near to, or cuts."""
     found = [
         what
@@ -70,7 +70,7 @@ def cut_by(made: Made, index: int, height: float, normal: Float) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _clearance(made: Made, index: int, heights: Float, normal: Float) -> Float:
+def _clearance(made: PartSet, index: int, heights: Float, normal: Float) -> Float:
     """How far (n,) planes at these heights keep from what they must not cut, less what they have
     to, mm."""
     spared = _spared(made, index, normal)
@@ -81,7 +81,7 @@ def _clearance(made: Made, index: int, heights: Float, normal: Float) -> Float:
     return np.asarray(gaps.min(axis=1))
 
 
-def _spared(made: Made, index: int, normal: Float) -> list[tuple[str, float, float]]:
+def _spared(made: PartSet, index: int, normal: Float) -> list[tuple[str, float, float]]:
     """What must not be cut of a part: its name, where its middle is along the normal, and how far
     it reaches to either side, mm."""
     out = []

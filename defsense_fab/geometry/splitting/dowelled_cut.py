@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.curve import Plane
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
@@ -16,7 +16,7 @@ from ..kernels.cutting_tools import Prism, frame
 from ..parts.alignment_pins import Pin, place_pins
 from ..parts.division import Cut
 from ..parts.part_contacts import Contact
-from ..parts.records import Check, Made, Part, Rules
+from ..parts.records import Check, PartSet, Part, PartRules
 from .cut_places import cut_by
 from .piece_checks import crossed, crossings, dowel_walls, dowels_fit, pieces_add_up, whole_name
 
@@ -26,7 +26,7 @@ _FAR_RENUMBERING = 1e4  # mm, beyond all of a body
 
 
 def renumbered(
-    made: Made,
+    made: PartSet,
     index: int,
     normal: Float,
     height: float,
@@ -35,7 +35,7 @@ def renumbered(
     parts: Sequence[Part],
     bares: Sequence[Any],
     removed: float,
-) -> Made:
+) -> PartSet:
     """All that names parts by their index, with the part at `index` in two: `parts` and, without
     channels and sockets, `bares` below and above the plane at `height` mm along `normal`; they
     meet in `contact`, with `dowels`, and `removed` mm^3 were cut out of them."""
@@ -119,7 +119,7 @@ def _clipped(contact: Contact, normal: Float, height: float) -> Any:
     return contact.section ^ m3.CrossSection([np.array(corners)])
 
 
-def lettered(made: Made, index: int, count: int, name: str) -> Made:
+def lettered(made: PartSet, index: int, count: int, name: str) -> PartSet:
     """Pieces by letters, in the order in which they follow one another."""
     parts = list(made.parts)
     for k in range(count):
@@ -136,13 +136,13 @@ class DowelledCut:
     """The parts with one of them in two, what was measured of these, and what a maker is told, with
     "{pieces}" in place of their names."""
 
-    made: Made
+    made: PartSet
     checks: tuple[Check, ...]
     note: str
 
 
 def cut_across(
-    made: Made, index: int, normal: Float, height: float, rules: Rules
+    made: PartSet, index: int, normal: Float, height: float, rules: PartRules
 ) -> DowelledCut | None:
     """The part at `index` cut in the plane at `height` mm along the unit `normal` (3,), or None
     where two dowels have no room or more than two pieces would come of it. Raises FabricationError
@@ -200,7 +200,7 @@ def cut_across(
         renumbered(made, index, normal, height, contact, dowels, parts, bares, removed),
         checks,
         f"{whole_name(part)} is too long for the bed and is printed in pieces, {{pieces}}, cut"
-        f" across near {xyz(origin)}: join them first, with glue ({section.area() / 100:.1f} cm2)"
+        f" across near {format_point(origin)}: join them first, with glue ({section.area() / 100:.1f} cm2)"
         f" and two dowels of {dowels[0].diameter:g} and {dowels[1].diameter:g} mm"
         f"{across}{near}{note}",
     )

@@ -16,7 +16,7 @@ from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
 from ..parts import part_checks
 from ..parts.part_checks import apart, insertion, thin_places, volumes
-from ..parts.records import Check, Made, Part, Rules
+from ..parts.records import Check, PartSet, Part, PartRules
 from ..printing.print_bed import fits, laid, other_side
 from .cut_places import SHORTEST, cut_heights, long_way, reach
 from .dowelled_cut import DowelledCut, cut_across, lettered
@@ -31,11 +31,11 @@ class Split:
     """The parts with those that were too long in pieces or on another side, their checks and
     warnings those of the pieces, and what a maker is told of it."""
 
-    made: Made
+    made: PartSet
     notes: tuple[str, ...]
 
 
-def split_long(made: Made, bed: tuple[float, float, float], rules: Rules) -> Split:
+def split_long_parts(made: PartSet, bed: tuple[float, float, float], rules: PartRules) -> Split:
     """Cut every part across that the bed (x, y, z, mm) does not hold, as often as it needs; lay it
     on another side where that does not help.
 
@@ -67,12 +67,12 @@ def split_long(made: Made, bed: tuple[float, float, float], rules: Rules) -> Spl
 class _Smaller:
     """The parts with one of them so that the bed holds it, what was measured and is told of it."""
 
-    made: Made
+    made: PartSet
     checks: tuple[Check, ...]
     notes: tuple[str, ...]
 
 
-def _smaller(made: Made, index: int, bed: tuple[float, float, float], rules: Rules) -> _Smaller:
+def _smaller(made: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules) -> _Smaller:
     """In pieces, or whole on another side. Raises FabricationError."""
     try:
         return _in_pieces(made, index, bed, rules)
@@ -89,7 +89,7 @@ def _smaller(made: Made, index: int, bed: tuple[float, float, float], rules: Rul
     return _Smaller(replace(made, parts=turned), (), (note,))
 
 
-def _in_pieces(made: Made, index: int, bed: tuple[float, float, float], rules: Rules) -> _Smaller:
+def _in_pieces(made: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules) -> _Smaller:
     whole, count = made.parts[index], 1
     checks: list[Check] = []
     notes: list[str] = []
@@ -109,13 +109,13 @@ def _in_pieces(made: Made, index: int, bed: tuple[float, float, float], rules: R
 
 
 def _inspected(
-    whole: Made,
-    made: Made,
+    whole: PartSet,
+    made: PartSet,
     changed: Sequence[str],
     pieces: Sequence[int],
     checks: Sequence[Check],
-    rules: Rules,
-) -> Made:
+    rules: PartRules,
+) -> PartSet:
     """With what is measured and told of all parts now in place of what it was of the `whole` ones,
     and of the `pieces` (indices) in place of the `changed` parts (names)."""
     solids = [triangle_kernel.to_manifold(p.surface, p.name) for p in made.parts]
@@ -147,7 +147,7 @@ def _inspected(
     )
 
 
-def _told(made: Made, which: Sequence[int], whole: Sequence[str]) -> list[str]:
+def _told(made: PartSet, which: Sequence[int], whole: Sequence[str]) -> list[str]:
     """Of these parts (indices), which are pieces where they are not called as `whole` ones, and of
     all joints."""
     parts = [part_checks.of_part(made, i, made.parts[i].name not in whole) for i in which]
@@ -178,7 +178,7 @@ def _too_large(
     )
 
 
-def _cut(made: Made, index: int, bed: tuple[float, float, float], rules: Rules) -> DowelledCut:
+def _cut(made: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules) -> DowelledCut:
     """Cut a piece off a part that the bed holds: the longest that leaves about equal ones."""
     part = made.parts[index]
     normal = long_way(part)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import igl
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.curve import Plane
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
@@ -20,7 +20,7 @@ from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
 from ..parts.alignment_pins import Pin, gap
 from ..parts.part_checks import CONSERVATION, TOUCH, touch
-from ..parts.records import Check, Made, Part, Rules
+from ..parts.records import Check, PartSet, Part, PartRules
 from ..parts.wall_checks import TOLERANCE, shell
 
 _NEAR = 2.0  # mm, along a channel, on both sides of a cut across it
@@ -65,14 +65,14 @@ def pieces_add_up(part: Part, pieces: Sequence[Part], dowels: Sequence[Pin]) -> 
     return removed, Check(name, error, CONSERVATION, "", "")
 
 
-def dowel_walls(part: Part, dowels: Sequence[Pin], rules: Rules) -> Check:
+def dowel_walls(part: Part, dowels: Sequence[Pin], rules: PartRules) -> Check:
     """The least wall around the dowels' sockets: to all that bounds the part, and to each other."""
     least, at = np.inf, ""
     for k, dowel in enumerate(dowels):
         hull = shell(dowel)
         away = np.minimum(_depth(hull, part.surface), gap(hull, dowels[:k]))
         if away.min() < least:
-            least, at = float(away.min()), xyz(hull[int(away.argmin())])
+            least, at = float(away.min()), format_point(hull[int(away.argmin())])
     name = f"wall around the dowels of {whole_name(part)}"
     check = Check(name, least, rules.inner_wall - TOLERANCE, "mm", at, at_least=True)
     if not check.holds:
@@ -98,7 +98,7 @@ def dowels_fit(part: Part, pieces: Sequence[Part], dowels: Sequence[Pin]) -> Che
     return Check(f"dowels in the solid of {whole_name(part)}", worst, TOUCH, "mm3", "")
 
 
-def crossed(made: Made, part: Part, plane: Plane, rules: Rules) -> dict[str, tuple[Float, float]]:
+def crossed(made: PartSet, part: Part, plane: Plane, rules: PartRules) -> dict[str, tuple[Float, float]]:
     """The cords and wires whose channels a plane cuts in a part, by what a maker calls them: their
     centre lines (n, 3) mm near it, and their radii, mm."""
     out = {}
@@ -116,7 +116,7 @@ def crossed(made: Made, part: Part, plane: Plane, rules: Rules) -> dict[str, tup
 
 
 def crossings(
-    made: Made, part: Part, pieces: Sequence[Part], plane: Plane, rules: Rules
+    made: PartSet, part: Part, pieces: Sequence[Part], plane: Plane, rules: PartRules
 ) -> list[Check]:
     """Every channel that the cut crosses goes on behind it: as much room around the cord, or wire,
     in both pieces as it is thick."""
@@ -125,7 +125,7 @@ def crossings(
         room = np.min([-_depth(line, p.surface) for p in pieces], axis=0)
         k = int(room.argmin())
         name = f"room around {what} where {whole_name(part)} is cut across"
-        check = Check(name, float(room[k]), radius - _FACETS, "mm", xyz(line[k]), at_least=True)
+        check = Check(name, float(room[k]), radius - _FACETS, "mm", format_point(line[k]), at_least=True)
         if not check.holds:
             raise FabricationError(
                 f"{name}: {room[k]:.2f} mm near {check.at}, {radius:.2f} mm is needed: {_HELP}",
@@ -137,7 +137,7 @@ def crossings(
     return out
 
 
-def _lines(made: Made, rules: Rules) -> Iterator[tuple[str, Float, float, float]]:
+def _lines(made: PartSet, rules: PartRules) -> Iterator[tuple[str, Float, float, float]]:
     """What runs in a channel, the channel's centre line (n, 3) mm, and the radii of both, mm."""
     wires = rules.pockets.wires if rules.pockets else None
     for channel in made.channels:

@@ -1,1 +1,1 @@
-"""Materials and quadratic tets: energy, stress, tangent, points in elements."""
+"""Materials and quadratic tetrahedra: energy, stress, tangent and points in elements."""

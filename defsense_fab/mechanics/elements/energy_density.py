@@ -1,6 +1,6 @@
-"""Energy density, first Piola-Kirchhoff stress and tangent of one deformation gradient F.
+"""Compute energy density, first Piola-Kirchhoff stress and tangent of a deformation gradient F.
 
-All follow from `material.law` by the chain rule, with dI1/dF = 2 F, dI2/dF = 2 (I1 F - F F^T F) and
+All follow from `material.evaluate_law` by the chain rule, with dI1/dF = 2 F, dI2/dF = 2 (I1 F - F F^T F) and
 dJ/dF = cof F. The tangent is made positive semidefinite through the eigensystem of isotropic
 energies in the principal stretches (Smith, De Goes & Kim 2019, "Analytic Eigensystems for Isotropic
 Distortion Energies"), which needs no eigenvalues of a 9 x 9 matrix.
@@ -13,12 +13,10 @@ import numpy as np
 from ...core.machine.compiled import compiled
 from .material import evaluate_law
 
-# 3 x 3 matrices in compiled loops: cofactor, symmetric eigenvalues, singular values with signs.
-
 
 @compiled(inline="always")
 def cofactor(F, C):  # type: ignore[no-untyped-def]
-    """Fill C with the cofactor of F (the derivative of det F by F); returns det F."""
+    """Fill C with the cofactor of F, the derivative of det F by F, and return det F."""
     C[0, 0] = F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1]
     C[0, 1] = F[1, 2] * F[2, 0] - F[1, 0] * F[2, 2]
     C[0, 2] = F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0]
@@ -33,9 +31,12 @@ def cofactor(F, C):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy")
 def symmetric_eigen(A, w, V):  # type: ignore[no-untyped-def]
-    """Eigenvalues w (3,) and vectors (columns of V, a rotation) of the symmetric A, overwritten.
+    """Compute eigenvalues w (3,) and eigenvectors (columns of the rotation V) of a symmetric A.
 
-    Cyclic Jacobi rotations (Golub & Van Loan, sec. 8.5).
+    A is overwritten.
+
+    References:
+        Cyclic Jacobi rotations: Golub & Van Loan, Matrix Computations, sec. 8.5.
     """
     V[:] = 0.0
     for i in range(3):
@@ -69,7 +70,10 @@ def symmetric_eigen(A, w, V):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy")
 def signed_svd(F, U, s, V):  # type: ignore[no-untyped-def]
-    """F = U diag(s) V^T with rotations U and V; the smallest s carries the sign of det F."""
+    """Factor F into U diag(s) V^T with rotations U and V.
+
+    The singular values s (3,) decrease; the smallest carries the sign of det F.
+    """
     A = F.T @ F
     symmetric_eigen(A, s, V)
     for i in range(2):  # largest first, V stays a rotation
@@ -99,7 +103,7 @@ def signed_svd(F, U, s, V):  # type: ignore[no-untyped-def]
 
 @compiled(inline="always")
 def _invariants(F, C, B):  # type: ignore[no-untyped-def]
-    """I1, I2, J; fills C = cof F and B = I1 F - F F^T F, half of dI2/dF."""
+    """Return I1, I2 and J, and fill C = cof F and B = I1 F - F F^T F, half of dI2/dF."""
     J = cofactor(F, C)
     i1 = i2 = 0.0
     for i in range(3):
@@ -118,7 +122,7 @@ def _invariants(F, C, B):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy")
 def energy_density(kind, p, F, C, d):  # type: ignore[no-untyped-def]
-    """W(F), MPa; `C` (3, 3) and `d` (10,) are scratch."""
+    """Return the energy density W(F), MPa; `C` (3, 3) and `d` (10,) are scratch."""
     J = cofactor(F, C)
     i1 = i2 = 0.0
     for i in range(3):
@@ -131,7 +135,7 @@ def energy_density(kind, p, F, C, d):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy")
 def stress(kind, p, F, P, C, B, d):  # type: ignore[no-untyped-def]
-    """Fill P (3, 3) = dW/dF, MPa."""
+    """Fill P (3, 3) with the stress dW/dF, MPa; `C`, `B` (3, 3) and `d` (10,) are scratch."""
     i1, i2, J = _invariants(F, C, B)
     evaluate_law(kind, p, i1, i2, J, d)
     for i in range(3):
@@ -141,10 +145,18 @@ def stress(kind, p, F, P, C, B, d):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def tangent(kind, p, F, lag, share, H, C, B, d):  # type: ignore[no-untyped-def]
-    """Fill H (9, 9) = d2W/dF2, MPa, rows 3 i + j.
+    """Fill H (9, 9) with the tangent d2W/dF2, MPa; row 3 i + j belongs to F_ij.
 
-    The `share` of its negative part is removed. `lag` is by how much the pressure that multiplies
-    d2J/dF2 differs from that of F (MPa).
+    Args:
+        kind: Family of the material.
+        p: Parameters of the material.
+        F: Deformation gradient (3, 3).
+        lag: Difference of the pressure that multiplies d2J/dF2 from the pressure at F, MPa.
+        share: Share (0 to 1) of the negative part of H that is removed.
+        H: Result (9, 9).
+        C: Scratch (3, 3).
+        B: Scratch (3, 3).
+        d: Scratch (10,).
     """
     i1, i2, J = _invariants(F, C, B)
     evaluate_law(kind, p, i1, i2, J, d)
@@ -189,7 +201,7 @@ def tangent(kind, p, F, lag, share, H, C, B, d):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy")
 def _project(F, H, d, i1, share):  # type: ignore[no-untyped-def]
-    """Add to H the share of what lifts its negative eigenvalues to zero."""
+    """Raise the negative eigenvalues of H by a share of their distance from zero."""
     U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     signed_svd(F, U, s, V)
     m = np.empty(9)

@@ -1,4 +1,4 @@
-"""Isotropic hyperelastic materials, each written once: energy by the invariants of F.
+"""Define isotropic hyperelastic materials by their energy as a function of the invariants of F.
 
 I1 = tr(F^T F), I2 = (I1^2 - tr((F^T F)^2)) / 2, J = det F. Stress and tangent follow from the first
 and second derivatives of W(I1, I2, J) in `energy_density.py`.
@@ -25,7 +25,7 @@ from ...core.machine.compiled import compiled
 
 SPLIT, STABLE = 0, 1
 
-#: What each model is called in `device.toml` and in results.
+#: Title of each model in results, by its name in `device.toml`.
 TITLES = {
     "neo-hookean": "neo-Hookean, volumetric-deviatoric split",
     "stable-neo-hookean": "stable neo-Hookean (Smith et al. 2018)",
@@ -36,9 +36,15 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Material:
-    """`parameters` (5,) MPa: c10, c20, c30, c01, kappa, or mu, lambda, alpha (alpha without unit).
+    """An isotropic hyperelastic material.
 
-    `shear` and `bulk` are the moduli at small strain, MPa.
+    Attributes:
+        model: Name of the model, a key of `TITLES`.
+        kind: `SPLIT` or `STABLE`, the family of the energy.
+        parameters: (5,) MPa: c10, c20, c30, c01, kappa of the split family, or mu, lambda, alpha
+            (alpha without unit) and two zeros of the stable model.
+        shear: Shear modulus at small strain, MPa.
+        bulk: Bulk modulus at small strain, MPa.
     """
 
     model: str
@@ -49,6 +55,7 @@ class Material:
 
     @property
     def title(self) -> str:
+        """Title of the model for people."""
         return TITLES[self.model]
 
     @property
@@ -58,12 +65,16 @@ class Material:
 
     @property
     def volumetric(self) -> float:
-        """Second derivative of the energy's part in (J - const.)^2, MPa."""
+        """Second derivative of the energy's quadratic part in J, MPa."""
         return float(self.parameters[4 if self.kind == SPLIT else 1])
 
     @classmethod
     def from_spec(cls, spec: MaterialSpec) -> Material:
-        """Moduli from E and nu: mu = E / (2 (1 + nu)), kappa = E / (3 (1 - 2 nu))."""
+        """Create the material of a `[material]` table.
+
+        The moduli follow from Young's modulus E and Poisson's ratio nu:
+        mu = E / (2 (1 + nu)), kappa = E / (3 (1 - 2 nu)).
+        """
         e, nu = spec.young_modulus, spec.poisson_ratio
         mu, kappa = e / (2 * (1 + nu)), e / (3 * (1 - 2 * nu))
         if spec.model == "stable-neo-hookean":
@@ -80,18 +91,34 @@ def split(
     c01: float = 0.0,
     model: str = "neo-hookean",
 ) -> Material:
-    """A model of the split family; constants in MPa."""
+    """Create a material whose energy splits into a volumetric and a deviatoric part.
+
+    Args:
+        kappa: Bulk modulus, MPa.
+        c10: Coefficient of I1* - 3, MPa.
+        c20: Coefficient of (I1* - 3)^2, MPa.
+        c30: Coefficient of (I1* - 3)^3, MPa.
+        c01: Coefficient of I2* - 3, MPa.
+        model: Name of the model.
+    """
     parameters = np.array([c10, c20, c30, c01, kappa], float)
     return Material(model, SPLIT, parameters, 2 * (c10 + c01), kappa)
 
 
 def neo_hookean(mu: float, kappa: float) -> Material:
-    """The split neo-Hookean solid: what CalculiX calls NEO HOOKE with C10 = mu/2, D1 = 2/kappa."""
+    """Create a split neo-Hookean material from its moduli at small strain, MPa.
+
+    CalculiX calls it NEO HOOKE, with C10 = mu/2 and D1 = 2/kappa.
+    """
     return split(kappa, mu / 2)
 
 
 def stable_neo_hookean(mu: float, kappa: float) -> Material:
-    """Stable neo-Hookean with small-strain moduli mu and kappa (Smith et al. 2018, sec. 3.4)."""
+    """Create a stable neo-Hookean material from its moduli at small strain, MPa.
+
+    References:
+        Smith, De Goes & Kim 2018, "Stable Neo-Hookean Flesh Simulation", sec. 3.4.
+    """
     m, lame = 4 / 3 * mu, kappa - 2 / 3 * mu + 5 / 6 * mu
     parameters = np.array([m, lame, 1 + 0.75 * m / lame, 0.0, 0.0])
     return Material("stable-neo-hookean", STABLE, parameters, mu, kappa)
@@ -99,7 +126,11 @@ def stable_neo_hookean(mu: float, kappa: float) -> Material:
 
 @compiled(error_model="numpy")
 def evaluate_law(kind, p, i1, i2, J, d):  # type: ignore[no-untyped-def]
-    """Fill d (10,): W, W_1, W_2, W_J, W_11, W_12, W_1J, W_22, W_2J, W_JJ; W inf: undefined."""
+    """Fill d (10,) with the energy density W and its derivatives by the invariants, MPa.
+
+    The order is W, W_1, W_2, W_J, W_11, W_12, W_1J, W_22, W_2J, W_JJ. W is infinite where the
+    material is not defined.
+    """
     d[:] = 0.0
     if kind == STABLE:
         mu, lame, alpha = p[0], p[1], p[2]

@@ -1,4 +1,4 @@
-"""Points in the mesh: which tet, which weights; then displacement and gradient there."""
+"""Locate points in a mesh and interpolate displacements and their gradients there."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from ...core.machine.compiled import compiled
 from .tet10 import EDGES, QuadraticMesh, shape_functions
 from .threads import count_cores, run_in_chunks
 
-CHUNK = 2000  # points; fewer are not worth a thread
+CHUNK_POINTS = 2000  # fewer are not worth a thread
 
 
 @dataclass(frozen=True)
 class LocatedPoints:
-    """Points (p, 3) with their tet (p,), barycentric coordinates (p, 4), smallest of them (p,).
+    """Points of a mesh by their tets.
 
-    A smallest coordinate below zero means that the point lies outside; the nearest tet's
-    polynomial is then continued.
+    Attributes:
+        cell: (p,) number of the tet of each point, the nearest tet for points outside.
+        bary: (p, 4) barycentric coordinates in that tet.
     """
 
     cell: Int
@@ -28,11 +29,20 @@ class LocatedPoints:
 
     @property
     def depth(self) -> Float:
+        """Smallest barycentric coordinate (p,); negative for points outside the mesh."""
         return np.asarray(self.bary.min(axis=1))
 
 
 class PointLocator:
-    """A uniform grid over the tets' bounding boxes."""
+    """Finds the tets of points by a uniform grid over the tets' bounding boxes.
+
+    Args:
+        mesh: The mesh, at rest.
+
+    Attributes:
+        mesh: The same mesh.
+        grid: The grid's arrays, as `find_point` takes them.
+    """
 
     def __init__(self, mesh: QuadraticMesh) -> None:
         self.mesh = mesh
@@ -44,7 +54,6 @@ class PointLocator:
         a = np.floor((low - self._low) / self._cell).astype(int)
         b = np.minimum(np.floor((high - self._low) / self._cell).astype(int), self._count - 1)
         start, items = _fill(a, b, self._count)
-        #: What `find_point` takes.
         self.grid = (
             self._low, self._cell, self._count, start, items,
             np.ascontiguousarray(corners[:, 0]), mesh.bary_gradient,
@@ -52,35 +61,53 @@ class PointLocator:
 
     @cached_property
     def opposite_tets(self) -> Int:
-        """The tet (m, 4) behind the face opposite each corner, -1 at the surface."""
+        """Number (m, 4) of the tet behind the face opposite each corner, -1 at the surface."""
         return face_neighbors(self.mesh.cells[:, :4])
 
     def find(self, points: Float) -> LocatedPoints:
-        """Tet and weights of each point (p, 3) mm; the nearest tet for points outside."""
+        """Locate points (p, 3) mm of the rest frame; points outside get the nearest tet."""
         points = np.ascontiguousarray(points, float)
         cell, bary = np.zeros(len(points), np.int64), np.empty((len(points), 4))
         run_in_chunks(
             lambda a, b: _find(points, self.grid, a, b, cell, bary),
             len(points),
             count_cores(),
-            CHUNK,
+            CHUNK_POINTS,
         )
         return LocatedPoints(cell, bary)
 
     def displacement(self, at: LocatedPoints, fields: Float) -> Float:
-        """Displacements (s, p, 3) of the fields (s, n, 3) at the points."""
+        """Interpolate displacement fields.
+
+        Outside the mesh the nearest tet's polynomial is continued.
+
+        Args:
+            at: The located points (p).
+            fields: Nodal displacements (s, n, 3) mm of s states.
+
+        Returns:
+            Displacements (s, p, 3) mm at the points.
+        """
         nodes, weights = self.mesh.cells[at.cell], shape_functions(at.bary)
         out = np.zeros((len(fields), len(nodes), 3))
         run_in_chunks(
             lambda a, b: _displacement(nodes, weights, fields, a, b, out),
             len(nodes),
             count_cores(),
-            CHUNK,
+            CHUNK_POINTS,
         )
         return out
 
     def gradient(self, at: LocatedPoints, fields: Float) -> Float:
-        """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
+        """Interpolate displacement gradients.
+
+        Args:
+            at: The located points (p).
+            fields: Nodal displacements (s, n, 3) mm of s states.
+
+        Returns:
+            Gradients (s, p, 3, 3); entry [a, j] is the derivative of u_a by X_j.
+        """
         mesh, count = self.mesh, len(at.cell)
         out = np.zeros((len(fields), count, 3, 3))
         run_in_chunks(
@@ -89,7 +116,7 @@ class PointLocator:
             ),
             count,
             count_cores(),
-            CHUNK,
+            CHUNK_POINTS,
         )
         return out
 
@@ -152,7 +179,7 @@ def _find(points, grid, first, last, cells, bary):  # type: ignore[no-untyped-de
 
 @compiled()
 def _weights(point, e, origin, gradient, bary):  # type: ignore[no-untyped-def]
-    """Fill the barycentric coordinates (4,) in tet e; returns the smallest."""
+    """Fill the barycentric coordinates (4,) in tet e and return the smallest."""
     for b in range(4):
         bary[b] = 1.0 if b == 0 else 0.0
         for d in range(3):
@@ -161,7 +188,7 @@ def _weights(point, e, origin, gradient, bary):  # type: ignore[no-untyped-def]
 
 
 def face_neighbors(tets: Int) -> Int:
-    """For tets (m, 4): the tet (m, 4) that shares the face opposite each corner, or -1."""
+    """Return for tets (m, 4) the tet (m, 4) that shares the face opposite each corner, or -1."""
     faces = np.sort(tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
     order = np.lexsort(faces.T)
     same = (faces[order[1:]] == faces[order[:-1]]).all(axis=1)
@@ -173,8 +200,10 @@ def face_neighbors(tets: Int) -> Int:
 
 @compiled(error_model="numpy")
 def locate_along_path(points, grid, across, cells, bary):  # type: ignore[no-untyped-def]
-    """Like `find_point` for points (p, 3) of a path: from face to face to the tet (p,) of the next
-    one. Fills `cells` (p,) and the weights `bary` (p, 4)."""
+    """Locate the points (p, 3) of a path by walking through faces from one tet to the next.
+
+    Fills `cells` (p,) and the weights `bary` (p, 4); gives the same tets as `find_point` inside.
+    """
     origin, gradient = grid[5], grid[6]
     at = np.int64(0)  # 0 has a type of its own, for which callees would be compiled once more
     for p in range(len(points)):
@@ -198,7 +227,7 @@ def locate_along_path(points, grid, across, cells, bary):  # type: ignore[no-unt
 
 @compiled()
 def find_point(point, grid, hint, bary):  # type: ignore[no-untyped-def]
-    """The tet that holds a point (3,), looked for at `hint` first; fills its weights (4,)."""
+    """Return the tet that holds a point (3,), starting at tet `hint`, and fill its weights (4,)."""
     low, size, count, start, items, origin, gradient = grid
     if _weights(point, hint, origin, gradient, bary) >= 1e-9:
         return hint

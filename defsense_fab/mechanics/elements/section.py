@@ -1,4 +1,4 @@
-"""A plane through the tets: the cut as triangles, each of them in one tet."""
+"""Cut a mesh by a plane into triangles, each of which lies in one tet."""
 
 from __future__ import annotations
 
@@ -11,15 +11,22 @@ from ...core.arrays import Float, Int
 from .point_location import LocatedPoints
 from .tet10 import QuadraticMesh
 
-#: Distances below this share of a tet's extent from the plane count as above it, so that a plane
+#: Nodes nearer to the plane than this share of the mesh's size count as above it, so that a plane
 #: through nodes and faces cuts each tet once.
-_TOUCHES = 1e-9
+_TOUCH_RTOL = 1e-9
 
 
 @dataclass(frozen=True)
 class Section:
-    """Vertices of a cut, `points` (v, 3) mm at rest with their tets and weights `at`, and its
-    `triangles` (t, 3). No vertex is shared by tets: gradients differ on either side of a face."""
+    """A plane cut of a mesh.
+
+    No vertex is shared by two tets, because gradients differ on either side of a face.
+
+    Attributes:
+        at: Tets and weights of the vertices.
+        points: (v, 3) mm, the vertices at rest.
+        triangles: (t, 3) vertex numbers.
+    """
 
     at: LocatedPoints
     points: Float
@@ -27,25 +34,25 @@ class Section:
 
     @property
     def area(self) -> float:
-        """At rest, mm^2."""
+        """Area at rest, mm^2."""
         a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
     def subdivide(self, edge: float) -> Section:
-        """The same cut in triangles whose edges are at most `edge` mm at rest."""
+        """Return the same cut in triangles whose edges are at most `edge` mm long at rest."""
         corners = self.points[self.triangles]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         times = np.maximum(np.ceil(longest / edge - 1e-9), 1).astype(int)
         cells, barys, points, triangles, count = [], [], [], [], 0
         for k in np.unique(times).tolist():
-            own = self.triangles[times == k]
+            rows = self.triangles[times == k]
             weights, pattern = _divided(k)
-            cells.append(np.repeat(self.at.cell[own[:, 0]], len(weights)))
-            barys.append((weights @ self.at.bary[own]).reshape(-1, 4))
-            points.append((weights @ self.points[own]).reshape(-1, 3))
-            first = count + len(weights) * np.arange(len(own))
+            cells.append(np.repeat(self.at.cell[rows[:, 0]], len(weights)))
+            barys.append((weights @ self.at.bary[rows]).reshape(-1, 4))
+            points.append((weights @ self.points[rows]).reshape(-1, 3))
+            first = count + len(weights) * np.arange(len(rows))
             triangles.append((first[:, None, None] + pattern).reshape(-1, 3))
-            count += len(weights) * len(own)
+            count += len(weights) * len(rows)
         if not count:
             return self
         at = LocatedPoints(np.concatenate(cells), np.concatenate(barys))
@@ -53,14 +60,22 @@ class Section:
 
 
 def cut(mesh: QuadraticMesh, origin: Float, normal: Float) -> Section:
-    """The section of the tets by the plane through `origin` (3,) mm with a `normal` (3,); without
-    triangles where the plane misses them."""
+    """Cut a mesh at rest by a plane.
+
+    Args:
+        mesh: The mesh.
+        origin: A point (3,) mm of the plane.
+        normal: Normal (3,) of the plane, of any length.
+
+    Returns:
+        The section, without triangles if the plane misses the mesh.
+    """
     tets, normal = mesh.cells[:, :4], normal / np.linalg.norm(normal)
     distance = ((mesh.nodes - origin) @ normal)[tets]
-    distance[np.abs(distance) < _TOUCHES * max(float(np.ptp(mesh.nodes)), 1.0)] = 0.0
+    distance[np.abs(distance) < _TOUCH_RTOL * max(float(np.ptp(mesh.nodes)), 1.0)] = 0.0
     below = distance < 0
     count = below.sum(axis=1)
-    edges, cells = [], []  # of each vertex: its tet, and the corners between which it lies
+    edges, cells = [], []  # the two corners between which each vertex lies, and its tet
     for n in (1, 3):
         cell = np.flatnonzero(count == n)
         alone = (below[cell] == (n == 1)).argmax(axis=1)
@@ -92,7 +107,7 @@ def cut(mesh: QuadraticMesh, origin: Float, normal: Float) -> Section:
 
 @cache
 def _divided(times: int) -> tuple[Float, Int]:
-    """A triangle whose sides are divided: weights (v, 3) of its corners, triangles (t, 3)."""
+    """Divide each side of a triangle; return corner weights (v, 3) and triangles (t, 3)."""
     places = [(i, j) for i in range(times + 1) for j in range(times + 1 - i)]
     number = {place: n for n, place in enumerate(places)}
     triangles = []

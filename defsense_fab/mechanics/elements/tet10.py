@@ -1,8 +1,9 @@
-"""Quadratic tets with straight sides: shape functions, energy, forces, tangent stiffness.
+"""Integrate energy, forces and tangent stiffness over quadratic tetrahedra with straight sides.
 
-Edge nodes follow VTK's order (0,1) (1,2) (0,2) (0,3) (1,3) (2,3). Four-point quadrature
-(degree 2) over each tet. The deformation gradients are an argument of their own, so that forces
-and tangents can also be taken at a field of F that no displacement has (`predictor.py`).
+Edge nodes follow VTK's order (0,1) (1,2) (0,2) (0,3) (1,3) (2,3). Each tet has a four-point
+quadrature of degree 2. Functions take the deformation gradients as an argument, so that forces and
+tangents can also be computed at gradients that belong to no displacement field
+(`solver/convergence_aids.py`).
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ QUADRATURE = np.array([[_A, _B, _B, _B], [_B, _A, _B, _B], [_B, _B, _A, _B], [_B
 
 
 def shape_functions(bary: Float) -> Float:
-    """Shape functions (..., 10) at barycentric coordinates (..., 4)."""
+    """Return the shape functions (..., 10) at barycentric coordinates (..., 4)."""
     corner = bary * (2 * bary - 1)
     edge = 4 * bary[..., EDGES[:, 0]] * bary[..., EDGES[:, 1]]
     return np.concatenate([corner, edge], axis=-1)
 
 
 def shape_derivatives(bary: Float) -> Float:
-    """Derivatives of the shape functions by the barycentric coordinates, (..., 10, 4)."""
+    """Return the derivatives (..., 10, 4) of the shape functions by the barycentric coordinates."""
     out = np.zeros((*bary.shape[:-1], 10, 4))
     for i in range(4):
         out[..., i, i] = 4 * bary[..., i] - 1
@@ -43,11 +44,14 @@ def shape_derivatives(bary: Float) -> Float:
 
 @dataclass(frozen=True)
 class QuadraticMesh:
-    """`nodes` (n, 3) mm: corners then edge midpoints; `cells` (m, 10).
+    """A mesh of quadratic tetrahedra at rest.
 
-    `bary_gradient` (m, 4, 3) is the constant gradient of the barycentric coordinates;
-    `gradient` (m, 4, 10, 3) that of the shape functions at the quadrature points; `weight`
-    (m,) a quarter of the volume.
+    Attributes:
+        nodes: (n, 3) mm, corners first, then edge midpoints.
+        cells: (m, 10) node numbers of each tet.
+        bary_gradient: (m, 4, 3) 1/mm, constant gradients of the barycentric coordinates.
+        gradient: (m, 4, 10, 3) 1/mm, gradients of the shape functions at the quadrature points.
+        weight: (m,) mm^3, weight of each quadrature point: a quarter of the tet's volume.
     """
 
     nodes: Float
@@ -58,6 +62,7 @@ class QuadraticMesh:
 
     @classmethod
     def from_linear(cls, mesh: TetMesh) -> QuadraticMesh:
+        """Create the quadratic mesh of a linear one by adding the midpoints of its edges."""
         edges = np.sort(mesh.tets[:, EDGES].reshape(-1, 2), axis=1)
         unique, inverse = np.unique(edges, axis=0, return_inverse=True)
         nodes = np.concatenate([mesh.nodes, mesh.nodes[unique].mean(axis=1)])
@@ -80,7 +85,7 @@ class QuadraticMesh:
         return float(np.linalg.norm(corners[:, :, 0] - corners[:, :, 1], axis=-1).mean())
 
     def subset(self, keep: Float) -> QuadraticMesh:
-        """The same nodes with some of the cells; `keep` (m,) bool."""
+        """Return a mesh of the same nodes with the cells that `keep` (m,) bool selects."""
         return QuadraticMesh(
             self.nodes,
             self.cells[keep],
@@ -95,7 +100,10 @@ _FACES = np.array([[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [
 
 
 def boundary_faces(mesh: QuadraticMesh) -> Int:
-    """Faces (t, 6) that belong to one tet only, outward: corners, then edges (0,1) (1,2) (2,0)."""
+    """Return the faces (t, 6) of the surface, oriented outward.
+
+    Each row holds the node numbers of three corners, then of the edges (0,1) (1,2) (2,0).
+    """
     faces = mesh.cells[:, _FACES].reshape(-1, 6)
     _, first, count = np.unique(
         np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True
@@ -104,7 +112,7 @@ def boundary_faces(mesh: QuadraticMesh) -> Int:
 
 
 def deformation_gradient(mesh: QuadraticMesh, u: Float, threads: int = 1) -> Float:
-    """F (m, 4, 3, 3) at the quadrature points for displacements u (n, 3)."""
+    """Return F (m, 4, 3, 3) at the quadrature points for displacements u (n, 3) mm."""
     out = np.empty((len(mesh.cells), 4, 3, 3))
     x = mesh.nodes + u
     run_in_chunks(
@@ -114,14 +122,17 @@ def deformation_gradient(mesh: QuadraticMesh, u: Float, threads: int = 1) -> Flo
 
 
 def volume_ratios(G: Float, F: Float, threads: int = 1) -> Float:
-    """Volume ratios (m, 4) at F, linearised about G, both (m, 4, 3, 3): det F where G is F."""
+    """Return the volume ratios (m, 4) at F, linearized about G.
+
+    Both are (m, 4, 3, 3); where G equals F the ratio is det F.
+    """
     out = np.empty(F.shape[:2])
     run_in_chunks(lambda a, b: _volume(G, F, a, b, out), len(out), threads)
     return out
 
 
 def energy(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> float:
-    """Stored energy (N mm) of F (m, 4, 3, 3); inf where the material is not defined."""
+    """Return the stored energy (N mm) at F (m, 4, 3, 3), infinite outside the material's domain."""
     sums = np.zeros(len(mesh.cells))
     kind, p = material.kind, material.parameters
     run_in_chunks(lambda a, b: _energy(F, mesh.weight, kind, p, a, b, sums), len(sums), threads)
@@ -129,7 +140,10 @@ def energy(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) 
 
 
 def forces(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> Float:
-    """Internal nodal forces (n, 3) N: the gradient of the energy, where F comes from u."""
+    """Return the internal nodal forces (n, 3) N at F (m, 4, 3, 3).
+
+    They are the gradient of the energy where F belongs to a displacement field.
+    """
     local = np.empty((len(mesh.cells), 10, 3))
     kind, p = material.kind, material.parameters
     run_in_chunks(
@@ -141,14 +155,14 @@ def forces(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) 
 
 
 def pressure_forces(mesh: QuadraticMesh, pressure: Float, F: Float) -> Float:
-    """Nodal forces (n, 3) N of the stress p cof F with p (m, 4) MPa at F (m, 4, 3, 3)."""
+    """Return the nodal forces (n, 3) N of the stress p cof F, with p (m, 4) MPa."""
     cof = np.stack([np.cross(F[..., i - 2, :], F[..., i - 1, :]) for i in range(3)], axis=-2)
     local = np.einsum("m,mq,mqij,mqnj->mni", mesh.weight, pressure, cof, mesh.gradient)
     return scatter_nodes(mesh, np.ascontiguousarray(local))
 
 
 def scatter_nodes(mesh: QuadraticMesh, local: Float) -> Float:
-    """Sum (n, 3) of what the elements' nodes carry, (m, 10, 3)."""
+    """Sum the elements' nodal values (m, 10, 3) at the nodes of the mesh, (n, 3)."""
     out = np.zeros_like(mesh.nodes)
     _gather(mesh.cells, local, out)
     return out
@@ -157,9 +171,14 @@ def scatter_nodes(mesh: QuadraticMesh, local: Float) -> Float:
 def stiffness(
     mesh: QuadraticMesh, material: Material, F: Float, share: float, threads: int = 1
 ) -> Float:
-    """Element tangents (m, 30, 30), N/mm, row 3 * node + axis, at F (m, 4, 3, 3).
+    """Return the element tangents (m, 30, 30) N/mm; row 3 * node + axis.
 
-    The `share` (0 to 1) of the negative part of the energy's Hessian by F is removed at each point.
+    Args:
+        mesh: The mesh.
+        material: Its material.
+        F: Deformation gradients (m, 4, 3, 3).
+        share: Share (0 to 1) of the negative part of d2W/dF2 that is removed at each point.
+        threads: Largest number of threads.
     """
     out = np.empty((len(mesh.cells), 30, 30))
     kind, p = material.kind, material.parameters
@@ -240,7 +259,7 @@ def _stiffness(F, gradient, weight, kind, p, share, start, stop, out):  # type: 
 def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type: ignore[no-untyped-def]
     """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch.
 
-    `lag` (4,) and `share` are those of `energy_density.tangent`.
+    `lag` (4,) and `share` are arguments of `energy_density.tangent`.
     """
     C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
     K[:] = 0.0
@@ -268,9 +287,10 @@ def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type:
 def linearized_forces(
     mesh: QuadraticMesh, material: Material, G: Float, F: Float, threads: int = 1
 ) -> Float:
-    """Nodal forces (n, 3) N at F of the energy linearised about G, both (m, 4, 3, 3).
+    """Return the nodal forces (n, 3) N at F of the energy linearized about G.
 
-    The tangent is projected, as that of the matrix that they are used with.
+    Both gradients are (m, 4, 3, 3). The tangent is made positive semidefinite, like the matrix that
+    the forces are used with.
     """
     local = np.empty((len(mesh.cells), 10, 3))
     kind, p = material.kind, material.parameters

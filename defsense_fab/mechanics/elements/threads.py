@@ -1,4 +1,7 @@
-"""Compiled loops over the elements, shared out to threads (the kernels release the interpreter)."""
+"""Split loops over elements or points into chunks that threads run.
+
+The compiled kernels release the interpreter, so threads run them at the same time.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
-SMALLEST_CHUNK = 100  # elements; below, starting a thread costs more than it saves
+MIN_CHUNK_ELEMENTS = 100  # below, starting a thread costs more than it saves
 
 
 def count_cores() -> int:
-    """Processor cores that this process may use."""
+    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -21,15 +24,25 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def run_in_chunks(
-    kernel: Callable[[int, int], None], count: int, threads: int, smallest: int = SMALLEST_CHUNK
+    kernel: Callable[[int, int], None],
+    count: int,
+    threads: int,
+    smallest: int = MIN_CHUNK_ELEMENTS,
 ) -> None:
-    """Call kernel(start, stop) so that every item in 0 .. count is in one call."""
+    """Call a kernel on consecutive ranges that together cover all items.
+
+    Args:
+        kernel: Function of `(start, stop)`; it must not depend on the other ranges.
+        count: Number of items.
+        threads: Largest number of ranges, each in its own thread.
+        smallest: Smallest number of items worth a thread.
+    """
     chunks = max(1, min(threads, count // smallest))
     if chunks == 1:
         kernel(0, count)
         return
     ends = [count * i // chunks for i in range(chunks + 1)]
-    waiting = [_pool().submit(kernel, ends[i], ends[i + 1]) for i in range(1, chunks)]
+    futures = [_pool().submit(kernel, ends[i], ends[i + 1]) for i in range(1, chunks)]
     kernel(0, ends[1])
-    for one in waiting:
-        one.result()
+    for future in futures:
+        future.result()

@@ -1,4 +1,4 @@
-"""Boundary conditions on the nodes of a mesh, and the way from one set of values to another."""
+"""Describe boundary conditions on a mesh, states of the body, and paths between conditions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,12 @@ class RigidHandle:
 
 @dataclass(frozen=True)
 class Slide:
-    """Nodes (k,) that stay in the plane through their rest positions with unit `normal` (3,)."""
+    """Nodes that stay in the plane through their rest positions.
+
+    Attributes:
+        nodes: (k,) node numbers.
+        normal: (3,) unit normal of the plane.
+    """
 
     nodes: Int
     normal: Float
@@ -39,9 +44,11 @@ class Slide:
 
 @dataclass(frozen=True)
 class Pressure:
-    """MPa on boundary faces (t, 6) of node indices, corners then edges (0,1) (1,2) (2,0), outward.
+    """A pressure that follows the normal of the deformed surface.
 
-    The load follows the deformed surface's normal; positive pushes inwards.
+    Attributes:
+        faces: (t, 6) node numbers of outward boundary faces: corners, then edges (0,1) (1,2) (2,0).
+        value: MPa; positive pushes inwards.
     """
 
     faces: Int
@@ -50,7 +57,16 @@ class Pressure:
 
 @dataclass(frozen=True)
 class BoundaryConditions:
-    """`fixed` (k,) nodes stay; `gravity` (3,) is density times acceleration, N/mm^3."""
+    """All constraints and loads on the nodes of a mesh.
+
+    Attributes:
+        fixed: (k,) numbers of the nodes that do not move.
+        handles: Rigid pieces with prescribed or free motion.
+        slides: Nodes that slide in planes.
+        drags: Points that springs pull.
+        pressures: Pressures on the surface.
+        gravity: (3,) N/mm^3, density times acceleration.
+    """
 
     fixed: Int
     handles: tuple[RigidHandle, ...] = ()
@@ -61,7 +77,7 @@ class BoundaryConditions:
 
     @property
     def structure(self) -> tuple[object, ...]:
-        """Equal for conditions that differ in the amount of motion and load only."""
+        """Key that is equal for conditions that differ only in the amount of motion and load."""
         return (
             self.fixed.tobytes(),
             tuple(
@@ -74,22 +90,28 @@ class BoundaryConditions:
         )
 
     def at_rest(self) -> BoundaryConditions:
-        """The same structure without any motion or load."""
+        """Return conditions of the same structure without any motion or load."""
         return interpolate_conditions(self, self, 0.0, scale=True)
 
 
 def interpolate_conditions(
     a: BoundaryConditions, b: BoundaryConditions, s: float, scale: bool = False
 ) -> BoundaryConditions:
-    """Linear from a (s = 0) to b (s = 1) in rotation vectors, translations and loads.
+    """Interpolate rotation vectors, translations and loads linearly.
 
-    Rotation vectors do not wrap: 270 degrees stay 270. With `scale`, s b regardless of a.
+    Rotation vectors do not wrap: 270 degrees stay 270.
+
+    Args:
+        a: Conditions at s = 0.
+        b: Conditions at s = 1, of the same structure.
+        s: Share of the way.
+        scale: Return b scaled by s, whatever a is.
     """
 
-    def mix(x: Float, y: Float) -> Float:
+    def blend(x: Float, y: Float) -> Float:
         return s * y if scale else x + s * (y - x)
 
-    def mixed(x: float, y: float) -> float:
+    def blend_value(x: float, y: float) -> float:
         return s * y if scale else x + s * (y - x)
 
     return replace(
@@ -97,25 +119,33 @@ def interpolate_conditions(
         handles=tuple(
             replace(
                 q,
-                rotation=mix(p.rotation, q.rotation),
-                translation=mix(p.translation, q.translation),
-                further_translation=mix(p.further_translation, q.further_translation),
+                rotation=blend(p.rotation, q.rotation),
+                translation=blend(p.translation, q.translation),
+                further_translation=blend(p.further_translation, q.further_translation),
             )
             for p, q in zip(a.handles, b.handles, strict=True)
         ),
-        drags=tuple(replace(q, by=mix(p.by, q.by)) for p, q in zip(a.drags, b.drags, strict=True)),
+        drags=tuple(
+            replace(q, by=blend(p.by, q.by)) for p, q in zip(a.drags, b.drags, strict=True)
+        ),
         pressures=tuple(
-            replace(q, value=mixed(p.value, q.value))
+            replace(q, value=blend_value(p.value, q.value))
             for p, q in zip(a.pressures, b.pressures, strict=True)
         ),
-        gravity=mix(a.gravity, b.gravity),
+        gravity=blend(a.gravity, b.gravity),
     )
 
 
 @dataclass(frozen=True)
 class State:
-    """A configuration of the body: displacements `u` (n, 3) mm, and of each handle its rotation
-    `rotations` (h, 3, 3) and its centre's translation `translations` (h, 3) mm, under `conditions`."""
+    """A configuration of the body.
+
+    Attributes:
+        u: (n, 3) mm, displacements of the nodes.
+        rotations: (h, 3, 3), rotation matrix of each handle.
+        translations: (h, 3) mm, translation of each handle's center.
+        conditions: The boundary conditions that the prescribed parts satisfy.
+    """
 
     u: Float
     rotations: Float
@@ -124,8 +154,15 @@ class State:
 
 
 def continue_handles(state: State) -> tuple[State, BoundaryConditions] | None:
-    """An equilibrium whose handles are to be moved on from where they came to lie: the same with
-    them prescribed there, and the conditions to go on to; None where none is."""
+    """Prepare the further translation of handles whose position the solver has found.
+
+    Args:
+        state: An equilibrium.
+
+    Returns:
+        The equilibrium with those handles prescribed where they are, and the conditions with the
+        further translation added; None if no handle has one.
+    """
     handles = state.conditions.handles
     if not any(np.nan_to_num(h.further_translation).any() for h in handles):
         return None
@@ -148,7 +185,7 @@ def continue_handles(state: State) -> tuple[State, BoundaryConditions] | None:
 
 
 def rest_state(conditions: BoundaryConditions, nodes: int) -> State:
-    """The undeformed state of a mesh of `nodes` nodes."""
+    """Return the undeformed state of a mesh of `nodes` nodes."""
     count = len(conditions.handles)
     return State(
         np.zeros((nodes, 3)),
@@ -159,7 +196,7 @@ def rest_state(conditions: BoundaryConditions, nodes: int) -> State:
 
 
 def rotation_matrix(vector: Float) -> Float:
-    """Rodrigues' formula: rotation vectors (..., 3) rad to matrices (..., 3, 3)."""
+    """Convert rotation vectors (..., 3) rad to matrices (..., 3, 3) by Rodrigues' formula."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     x, y, z = np.moveaxis(vector, -1, 0)
     zero = np.zeros_like(x)

@@ -1,4 +1,4 @@
-"""Is the body held? Rigid motions that boundary conditions leave free, loose pieces, thin holds."""
+"""Check that boundary conditions hold the body: no free rigid motion, one piece, wide regions."""
 
 from __future__ import annotations
 
@@ -12,15 +12,24 @@ from ..elements.point_location import PointLocator
 from ..elements.tet10 import QuadraticMesh
 from .boundary_conditions import BoundaryConditions
 
-#: A region narrower than this many edges is torn rather than held.
+#: Width in mesh edges below which the strain next to a held region depends on the mesh.
 MIN_REGION_WIDTH_EDGES = 1.5
 
 
 def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str) -> list[str]:
-    """Warnings about regions so small that the strain beside them depends on the mesh.
+    """Check that boundary conditions determine the body's position.
 
-    Raises DeviceError where the body is not in one piece, where it can still move as a whole, and
-    where a drag takes hold outside the body.
+    Args:
+        mesh: Mesh of the body.
+        conditions: Conditions on its nodes.
+        label: Name of the pose, for messages.
+
+    Returns:
+        Warnings about handles so small that the strain next to them depends on the mesh.
+
+    Raises:
+        DeviceError: If the body is not in one piece, can still move as a whole, or a drag pulls at
+            a point outside.
     """
     pieces = _pieces(mesh)
     if pieces.max() > 0:
@@ -35,9 +44,9 @@ def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label
             count=count,
         )
     _check_drags(mesh, conditions, label)
-    loose = _loose_motion(mesh, conditions)
-    if loose is not None:
-        motion, axis = loose
+    free = _free_motion(mesh, conditions)
+    if free is not None:
+        motion, axis = free
         direction = f"({axis[0]:g}, {axis[1]:g}, {axis[2]:g})"
         raise DeviceError(
             f"in {label!r} the body can still {motion} {direction} as a whole",
@@ -52,17 +61,18 @@ def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label
 
 
 def warn_small_region(mesh: QuadraticMesh, nodes: Int, name: str) -> list[str]:
-    """A warning about a region of `nodes` (k,) that is too small to hold the body by."""
+    """Return a warning, in a list, if a region of `nodes` (k,) is too small to hold the body."""
     size = float(np.sort(np.ptp(mesh.nodes[nodes], axis=0))[1])
     if size >= MIN_REGION_WIDTH_EDGES * mesh.edge_length:
         return []
     return [
-        f"region {name!r} is {size:.2g} mm wide, less than {MIN_REGION_WIDTH_EDGES:g} edges of the mesh: the strain"
-        " beside it is as large as the mesh lets it be; enlarge it"
+        f"region {name!r} is {size:.2g} mm wide, less than {MIN_REGION_WIDTH_EDGES:g} edges of the"
+        " mesh: the strain next to it depends on the mesh. Enlarge it"
     ]
 
 
 def _pieces(mesh: QuadraticMesh) -> Int:
+    """Return the number (n,) of the connected piece that each node belongs to."""
     count = len(mesh.nodes)
     rows = np.repeat(mesh.cells[:, 0], 9)
     graph = sp.coo_matrix((np.ones(len(rows)), (rows, mesh.cells[:, 1:].ravel())), (count, count))
@@ -87,7 +97,7 @@ def _check_drags(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str
             )
 
 
-def _loose_motion(
+def _free_motion(
     mesh: QuadraticMesh, conditions: BoundaryConditions
 ) -> tuple[str, tuple[float, ...]] | None:
     """Return a rigid motion that the constraints leave free, in words and as its axis."""
@@ -95,21 +105,21 @@ def _loose_motion(
     size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     rows: list[Float] = []  # on (v, size * omega): the velocity at X is v + omega x (X - center)
 
-    def at(point: Float, direction: Float) -> None:
+    def constrain(point: Float, direction: Float) -> None:
         rows.append(np.concatenate([direction, np.cross((point - center) / size, direction)]))
 
-    for n in _few(conditions.fixed, mesh.nodes):
+    for n in _spread_sample(conditions.fixed, mesh.nodes):
         for axis in np.eye(3):
-            at(mesh.nodes[n], axis)
+            constrain(mesh.nodes[n], axis)
     for slide in conditions.slides:
-        for n in _few(slide.nodes, mesh.nodes):
-            at(mesh.nodes[n], slide.normal)
+        for n in _spread_sample(slide.nodes, mesh.nodes):
+            constrain(mesh.nodes[n], slide.normal)
     for drag in conditions.drags:
         for axis in np.eye(3):
-            at(drag.at, axis)
+            constrain(drag.at, axis)
     for h in conditions.handles:
         for axis in np.eye(3)[~np.isnan(h.translation)]:
-            at(h.center, axis)
+            constrain(h.center, axis)
         held = np.eye(3) - h.free_axes.T @ h.free_axes
         rows += [np.concatenate([np.zeros(3), row]) for row in held]
     matrix = np.array(rows) if rows else np.zeros((1, 6))
@@ -117,17 +127,17 @@ def _loose_motion(
     rank = int((s > 1e-4 * max(s.max(), 1.0)).sum())
     if rank == 6:
         return None
-    loose = vt[rank:]
-    turn = np.linalg.svd(loose[:, 3:])
+    free = vt[rank:]
+    turn = np.linalg.svd(free[:, 3:])
     if turn[1].max(initial=0.0) > 1e-3:
         axis = np.round(turn[2][0], 2) + 0.0
         return "turn about the direction", tuple(axis.tolist())
-    axis = np.round(loose[0, :3], 2) + 0.0
+    axis = np.round(free[0, :3], 2) + 0.0
     return "move along the direction", tuple(axis.tolist())
 
 
-def _few(chosen: Int, nodes: Float) -> Int:
-    """A few of the nodes that are as far apart as can be."""
+def _spread_sample(chosen: Int, nodes: Float) -> Int:
+    """Pick eight of the chosen nodes that are as far from each other as possible."""
     if len(chosen) == 0:
         return chosen
     x = nodes[chosen]

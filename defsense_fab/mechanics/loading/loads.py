@@ -1,4 +1,7 @@
-"""External loads as nodal forces: gravity, soft drags, and pressure that follows the surface."""
+"""Compute external loads as nodal forces: gravity, soft drags and pressure on the surface.
+
+Pressure follows the deformed surface.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,12 @@ _LUMP = np.array([-1 / 20] * 4 + [1 / 5] * 6)
 
 
 class Loads:
-    """The loads of one structure of boundary conditions on a mesh."""
+    """The loads of one structure of boundary conditions on a mesh.
+
+    Args:
+        mesh: The mesh.
+        conditions: Conditions whose drags and faces the loads act on; the amounts may change.
+    """
 
     def __init__(self, mesh: QuadraticMesh, conditions: BoundaryConditions) -> None:
         self._mesh = mesh
@@ -29,12 +37,18 @@ class Loads:
             self._drag_weights: Float = shape_functions(at.bary)
 
     def _stretches(self, conditions: BoundaryConditions, u: Float) -> Float:
-        """How far each drag's point is from where it is pulled, (d, 3) mm."""
+        """Return the vector (d, 3) mm from each drag's target to its point."""
         at = np.einsum("dn,dna->da", self._drag_weights, u[self._drag_nodes])
         return np.asarray(at - [d.by for d in conditions.drags])
 
     def energy(self, conditions: BoundaryConditions, u: Float, frozen: Float) -> float:
-        """Potential (N mm) of the loads at u; pressure counts as the dead load `frozen` (n, 3)."""
+        """Return the potential energy of the loads, N mm.
+
+        Args:
+            conditions: Amounts of the loads.
+            u: Displacements (n, 3) mm.
+            frozen: Nodal forces (n, 3) N of the pressures, which count as dead loads.
+        """
         total = -float((self._unit * u).sum(axis=0) @ conditions.gravity)
         if conditions.drags:
             k = np.array([d.stiffness for d in conditions.drags])
@@ -44,7 +58,7 @@ class Loads:
         return total
 
     def pressure(self, conditions: BoundaryConditions, u: Float) -> Float:
-        """Nodal forces (n, 3) of the pressures on the deformed faces."""
+        """Return the nodal forces (n, 3) N of the pressures on the deformed faces."""
         out = np.zeros_like(u)
         for p in conditions.pressures:
             x = (self._mesh.nodes + u)[p.faces]
@@ -54,7 +68,7 @@ class Loads:
         return out
 
     def forces(self, conditions: BoundaryConditions, u: Float, pressure: Float) -> Float:
-        """All external nodal forces (n, 3) N, `pressure` included."""
+        """Return all external nodal forces (n, 3) N, the nodal forces `pressure` included."""
         out = self._unit * conditions.gravity + pressure
         if conditions.drags:
             k = np.array([d.stiffness for d in conditions.drags])[:, None]
@@ -63,8 +77,12 @@ class Loads:
         return np.asarray(out)
 
     def blocks(self, conditions: BoundaryConditions, u: Float) -> list[tuple[Int, Float]]:
-        """What the loads add to the tangent: ((k,) nodes, (3 k, 3 k)) N/mm; of the follower load
-        the symmetric part."""
+        """Return the symmetric blocks that the loads add to the tangent.
+
+        Returns:
+            Pairs of node numbers (k,) and blocks (3 k, 3 k) N/mm. Of the pressure, whose tangent is
+            not symmetric, the block holds the symmetric part.
+        """
         out: list[tuple[Int, Float]] = []
         for d, nodes, w in zip(
             conditions.drags,
@@ -82,8 +100,10 @@ class Loads:
         return out
 
     def skew(self, conditions: BoundaryConditions, u: Float) -> sp.csr_matrix | None:
-        """The antisymmetric part (3 n, 3 n) of the tangent: of pressure on an open surface, whose
-        work depends on the way; None without pressure."""
+        """Return the antisymmetric part (3 n, 3 n) N/mm of the tangent, or None without pressure.
+
+        It differs from zero where pressure acts on an open surface: its work depends on the path.
+        """
         parts = []
         for p in conditions.pressures:
             if p.value == 0:
@@ -96,7 +116,7 @@ class Loads:
         return sum(parts[1:], parts[0]) if parts else None
 
     def _follower(self, p: Pressure, u: Float) -> Float:
-        """Derivative (t, 18, 18) of minus the pressure's forces on its faces."""
+        """Return the derivative (t, 18, 18) of minus the pressure's forces on its faces."""
         x = (self._mesh.nodes + u)[p.faces]
         a, b = (np.einsum("qn,tna->tqa", d, x) for d in (_BY_R, _BY_S))
         # d(a x b)/dx_m = skew(a) dN_m/ds - skew(b) dN_m/dr
@@ -108,7 +128,7 @@ class Loads:
 
 
 def _skew(v: Float) -> Float:
-    """Cross-product matrices of (..., 3)."""
+    """Return the cross-product matrices (..., 3, 3) of vectors (..., 3)."""
     x, y, z = np.moveaxis(v, -1, 0)
     o = np.zeros_like(x)
     return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(*v.shape, 3)
@@ -130,7 +150,7 @@ _FACE = np.stack(
 
 
 def _derivatives(by: Float) -> Float:
-    """Derivative of the six shape functions where the three coordinates change by `by` (3,)."""
+    """Return derivatives (6, 6) of a face's shape functions for coordinates that change by `by`."""
     corner = [(4 * _L[:, i] - 1) * by[i] for i in range(3)]
     edge = [4 * (_L[:, i] * by[j] + _L[:, j] * by[i]) for i, j in ((0, 1), (1, 2), (2, 0))]
     return np.stack(corner + edge, axis=1)

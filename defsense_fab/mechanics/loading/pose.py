@@ -1,4 +1,4 @@
-"""Poses and mixtures of poses as boundary conditions on the nodes."""
+"""Translate poses and mixtures of poses into boundary conditions on the nodes of a mesh."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.device.device import Handle, PointDrag, Pose
 from ...core.device.regions import Shape
-from ...core.device.states import shared_point
+from ...core.device.states import shared_pivot
 from ...core.errors import DeviceError
 from ..elements.tet10 import QuadraticMesh, boundary_faces
 from .boundary_conditions import BoundaryConditions, Pressure, RigidHandle, Slide
 
-#: Standard gravity in mm/s^2, and g/cm^3 in t/mm^3: forces come out in N.
-_GRAVITY, _DENSITY = 9806.65, 1e-9
+_GRAVITY_MM_S2 = 9806.65  # standard gravity (CGPM 1901)
+_T_PER_MM3 = 1e-9  # of 1 g/cm^3: with mm and s, forces are in N
 
 
 def mix_poses(
@@ -26,18 +26,31 @@ def mix_poses(
     mesh: QuadraticMesh,
     density: float = 0.0,
 ) -> BoundaryConditions:
-    """The weighted mixture: rotation vectors, translations and loads add up.
+    """Build the boundary conditions of a weighted mixture of poses.
 
-    A region that one pose leaves free and another moves is moved on from where the first leaves it.
-    It rotates about the point that its handle names, or the middle of its nodes' bounding box;
-    `density` in g/cm^3. Raises DeviceError for a region without nodes and for regions that overlap
-    with different motions.
+    Rotation vectors, translations and loads of the poses add up. A region that one pose is_turned_out free
+    and another moves is first solved free, then moved from there. A handle rotates about the point
+    that it names, or about the middle of its nodes' bounding box.
+
+    Args:
+        poses: All poses of the device.
+        weights: Weight of each pose in the mixture, by name; others have none.
+        regions: Shapes of the regions, by name.
+        mesh: Mesh of the body.
+        density: Density of the material, g/cm^3, for gravity.
+
+    Returns:
+        Boundary conditions at the full amplitude.
+
+    Raises:
+        DeviceError: If a region holds too few nodes or no face, regions overlap with different
+            motions, the poses contradict each other, or a handle is_turned_out a plane of symmetry.
     """
     label = " + ".join(f"{w:g} {n}" for n, w in weights.items())
     nodes = mesh.nodes
     fixed: set[str] = set()
     handles: dict[str, Handle] = {}
-    given: dict[str, Float] = {}
+    prescribed: dict[str, Float] = {}
     slides: dict[str, list[Float]] = {}
     drags: list[PointDrag] = []
     pressures: dict[str, float] = {}
@@ -49,10 +62,12 @@ def mix_poses(
         fixed |= set(pose.fixed)
         for h in pose.handles:
             scaled = replace(h, rotation=weight * h.rotation, translation=weight * h.translation)
-            known = handles.get(h.region)
-            handles[h.region] = scaled if known is None else _add(known, scaled, label)
-            told = np.stack([given.get(h.region, np.full(3, np.nan)), scaled.translation])
-            given[h.region] = np.where(np.isnan(told).all(0), np.nan, np.nansum(told, axis=0))
+            previous = handles.get(h.region)
+            handles[h.region] = scaled if previous is None else _add(previous, scaled, label)
+            terms = np.stack([prescribed.get(h.region, np.full(3, np.nan)), scaled.translation])
+            prescribed[h.region] = np.where(
+                np.isnan(terms).all(0), np.nan, np.nansum(terms, axis=0)
+            )
         for s in pose.symmetry:
             slides.setdefault(s.region, []).append(s.normal)
         drags += [replace(d, by=weight * d.by) for d in pose.drags]
@@ -71,30 +86,31 @@ def mix_poses(
     owner = _owners(fixed, handles, regions, nodes, label)
     held = np.flatnonzero(np.isin(owner.astype(str), sorted(fixed)))
     rigid = tuple(
-        _rigid(name, np.flatnonzero(owner == name), handles[name], given[name], nodes)
+        _rigid(name, np.flatnonzero(owner == name), handles[name], prescribed[name], nodes)
         for name in sorted(handles)
     )
     planes: list[Slide] = []
     for name, normals in sorted(slides.items()):
-        own = np.flatnonzero(regions[name].contains(nodes))
-        if len(own) < 3:
-            raise _too_few(name, len(own))
+        members = np.flatnonzero(regions[name].contains(nodes))
+        if len(members) < 3:
+            raise _too_few_nodes(name, len(members))
         distinct = {n.tobytes(): n for n in normals}.values()
-        planes.extend(_slide(name, own, normal, nodes) for normal in distinct)
+        planes.extend(_slide(name, members, normal, nodes) for normal in distinct)
     conditions = BoundaryConditions(
         held,
         rigid,
         tuple(planes),
         tuple(drags),
         tuple(_pressure(name, v, regions[name], mesh) for name, v in sorted(pressures.items())),
-        gravity * (_GRAVITY * _DENSITY * density),
+        gravity * (_GRAVITY_MM_S2 * _T_PER_MM3 * density),
     )
-    _agree_with_symmetry(conditions, label)
+    _check_symmetry(conditions, label)
     return conditions
 
 
 def _add(a: Handle, b: Handle, label: str) -> Handle:
-    about = shared_point(a, b)
+    """Add the motions of two handles on one region."""
+    about = shared_pivot(a, b)
     if about is False:
         raise DeviceError(
             f"the mixture {label!r} rotations region {a.region!r} about different points",
@@ -124,7 +140,7 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
     )
 
 
-def _too_few(name: str, count: int) -> DeviceError:
+def _too_few_nodes(name: str, count: int) -> DeviceError:
     return DeviceError(
         f"contains {count} nodes of the mesh",
         code="region-too-few-nodes",
@@ -142,12 +158,12 @@ def _owners(
     nodes: Float,
     label: str,
 ) -> np.ndarray:
-    """Name of the region that holds each node (n,), empty for none."""
+    """Return the name of the region that holds each node (n,), empty for free nodes."""
     owner = np.full(len(nodes), "", dtype=object)
     for name in sorted(fixed | set(handles)):
         inside = regions[name].contains(nodes)
         if inside.sum() < 3:
-            raise _too_few(name, int(inside.sum()))
+            raise _too_few_nodes(name, int(inside.sum()))
         if np.linalg.matrix_rank(nodes[inside] - nodes[inside].mean(0), 1e-6) < 2:
             raise DeviceError(
                 "its nodes lie on a line, about which the body can turn",
@@ -156,8 +172,8 @@ def _owners(
                 action="Enlarge it",
                 region=name,
             )
-        clash = sorted(set(owner[inside]) - {""})
-        for other in clash:
+        overlapping = sorted(set(owner[inside]) - {""})
+        for other in overlapping:
             if not (name in fixed and other in fixed):
                 raise DeviceError(
                     f"in {label!r} the regions {other!r} and {name!r} overlap but move differently",
@@ -171,20 +187,25 @@ def _owners(
     return owner
 
 
-def _rigid(name: str, own: Int, handle: Handle, given: Float, nodes: Float) -> RigidHandle:
-    """The handle's nodes; `given` (3,) mm is the translation that poses ask for, NaN where none
-    does."""
+def _rigid(name: str, members: Int, handle: Handle, prescribed: Float, nodes: Float) -> RigidHandle:
+    """Build a rigid handle; `given` (3,) mm is the sum of the prescribed translations, or NaN."""
     center = handle.about
     if center is None:
-        center = (nodes[own].min(0) + nodes[own].max(0)) / 2
-    further = np.where(np.isnan(handle.translation), given, np.nan)
+        center = (nodes[members].min(0) + nodes[members].max(0)) / 2
+    further_translation = np.where(np.isnan(handle.translation), prescribed, np.nan)
     return RigidHandle(
-        own, center, handle.rotation, handle.translation, handle.free_axes, name, further
+        members,
+        center,
+        handle.rotation,
+        handle.translation,
+        handle.free_axes,
+        name,
+        further_translation,
     )
 
 
-def _slide(name: str, own: Int, normal: Float, nodes: Float) -> Slide:
-    height = nodes[own] @ normal
+def _slide(name: str, members: Int, normal: Float, nodes: Float) -> Slide:
+    height = nodes[members] @ normal
     if np.ptp(height) > 1e-3 * float(np.linalg.norm(np.ptp(nodes, axis=0))):
         raise DeviceError(
             "its nodes do not lie in one plane across the symmetry's normal (they span"
@@ -194,7 +215,7 @@ def _slide(name: str, own: Int, normal: Float, nodes: Float) -> Slide:
             action="Use a thin box about the plane",
             region=name,
         )
-    return Slide(own, normal)
+    return Slide(members, normal)
 
 
 def _pressure(name: str, value: float, shape: Shape, mesh: QuadraticMesh) -> Pressure:
@@ -211,18 +232,18 @@ def _pressure(name: str, value: float, shape: Shape, mesh: QuadraticMesh) -> Pre
     return Pressure(faces, value)
 
 
-def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
-    """A handle that touches a plane of symmetry must stay in it."""
+def _check_symmetry(conditions: BoundaryConditions, label: str) -> None:
+    """Refuse handles that touch a plane of symmetry but may leave it."""
     for slide in conditions.slides:
         n = slide.normal
         for h in conditions.handles:
             if not len(np.intersect1d(slide.nodes, h.nodes)):
                 continue
-            turned = [*h.free_axes, h.rotation]
-            leaves = any(np.linalg.norm(np.cross(axis, n)) > 1e-9 for axis in turned)
+            axes = [*h.free_axes, h.rotation]
+            is_turned_out = any(np.linalg.norm(np.cross(axis, n)) > 1e-9 for axis in axes)
             free = np.isnan(h.translation)
             if (
-                leaves
+                is_turned_out
                 or (np.abs(n[free]) > 1e-9).any()
                 or abs(n[~free] @ h.translation[~free]) > 1e-9
                 or abs(n @ np.nan_to_num(h.further_translation)) > 1e-9
@@ -230,7 +251,7 @@ def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
                 raise DeviceError(
                     f"in {label!r} the region {h.name!r} touches a plane of symmetry but may leave"
                     " it",
-                    code="region-leaves-symmetry",
+                    code="region-is_turned_out-symmetry",
                     where="device.toml: poses",
                     action="Turn it about the plane's normal only and prescribe 0 for its"
                     " translation along the normal",

@@ -1,8 +1,9 @@
-"""Elimination: boundary conditions as a map from few unknowns to all nodal positions.
+"""Eliminate boundary conditions: map few unknowns to the positions of all nodes.
 
 Nothing is enforced by penalty. A free node has three unknowns, a sliding node those along its
-plane, a rigid handle its free translations and rotations; everything else is prescribed. Unknowns
-of one node or handle stand together (a group), which is how the matrix pattern is found quickly.
+plane, and a rigid handle its free translations and rotations; everything else is prescribed. The
+unknowns of one node or handle are consecutive and form a group, so that the pattern of the matrix
+is found quickly from the pattern of the groups.
 """
 
 from __future__ import annotations
@@ -22,16 +23,23 @@ from .boundary_conditions import BoundaryConditions, State, rotation_matrix
 
 
 class Reduction:
-    """The unknowns of one structure of boundary conditions on a mesh; `size` of them.
+    """The unknowns of one structure of boundary conditions on a mesh.
 
-    `dof` (n, 6) are the unknowns that move a node (-1: none), `basis` (n, 3, 6) how they do:
-    three translations, then rotations of its handle about the current centre.
+    Args:
+        mesh: The mesh.
+        conditions: Conditions of that structure.
+
+    Attributes:
+        mesh: The mesh.
+        size: Number of unknowns.
+        dof: (n, 6) numbers of the unknowns that move each node, -1 for none: three translations,
+            then rotations of its handle about the current center.
     """
 
     def __init__(self, mesh: QuadraticMesh, conditions: BoundaryConditions) -> None:
         self.mesh = mesh
         count = len(mesh.nodes)
-        self._local = np.full((count, 6), -1)  # of the unknown within its group
+        self._local = np.full((count, 6), -1)  # number of the unknown within its group
         self._basis = np.zeros((count, 3, 6))
         self._basis[:, :, :3] = np.eye(3)
         self._special = np.zeros(count, bool)
@@ -73,15 +81,16 @@ class Reduction:
 
     @property
     def active(self) -> QuadraticMesh:
-        """The mesh without the tets that lie wholly in one rigid piece."""
+        """The mesh without the tets that lie entirely in one rigid piece."""
         return self._active
 
     @property
     def is_free(self) -> Float:
-        """(n,) bool: nodes with three unknowns of their own."""
+        """(n,) bool, whether a node has three unknowns that move no other node."""
         return np.asarray((self._group >= 0) & ~self._special)
 
     def _pattern(self, size: Int) -> None:
+        """Find the sparsity pattern of the matrix from the sizes of the groups."""
         groups = self._group[self._active.cells]
         rows, columns = np.repeat(groups, 10, axis=1).ravel(), np.tile(groups, (1, 10)).ravel()
         keep = (rows >= 0) & (columns >= rows)
@@ -102,7 +111,7 @@ class Reduction:
         self._sorted_keys: Int | None = None
 
     def place(self, state: State, goal: BoundaryConditions) -> State:
-        """The prescribed parts moved to their values in `goal`; unknowns stay where they are."""
+        """Return the state with its prescribed parts moved to `goal`; the unknowns stay."""
         rotations, translations, u = (
             state.rotations.copy(),
             state.translations.copy(),
@@ -111,13 +120,13 @@ class Reduction:
         for i, h in enumerate(goal.handles):
             if len(h.free_axes) == 0:
                 rotations[i] = rotation_matrix(h.rotation)
-            known = ~np.isnan(h.translation)
-            translations[i][known] = h.translation[known]
+            is_prescribed = ~np.isnan(h.translation)
+            translations[i][is_prescribed] = h.translation[is_prescribed]
             self._carry(u, h.nodes, h.center, rotations[i], translations[i])
         return State(u, rotations, translations, goal)
 
     def move(self, state: State, q: Float) -> State:
-        """The state moved along unknowns q (size,); handles turn by the exponential map."""
+        """Return the state moved by unknowns q (size,); handles turn by the exponential map."""
         u = state.u + self.displacement_increment(state, q)
         rotations, translations = state.rotations.copy(), state.translations.copy()
         for i, h in enumerate(state.conditions.handles):
@@ -132,12 +141,17 @@ class Reduction:
         return replace(state, u=u, rotations=rotations, translations=translations)
 
     def apply_guess(self, placed: State, u: Float) -> State:
-        """The placed state with free nodes at u (n, 3) mm, and handles moved after them where
-        their translation is free; sliding nodes stay."""
+        """Move the free nodes of a placed state to guessed displacements.
+
+        Args:
+            placed: State with its prescribed parts in place.
+            u: Guess (n, 3) mm. Handles follow it where their translation is free; sliding nodes
+                stay.
+        """
         out, translations = np.where(self.is_free[:, None], u, placed.u), placed.translations.copy()
         for i, h in enumerate(placed.conditions.handles):
-            loose = np.isnan(h.translation)
-            translations[i][loose] += (u - placed.u)[h.nodes].mean(0)[loose]
+            free = np.isnan(h.translation)
+            translations[i][free] += (u - placed.u)[h.nodes].mean(0)[free]
             self._carry(out, h.nodes, h.center, placed.rotations[i], translations[i])
         return replace(placed, u=out, translations=translations)
 
@@ -146,7 +160,7 @@ class Reduction:
         u[nodes] = arm @ (turn - np.eye(3)).T + shift
 
     def basis(self, state: State) -> Float:
-        """(n, 3, 6): how the unknowns move each node at this state."""
+        """Return (n, 3, 6), the derivative of each node's position by its six unknowns."""
         for h, turn in zip(state.conditions.handles, state.rotations, strict=True):
             if len(h.free_axes):
                 arm = (self.mesh.nodes[h.nodes] - h.center) @ turn.T
@@ -155,7 +169,7 @@ class Reduction:
         return self._basis
 
     def displacement_increment(self, state: State, q: Float) -> Float:
-        """First-order displacements (n, 3) of unknowns q (size,)."""
+        """Return the displacements (n, 3) of unknowns q (size,) to first order."""
         values = (
             np.where(self.dof >= 0, q[self.dof], 0.0) if self.size else np.zeros(self.dof.shape)
         )
@@ -163,7 +177,7 @@ class Reduction:
         return out
 
     def gradient(self, state: State, force: Float) -> Float:
-        """Generalised forces (size,) of nodal forces (n, 3)."""
+        """Return the generalized forces (size,) of nodal forces (n, 3)."""
         by = np.einsum("nad,na->nd", self.basis(state), force)
         keep = self.dof >= 0
         return np.asarray(np.bincount(self.dof[keep], by[keep], minlength=self.size), float)
@@ -179,11 +193,21 @@ class Reduction:
         threads: int = 1,
         lag: Float | None = None,
     ) -> Any:
-        """Upper triangle (CSR) of the tangent by the unknowns, at F (m, 4, 3, 3) of `active`.
+        """Assemble the tangent by the unknowns.
 
-        `extra` are further blocks ((k,) nodes, (3 k, 3 k)) of loads; with the nodal `force` (n, 3)
-        the second derivative of the handles' rotations is counted, which the true Hessian needs.
-        `share` and `lag` (m, 4) are those of `energy_density.tangent`.
+        Args:
+            state: The current state.
+            material: The material.
+            F: Deformation gradients (m, 4, 3, 3) of the `active` mesh.
+            share: Share of the negative part removed, see `energy_density.tangent`.
+            extra: Blocks of loads: node numbers (k,) and (3 k, 3 k) N/mm.
+            force: Nodal forces (n, 3) N. With them the second derivative of the handles' rotations
+                is included, as the true Hessian requires.
+            threads: Largest number of threads.
+            lag: Pressure difference (m, 4) MPa, see `energy_density.tangent`; zero by default.
+
+        Returns:
+            Upper triangle (CSR) of the (size, size) tangent.
         """
         mesh = self._active
         chunks = max(1, min(threads, len(mesh.cells) // 200))
@@ -218,18 +242,18 @@ class Reduction:
         dof = self.dof[nodes].ravel()
         keep = (dof[:, None] >= 0) & (dof[None] >= dof[:, None])
         rows, columns = np.nonzero(keep)
-        wanted = dof[rows] * self.size + dof[columns]
-        np.add.at(values, np.searchsorted(self._keys(), wanted), width[rows, columns])
+        entries = dof[rows] * self.size + dof[columns]
+        np.add.at(values, np.searchsorted(self._keys(), entries), width[rows, columns])
 
     def _keys(self) -> Int:
-        """Row times size plus column of each stored entry, increasing."""
+        """Return row times size plus column of each stored entry, increasing."""
         if self._sorted_keys is None:
             rows = np.repeat(np.arange(self.size), np.diff(self._indptr))
             self._sorted_keys = rows * self.size + self._indices
         return self._sorted_keys
 
     def reduced(self, state: State, full: Any) -> Any:
-        """T^T A T of a sparse A (3 n, 3 n), T the derivative of the nodes by the unknowns."""
+        """Return T^T A T for a sparse A (3 n, 3 n), T being the nodes' derivative by unknowns."""
         keep = self.dof >= 0
         node, column = np.nonzero(keep)
         rows = (3 * node[:, None] + np.arange(3)).ravel()
@@ -257,14 +281,14 @@ class Reduction:
 
 
 def _sliding(conditions: BoundaryConditions, free: Float) -> list[tuple[Int, Float]]:
-    """Nodes with the same sliding planes, and an orthonormal basis (3, d) of where they may go."""
+    """Group nodes by their sliding planes, each group with a basis (3, d) of its free directions."""
     normals: dict[int, list[Float]] = {}
     for slide in conditions.slides:
         for n in slide.nodes[free[slide.nodes]]:
             normals.setdefault(int(n), []).append(slide.normal)
     kinds: dict[bytes, tuple[list[int], Float]] = {}
-    for n, own in normals.items():
-        stacked = np.array(own)
+    for n, planes in normals.items():
+        stacked = np.array(planes)
         kinds.setdefault(stacked.tobytes(), ([], stacked))[0].append(n)
     out = []
     for nodes, stacked in kinds.values():
@@ -275,17 +299,18 @@ def _sliding(conditions: BoundaryConditions, free: Float) -> list[tuple[Int, Flo
 
 
 def _deforming(mesh: QuadraticMesh, conditions: BoundaryConditions) -> Float:
+    """Return (m,) bool, whether a tet is not entirely in one rigid piece."""
     owner = np.full(len(mesh.nodes), -1)
     owner[conditions.fixed] = 0
     for i, h in enumerate(conditions.handles):
         owner[h.nodes] = i + 1
-    of = owner[mesh.cells]
-    return np.asarray((of[:, 0] < 0) | (of != of[:, :1]).any(axis=1))
+    owners = owner[mesh.cells]
+    return np.asarray((owners[:, 0] < 0) | (owners != owners[:, :1]).any(axis=1))
 
 
 @compiled()
 def _expand_pattern(indptr, indices, start, size):  # type: ignore[no-untyped-def]
-    """Group pattern (upper, diagonal first in a row) to the pattern of unknowns."""
+    """Expand the pattern of groups (upper, diagonal first in a row) to that of the unknowns."""
     total = start[-1]
     out = np.zeros(total + 1, np.int32)
     for g in range(len(size)):
@@ -314,7 +339,7 @@ def _expand_pattern(indptr, indices, start, size):  # type: ignore[no-untyped-de
 
 @compiled()
 def _pair_offsets(groups, indptr, indices, size):  # type: ignore[no-untyped-def]
-    """(m, 10, 10): where the second node's group starts in the first's rows, after its own."""
+    """Return (m, 10, 10), the offset of the second node's group in rows of the first one's group."""
     before = np.zeros(len(indices), np.int32)
     for g in range(len(size)):
         at = 0

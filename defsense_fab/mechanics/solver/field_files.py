@@ -12,9 +12,9 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.storage import typed_json
-from ...core.storage.build_folder import BUILD_AGAIN
+from ...core.device.build_folder import BUILD_AGAIN
 from ...core.storage.files import digest
-from ...core.storage.vtu_file import read_vtu
+from ...core.vtu_file import read_vtu
 from ..elements.tet10 import QuadraticMesh
 from . import fields
 

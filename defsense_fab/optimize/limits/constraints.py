@@ -14,17 +14,17 @@ from ...core.device.device import Sensor
 from ...core.machine.compiled import compiled
 from ...core.machine.copying import copy_row, copy_rows
 from ...core.mesh import Surface
-from ...geometry.channels.channel_ends import INLET_SLOPE
+from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.kernels import surface_queries
 from ...geometry.kernels.surface_queries import SignedDistance
-from ..problem.cord_kinematics import PlacedCord, cord_at
+from ..problem.cord_kinematics import PlacedCord, place_cord
 from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Limits
-from .polyline_distance import nearest, nearest_strand
+from .polyline_distance import nearest_on_polyline, nearest_on_strand
 
 # A cord's samples with its straight runs to the surface, and how they move with its parameters.
 
-RUN = 4  # samples of a straight run to the surface
+RUN_SAMPLES = 4  # samples of a straight run to the surface
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,14 @@ class FullPath:
 
 @compiled()
 def _with_runs(path, runs):  # type: ignore[no-untyped-def]
-    a, b = RUN * (runs[0] > 0), RUN * (runs[1] > 0)
+    a, b = RUN_SAMPLES * (runs[0] > 0), RUN_SAMPLES * (runs[1] > 0)
     count = len(path)
     out = np.empty((a + count + b, 3))
     copy_rows(path, out[a : a + count])
     for end, before, number, length in ((0, 1, a, runs[0]), (count - 1, count - 2, b, runs[1])):
         if number:
             step = path[end] - path[before]
-            step *= length / np.sqrt((step**2).sum()) / RUN
+            step *= length / np.sqrt((step**2).sum()) / RUN_SAMPLES
             for k in range(number):
                 at = a - 1 - k if end == 0 else a + count + k
                 copy_row(path[end] + (k + 1) * step, out[at])
@@ -69,7 +69,7 @@ def _with_runs(path, runs):  # type: ignore[no-untyped-def]
 def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
     """What moves the samples (q,) along the directions (q, 3), told by the path's own samples:
     which of the q (m,), the path's sample (m,), its direction (m, 3)."""
-    a, count = RUN * (runs[0] > 0), len(path)
+    a, count = RUN_SAMPLES * (runs[0] > 0), len(path)
     rows, on = np.empty(2 * len(samples), np.int64), np.empty(2 * len(samples), np.int64)
     along = np.empty((2 * len(samples), 3))
     m = 0
@@ -82,9 +82,9 @@ def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
             continue
         # A run's sample turns with the path's last step.
         if i < 0:
-            end, before, s = 0, 1, -i * runs[0] / RUN
+            end, before, s = 0, 1, -i * runs[0] / RUN_SAMPLES
         else:
-            end, before, s = count - 1, count - 2, (i - count + 1) * runs[1] / RUN
+            end, before, s = count - 1, count - 2, (i - count + 1) * runs[1] / RUN_SAMPLES
         step = path[end] - path[before]
         size = np.sqrt((step**2).sum())
         step /= size
@@ -97,14 +97,14 @@ def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
 
 
 #: An end further than this from the surface leaves cord that the signal does not count, mm.
-LONGEST_INLET = 12.0
+MAX_INLET_MM = 12.0
 #: Part of the limits that the optimiser keeps in hand for what its samples miss, mm.
-MARGIN = 0.1
-_SLACK = 1.05  # the same for the radius of curvature
-_FAR = 1e3
+MARGIN_MM = 0.1
+_RADIUS_MARGIN = 1.05  # the same for the radius of curvature
+_NO_DISTANCE_MM = 1e3
 
 
-def to_exits(sensor: Sensor, surface: Surface) -> Float:
+def exit_distances(sensor: Sensor, surface: Surface) -> Float:
     """How far (mm) the path's two ends run on straight before they leave the body, (2,); inf where
     an end does not leave."""
     ends = sensor.plane.to_world(sensor.curve.points[[0, -1]])
@@ -122,13 +122,13 @@ def run_lengths(ends: Float) -> Float:
     return np.asarray(np.where(np.isfinite(ends) & (ends > 2.1), ends - 2, 0))
 
 
-def depth_before_exit(to_exit: Float, limits: Limits) -> tuple[Float, Float]:
+def required_depth(to_exit: Float, limits: Limits) -> tuple[Float, Float]:
     """Least depth `to_exit` mm of channel before the surface, with a margin, and how it grows with
     that: the full wall, also beside a pocket at the end, less in the cone of an inlet."""
     length, diameter = limits.pocket
-    slope = INLET_SLOPE * (1 + MARGIN / limits.depth)
+    slope = MAX_INLET_SLOPE * (1 + MARGIN_MM / limits.depth)
     wide = max(limits.wall + diameter / 2, limits.depth)
-    full = np.where(to_exit < length, wide, limits.depth) + MARGIN
+    full = np.where(to_exit < length, wide, limits.depth) + MARGIN_MM
     cone = slope * to_exit
     return np.minimum(full, cone), np.where(cone < full, slope, 0.0)
 
@@ -156,9 +156,9 @@ class _Inlets:
 
     @classmethod
     def of(cls, cord: CordParameters, depth: SignedDistance, surface: Surface) -> _Inlets:
-        lengths = to_exits(cord.sensor, surface)
+        lengths = exit_distances(cord.sensor, surface)
         runs = run_lengths(lengths)
-        track = FullPath.of(cord_at(cord, np.zeros(cord.size)), runs)
+        track = FullPath.of(place_cord(cord, np.zeros(cord.size)), runs)
         points, path = track.points, track.placed.points
         out = path[[0, -1]] - path[[1, -2]]
         out /= np.linalg.norm(out, axis=1, keepdims=True)
@@ -168,10 +168,10 @@ class _Inlets:
         normals = np.where(finite[:, None], -depth.with_gradient(below)[1], 0.0)
         along = arc_lengths(points)
         i = np.arange(len(points))
-        near = np.minimum(i, i[::-1]) < 12 + RUN
+        near = np.minimum(i, i[::-1]) < 12 + RUN_SAMPLES
         both = np.stack([along, along[-1] - along])
-        least = np.minimum(5 * MARGIN, lengths)
-        most = np.maximum(LONGEST_INLET - 5 * MARGIN, np.where(finite, lengths, 0.0))
+        least = np.minimum(5 * MARGIN_MM, lengths)
+        most = np.maximum(MAX_INLET_MM - 5 * MARGIN_MM, np.where(finite, lengths, 0.0))
         ends = (both.min(axis=0), both.argmin(axis=0))
         return cls(normals, exits, runs, least, most, i[near], i[~near], *ends)
 
@@ -180,7 +180,7 @@ class _Inlets:
         the derivatives (2, size)."""
         value, row = np.full(2, np.inf), np.zeros((2, size))
         path = track.placed.points
-        count, first = len(path), RUN * (self.runs[0] > 0)
+        count, first = len(path), RUN_SAMPLES * (self.runs[0] > 0)
         for e, (end, before) in enumerate(((0, 1), (count - 1, count - 2))):
             step = path[end] - path[before]
             long = np.linalg.norm(step)
@@ -221,7 +221,7 @@ class Constraints:
     def __call__(self, x: Float) -> tuple[Float, Float]:
         """Values (g,) and derivatives (g, size)."""
         tracks = [
-            FullPath.of(cord_at(cord, x[columns]), inlets.runs)
+            FullPath.of(place_cord(cord, x[columns]), inlets.runs)
             for cord, columns, inlets in zip(self._cords, self._columns, self._inlets, strict=True)
         ]
         values, rows = [], []
@@ -237,8 +237,8 @@ class Constraints:
         radius = self._limits.min_radius
         for cord, track, columns in zip(self._cords, tracks, self._columns, strict=True):
             if len(cord.rows):
-                room, by = track.placed.turning(_SLACK * radius)
-                worst = _worst_of_each(room, self._stride)
+                room, by = track.placed.turning(_RADIUS_MARGIN * radius)
+                worst = _worst_of_groups(room, self._stride)
                 wide = np.zeros((len(worst), self._size))
                 wide[:, columns] = radius * by[worst]
                 values.append(radius * room[worst])
@@ -258,9 +258,9 @@ class Constraints:
         inlets, size = self._inlets[i], self._size
         lengths, by = inlets.lengths(tracks[i], self._cords[i].size)
         rest = lengths - inlets.runs
-        need, growth = depth_before_exit(inlets.along + rest[inlets.end], self._limits)
+        need, growth = required_depth(inlets.along + rest[inlets.end], self._limits)
         room = depth - need
-        worst = inlets.far[_worst_of_each(room[inlets.far], self._stride)]
+        worst = inlets.far[_worst_of_groups(room[inlets.far], self._stride)]
         few = np.sort(np.concatenate([inlets.near, worst]))
         row = self._rows(tracks, len(few), (i, few, inward[few]))
         tilt = np.zeros_like(row)
@@ -276,7 +276,7 @@ class Constraints:
                 left = long + lengths[leaves].sum() - bound
                 wide = np.zeros((1, size))
                 wide[0, self._columns[i]] = sign * (by_long + by[leaves].sum(axis=0))
-                values.append(np.array([sign * left - MARGIN]))
+                values.append(np.array([sign * left - MARGIN_MM]))
                 rows.append(wide)
         return values, rows
 
@@ -295,17 +295,19 @@ class Constraints:
         parts). All samples are looked at; a coarser polyline would cut the bends short."""
         a, b = tracks[i].points, tracks[j].points
         if i == j:
-            distance, segment, where = nearest_strand(a, separation(self._limits))
+            distance, segment, where = nearest_on_strand(a, strand_separation(self._limits))
         else:
-            distance, segment, where = nearest(a, b)
-        p = _worst_of_each(distance, self._stride)
+            distance, segment, where = nearest_on_polyline(a, b)
+        p = _worst_of_groups(distance, self._stride)
         k, best, w = segment[p], distance[p], where[p][:, None]
         unit = (a[p] - (1 - w) * b[k] - w * b[k + 1]) / np.maximum(best, 1e-9)[:, None]
         unit[~np.isfinite(best)] = 0.0
         row = self._rows(
             tracks, len(p), (i, p, unit), (j, k, (w - 1) * unit), (j, k + 1, -w * unit)
         )
-        return np.where(np.isfinite(best), best, _FAR) - self._limits.clearance - MARGIN, row
+        return np.where(
+            np.isfinite(best), best, _NO_DISTANCE_MM
+        ) - self._limits.clearance - MARGIN_MM, row
 
 
 def _length(placed: PlacedCord) -> tuple[float, Float]:
@@ -318,13 +320,13 @@ def _length(placed: PlacedCord) -> tuple[float, Float]:
     return float(size.sum()), placed.pull_one(by_points)
 
 
-def _worst_of_each(values: Float, count: int) -> Int:
+def _worst_of_groups(values: Float, count: int) -> Int:
     """Index of the smallest of every `count` neighbours; looking at all of them misses nothing
     and keeps the rows few."""
     padded = np.append(values, np.full(-len(values) % count, np.inf)).reshape(-1, count)
     return np.asarray(padded.argmin(axis=1) + count * np.arange(len(padded)))
 
 
-def separation(limits: Limits) -> float:
+def strand_separation(limits: Limits) -> float:
     """Length along one cord from which on two of its points count as separate strands, mm."""
     return float(np.pi * max(limits.min_radius, limits.clearance / 2))

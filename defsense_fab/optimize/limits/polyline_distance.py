@@ -9,14 +9,14 @@ from ...core.curve import arc_lengths
 from ...core.machine.compiled import compiled
 
 
-def nearest(points: Float, line: Float) -> tuple[Float, Int, Float]:
+def nearest_on_polyline(points: Float, line: Float) -> tuple[Float, Int, Float]:
     """Distance (p,) of points (p, 3) from a polyline (q, 3), the segment (p,) where it is
     attained, and where on that segment (p,), 0 to 1."""
     none = np.zeros(0)
     return _nearest(points, line, none, none, 0.0)  # type: ignore[no-any-return]
 
 
-def nearest_strand(path: Float, apart: float) -> tuple[Float, Int, Float]:
+def nearest_on_strand(path: Float, apart: float) -> tuple[Float, Int, Float]:
     """Like `nearest` for a path (p, 3) and itself, where segments less than `apart` mm further
     along do not count; the distance is inf where none is left."""
     along = arc_lengths(path)
@@ -24,9 +24,9 @@ def nearest_strand(path: Float, apart: float) -> tuple[Float, Int, Float]:
     return _nearest(path, path, along, middle, apart + longest)  # type: ignore[no-any-return]
 
 
-def gaps(paths: Float, line: Float) -> Float:
+def path_gaps(paths: Float, line: Float) -> Float:
     """Least distance (c,) of the points of each path (c, p, 3) from a polyline (q, 3)."""
-    distance = nearest(paths.reshape(-1, 3), line)[0].reshape(paths.shape[:2])
+    distance = nearest_on_polyline(paths.reshape(-1, 3), line)[0].reshape(paths.shape[:2])
     return np.asarray(distance.min(axis=1))
 
 

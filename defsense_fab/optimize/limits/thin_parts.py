@@ -9,17 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curve import coincident, sample_path
+from ...core.curve import group_coincident_planes, sample_path
 from ...core.device.device import Sensor
 from ...geometry.parts.cut_orders import cut_orders
-from ..problem.cord_kinematics import cord_at
+from ..problem.cord_kinematics import place_cord
 from ..problem.cord_parameters import CordParameters
-from ..problem.problem import Problem, evenly
+from ..problem.problem import Problem, sample_interior
 
 #: Points that stand for the body's volume, and for its surface, where the thinnest wedges end.
-_VOLUME, _SURFACE = 3000, 1500
+_VOLUME_POINTS, _SURFACE_POINTS = 3000, 1500
 _MARGIN = 1.2  # what the points may miss
-_FEW = 64  # cells, beyond which those without points are worth leaving out
+_MAX_NUMBERED_CELLS = 64  # cells, beyond which those without points are worth leaving out
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class ThinParts:
 
     def __init__(self, problem: Problem) -> None:
         rng = np.random.default_rng(0)
-        volume, surface = evenly(problem, _VOLUME, rng), problem.surface
-        skin = surface.scatter(_SURFACE, rng)
-        self._points = np.concatenate([volume, surface.vertices[:_SURFACE], skin])
+        volume, surface = sample_interior(problem, _VOLUME_POINTS, rng), problem.surface
+        skin = surface.scatter(_SURFACE_POINTS, rng)
+        self._points = np.concatenate([volume, surface.vertices[:_SURFACE_POINTS], skin])
         depth = problem.depth(volume)
         self._depth = np.concatenate([depth, np.zeros(len(self._points) - len(depth))])
         self._limits = problem.limits
@@ -54,7 +54,7 @@ class ThinParts:
         others not to be."""
         ends = np.cumsum([0, *(c.size for c in cords)])
         parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
-        placed = [cord_at(c, new[p]) for c, p in zip(cords, parts, strict=True)]
+        placed = [place_cord(c, new[p]) for c, p in zip(cords, parts, strict=True)]
         found = self._first([at.sensor() for at in placed])
         if found is None:
             return None
@@ -64,7 +64,7 @@ class ThinParts:
             now, by = placed[owner].height(point)
             side = 1.0 if now >= 0 else -1.0
             value += side * now
-            was += side * cord_at(cords[owner], old[parts[owner]]).height(point)[0]
+            was += side * place_cord(cords[owner], old[parts[owner]]).height(point)[0]
             row[parts[owner]] += side * by
         if was > value:
             return np.array([value - 1.5 * max(value, self._limits.wall)]), row[None]
@@ -73,7 +73,7 @@ class ThinParts:
     def _first(self, sensors: Sequence[Sensor]) -> tuple[Float, tuple[int, ...]] | None:
         """The point deepest inside the thinnest sliver of the best order of cuts, and the cords
         whose planes are the nearest two there."""
-        own = coincident([s.plane for s in sensors])
+        own = group_coincident_planes([s.plane for s in sensors])
         planes = [sensors[cords[0]].plane for cords in own]
         paths = [sample_path(s)[::6] for s in sensors]
         points = np.concatenate([self._points, *paths])
@@ -82,7 +82,9 @@ class ThinParts:
             _cells(heights), np.cumsum([len(self._points), *map(len, paths[:-1])])
         )
         heights = heights[:, : len(cells)]
-        volume = np.bincount(cells[:_VOLUME], minlength=int(cells.max()) + 1) / _VOLUME
+        volume = (
+            np.bincount(cells[:_VOLUME_POINTS], minlength=int(cells.max()) + 1) / _VOLUME_POINTS
+        )
         above = [_cell_set(cells[h > 0]) for h in heights]
         parts: list[Leaf] = []
         best: tuple[int, float] | None = None
@@ -95,7 +97,7 @@ class ThinParts:
         thin: list[tuple[float, Leaf, Int]] = []
         for leaf in parts:
             inside = np.flatnonzero(np.isin(np.arange(len(volume)), _members(leaf.cells))[cells])
-            thickness = self._thickness(inside[inside < _VOLUME], leaf, heights)
+            thickness = self._thickness(inside[inside < _VOLUME_POINTS], leaf, heights)
             share = float(volume[_members(leaf.cells)].sum())
             least = self._limits.wall, self._limits.smallest_part
             if thickness < _MARGIN * least[0] or share < _MARGIN * least[1]:
@@ -124,7 +126,7 @@ def _cells(heights: Float) -> Int:
     out = np.zeros(heights.shape[1], int)
     for above in heights > 0:
         out = 2 * out + above
-        if out.max() > _FEW:
+        if out.max() > _MAX_NUMBERED_CELLS:
             out = np.unique(out, return_inverse=True)[1]
     return out
 

@@ -13,18 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.curve import arc_lengths, bend_radius, per_span_for_spacing, sample_path
 from ...core.device.device import Sensor
 from ...core.mesh import Surface
-from ...geometry.channels.channel_ends import INLET_SLOPE
+from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.kernels import surface_queries
-from ...geometry.kernels.surface_queries import SignedDistance, distances_of
+from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ..problem.problem import Limits
-from .constraints import LONGEST_INLET
+from .constraints import MAX_INLET_MM
 
-_TOLERANCE = 1e-3
-_SPACING = 0.25  # mm, between samples
+_TOLERANCE_MM = 1e-3
+_SPACING_MM = 0.25  # mm, between samples
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,11 @@ def verify(
 ) -> LayoutCheck:
     """Check every cord and every pair on samples about 0.25 mm apart; `depth` below the surface,
     where it is known already."""
-    depth = depth or distances_of(surface)
-    paths = [sample_path(s, per_span_for_spacing(s.curve, _SPACING)) for s in sensors]
-    cords = tuple(_cord(s, p, surface, limits, depth) for s, p in zip(sensors, paths, strict=True))
+    depth = depth or signed_distance_of(surface)
+    paths = [sample_path(s, per_span_for_spacing(s.curve, _SPACING_MM)) for s in sensors]
+    cords = tuple(
+        _check_cord(s, p, surface, limits, depth) for s, p in zip(sensors, paths, strict=True)
+    )
     dense = [_with_runs(p, c.inlets) for p, c in zip(paths, cords, strict=True)]
     problems = [p for c in cords for p in c.problems]
     broken = [c.broken for c in cords]
@@ -91,23 +93,23 @@ def verify(
             gap, _ = cKDTree(dense[j]).query(dense[i])
             k = int(gap.argmin())
             closest = float(gap[k]) if closest is None else min(closest, float(gap[k]))
-            if gap[k] < limits.clearance - _TOLERANCE:
+            if gap[k] < limits.clearance - _TOLERANCE_MM:
                 problems.append(
                     LimitViolation(
                         "cords-too-close",
                         f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
-                        f" {gap[k]:.2f} mm near {xyz(dense[i][k])}; {limits.clearance:.2f} mm is"
+                        f" {gap[k]:.2f} mm near {format_point(dense[i][k])}; {limits.clearance:.2f} mm is"
                         " needed",
                         (sensors[i].name, sensors[j].name),
                         float(gap[k]),
                     )
                 )
-                broken.append(dense[i][gap < limits.clearance - _TOLERANCE])
+                broken.append(dense[i][gap < limits.clearance - _TOLERANCE_MM])
     every = np.concatenate(broken) if broken else np.zeros((0, 3))
     return LayoutCheck(cords, closest, tuple(problems), every)
 
 
-def _cord(
+def _check_cord(
     sensor: Sensor, points: Float, surface: Surface, limits: Limits, depth_of: SignedDistance
 ) -> CordCheck:
     problems: list[LimitViolation] = []
@@ -117,48 +119,51 @@ def _cord(
         problems.append(LimitViolation(code, message, (sensor.name,), float(value)))
 
     name = f"cord {sensor.name!r}"
-    start, end = _inlet(points[0], points[1], surface), _inlet(points[-1], points[-2], surface)
+    start, end = (
+        _inlet_length(points[0], points[1], surface),
+        _inlet_length(points[-1], points[-2], surface),
+    )
     inlets = (start, end)
     path_depth = depth_of(points)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     length = float(step.sum())
-    if path_depth.min() < -_TOLERANCE:
+    if path_depth.min() < -_TOLERANCE_MM:
         k = int(path_depth.argmin())
         add(
             "path-leaves-body",
             -path_depth[k],
-            f"{name} leaves the body near {xyz(points[k])}, {-path_depth[k]:.2f} mm outside",
+            f"{name} leaves the body near {format_point(points[k])}, {-path_depth[k]:.2f} mm outside",
         )
-        broken.append(points[path_depth < -_TOLERANCE])
+        broken.append(points[path_depth < -_TOLERANCE_MM])
     for inlet, which in zip(inlets, ("start", "end"), strict=True):
-        if inlet > LONGEST_INLET and not problems:
+        if inlet > MAX_INLET_MM and not problems:
             add(
                 "end-far-from-surface",
                 inlet,
                 f"{name}: its {which} lies {inlet:.1f} mm from where it leaves the body; move the"
-                f" end within {LONGEST_INLET:g} mm of the surface",
+                f" end within {MAX_INLET_MM:g} mm of the surface",
             )
     whole = points if problems else _with_runs(points, inlets)
     depth = depth_of(whole)
     along = arc_lengths(whole)
     if not problems:
         to_exit = np.minimum(along, along[-1] - along)
-        slack = depth - np.minimum(limits.depth, INLET_SLOPE * to_exit)
+        slack = depth - np.minimum(limits.depth, MAX_INLET_SLOPE * to_exit)
         k = int(slack.argmin())
-        if slack[k] < -_TOLERANCE:
+        if slack[k] < -_TOLERANCE_MM:
             wall = depth[k] - limits.channel_diameter / 2
             add(
                 "wall-too-thin",
                 wall,
-                f"{name} leaves a wall of {wall:.2f} mm near {xyz(whole[k])};"
+                f"{name} leaves a wall of {wall:.2f} mm near {format_point(whole[k])};"
                 f" {limits.wall:.2f} mm is needed",
             )
-            broken.append(whole[slack < -_TOLERANCE])
-    inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
+            broken.append(whole[slack < -_TOLERANCE_MM])
+    inside = np.minimum(along, along[-1] - along) >= limits.depth / MAX_INLET_SLOPE
     wall_depth = depth[inside].min() if inside.any() else depth.max()
     whole_length = length + sum(inlets)
     if not problems and not (
-        limits.shortest - _TOLERANCE <= whole_length <= limits.longest + _TOLERANCE
+        limits.shortest - _TOLERANCE_MM <= whole_length <= limits.longest + _TOLERANCE_MM
     ):
         add(
             "channel-length-not-allowed",
@@ -167,29 +172,29 @@ def _cord(
             " length and min_stretch, with its pockets or free ends",
         )
     radius = bend_radius(points)
-    if radius.min() < limits.min_radius - _TOLERANCE:
+    if radius.min() < limits.min_radius - _TOLERANCE_MM:
         k = int(radius.argmin())
         add(
             "bend-too-tight",
             radius[k],
-            f"{name} bends to a radius of {radius[k]:.2f} mm near {xyz(points[k + 1])};"
+            f"{name} bends to a radius of {radius[k]:.2f} mm near {format_point(points[k + 1])};"
             f" {limits.min_radius:.2f} mm is needed",
         )
-        broken.append(points[1:-1][radius < limits.min_radius - _TOLERANCE])
+        broken.append(points[1:-1][radius < limits.min_radius - _TOLERANCE_MM])
     far = np.pi * max(limits.min_radius, limits.clearance / 2)
     few = slice(None, None, 4)
     a, s = whole[few], along[few]
     gap = np.linalg.norm(a[:, None] - a[None], axis=2)
     gap[np.abs(s[:, None] - s) < far + 1] = np.inf
-    if gap.min() < limits.clearance - _TOLERANCE:
+    if gap.min() < limits.clearance - _TOLERANCE_MM:
         k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
         add(
             "cord-near-itself",
             gap.min(),
-            f"{name} comes within {gap.min():.2f} mm of itself near {xyz(a[k])};"
+            f"{name} comes within {gap.min():.2f} mm of itself near {format_point(a[k])};"
             f" {limits.clearance:.2f} mm is needed",
         )
-        broken.append(a[(gap < limits.clearance - _TOLERANCE).any(axis=1)])
+        broken.append(a[(gap < limits.clearance - _TOLERANCE_MM).any(axis=1)])
     return CordCheck(
         length,
         float(radius.min()),
@@ -200,7 +205,7 @@ def _cord(
     )
 
 
-def _inlet(end: Float, before: Float, surface: Surface) -> float:
+def _inlet_length(end: Float, before: Float, surface: Surface) -> float:
     """How far a channel runs on straight from its path's end to the surface, mm."""
     found = surface_queries.hits(end, end - before, surface)
     return float(found[0]) if len(found) else float("inf")
@@ -210,10 +215,10 @@ def _with_runs(path: Float, inlets: tuple[float, float]) -> Float:
     """The path (p, 3) with samples of its straight runs to the surface."""
 
     def run(end: Float, before: Float, inlet: float) -> Float:
-        if not 0.01 < inlet <= LONGEST_INLET:
+        if not 0.01 < inlet <= MAX_INLET_MM:
             return path[:0]
         out = (end - before) / np.linalg.norm(end - before)
-        return end + np.linspace(0, inlet, int(np.ceil(inlet / _SPACING)) + 1)[1:, None] * out
+        return end + np.linspace(0, inlet, int(np.ceil(inlet / _SPACING_MM)) + 1)[1:, None] * out
 
     start, end = run(path[0], path[1], inlets[0]), run(path[-1], path[-2], inlets[1])
     return np.concatenate([start[::-1], path, end])

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...core.curve import arc_lengths, resample, sample_path
 from ...core.device.device import Device, Sensor
-from ...core.device.materials import silicone
+from ...core.device.materials import find_silicone
 from ...core.errors import DeviceError, FabricationError
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import Pockets
-from ...geometry.channels.cord_channels import Channel, channels_of
+from ...geometry.channels.cord_channels import Channel, make_channels
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.moulds.records import MouldRules
 from ...geometry.parts.parts import make_parts
-from ...geometry.parts.records import Made, Rules
+from ...geometry.parts.records import PartSet, PartRules
 from ...sensing.built_cord import BuiltCord, needed_prestretch
 from ...sensing.response import mean_strain
 from ..limits.verification import verify
@@ -33,11 +33,11 @@ WORSE = 1.05
 _TOLERANCE = 0.05  # mm
 
 
-def rules(device: Device, bay: Prism | None = None) -> Rules:
+def rules(device: Device, bay: Prism | None = None) -> PartRules:
     """What the device's cord and process ask of its parts, whose wires end in the `bay`."""
     f = device.fabrication
     relief = f.strain_relief is not False
-    return Rules(
+    return PartRules(
         device.cord.diameter,
         device.channel_diameter,
         f.clearance,
@@ -68,7 +68,7 @@ def shrinkage(device: Device) -> float:
     given = device.fabrication.shrinkage
     if given is not None:
         return given
-    known = silicone(device.material.name)
+    known = find_silicone(device.material.name)
     return known.shrinkage if known else 0.0
 
 
@@ -79,7 +79,7 @@ def fabricate(
     report: Report,
     solid: Any = None,
     bay: Prism | None = None,
-) -> Made:
+) -> PartSet:
     """The device's parts. Raises FabricationError where a cord or a part fails a check."""
     problems = verify(sensors, surface, limits(device)).problems
     if problems:
@@ -100,7 +100,7 @@ def fabricate(
             raise FabricationError(
                 f"cord {channel.name!r}: only {stretched:.1f} mm of it are stretched between its"
                 f" ends, less than the {device.cord.min_stretch:g} mm of [cord] min_stretch; make"
-                f" its path longer near {xyz(channel.ends[0].mouth)}"
+                f" its path longer near {format_point(channel.ends[0].mouth)}"
             )
     return made
 
@@ -146,7 +146,7 @@ def _channels(
     device: Device, surface: Surface, sensors: Sequence[Sensor], bay: Prism | None
 ) -> Sequence[Channel]:
     r = rules(device, bay)
-    return channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets)
+    return make_channels(sensors, surface, r.channel, r.inner_wall, r.pockets)
 
 
 def _allows(device: Device, surface: Surface, sensors: Sequence[Sensor]) -> bool:

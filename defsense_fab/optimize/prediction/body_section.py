@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from ...core.arrays import Float, Int, xyz
+from ...core.arrays import Float, Int, format_point
 from ...core.curve import Plane
 from ...core.errors import LayoutError
 from ...mechanics.elements import section
@@ -57,9 +57,9 @@ class BodySection:
             away = (self._locator.mesh.nodes - plane.origin) @ plane.normal
             by = away.min() if away.min() > 0 else away.max()
             raise LayoutError(
-                f"the plane through {xyz(plane.origin)} misses the body; move it by"
+                f"the plane through {format_point(plane.origin)} misses the body; move it by"
                 f" {abs(by):.1f} mm or more {'along' if by >= 0 else 'against'} its normal"
-                f" {xyz(plane.normal)}, or press X, Y or Z"
+                f" {format_point(plane.normal)}, or press X, Y or Z"
             )
         return found
 

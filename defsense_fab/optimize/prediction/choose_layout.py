@@ -13,22 +13,22 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from ...core.arrays import Float
-from ...core.curve import distinct
+from ...core.curve import distinct_planes
 from ...core.device.device import Device
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.moulds.moulds import check_openings, make_moulds
-from ...geometry.parts.records import Made
-from ..refinement.refine import Optimised, part
-from ..search.plane_directions import face_directions, slanted
+from ...geometry.parts.records import PartSet
+from ..refinement.refine import OptimizedLayout, report_part
+from ..search.plane_directions import face_directions, count_slanted
 from .as_built import as_made, assumed_cords, fabricate, mould_rules, with_relief
 from .design_task import DesignTask
 from .open_joints import overstretched
 from .predict import Scored, predict
 from .preference import preferred
 
-#: Made on trial: those that are this much worse by design at most, so many of them at most.
+#: PartSet on trial: those that are this much worse by design at most, so many of them at most.
 _HOPEFUL, _MOST = 1.15, 6
 #: Relative difference of errors at which two layouts are one.
 _SAME = 1e-4
@@ -44,7 +44,7 @@ class Trial:
     parts and of putting them together; or the `problem` for which it cannot be made, and no
     parts."""
 
-    found: Optimised
+    found: OptimizedLayout
     designed: float
     scored: Scored
     slanted: int
@@ -53,7 +53,7 @@ class Trial:
     free_ends: int = 0
     warnings: tuple[str, ...] = ()
     problem: str | None = None
-    made: Made | None = field(default=None, repr=False, compare=False)
+    made: PartSet | None = field(default=None, repr=False, compare=False)
 
     @property
     def built(self) -> float:
@@ -63,13 +63,13 @@ class Trial:
     @property
     def planes(self) -> int:
         """How many planes the body is cut along."""
-        return len(distinct([s.plane for s in self.found.sensors]))
+        return len(distinct_planes([s.plane for s in self.found.sensors]))
 
 
-def different(found: Sequence[Optimised]) -> list[Optimised]:
+def different(found: Sequence[OptimizedLayout]) -> list[OptimizedLayout]:
     """Without those that have come to the same layout, the best on fitted states first. Slivers
     come last."""
-    out: list[Optimised] = []
+    out: list[OptimizedLayout] = []
     for one in sorted(found, key=lambda f: (f.slivers, f.rmse)):
         if not any(
             abs(one.rmse - o.rmse) <= _SAME * o.rmse and _planes(one) == _planes(o) for o in out
@@ -78,18 +78,18 @@ def different(found: Sequence[Optimised]) -> list[Optimised]:
     return out
 
 
-def _planes(found: Optimised) -> int:
-    return len(distinct([s.plane for s in found.sensors]))
+def _planes(found: OptimizedLayout) -> int:
+    return len(distinct_planes([s.plane for s in found.sensors]))
 
 
-def _slanted(found: Optimised, directions: Float) -> int:
-    return slanted([s.plane for s in found.sensors], directions)
+def _slanted(found: OptimizedLayout, directions: Float) -> int:
+    return count_slanted([s.plane for s in found.sensors], directions)
 
 
 def choose_layout(
     device: Device,
     task: DesignTask,
-    found: Sequence[Optimised],
+    found: Sequence[OptimizedLayout],
     surface: Surface,
     bay: Prism | None,
     report: Report,
@@ -107,7 +107,7 @@ def choose_layout(
     hopeful = [e for e in ranked if e[1] <= bound and e[0].slivers == least][:_MOST]
     directions = face_directions(surface)
 
-    def tried(one: Optimised, error: float) -> Trial:
+    def tried(one: OptimizedLayout, error: float) -> Trial:
         return make_on_trial(device, task, one, error, surface, bay, directions)
 
     trials = []
@@ -133,7 +133,9 @@ def choose_layout(
             trials.append(tried(*left.pop(0)))
         elif best is None or not cast:
             return best or trials[0], tuple(trials)
-        elif (problem := _uncastable(device, best, partial(part, report, share, 1.0))) is None:
+        elif (
+            problem := _uncastable(device, best, partial(report_part, report, share, 1.0))
+        ) is None:
             return best, tuple(trials)
         else:
             refused = _refused(best, problem)
@@ -155,14 +157,14 @@ def _refused(trial: Trial, problem: str) -> Trial:
     return Trial(trial.found, trial.designed, trial.scored, trial.slanted, problem=problem)
 
 
-def _designed(task: DesignTask, found: Optimised) -> Scored:
+def _designed(task: DesignTask, found: OptimizedLayout) -> Scored:
     return predict(task, assumed_cords(task, found.sensors))
 
 
 def make_on_trial(
     device: Device,
     task: DesignTask,
-    found: Optimised,
+    found: OptimizedLayout,
     designed: float,
     surface: Surface,
     bay: Prism | None,

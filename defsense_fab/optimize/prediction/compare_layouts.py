@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.curve import distinct
+from ...core.curve import distinct_planes
 from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError, StorageError
 from ...geometry.bodies.body_record import load_body_record, load_surface
 from ...sensing.layout import CordPath, LayoutRecord, WeighedRecord, load_layout
 from ...sensing.weighed_layouts import load_weighed
-from ..refinement.refine import Optimised
+from ..refinement.refine import OptimizedLayout
 from ..search import baselines
 from ..search.plane_directions import face_directions
 from ..studies.tolerance_monte_carlo import tolerance_band
@@ -49,7 +49,7 @@ class ComparedLayout:
     @property
     def planes(self) -> int:
         """How many planes the body is cut along."""
-        return len(distinct([s.plane for s in self.sensors]))
+        return len(distinct_planes([s.plane for s in self.sensors]))
 
 
 def weighed_layouts(folder: Path) -> list[ComparedLayout]:
@@ -110,14 +110,14 @@ def compare_layouts(
     report(0.0, "laying cords out by eye")
     try:
         rng = np.random.default_rng(SEED)
-        new.append((VISUAL, tuple(baselines.visual(task.design, count, rng))))
+        new.append((VISUAL, tuple(baselines.visual_layout(task.design, count, rng))))
     except LayoutError as error:
         found(ComparedLayout(VISUAL, (), float("nan"), problem=str(error)))
     lacking = [k for k in known if k.band is None and k.problem is None]
     for k, (name, sensors) in enumerate(new):
         report((k + 0.5) / (len(new) + 1), f"making the layout {name} on trial")
         found(_tried(device, folder, task, name, sensors))
-    decoded = task.decoded_by(layout.prediction.decoder)
+    decoded = task.with_decoder(layout.prediction.decoder)
     for k, one in enumerate(lacking):
         report((len(new) + k / len(lacking)) / (len(new) + 1), f"devices built as {one.name}")
         scored = predict(decoded, assumed_cords(decoded, one.sensors))
@@ -127,14 +127,14 @@ def compare_layouts(
 def _tried(
     device: Device, folder: Path, task: DesignTask, name: str, sensors: tuple[Sensor, ...]
 ) -> ComparedLayout:
-    """Made on trial, for the decoder that does best on it."""
-    tasks = [task.decoded_by(kind) for kind in decoders(device, task)]
+    """PartSet on trial, for the decoder that does best on it."""
+    tasks = [task.with_decoder(kind) for kind in decoders(device, task)]
     cords = assumed_cords(task, sensors)
     error, best = min(
         ((predict(t, cords).prediction.unseen, t) for t in tasks), key=lambda found: found[0]
     )
     surface = load_surface(folder)
-    layout = Optimised(sensors, error, False, (), sensors)
+    layout = OptimizedLayout(sensors, error, False, (), sensors)
     trial = make_on_trial(
         device, best, layout, error, surface, load_body_record(folder).bay, face_directions(surface)
     )

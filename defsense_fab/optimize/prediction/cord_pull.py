@@ -30,7 +30,9 @@ def pulls(device: Device, task: DesignTask, cords: Sequence[BuiltCord], error: f
         return []
     forces = np.sum([line_forces(locator, path, tension) for path, tension in taut], axis=0)
     try:
-        u = small_load_displacement(locator.mesh, Material.from_spec(device.material), fixed, forces)
+        u = small_load_displacement(
+            locator.mesh, Material.from_spec(device.material), fixed, forces
+        )
     except (NotPositiveDefinite, MemoryError):  # a note is not worth a build
         return []
     at = locator.displacement(locator.find(task.points), u[None])[0]

@@ -189,9 +189,9 @@ class DesignTask:
         """The states by which the design is judged."""
         return unseen_states(self.weights, self.held_out)
 
-    def decoded_by(self, kind: str) -> DesignTask:
+    def with_decoder(self, kind: str) -> DesignTask:
         """The same for another decoder."""
-        both = self.everything.decoded_by(kind), self.design.decoded_by(kind)
+        both = self.everything.with_decoder(kind), self.design.with_decoder(kind)
         return replace(self, everything=both[0], design=both[1])
 
 

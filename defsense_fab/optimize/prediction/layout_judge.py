@@ -17,7 +17,7 @@ from ...core.errors import LayoutError
 from ...geometry.bodies.body_record import load_surface
 from ...geometry.kernels.surface_queries import SignedDistance
 from ..limits.verification import LayoutCheck, verify
-from ..refinement.refine import optimise, part
+from ..refinement.refine import optimize_layout, report_part
 from ..search.baselines import middle_plane
 from .as_built import assumed_cords
 from .design_task import SEED, DesignTask, decoders, load_task
@@ -51,7 +51,7 @@ class LayoutJudge:
         """Raises a DefsenseError where the poses are not simulated."""
         self._task: DesignTask = load_task(device, folder)
         kinds = decoders(device, self._task)
-        self._tasks = {kind: self._task.decoded_by(kind) for kind in kinds}
+        self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
         self.surface = load_surface(folder)
         self._depth = SignedDistance(self.surface)
 
@@ -95,9 +95,9 @@ class LayoutJudge:
         found = []
         for n, kind in enumerate(kinds):
             task = self._tasks[kind]
-            show = partial(part, report, n / len(kinds), (n + 1) / len(kinds))
+            show = partial(report_part, report, n / len(kinds), (n + 1) / len(kinds))
             rng = np.random.default_rng(SEED)
-            layout = optimise(task.design, kept, rng, show, extra=1).sensors
+            layout = optimize_layout(task.design, kept, rng, show, extra=1).sensors
             error = predict(task, assumed_cords(task, layout)).prediction.unseen
             found.append((error, n, layout[-1]))
         return replace(min(found)[2], name=name, free=frozenset({"path", "plane"}))

@@ -110,7 +110,7 @@ class AddedCord:
         if sensors:
             cords = assumed_cords(task, sensors)
             self._signals, self._noise = read(task, cords)
-            tasks = quick or {_STAND_IN: task.decoded_by(_STAND_IN)}
+            tasks = quick or {_STAND_IN: task.with_decoder(_STAND_IN)}
             #: That of the sensors alone, mm.
             self.error = min(predict(t, cords).prediction.unseen for t in tasks.values())
             if not np.isfinite(self.error):

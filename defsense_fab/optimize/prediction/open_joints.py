@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ...core.device.device import Device
 from ...geometry.channels import cord_assembly
-from ...geometry.parts.records import Made
+from ...geometry.parts.records import PartSet
 from ...sensing.built_cord import BuiltCord
 
 #: How far a joint is opened at least for work in it, mm.
@@ -27,7 +27,7 @@ def least_across(device: Device) -> float:
     return (1 + laid) * LEAST_OPEN / spare if spare > 0 else float("inf")
 
 
-def overstretched(device: Device, made: Made, cords: Sequence[BuiltCord]) -> list[str]:
+def overstretched(device: Device, made: PartSet, cords: Sequence[BuiltCord]) -> list[str]:
     """What is to be said of cords, as they are built in, that are stretched beyond their limit by
     a joint that is still open, or as an end is crimped outside of its mouth that has to wait for
     that. Raises nothing."""

@@ -12,7 +12,7 @@ from ...core.device.device import Device, MaterialSpec, Pose
 from ...core.device.regions import Shape
 from ...core.errors import DeviceError, MeshingError
 from ...core.mesh import Surface, TetMesh
-from ...core.storage.build_folder import finished_build
+from ...core.device.build_folder import finished_build
 from ...geometry.bodies.body_record import load_surface
 from ...geometry.bodies.meshing import mesh_store
 from ...geometry.bodies.meshing.mesh_file import (
@@ -23,7 +23,7 @@ from ...geometry.bodies.meshing.mesh_file import (
     load_region_nodes,
 )
 from ...geometry.bodies.meshing.region_conforming import conform
-from ...geometry.bodies.meshing.tetrahedra import tetrahedralise
+from ...geometry.bodies.meshing.tetrahedra import tetrahedralize
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
@@ -211,7 +211,7 @@ def coarse_mesh(device: Device, on_step: Callable[[str], None] | None = None) ->
     made = mesh_store.recall(surface, edge, device.mesh.time_limit)
     if made is None:
         try:
-            made = tetrahedralise(surface, edge, on_step, device.mesh.time_limit)
+            made = tetrahedralize(surface, edge, on_step, device.mesh.time_limit)
         except MeshingError:
             return None
         mesh_store.remember(surface, edge, made)

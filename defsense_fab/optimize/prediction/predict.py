@@ -9,7 +9,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.decoders import Trained, fit_decoder
-from ...decoding.expected_errors import Prediction, UnseenStates, measure, unseen_states
+from ...core.prediction import Prediction
+from ...decoding.expected_errors import measure, unseen_states, UnseenStates
 from ...sensing.built_cord import BuiltCord
 from ..problem.problem import Problem
 from .design_task import DesignTask

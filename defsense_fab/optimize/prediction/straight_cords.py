@@ -12,7 +12,7 @@ from ...core.device.device import Sensor
 from ...sensing.built_cord import held
 from ...sensing.response import Response
 from ..problem.cord_signals import CordCarrier, SignalModel
-from ..search.candidates import Batch, feasible
+from ..search.candidates import CandidateBatch, find_feasible
 from .as_built import assumed_ends, prestretch_for
 from .design_task import DesignTask
 
@@ -69,7 +69,7 @@ class StraightCords:
         ends = points[:, None] + along[..., None] * directions[:, None]
         limits = self._task.design.limits
         some = np.flatnonzero(good)
-        kept = some[feasible(self._batch(ends[some]), problem.depth, problem.grid, limits)]
+        kept = some[find_feasible(self._batch(ends[some]), problem.depth, problem.grid, limits)]
         good = np.zeros(len(points), bool)
         good[kept] = self._clear(ends[kept])
         return ends, good
@@ -114,14 +114,14 @@ class StraightCords:
         points = _lines(local[None], _KNOTS)[0]
         return Hermite(points, catmull_rom(points))
 
-    def _batch(self, ends: Float) -> Batch:
+    def _batch(self, ends: Float) -> CandidateBatch:
         count = len(ends)
         local = (ends - self.plane.origin) @ self.plane.axes[:, :2]
         points = _lines(local, _KNOTS)
         like = self.sensor("proposed", self.plane.to_world(np.eye(2)))
         origins = np.broadcast_to(self.plane.origin, (count, 3))
         axes = np.broadcast_to(self.plane.axes, (count, 3, 3))
-        return Batch(like, origins, axes, points, catmull_rom(points))
+        return CandidateBatch(like, origins, axes, points, catmull_rom(points))
 
     def _clear(self, ends: Float) -> Bool:
         """Which (k,) keep their distance from the cords that there are."""

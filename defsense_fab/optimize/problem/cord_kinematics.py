@@ -11,7 +11,7 @@ from ...core.curve import Hermite, Plane
 from ...core.device.device import Sensor
 from ...core.machine.compiled import compiled
 from ...core.machine.copying import copy_rows
-from .cord_parameters import FRAME, CordParameters
+from .cord_parameters import FRAME_SIZE, CordParameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class PlacedCord:
         """How far the point (3,) lies above the plane, mm, and the derivative (size,)."""
         by = np.zeros(self.cord.size)
         if self.cord.has_plane:
-            by[-FRAME:-3] = -self.cord.moves @ self.axes[:, 2]
+            by[-FRAME_SIZE:-3] = -self.cord.moves @ self.axes[:, 2]
             by[-3:] = self.turns[:, :, 2] @ (point - self.pivot)
         return float((point - self.pivot) @ self.axes[:, 2]), by
 
@@ -94,7 +94,7 @@ class PlacedCord:
         return value, derivative
 
 
-def cord_at(cord: CordParameters, x: Float) -> PlacedCord:
+def place_cord(cord: CordParameters, x: Float) -> PlacedCord:
     """The cord at parameters x (size,)."""
     stack, pivot, axes = cord.stack.copy(), cord.pivot.copy(), cord.sensor.plane.axes.copy()
     points, local = np.empty((len(cord.basis), 3)), np.empty((len(cord.basis), 2))

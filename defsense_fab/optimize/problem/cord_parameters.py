@@ -11,11 +11,11 @@ from ...core.arrays import Float, Int
 from ...core.curve import Hermite, Plane, hermite_basis, per_span_for_signal
 from ...core.device.device import PLANE_FREEDOMS, Sensor
 
-FRAME = 5  #: Parameters of a free plane: two moves, three turns, the last within itself.
+FRAME_SIZE = 5  #: Parameters of a free plane: two moves, three turns, the last within itself.
 #: Samples of a span at which its curvature is limited: between 8 it can be a tenth larger.
-PER_SPAN_FOR_TURNS = 24
-_SLOWEST = 0.2  # speed of a path, of its span's chord
-_TILTS = slice(-3, -1)  # of these, the two that change the plane's direction
+CURVATURE_SAMPLES_PER_SPAN = 24
+_MIN_SPEED_FRACTION = 0.2  # speed of a path, of its span's chord
+_TILT_PARAMETERS = slice(-3, -1)  # of these, the two that change the plane's direction
 
 
 class CordParameters:
@@ -38,7 +38,7 @@ class CordParameters:
         self.rows = np.array(rows, int)
         self.has_plane = not sensor.free.isdisjoint(PLANE_FREEDOMS)
         self.tilts = "plane" in sensor.free
-        self.size = 2 * len(rows) + FRAME * self.has_plane
+        self.size = 2 * len(rows) + FRAME_SIZE * self.has_plane
         if lead is None:
             chord = curve.points[-1] - curve.points[0]
             side = np.array([-chord[1], chord[0]]) if np.linalg.norm(chord) > 1e-6 else np.eye(2)[1]
@@ -56,45 +56,53 @@ class CordParameters:
         self.basis = hermite_basis(k, per_span_for_signal(curve))[0]
         self.basis_of_rows = np.ascontiguousarray(self.basis[:, self.rows])
         #: To first and second derivatives (q, 2 k) where the curvature is looked at.
-        _, self.first, self.second = hermite_basis(k, PER_SPAN_FOR_TURNS)
+        _, self.first, self.second = hermite_basis(k, CURVATURE_SAMPLES_PER_SPAN)
         #: The least speed (q,) that a path may have there: a share of its span's chord, or what it
         #: is drawn with.
         speed = np.linalg.norm(self.first @ self.stack, axis=1)
         chord = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
-        slowest = np.minimum(_SLOWEST * np.repeat(chord, PER_SPAN_FOR_TURNS + 1), speed)
+        slowest = np.minimum(
+            _MIN_SPEED_FRACTION * np.repeat(chord, CURVATURE_SAMPLES_PER_SPAN + 1), speed
+        )
         self.least_speed = np.maximum(slowest, 1e-3 * speed.max())
 
 
-def apart(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
+def independent_parameters(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
     """Like `together`, for cords that go their own ways."""
     cords = [CordParameters(s) for s in sensors]
     starts = np.cumsum([0, *(c.size for c in cords)])
-    return cords, _spread([_own(c, k) for c, k in zip(cords, starts[:-1].tolist(), strict=True)])
+    return cords, _spread_matrix(
+        [_parameter_numbers(c, k) for c, k in zip(cords, starts[:-1].tolist(), strict=True)]
+    )
 
 
-def together(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
+def shared_parameters(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
     """Freedoms of a layout whose coplanar cords stay coplanar where their plane is free, and the
     matrix (sum of the cords' sizes, size) from the layout's parameters to theirs."""
     cords: list[CordParameters] = []
     own: list[Int] = []
     count = 0
     for sensor in sensors:
-        sensor = replace(sensor, free=freedom(sensor, sensors))
-        lead = next((i for i, c in enumerate(cords) if _joined(c, sensor)), None)
+        sensor = replace(sensor, free=effective_freedom(sensor, sensors))
+        lead = next((i for i, c in enumerate(cords) if _shares_free_plane(c, sensor)), None)
         if lead is None:
             cord = CordParameters(sensor)
-            own.append(_own(cord, count))
+            own.append(_parameter_numbers(cord, count))
             count += cord.size
         else:
             leader = cords[lead]
-            cord = CordParameters(in_frame(sensor, leader.sensor.plane), leader)
-            own.append(np.concatenate([_own(cord, count)[:-FRAME], own[lead][-FRAME:]]))
-            count += cord.size - FRAME
+            cord = CordParameters(change_frame(sensor, leader.sensor.plane), leader)
+            own.append(
+                np.concatenate(
+                    [_parameter_numbers(cord, count)[:-FRAME_SIZE], own[lead][-FRAME_SIZE:]]
+                )
+            )
+            count += cord.size - FRAME_SIZE
         cords.append(cord)
-    return cords, _spread(own)
+    return cords, _spread_matrix(own)
 
 
-def freedom(sensor: Sensor, sensors: Sequence[Sensor]) -> frozenset[str]:
+def effective_freedom(sensor: Sensor, sensors: Sequence[Sensor]) -> frozenset[str]:
     """A cord's freedom less what others in its plane have not: a plane is as free as the least free
     of its cords."""
     same = [s.free for s in sensors if s.plane.coincides(sensor.plane)]
@@ -105,15 +113,15 @@ def freedom(sensor: Sensor, sensors: Sequence[Sensor]) -> frozenset[str]:
     return sensor.free
 
 
-def _own(cord: CordParameters, start: int) -> Int:
+def _parameter_numbers(cord: CordParameters, start: int) -> Int:
     """Numbers (size,) of a cord's parameters from `start`, below zero for those that stay zero."""
     own = start + np.arange(cord.size)
     if cord.has_plane and not cord.tilts:
-        own[_TILTS] = -1
+        own[_TILT_PARAMETERS] = -1
     return own
 
 
-def _spread(own: Sequence[Int]) -> Float:
+def _spread_matrix(own: Sequence[Int]) -> Float:
     numbers = np.concatenate([np.zeros(0, int), *own])
     moves = numbers >= 0
     known, which = np.unique(numbers[moves], return_inverse=True)
@@ -122,7 +130,7 @@ def _spread(own: Sequence[Int]) -> Float:
     return out
 
 
-def _joined(cord: CordParameters, sensor: Sensor) -> bool:
+def _shares_free_plane(cord: CordParameters, sensor: Sensor) -> bool:
     return (
         cord.has_plane
         and not sensor.free.isdisjoint(PLANE_FREEDOMS)
@@ -130,7 +138,7 @@ def _joined(cord: CordParameters, sensor: Sensor) -> bool:
     )
 
 
-def in_frame(sensor: Sensor, plane: Plane) -> Sensor:
+def change_frame(sensor: Sensor, plane: Plane) -> Sensor:
     """The same cord in another frame of its plane."""
     turn = plane.axes[:, :2].T @ sensor.plane.axes[:, :2]
     shift = (sensor.plane.origin - plane.origin) @ plane.axes[:, :2]

@@ -24,8 +24,8 @@ from ...mechanics.elements.tet10 import EDGES
 from ...mechanics.elements.threads import count_cores, run_in_chunks
 from ...sensing.response import Response, respond
 
-_CHUNK = 50  # paths; fewer are not worth a thread
-_NOTHING = 1e-300  # points that coincide pull nowhere
+_CHUNK_PATHS = 50  # paths; fewer are not worth a thread
+_MIN_LENGTH_MM = 1e-300  # points that coincide pull nowhere
 #: For each corner of a tet: the nodes on its three edges, and the corners at their other ends.
 _SPOKES = [[(4 + e, a + b - i) for e, (a, b) in enumerate(EDGES) if i in (a, b)] for i in range(4)]
 _ON_EDGES, _BEYOND = (np.array([[s[k] for s in spokes] for spokes in _SPOKES]) for k in (0, 1))
@@ -76,7 +76,7 @@ class CordCarrier:
         def work(a: int, b: int) -> None:
             _signals(paths[a:b], *self._where, self.cells, self.nodal, self.answer, out[a:b])
 
-        run_in_chunks(work, len(paths), count_cores(), _CHUNK)
+        run_in_chunks(work, len(paths), count_cores(), _CHUNK_PATHS)
         return np.ascontiguousarray(out.T)
 
     def move(self, points: Float) -> Float:
@@ -89,10 +89,10 @@ class CordCarrier:
             locate_along_path(points[a:b], *self._where, cell, bary)
             _move(cell, bary, self.cells, self.nodal, out[a:b])
 
-        run_in_chunks(work, len(points), count_cores(), 40 * _CHUNK)
+        run_in_chunks(work, len(points), count_cores(), 40 * _CHUNK_PATHS)
         return np.ascontiguousarray(out.reshape(len(points), 3, -1).transpose(2, 0, 1))
 
-    def carry(self, points: Float, ends: Int) -> Carried:
+    def carry(self, points: Float, ends: Int) -> CarriedCords:
         """Polylines laid end to end, points (p, 3) mm, line i being points `ends[i]` to
         `ends[i + 1]`, moved by all states."""
         cell, bary = np.empty(len(points), np.int64), np.empty((len(points), 4))
@@ -102,10 +102,10 @@ class CordCarrier:
         bent = np.empty((2, len(points) if self.bent else 0, self.states))
         found = (cell, bary, moved, steps, signals, bent)
         _carry(points, ends, *self._where, self.cells, self.nodal, self.answer, *found)
-        return Carried(self, points, ends, found)
+        return CarriedCords(self, points, ends, found)
 
 
-class Carried:
+class CarriedCords:
     """Polylines in all states, their `signals` (s, m), and how these depend on the points. What was
     `found` on the way: the points' tets and weights there, their moved positions, the lengths of
     segments, the lines' signals with their derivatives by strained length and rest length, and the
@@ -155,11 +155,11 @@ def _move(cell, bary, cells, nodal, out):  # type: ignore[no-untyped-def]
 
 
 @compiled(inline="always")
-def _apart(points, p):  # type: ignore[no-untyped-def]
+def _segment_length(points, p):  # type: ignore[no-untyped-def]
     """How far point p lies from the one before."""
     x, y = points[p, 0] - points[p - 1, 0], points[p, 1] - points[p - 1, 1]
     z = points[p, 2] - points[p - 1, 2]
-    return np.sqrt(x * x + y * y + z * z) + _NOTHING
+    return np.sqrt(x * x + y * y + z * z) + _MIN_LENGTH_MM
 
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
@@ -173,7 +173,7 @@ def _measure(moved, first, last, steps, shares, lengths):  # type: ignore[no-unt
             x = moved[p, s] - moved[p - 1, s]
             y = moved[p, states + s] - moved[p - 1, states + s]
             z = moved[p, 2 * states + s] - moved[p - 1, 2 * states + s]
-            steps[p, s] = np.sqrt(x * x + y * y + z * z) + _NOTHING
+            steps[p, s] = np.sqrt(x * x + y * y + z * z) + _MIN_LENGTH_MM
         for s in range(states):
             lengths[s] += shares[p] * steps[p, s]
 
@@ -185,11 +185,11 @@ def _strained(points, first, last, hidden, shares):  # type: ignore[no-untyped-d
     segments end in which it begins and ends."""
     total = 0.0
     for p in range(first + 1, last):
-        total += _apart(points, p)
-    inside = max(total - 2 * hidden, _NOTHING)
+        total += _segment_length(points, p)
+    inside = max(total - 2 * hidden, _MIN_LENGTH_MM)
     along, begins, ends = 0.0, first, last
     for p in range(first + 1, last):
-        step = _apart(points, p)
+        step = _segment_length(points, p)
         low, high = max(along, hidden), min(along + step, total - hidden)
         shares[p] = max(high - low, 0.0) / step if hidden > 0 else 1.0
         if along <= hidden < along + step:
@@ -218,7 +218,7 @@ def _signal(  # type: ignore[no-untyped-def]
     if local:
         lengths[:] = 0.0
         for p in range(first + 1, last):
-            own = _apart(points, p)
+            own = _segment_length(points, p)
             for s in range(states):
                 stretch = steps[p, s] / own
                 w, slope = respond(stretch - 1, breaks, origins, pieces)
@@ -233,7 +233,7 @@ def _signal(  # type: ignore[no-untyped-def]
     if bent.size and hidden > 0 and begins < ends:
         # A longer segment before it moves where the strained stretch begins along its segment.
         for at, low, high in ((begins, first + 1, begins), (ends, ends + 1, last)):
-            own = _apart(points, at)
+            own = _segment_length(points, at)
             for s in range(states):
                 dense = steps[at, s] / own
                 if local:
@@ -334,7 +334,7 @@ def _slopes(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
     for c in range(len(ends) - 1):
         for p in range(ends[c] + 1, ends[c + 1]):
-            inverse = 1 / _apart(points, p)
+            inverse = 1 / _segment_length(points, p)
             for a in range(3):
                 step = inverse * (points[p, a] - points[p - 1, a])
                 for s in range(states):
@@ -397,7 +397,7 @@ def _pull(  # type: ignore[no-untyped-def]
             if bent.size:
                 for s in range(states):
                     own -= weights[c, s] * bent[1, p, s]
-            inverse = own / _apart(points, p)
+            inverse = own / _segment_length(points, p)
             for a in range(3):
                 step = inverse * (points[p, a] - points[p - 1, a])
                 out[p, a] -= step

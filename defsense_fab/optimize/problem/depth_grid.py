@@ -11,11 +11,11 @@ from scipy import ndimage
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
 from ...core.mesh import Surface
-from ...geometry.kernels.surface_queries import distances_of
+from ...geometry.kernels.surface_queries import signed_distance_of
 
 #: Nodes of the grid, and its finest spacing, mm.
-_NODES, _FINEST = 60_000, 1.0
-_PART = 250  # nodes at once
+_MAX_NODES, _MIN_SPACING_MM = 60_000, 1.0
+_CHUNK_NODES = 250  # nodes at once
 
 
 class DepthGrid:
@@ -23,20 +23,20 @@ class DepthGrid:
 
     def __init__(self, surface: Surface) -> None:
         low, high = surface.bounds
-        self.spacing = max(float(np.cbrt(np.prod(high - low) / _NODES)), _FINEST)
+        self.spacing = max(float(np.cbrt(np.prod(high - low) / _MAX_NODES)), _MIN_SPACING_MM)
         count = np.ceil((high - low) / self.spacing).astype(int) + 3
         self.origin = (low + high) / 2 - self.spacing * (count - 1) / 2
         ticks = [a + self.spacing * np.arange(n) for a, n in zip(self.origin, count, strict=True)]
         nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
-        exact = distances_of(surface)
-        distance = _in_parts(exact.unsigned, nodes.reshape(-1, 3)).reshape(count)
+        exact = signed_distance_of(surface)
+        distance = _evaluate_in_chunks(exact.unsigned, nodes.reshape(-1, 3)).reshape(count)
         # Between neighbours that are both more than half a step away there is no surface: one
         # of all that hang together tells for the others.
         same, kinds = ndimage.label(distance > 0.51 * self.spacing)
         first = np.unique(same, return_index=True)[1] if kinds else np.zeros(0, int)
         asked = np.union1d(np.flatnonzero(same == 0), first)
         inside = np.zeros(same.size, bool)
-        inside[asked] = _in_parts(exact.inside, nodes.reshape(-1, 3)[asked])
+        inside[asked] = _evaluate_in_chunks(exact.inside, nodes.reshape(-1, 3)[asked])
         of_kind = np.zeros(kinds + 1, bool)
         of_kind[same.ravel()[first]] = inside[first]
         inside = np.where(same.ravel() > 0, of_kind[same.ravel()], inside).reshape(count)
@@ -68,14 +68,16 @@ class DepthGrid:
         )
 
 
-def _in_parts(told: Callable[[Float], Any], points: Float) -> Any:
+def _evaluate_in_chunks(told: Callable[[Float], Any], points: Float) -> Any:
     """What is told of points (p, 3), some at a time: libigl holds the interpreter, and other
     threads would wait for all of it."""
-    return np.concatenate([told(points[k : k + _PART]) for k in range(0, len(points), _PART)])
+    return np.concatenate(
+        [told(points[k : k + _CHUNK_NODES]) for k in range(0, len(points), _CHUNK_NODES)]
+    )
 
 
 @compiled()
-def _at(depth, low, step, x, y, z):  # type: ignore[no-untyped-def]
+def _depth_at(depth, low, step, x, y, z):  # type: ignore[no-untyped-def]
     a, b, c = (x - low[0]) / step, (y - low[1]) / step, (z - low[2]) / step
     n0, n1, n2 = depth.shape
     if a < 0 or b < 0 or c < 0 or a >= n0 - 1 or b >= n1 - 1 or c >= n2 - 1:
@@ -94,7 +96,7 @@ def _at(depth, low, step, x, y, z):  # type: ignore[no-untyped-def]
 def _interpolate(depth, low, step, points):  # type: ignore[no-untyped-def]
     out = np.empty(len(points))
     for p in range(len(points)):
-        out[p] = _at(depth, low, step, points[p, 0], points[p, 1], points[p, 2])
+        out[p] = _depth_at(depth, low, step, points[p, 0], points[p, 1], points[p, 2])
     return out
 
 
@@ -104,10 +106,10 @@ def _exits(depth, low, step, points, directions, longest):  # type: ignore[no-un
     stride = step / 2
     for c in range(len(points)):
         p, d = points[c], directions[c]
-        before, s = _at(depth, low, step, p[0], p[1], p[2]), 0.0
+        before, s = _depth_at(depth, low, step, p[0], p[1], p[2]), 0.0
         while s < longest:
             s += stride
-            now = _at(depth, low, step, p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2])
+            now = _depth_at(depth, low, step, p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2])
             if now <= 0:
                 out[c] = max(s - stride * (1 - before / (before - now)), 0.0) if before > 0 else 0.0
                 break

@@ -16,14 +16,14 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.elimination import expected_square, square_slopes
-from .cord_kinematics import PlacedCord, cord_at
+from .cord_kinematics import PlacedCord, place_cord
 from .cord_parameters import CordParameters
-from .cord_signals import Carried
+from .cord_signals import CarriedCords
 from .problem import Problem
 
 
 @dataclass(frozen=True)
-class Model:
+class QuadraticModel:
     """Mean squared marker error (mm^2), its gradient (size,), Gauss-Newton matrix (size, size)."""
 
     value: float
@@ -48,7 +48,7 @@ class Objective:
 
     def value(self, x: Float) -> float:
         """Value at parameters x (size,)."""
-        signals = _with_rest(self._carry(x)[1].signals)
+        signals = _prepend_rest(self._carry(x)[1].signals)
         square = expected_square(self._features, signals, self._outputs, self._noise)
         return float(square) / len(signals)
 
@@ -56,13 +56,13 @@ class Objective:
         """Value and gradient (size,) at parameters x (size,), for methods that need no more:
         descents take the `model`."""
         placed, carried = self._carry(x)
-        signals = _with_rest(carried.signals)
+        signals = _prepend_rest(carried.signals)
         square, slopes = square_slopes(self._features, signals, self._outputs, self._noise)
         by_points = carried.pull(slopes[1:] / len(signals))
         pulled = [p.pull_one(by_points[a:b]) for p, a, b in self._parts(placed)]
         return square / len(signals), np.concatenate(pulled)
 
-    def model(self, x: Float) -> Model:
+    def model(self, x: Float) -> QuadraticModel:
         """The quadratic model at parameters x (size,)."""
         S, slopes = self.signals(x)
         jacobians = slopes()
@@ -89,7 +89,7 @@ class Objective:
         gradient = change.reshape(len(change), -1) @ residual.ravel()
         change -= Q @ (Q.T @ change)
         flat = change.reshape(len(change), -1)
-        return Model(
+        return QuadraticModel(
             float((residual**2).sum() / n), 2 / n * gradient, np.asarray(2 / n * flat @ flat.T)
         )
 
@@ -103,10 +103,10 @@ class Objective:
             slopes = carried.slopes()
             return [p.pull(slopes[a:b]) for p, a, b in self._parts(placed)]
 
-        return _with_rest(carried.signals), jacobians
+        return _prepend_rest(carried.signals), jacobians
 
-    def _carry(self, x: Float) -> tuple[list[PlacedCord], Carried]:
-        placed = [cord_at(c, part) for c, part in zip(self.cords, self.split(x), strict=True)]
+    def _carry(self, x: Float) -> tuple[list[PlacedCord], CarriedCords]:
+        placed = [place_cord(c, part) for c, part in zip(self.cords, self.split(x), strict=True)]
         points = np.concatenate([p.points for p in placed])
         return placed, self.problem.carrier.carry(points, self._first)
 
@@ -115,5 +115,5 @@ class Objective:
         return zip(placed, self._first[:-1].tolist(), self._first[1:].tolist(), strict=True)
 
 
-def _with_rest(signals: Float) -> Float:
+def _prepend_rest(signals: Float) -> Float:
     return np.concatenate([np.zeros((1, signals.shape[1])), signals])

@@ -13,7 +13,7 @@ from ...core.mesh import Surface
 from ...decoding.elimination import expected_square
 from ...decoding.expected_errors import floor
 from ...decoding.ridge import KINDS, Features
-from ...geometry.kernels.surface_queries import SignedDistance, distances_of
+from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ...mechanics.elements.point_location import PointLocator
 from .cord_signals import CordCarrier, SignalModel
 from .depth_grid import DepthGrid
@@ -21,7 +21,7 @@ from .depth_grid import DepthGrid
 # Random points inside the body, evenly or where its strain varies most between the states.
 
 
-def evenly(problem: Problem, count: int, rng: np.random.Generator) -> Float:
+def sample_interior(problem: Problem, count: int, rng: np.random.Generator) -> Float:
     """Points (count, 3) mm spread evenly over the tets' volume."""
     corners = problem.locator.mesh.nodes[problem.locator.mesh.cells[:, :4]]
     volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
@@ -30,16 +30,18 @@ def evenly(problem: Problem, count: int, rng: np.random.Generator) -> Float:
     return np.asarray(np.einsum("ci,cij->cj", weights, corners[tet]))
 
 
-def lively(problem: Problem, points: Float, count: int, rng: np.random.Generator) -> Float:
+def sample_by_strain(
+    problem: Problem, points: Float, count: int, rng: np.random.Generator
+) -> Float:
     """`count` of the points (p, 3), with repeats, the more of them the more the Green strain there
     varies between the states: the paper's advice for where cords should run."""
-    varies = np.sqrt(strain(problem, points).var(axis=0).sum((1, 2)))
+    varies = np.sqrt(green_strains(problem, points).var(axis=0).sum((1, 2)))
     if varies.sum() <= 0:
         varies = np.ones(len(points))
     return np.asarray(points[rng.choice(len(points), count, p=varies / varies.sum())])
 
 
-def strain(problem: Problem, points: Float) -> Float:
+def green_strains(problem: Problem, points: Float) -> Float:
     """Green strain (n, p, 3, 3) at points (p, 3) mm in all states, rest first."""
     found = problem.locator.find(points)
     F = np.eye(3) + problem.locator.gradient(found, problem.fields)
@@ -47,7 +49,7 @@ def strain(problem: Problem, points: Float) -> Float:
     return np.concatenate([np.zeros((1, *E.shape[1:])), E])
 
 
-_STILL = 1e-6  # mm
+_MIN_MARKER_MOTION_MM = 1e-6  # mm
 
 
 @dataclass(frozen=True)
@@ -110,14 +112,14 @@ class Problem:
                     quantity=what,
                     state=state,
                 )
-        if np.abs(self.markers - self.markers[:1]).max(initial=0) < _STILL:
+        if np.abs(self.markers - self.markers[:1]).max(initial=0) < _MIN_MARKER_MOTION_MM:
             raise LayoutError(
                 "all states leave the markers where they are: there is nothing to sense",
                 code="nothing-to-sense",
                 action="Give [[poses]] that move the body, or other [outputs] markers",
             )
 
-    def decoded_by(self, kind: str) -> Problem:
+    def with_decoder(self, kind: str) -> Problem:
         """The same for another decoder; what was made once is shared."""
         out = replace(self, decoder=kind)
         made = {"carrier", "depth", "grid", "outputs"} & vars(self).keys()
@@ -136,7 +138,7 @@ class Problem:
     @cached_property
     def depth(self) -> SignedDistance:
         """Exact depth below the surface."""
-        return distances_of(self.surface)
+        return signed_distance_of(self.surface)
 
     @cached_property
     def grid(self) -> DepthGrid:

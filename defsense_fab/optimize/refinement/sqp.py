@@ -16,17 +16,17 @@ import daqp
 import numpy as np
 
 from ...core.arrays import Float
-from ..problem.objective import Model
+from ..problem.objective import QuadraticModel
 
 #: Values (g,), at least zero where met, and derivatives (g, size).
 Rows = tuple[Float, Float]
 
-_LARGEST, _SMALLEST = 8.0, 2e-3  # trust radius, mm
+_MAX_RADIUS_MM, _MIN_RADIUS_MM = 8.0, 2e-3  # trust radius, mm
 _DAMPING = 1e-4  # of the logarithm, 1/mm^2: directions that change nothing stay still
-_STALE = 4  # cuts kept after a step
-_NEAR = 1.0  # of the worst that a step could do to an inequality: what a step looks at
-_MET = 1e-3  # mm
-_NEARLY = 0.05  # of a violation that the margins of the inequalities forgive, mm, the most
+_KEPT_CUTS = 4  # cuts kept after a step
+_REACH_FACTOR = 1.0  # of the worst that a step could do to an inequality: what a step looks at
+_FEASIBILITY_MM = 1e-3  # mm
+_MAX_FORGIVEN_MM = 0.05  # of a violation that the margins of the inequalities forgive, mm, the most
 _PENALTY = 10.0  # of the logarithm, per mm
 
 
@@ -40,8 +40,8 @@ class Minimum:
     iterations: int
 
 
-def minimise(
-    model: Callable[[Float], Model],
+def minimize(
+    model: Callable[[Float], QuadraticModel],
     value: Callable[[Float], float],
     constraints: Callable[[Float], Rows],
     x: Float,
@@ -65,20 +65,20 @@ def minimise(
     """
     at, (room, rows) = model(x), constraints(x)
     given = float(np.clip(-room.min(), 0.0, loosest))
-    nearly = min(_NEARLY, loosest - given)
+    nearly = min(_MAX_FORGIVEN_MM, loosest - given)
     room = room + given
     penalty, weight, done = _PENALTY, 1.0, 0
     kept = (x, at.value, max(0.0, -float(room.min())))
     cuts: list[tuple[Float, Float, Float]] = []
     for done in range(1, iterations + 1):
         broken = max(0.0, -float(room.min()))
-        near = room < _NEAR * radius * np.abs(rows).sum(axis=1)
+        near = room < _REACH_FACTOR * radius * np.abs(rows).sum(axis=1)
         left, sides = [room[near]], [rows[near]]
         for where, was, by in cuts:
             now = was + by @ (x - where)
             left.append(np.maximum(now, -broken))
             sides.append(by)
-        step, slack, pressure, found = _step(
+        step, slack, pressure, found = _solve_subproblem(
             weight * at.hessian / at.value,
             at.gradient / at.value,
             np.concatenate(left),
@@ -88,7 +88,7 @@ def minimise(
         )
         if not found:
             radius /= 4
-            if radius < _SMALLEST:
+            if radius < _MIN_RADIUS_MM:
                 break
             continue
         if slack > 1e-6 and penalty < 1e3:
@@ -96,7 +96,7 @@ def minimise(
         penalty = max(penalty, 2 * pressure if pressure > penalty / 2 else 0.0)
         drop = float(-(at.gradient @ step + weight / 2 * step @ at.hessian @ step) / at.value)
         promised = drop + penalty * (broken - slack)
-        if promised < tolerance and broken < _MET:
+        if promised < tolerance and broken < _FEASIBILITY_MM:
             break
         trial = x + step
         (room_then, rows_then), refused = constraints(trial), None
@@ -109,7 +109,7 @@ def minimise(
             refused = guard(x, trial)
         if refused is not None:
             cuts.append((trial, *refused))
-        elif ratio < 0.7 and (bad := room_then < -_MET).any():
+        elif ratio < 0.7 and (bad := room_then < -_FEASIBILITY_MM).any():
             cuts.append((trial, room_then[bad], rows_then[bad]))
         length = float(np.abs(step).max())
         if good and refused is None:
@@ -117,11 +117,11 @@ def minimise(
             factor = 2 / 3 if ratio > 1.25 else 1.5 if ratio < 0.75 else 1.0
             weight = float(np.clip(weight * factor, 0.05, 1))
             x, at, room, rows = trial, model(trial), room_then, rows_then
-            cuts = cuts[-_STALE:]
-            if broken_then <= max(nearly, _MET, kept[2]):
+            cuts = cuts[-_KEPT_CUTS:]
+            if broken_then <= max(nearly, _FEASIBILITY_MM, kept[2]):
                 kept = (x, at.value, broken_then)
             if ratio > 0.7 and length > 0.99 * radius:
-                radius = min(2 * radius, _LARGEST)
+                radius = min(2 * radius, _MAX_RADIUS_MM)
             if show is not None:
                 show(done / iterations, at.value)
             if follow is not None:
@@ -130,12 +130,12 @@ def minimise(
             radius *= 0.7  # only inequalities were misjudged: the cuts know better now
         else:
             radius = 0.4 * min(radius, length)
-        if radius < _SMALLEST:
+        if radius < _MIN_RADIUS_MM:
             break
     return Minimum(*kept, done)
 
 
-def _step(
+def _solve_subproblem(
     hessian: Float, gradient: Float, room: Float, rows: Float, radius: float, penalty: float
 ) -> tuple[Float, float, float, bool]:
     """The step (size,) within the trust region, by how much all inequalities had to be loosened,

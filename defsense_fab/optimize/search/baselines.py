@@ -8,29 +8,29 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.mesh import Surface
-from ..limits.polyline_distance import gaps
-from ..problem.problem import Problem, evenly, strain
-from .candidate_families import straight
+from ..limits.polyline_distance import path_gaps
+from ..problem.problem import Problem, sample_interior, green_strains
+from .candidate_families import straight_batch
 from .candidates import Pool, build_pool
-from .starting_layouts import Layout, no_room
+from .starting_layouts import Layout, no_room_error
 
 _LINES = 1500
 
 
-def manual(problem: Problem, count: int) -> Layout:
+def manual_layout(problem: Problem, count: int) -> Layout:
     """Straight cords side by side in the plane through the middle of the body's box, along its
     longest edge. Raises LayoutError where they do not fit."""
     plane = middle_plane(problem.surface)
-    points = evenly(problem, 4000, np.random.default_rng(0))
+    points = sample_interior(problem, 4000, np.random.default_rng(0))
     width = float(np.ptp((points - plane.origin) @ plane.axes[:, 1])) - 2 * problem.limits.depth
     offsets = (np.arange(count) - (count - 1) / 2) * width / (count + 1)
-    pool = _along(problem, plane.origin + offsets[:, None] * plane.axes[:, 1], plane)
+    pool = _parallel_pool(problem, plane.origin + offsets[:, None] * plane.axes[:, 1], plane)
     if len(pool) < count:
-        raise no_room(problem, count)
+        raise no_room_error(problem, count)
     return _layout(pool, range(count))
 
 
-def visual(problem: Problem, count: int, rng: np.random.Generator) -> Layout:
+def visual_layout(problem: Problem, count: int, rng: np.random.Generator) -> Layout:
     """Straight cords along the body, where a picture of the strain shows much of it and shows
     different things in different states: one after the other the cord whose mean strains in the
     states are longest across those of the cords before (pivoted QR). Neither signals nor errors
@@ -38,22 +38,24 @@ def visual(problem: Problem, count: int, rng: np.random.Generator) -> Layout:
 
     Raises LayoutError where they do not fit.
     """
-    pool = _along(problem, evenly(problem, _LINES, rng), middle_plane(problem.surface))
+    pool = _parallel_pool(
+        problem, sample_interior(problem, _LINES, rng), middle_plane(problem.surface)
+    )
     if len(pool) < count:
-        raise no_room(problem, count)
-    seen = strain(problem, pool.paths.reshape(-1, 3))
+        raise no_room_error(problem, count)
+    seen = green_strains(problem, pool.paths.reshape(-1, 3))
     size = np.sqrt((seen**2).sum((2, 3))).reshape(-1, *pool.paths.shape[:2]).mean(2)  # (n, c)
     clear = np.ones(len(pool), bool)
     chosen: list[int] = []
     for _ in range(count):
         worth = np.where(clear, np.linalg.norm(size, axis=0), -1.0)
         if worth.max() < 0:
-            raise no_room(problem, count)
+            raise no_room_error(problem, count)
         k = int(worth.argmax())
         chosen.append(k)
         one = size[:, k] / max(float(worth[k]), 1e-12)
         size = size - np.outer(one, one @ size)
-        clear &= gaps(pool.paths, pool.paths[k]) > problem.limits.clearance + 0.1
+        clear &= path_gaps(pool.paths, pool.paths[k]) > problem.limits.clearance + 0.1
     return _layout(pool, chosen)
 
 
@@ -67,10 +69,10 @@ def middle_plane(surface: Surface) -> Plane:
     return Plane.from_normal((low + high) / 2, np.eye(3)[shortest], np.eye(3)[longest])
 
 
-def _along(problem: Problem, starts: Float, plane: Plane) -> Pool:
+def _parallel_pool(problem: Problem, starts: Float, plane: Plane) -> Pool:
     """Straight cords through points (c, 3) along the plane's x, in planes parallel to it."""
     axes = np.repeat(plane.axes[None], len(starts), axis=0)
-    return build_pool(problem, [lambda: straight(problem, starts, axes[:, :, 0], axes)])
+    return build_pool(problem, [lambda: straight_batch(problem, starts, axes[:, :, 0], axes)])
 
 
 def _layout(pool: Pool, chosen: range | list[int]) -> Layout:

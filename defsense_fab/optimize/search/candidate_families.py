@@ -10,18 +10,20 @@ from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom, curvature
 from ...core.device.device import PLANE_FREEDOMS, Sensor
 from ..problem.cord_parameters import CordParameters
-from ..problem.problem import Problem, evenly, lively
-from .candidates import Batch
+from ..problem.problem import Problem, sample_interior, sample_by_strain
+from .candidates import CandidateBatch
 
 _WAVES = 4  # sine waves over a path
-_INSIDE = 2.0  # a path begins so far below the surface, mm; its channel runs on straight
-_LEAD = 8.0  # the straight beginning of a path, mm
-_FEW = 16  # points at which waves look for the surface
+_START_DEPTH_MM = 2.0  # a path begins so far below the surface, mm; its channel runs on straight
+_LEAD_MM = 8.0  # the straight beginning of a path, mm
+_PROBE_SAMPLES = 16  # points at which waves look for the surface
 _SPREADS = (0.05, 0.15, 0.5)  # how far directions lie off an axis
 _KNOTS = 8  # control points of a path through the body
 
 
-def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) -> Batch:
+def vary_sensor(
+    sensor: Sensor, count: int, spread: float, rng: np.random.Generator
+) -> CandidateBatch:
     """The sensor itself and `count` variations; `spread` mm is the size of the largest ones.
 
     Planes are moved and, unless they keep their direction, rolled about the path's chord by up to
@@ -51,24 +53,26 @@ def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) ->
         offset = rng.uniform(-1, 1, n) * size
         pivot = sensor.plane.to_world(freedom.center) + offset[:, None] * sensor.plane.normal
         origins = pivot - axes[:, :, :2] @ freedom.center
-    batch = Batch(sensor, origins, axes, points, tangents)
+    batch = CandidateBatch(sensor, origins, axes, points, tangents)
     if "path" in sensor.free and k > 4:
         batch = batch.waved(_waves(n, k, rng), size)
     return batch
 
 
-def through(
+def waves_through_body(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None = None
-) -> Batch:
+) -> CandidateBatch:
     """Waves about straight lines from surface to surface, mostly along the body, and where its
     strain is lively, in planes of any direction or square to one of the unit `normals` (k, 3)."""
-    middle, direction = _lines(problem, count, rng, normals)
-    return _waved(problem, middle, direction, _frames(direction, rng, normals), rng)
+    middle, direction = _sample_lines(problem, count, rng, normals)
+    return _add_waves(problem, middle, direction, _frames(direction, rng, normals), rng)
 
 
-def within(problem: Problem, plane: Plane, count: int, rng: np.random.Generator) -> Batch:
+def waves_in_plane(
+    problem: Problem, plane: Plane, count: int, rng: np.random.Generator
+) -> CandidateBatch:
     """Waves about straight lines from surface to surface in one plane."""
-    points = evenly(problem, 4000, rng)
+    points = sample_interior(problem, 4000, rng)
     points -= ((points - plane.origin) @ plane.normal)[:, None] * plane.normal
     points = points[problem.grid(points) > problem.limits.depth]
     if len(points) < 2:
@@ -82,31 +86,35 @@ def within(problem: Problem, plane: Plane, count: int, rng: np.random.Generator)
     middle = points[rng.integers(len(points), size=count)]
     normal = np.broadcast_to(plane.normal, direction.shape)
     axes = np.stack([direction, np.cross(normal, direction), normal], axis=2)
-    return _waved(problem, middle, direction, axes, rng)
+    return _add_waves(problem, middle, direction, axes, rng)
 
 
-def straight(problem: Problem, middle: Float, direction: Float, axes: Float) -> Batch:
+def straight_batch(
+    problem: Problem, middle: Float, direction: Float, axes: Float
+) -> CandidateBatch:
     """Straight cords through points (c, 3) inside along unit directions (c, 3), the x of the
     planes' axes (c, 3, 3), from surface to surface; those that are long enough."""
-    back, ahead = _ways(problem, middle, direction)
-    length = back + ahead - 2 * _INSIDE
-    good = np.isfinite(length) & (length > 3 * _INSIDE)
+    back, ahead = _surface_distances(problem, middle, direction)
+    length = back + ahead - 2 * _START_DEPTH_MM
+    good = np.isfinite(length) & (length > 3 * _START_DEPTH_MM)
     back, length = back[good], length[good, None]
-    lead = np.minimum(_LEAD, length / 6)
+    lead = np.minimum(_LEAD_MM, length / 6)
     along = np.linspace(0, 1, _KNOTS - 2)
     x = np.concatenate([0 * lead, lead + (length - 2 * lead) * along, length], axis=1)
     points = np.stack([x, np.zeros_like(x)], axis=2)
-    origins = middle[good] - (back - _INSIDE)[:, None] * direction[good]
-    return Batch(_like(_KNOTS), origins, axes[good], points, catmull_rom(points))
+    origins = middle[good] - (back - _START_DEPTH_MM)[:, None] * direction[good]
+    return CandidateBatch(
+        _template_sensor(_KNOTS), origins, axes[good], points, catmull_rom(points)
+    )
 
 
 def there_and_back(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None = None
-) -> Batch:
+) -> CandidateBatch:
     """Two legs side by side from the end of the body that moves least, joined by a half circle;
     `normals` as in `through`."""
-    middle, direction = _lines(problem, count, rng, normals)
-    back, ahead = _ways(problem, middle, direction)
+    middle, direction = _sample_lines(problem, count, rng, normals)
+    back, ahead = _surface_distances(problem, middle, direction)
     inside = np.isfinite(back + ahead)
     middle, direction, back, ahead = (a[inside] for a in (middle, direction, back, ahead))
     ends = [middle - back[:, None] * direction, middle + ahead[:, None] * direction]
@@ -116,7 +124,7 @@ def there_and_back(
     back, ahead = np.where(turned, ahead, back), np.where(turned, back, ahead)
     axes = _frames(direction, rng, normals)
     across = axes[:, :, 1]
-    up, down = (problem.grid.exits(middle, s * across, 4 * _width(problem)) for s in (1, -1))
+    up, down = (problem.grid.exits(middle, s * across, 4 * _body_width(problem)) for s in (1, -1))
     widest = (up + down) / 2 - problem.limits.depth
     least = problem.limits.min_radius * 1.1
     wide = (widest >= least) & np.isfinite(widest)
@@ -132,18 +140,18 @@ def there_and_back(
             -direction,
             float(back.max(initial=0) + ahead.max(initial=0)),
         )
-        - _INSIDE
+        - _START_DEPTH_MM
         for s in (1, -1)
     ]
     good = np.isfinite(legs[0] + legs[1])
-    good &= np.minimum(*legs) > 3 * _LEAD
+    good &= np.minimum(*legs) > 3 * _LEAD_MM
     n = int(good.sum())
     origins = (middle + (top - radius)[:, None] * direction)[good]
     a, zero = radius[good], np.zeros(n)
     wave = rng.normal(0, 0.3, (2, n)) * a
     x, y = [], []
     for leg, side, bulge in zip((legs[0][good], legs[1][good]), (a, -a), wave, strict=True):
-        x.append([-leg, _LEAD - leg, (_LEAD - leg) / 2, zero])
+        x.append([-leg, _LEAD_MM - leg, (_LEAD_MM - leg) / 2, zero])
         y.append([side, side, side + bulge, side])
     points = np.stack(
         [
@@ -157,7 +165,7 @@ def there_and_back(
     half = len(x[0])
     for at, along in ((half - 1, [arc, zero]), (half, [zero, -arc]), (half + 1, [-arc, zero])):
         tangents[:, at] = np.stack(along, axis=1)
-    return Batch(_like(points.shape[1]), origins, axes[good], points, tangents)
+    return CandidateBatch(_template_sensor(points.shape[1]), origins, axes[good], points, tangents)
 
 
 def _waves(count: int, knots: int, rng: np.random.Generator) -> Float:
@@ -167,36 +175,36 @@ def _waves(count: int, knots: int, rng: np.random.Generator) -> Float:
     return np.asarray(rng.normal(0, 0.5, (count, _WAVES)) @ shape)
 
 
-def _waved(
+def _add_waves(
     problem: Problem, middle: Float, direction: Float, axes: Float, rng: np.random.Generator
-) -> Batch:
+) -> CandidateBatch:
     """Straight paths with waves of up to half the body's width, less where they would turn too
     tightly or come too near the surface."""
-    paths = straight(problem, middle, direction, axes)
-    size = rng.uniform(0, 1, len(paths)) * _width(problem) / 2
+    paths = straight_batch(problem, middle, direction, axes)
+    size = rng.uniform(0, 1, len(paths)) * _body_width(problem) / 2
     waves = _waves(len(paths), _KNOTS, rng)
     for _ in range(2):
         batch = paths.waved(waves, size)
         bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
         tight = 0.9 / np.maximum(bend * problem.limits.min_radius, 0.9)
-        near = problem.grid(batch.paths(_FEW)[:, 2:-2]).min(axis=1) < problem.limits.depth
+        near = problem.grid(batch.paths(_PROBE_SAMPLES)[:, 2:-2]).min(axis=1) < problem.limits.depth
         size = size * np.where(near, 0.5, 1) * tight
     return paths.waved(waves, size)
 
 
-def _lines(
+def _sample_lines(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None
 ) -> tuple[Float, Float]:
     """Points inside (c, 3) and unit directions (c, 3), each in a plane square to one of the
     `normals` if given."""
-    points = evenly(problem, 4000, rng)
+    points = sample_interior(problem, 4000, rng)
     values, vectors = np.linalg.eigh(np.cov(points.T))
     deep = points[problem.grid(points) > problem.limits.depth]
     if not len(deep):
         return np.zeros((0, 3)), np.zeros((0, 3))
     half = count // 2
     some = deep[rng.integers(len(deep), size=half)]
-    middle = np.concatenate([some, lively(problem, deep[:2000], count - half, rng)])
+    middle = np.concatenate([some, sample_by_strain(problem, deep[:2000], count - half, rng)])
     # Mostly along the longest axis; a stout body takes other directions, too.
     choice = rng.choice(3, count, p=values / values.sum())
     off = rng.normal(0, 1, (count, 3)) * rng.choice(_SPREADS, (count, 1))
@@ -209,7 +217,7 @@ def _lines(
     return middle, direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def _ways(problem: Problem, middle: Float, direction: Float) -> tuple[Float, Float]:
+def _surface_distances(problem: Problem, middle: Float, direction: Float) -> tuple[Float, Float]:
     """How far the surface lies back and ahead, (c,) mm each."""
     longest = float(np.linalg.norm(np.ptp(problem.surface.bounds, axis=0)))
     back, ahead = (problem.grid.exits(middle, s * direction, longest) for s in (-1, 1))
@@ -234,12 +242,12 @@ def _frames(direction: Float, rng: np.random.Generator, normals: Float | None) -
     return np.stack([direction, np.cross(normal, direction), normal], axis=2)
 
 
-def _width(problem: Problem) -> float:
+def _body_width(problem: Problem) -> float:
     """The middle one of the body's three sizes, mm: what a path may swing across."""
     return float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
 
 
-def _like(knots: int) -> Sensor:
+def _template_sensor(knots: int) -> Sensor:
     """What proposed cords have in common; their arrays hold the rest."""
     plane, points = Plane(np.zeros(3), np.eye(3)), np.zeros((knots, 2))
     return Sensor("proposed", plane, Hermite(points, points), frozenset({"path", "plane"}))

@@ -13,12 +13,12 @@ from ...core.device.device import Sensor
 from ...geometry.kernels.surface_queries import SignedDistance
 from ...mechanics.elements.threads import count_cores, run_in_chunks
 from ..limits.constraints import (
-    LONGEST_INLET,
-    MARGIN,
-    RUN,
-    depth_before_exit,
+    MAX_INLET_MM,
+    MARGIN_MM,
+    RUN_SAMPLES,
+    required_depth,
     run_lengths,
-    separation,
+    strand_separation,
 )
 from ..limits.polyline_distance import self_gaps
 from ..problem.depth_grid import DepthGrid
@@ -28,11 +28,11 @@ from ..problem.problem import Limits, Problem
 
 # Candidate cords as arrays, many of one kind at once.
 
-COARSE = 40  #: Points of a candidate's path.
+COARSE_SAMPLES = 40  #: Points of a candidate's path.
 
 
 @dataclass(frozen=True)
-class Batch:
+class CandidateBatch:
     """Candidates as arrays: plane `origins` (c, 3) and `axes` (c, 3, 3), control `points` and
     `tangents` (c, k, 2); name and freedom are those of `like`."""
 
@@ -62,7 +62,7 @@ class Batch:
         size = np.maximum(np.linalg.norm(ends, axis=2, keepdims=True), 1e-12)
         return np.asarray(ends / size * np.array([[-1.0], [1.0]]))
 
-    def waved(self, waves: Float, size: Float) -> Batch:
+    def waved(self, waves: Float, size: Float) -> CandidateBatch:
         """With waves (c, k) of `size` (c,) mm across their chords; paths of size 0 stay as they
         are, and so do the first and last two control points and the end tangents."""
         chord = self.points[:, -1] - self.points[:, 0]
@@ -75,9 +75,9 @@ class Batch:
         tangents[moved, 1:-1] = catmull_rom(points[moved])[:, 1:-1]
         return replace(self, points=points, tangents=tangents)
 
-    def take(self, which: Int) -> Batch:
+    def take(self, which: Int) -> CandidateBatch:
         arrays = (self.origins, self.axes, self.points, self.tangents)
-        return Batch(self.like, *(a[which] for a in arrays))
+        return CandidateBatch(self.like, *(a[which] for a in arrays))
 
     def sensor(self, i: int) -> Sensor:
         return replace(
@@ -87,7 +87,9 @@ class Batch:
         )
 
 
-def feasible(batch: Batch, depth: SignedDistance, grid: DepthGrid, limits: Limits) -> Int:
+def find_feasible(
+    batch: CandidateBatch, depth: SignedDistance, grid: DepthGrid, limits: Limits
+) -> Int:
     """Indices of the candidates that keep the limits."""
     kept = np.arange(len(batch))
 
@@ -97,13 +99,13 @@ def feasible(batch: Batch, depth: SignedDistance, grid: DepthGrid, limits: Limit
 
     bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
     narrow(np.asarray(bend * limits.min_radius < 0.98))
-    for count in (8, COARSE):  # most fail at a few points already
+    for count in (8, COARSE_SAMPLES):  # most fail at a few points already
         narrow(np.asarray(grid(batch.paths(count)).min(axis=1) > 0))
-    paths, out = batch.paths(COARSE), batch.out()
+    paths, out = batch.paths(COARSE_SAMPLES), batch.out()
     ends = np.stack(
         [
-            grid.exits(paths[:, 0], out[:, 0], LONGEST_INLET - 1),
-            grid.exits(paths[:, -1], out[:, 1], LONGEST_INLET - 1),
+            grid.exits(paths[:, 0], out[:, 0], MAX_INLET_MM - 1),
+            grid.exits(paths[:, -1], out[:, 1], MAX_INLET_MM - 1),
         ],
         axis=1,
     )
@@ -116,15 +118,15 @@ def feasible(batch: Batch, depth: SignedDistance, grid: DepthGrid, limits: Limit
     along = arc_lengths(whole)
     rest = ends - run_lengths(ends)
     to_exit = np.minimum(along + rest[:, :1], along[:, -1:] - along + rest[:, 1:])
-    need, _ = depth_before_exit(to_exit, limits)
+    need, _ = required_depth(to_exit, limits)
     found = grid(whole)
     good = np.asarray((found - need).min(axis=1) >= -grid.error)
     length = along[:, -1] + rest.sum(axis=1)
-    good &= (length > limits.shortest + MARGIN) & (length < limits.longest - MARGIN)
+    good &= (length > limits.shortest + MARGIN_MM) & (length < limits.longest - MARGIN_MM)
     close = good[:, None] & (found - need < grid.error)
     found[close] = depth(whole[close])
     good &= (found >= need).all(axis=1)
-    good[good] = self_gaps(whole[good], separation(limits)) >= (
+    good[good] = self_gaps(whole[good], strand_separation(limits)) >= (
         limits.clearance + np.diff(along[good]).max(axis=1) / 4
     )
     return np.asarray(kept[good])
@@ -133,7 +135,7 @@ def feasible(batch: Batch, depth: SignedDistance, grid: DepthGrid, limits: Limit
 def _with_runs(paths: Float, out: Float, runs: Float) -> Float:
     """Paths (c, p, 3) with samples of their straight runs of `runs` (c, 2) mm along `out`
     (c, 2, 3)."""
-    s = (np.arange(RUN) + 1)[:, None] / RUN
+    s = (np.arange(RUN_SAMPLES) + 1)[:, None] / RUN_SAMPLES
     start = paths[:, :1] + (runs[:, 0, None, None] * s) * out[:, None, 0]
     end = paths[:, -1:] + (runs[:, 1, None, None] * s) * out[:, None, 1]
     return np.concatenate([start[:, ::-1], paths, end], axis=1)
@@ -143,7 +145,7 @@ def _with_runs(paths: Float, out: Float, runs: Float) -> Float:
 class Pool:
     """Feasible candidates for one cord, batch after batch: paths (c, p, 3) mm, signals (n, c)."""
 
-    batches: tuple[Batch, ...]
+    batches: tuple[CandidateBatch, ...]
     paths: Float
     signals: Float
 
@@ -155,14 +157,14 @@ class Pool:
         """A pool of one."""
         plane, curve = sensor.plane, sensor.curve
         arrays = (plane.origin, plane.axes, curve.points, curve.tangents)
-        batch = Batch(sensor, *(a[None] for a in arrays))
-        paths = batch.paths(COARSE)
+        batch = CandidateBatch(sensor, *(a[None] for a in arrays))
+        paths = batch.paths(COARSE_SAMPLES)
         return cls((batch,), paths, problem.signals(paths))
 
     @classmethod
     def empty(cls, problem: Problem) -> Pool:
         """A pool without candidates."""
-        return cls((), np.zeros((0, COARSE, 3)), np.zeros((len(problem.markers), 0)))
+        return cls((), np.zeros((0, COARSE_SAMPLES, 3)), np.zeros((len(problem.markers), 0)))
 
     def sensor(self, i: int, name: str, free: frozenset[str]) -> Sensor:
         """Candidate i."""
@@ -182,21 +184,23 @@ class Pool:
 
 
 def build_pool(
-    problem: Problem, makers: Sequence[Callable[[], Batch]], keep_first: bool = False
+    problem: Problem, makers: Sequence[Callable[[], CandidateBatch]], keep_first: bool = False
 ) -> Pool:
     """Candidates that keep the limits, of all makers, and their signals; `keep_first` keeps the
     very first even if it does not. Makers run on all cores."""
-    kept: list[Batch] = [None] * len(makers)  # type: ignore[list-item]
+    kept: list[CandidateBatch] = [None] * len(makers)  # type: ignore[list-item]
     problem.grid, problem.depth, problem.carrier  # noqa: B018 - made once, for all threads
 
     def work(start: int, stop: int) -> None:
         for n in range(start, stop):
             batch = makers[n]()
-            which = feasible(batch, problem.depth, problem.grid, problem.limits)
+            which = find_feasible(batch, problem.depth, problem.grid, problem.limits)
             if keep_first and n == 0:
                 which = np.union1d([0], which)
             kept[n] = batch.take(which)
 
     run_in_chunks(work, len(makers), count_cores(), 1)
-    paths = np.concatenate([np.zeros((0, COARSE, 3)), *(b.paths(COARSE) for b in kept)])
+    paths = np.concatenate(
+        [np.zeros((0, COARSE_SAMPLES, 3)), *(b.paths(COARSE_SAMPLES) for b in kept)]
+    )
     return Pool(tuple(kept), paths, problem.signals(paths))

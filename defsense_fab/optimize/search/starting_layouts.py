@@ -9,22 +9,22 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.curve import distinct
+from ...core.curve import distinct_planes
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
-from ..limits.polyline_distance import gaps
+from ..limits.polyline_distance import path_gaps
 from ..limits.thin_parts import ThinParts
 from ..problem.problem import Problem
-from .candidate_families import there_and_back, through, vary, within
+from .candidate_families import there_and_back, waves_through_body, vary_sensor, waves_in_plane
 from .candidates import Pool, build_pool
 
 # Greedy selection with swaps: one candidate from each cord's pool.
 
 #: So many of the best are tried in place of a cord that there is; for a new one all are.
-_TRIES_SELECTION = 400
+_MAX_EXCHANGE_TRIES = 400
 
 
-def select(
+def select_candidates(
     pools: Sequence[Pool],
     error: Callable[[Float], Float],
     clearance: float,
@@ -56,12 +56,12 @@ def select(
             errors = error(np.stack([own, *rest], axis=-1))
             lines = [pools[i].paths[chosen[i]] for i in others if not (stays[slot] and stays[i])]
             best = np.argsort(errors, kind="stable")[
-                : _TRIES_SELECTION if chosen[slot] >= 0 else None
+                : _MAX_EXCHANGE_TRIES if chosen[slot] >= 0 else None
             ]
             for k in which[best].tolist():
                 if k == chosen[slot]:
                     break  # better ones are not clear
-                if all(_clear(pool.paths[k], line, clearance) for line in lines) and (
+                if all(_keeps_clearance(pool.paths[k], line, clearance) for line in lines) and (
                     allowed is None or allowed({**{i: int(chosen[i]) for i in others}, slot: k})
                 ):
                     chosen[slot] = k
@@ -74,27 +74,27 @@ def select(
     return chosen
 
 
-def _clear(path: Float, other: Float, clearance: float) -> bool:
+def _keeps_clearance(path: Float, other: Float, clearance: float) -> bool:
     """Whether the path (p, 3) keeps `clearance` from the path (q, 3)."""
     slack = np.linalg.norm(np.diff(other, axis=0), axis=1).max() / 4
     low, high = other.min(0) - clearance - slack, other.max(0) + clearance + slack
     if (path.max(0) < low).any() or (path.min(0) > high).any():
         return True
-    return bool(gaps(path[None], other)[0] >= clearance + slack)
+    return bool(path_gaps(path[None], other)[0] >= clearance + slack)
 
 
 Layout = tuple[Sensor, ...]
 FREE = frozenset({"path", "plane"})
 _ALIGNED = frozenset({"path", "offset"})
-_SHARE = 0.3  # of the candidates that a start sees, so that starts differ
-_TRIES = 5  # planes, or sets of them, for a start
-_IN_PLANE = 3000  # candidates in a plane
-_CANDIDATES = 2000  # to find out how many cords there is room for
-_HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
+_START_SHARE = 0.3  # of the candidates that a start sees, so that starts differ
+_MAX_PLANE_TRIES = 5  # planes, or sets of them, for a start
+_PLANE_CANDIDATES = 3000  # candidates in a plane
+_ROOM_CANDIDATES = 2000  # to find out how many cords there is room for
+_SAMPLING_MARGIN_MM = 0.1  # kept from the clearance for what coarse samples miss, mm
 
 
 @dataclass(frozen=True)
-class StartingLayouts:
+class CordChoices:
     """The candidates of one cord, and the name and freedom that the chosen one takes. A `settled`
     one has a single candidate, the cord itself."""
 
@@ -104,12 +104,12 @@ class StartingLayouts:
     settled: bool = False
 
     @classmethod
-    def of(cls, problem: Problem, sensor: Sensor) -> StartingLayouts:
+    def of(cls, problem: Problem, sensor: Sensor) -> CordChoices:
         """No other than the cord itself."""
         return cls(sensor.name, sensor.free, Pool.of(problem, sensor), settled=True)
 
 
-def choices(
+def candidate_choices(
     problem: Problem,
     drawn: Sequence[Sensor],
     extra: int,
@@ -117,7 +117,7 @@ def choices(
     rng: np.random.Generator,
     planes: int | None = None,
     normals: Float | None = None,
-) -> list[StartingLayouts]:
+) -> list[CordChoices]:
     """For each drawn cord its variations and, where path and plane are free, paths of all
     families; the latter alone for `extra` cords. With a limit on `planes` drawn cords stay as they
     are: descents come later, and their planes are few already. With `normals` (k, 3) cords that are
@@ -126,44 +126,44 @@ def choices(
     Raises LayoutError where no candidate fits.
     """
     size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
-    taken = len(distinct([s.plane for s in drawn]))
+    taken = len(distinct_planes([s.plane for s in drawn]))
     wanted = (extra and (planes is None or planes > taken)) or (
         planes is None and FREE in {s.free for s in drawn}
     )
-    families = _families(problem, candidates, rng, normals) if wanted else Pool.empty(problem)
+    families = _family_pool(problem, candidates, rng, normals) if wanted else Pool.empty(problem)
     free = FREE if normals is None else _ALIGNED
     out = []
     for s in drawn:
         if planes is not None or not s.free:
-            out.append(StartingLayouts.of(problem, s))
+            out.append(CordChoices.of(problem, s))
             continue
         if normals is not None and s.free == FREE:
-            out.append(StartingLayouts(s.name, free, families))
+            out.append(CordChoices(s.name, free, families))
             continue
         count = candidates // (8 if s.free == FREE else 2)
-        own = build_pool(problem, [partial(vary, s, count, size / 2, rng)], keep_first=True)
-        out.append(StartingLayouts(s.name, s.free, own.plus(families) if s.free == FREE else own))
+        own = build_pool(problem, [partial(vary_sensor, s, count, size / 2, rng)], keep_first=True)
+        out.append(CordChoices(s.name, s.free, own.plus(families) if s.free == FREE else own))
     if extra:
         if wanted and not len(families):
-            raise no_room(problem, len(drawn) + extra)
+            raise no_room_error(problem, len(drawn) + extra)
         used = {s.name for s in drawn}
         names = (f"cord-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
         fresh = [n for n in names if n not in used][:extra]
-        out += [StartingLayouts(n, free, families) for n in fresh]
+        out += [CordChoices(n, free, families) for n in fresh]
     return out
 
 
-def _families(
+def _family_pool(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None
 ) -> Pool:
     """Candidates of all families; several makers of one family for several cores."""
     *four, last = rng.spawn(5)
-    makers = [partial(through, problem, count // 4, r, normals) for r in four]
+    makers = [partial(waves_through_body, problem, count // 4, r, normals) for r in four]
     back = partial(there_and_back, problem, count // 4, last, normals)
     return build_pool(problem, [*makers, back])
 
 
-def no_room(problem: Problem, count: int) -> LayoutError:
+def no_room_error(problem: Problem, count: int) -> LayoutError:
     """The error for a body in which so many cords do not fit, with what limits them."""
     limits, lengths = problem.limits, ""
     if limits.shortest > 0 or limits.longest < np.inf:
@@ -171,7 +171,7 @@ def no_room(problem: Problem, count: int) -> LayoutError:
             f", with channels of which {limits.lengths} by [cord] length and min_stretch, with"
             " pockets or free ends"
         )
-    most = _most(problem, count)
+    most = _count_that_fits(problem, count)
     fewer = f"Ask for {most}, for which room was found" if 0 < most < count else "Ask for fewer"
     return LayoutError(
         f"no layout of {count} cords was found that keeps their walls and clearances{lengths}",
@@ -185,17 +185,17 @@ def no_room(problem: Problem, count: int) -> LayoutError:
     )
 
 
-def _most(problem: Problem, count: int) -> int:
+def _count_that_fits(problem: Problem, count: int) -> int:
     """For how many of `count` cords greedy selection finds room."""
-    pool = _families(problem, _CANDIDATES, np.random.default_rng(0), None)
-    clearance = problem.limits.clearance + _HAND
-    chosen = select([pool] * count, problem.expected_error, clearance, rounds=0)
+    pool = _family_pool(problem, _ROOM_CANDIDATES, np.random.default_rng(0), None)
+    clearance = problem.limits.clearance + _SAMPLING_MARGIN_MM
+    chosen = select_candidates([pool] * count, problem.expected_error, clearance, rounds=0)
     return int((chosen >= 0).sum())
 
 
-def seeds(
+def select_starts(
     problem: Problem,
-    cords: Sequence[StartingLayouts],
+    cords: Sequence[CordChoices],
     count: int,
     planes: int | None,
     slivers: ThinParts,
@@ -207,14 +207,14 @@ def seeds(
     out: list[Layout] = []
     for n in range(count):
         report(n / count, f"selection {n + 1} of {count}")
-        share = _SHARE if n else 1.0
+        share = _START_SHARE if n else 1.0
         if planes is None:
             found = _select(problem, cords, share, slivers, rng)
         else:
             # The plane that is best for one cord may be too narrow for all: try others.
             tries = (
-                _in_planes(problem, cords, planes, share * _SHARE**k, slivers, rng)
-                for k in range(_TRIES)
+                _in_planes(problem, cords, planes, share * _START_SHARE**k, slivers, rng)
+                for k in range(_MAX_PLANE_TRIES)
             )
             found = next((t for t in tries if t is not None), None)
         if found is not None:
@@ -224,7 +224,7 @@ def seeds(
 
 def _in_planes(
     problem: Problem,
-    cords: Sequence[StartingLayouts],
+    cords: Sequence[CordChoices],
     planes: int,
     share: float,
     slivers: ThinParts,
@@ -233,20 +233,20 @@ def _in_planes(
     """A selection in at most `planes` planes, or more only where drawn cords have them."""
     drawn = [c for c in cords if c.settled]
     new = [c for c in cords if not c.settled]
-    room = planes - len(distinct([c.pool.sensor(0, c.name, c.free).plane for c in drawn]))
+    room = planes - len(distinct_planes([c.pool.sensor(0, c.name, c.free).plane for c in drawn]))
     first = [*drawn, *new[: max(room, 0)]]
     chosen = _select(problem, first, share, slivers, rng) if first else ()
     if chosen is None or len(first) == len(cords):
         return chosen
     makers = [
-        partial(within, problem, plane, _IN_PLANE, rng.spawn(1)[0])
-        for plane in distinct([s.plane for s in chosen])
+        partial(waves_in_plane, problem, plane, _PLANE_CANDIDATES, rng.spawn(1)[0])
+        for plane in distinct_planes([s.plane for s in chosen])
     ]
     pool = build_pool(problem, makers)
     if not len(pool):
         return None
     rest = [replace(c, pool=pool) for c in new[max(room, 0) :]]
-    settled = [StartingLayouts.of(problem, s) for s in chosen]
+    settled = [CordChoices.of(problem, s) for s in chosen]
     found = _select(problem, [*settled, *rest], 1.0, slivers, rng)
     if found is None:
         return None
@@ -256,7 +256,7 @@ def _in_planes(
 
 def _select(
     problem: Problem,
-    cords: Sequence[StartingLayouts],
+    cords: Sequence[CordChoices],
     share: float,
     slivers: ThinParts,
     rng: np.random.Generator,
@@ -273,10 +273,10 @@ def _select(
     for keep in some:
         keep[:1] = True  # the drawing, and something where there is little
     for allowed in (lambda c: not slivers(layout(c)), None):
-        chosen = select(
+        chosen = select_candidates(
             [c.pool for c in cords],
             problem.expected_error,
-            problem.limits.clearance + _HAND,
+            problem.limits.clearance + _SAMPLING_MARGIN_MM,
             some=some,
             settled=[c.settled for c in cords],
             allowed=allowed,

@@ -10,18 +10,18 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import distinct
+from ...core.curve import distinct_planes
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ..limits.thin_parts import ThinParts
 from ..problem.problem import Problem
-from ..refinement.refine import Optimised, layout_error, optimise, part
-from ..search.starting_layouts import FREE, Layout, no_room
+from ..refinement.refine import OptimizedLayout, layout_error, optimize_layout, report_part
+from ..search.starting_layouts import FREE, Layout, no_room_error
 
 _STARTS = 6  # of one cord; fewer the more cords there are, which take longer
 
 
-def next_cord(
+def add_cord(
     problem: Problem,
     layout: Sequence[Sensor],
     rng: np.random.Generator,
@@ -33,23 +33,25 @@ def next_cord(
     Raises LayoutError where there is no room for it.
     """
     locked = [replace(s, free=frozenset()) for s in layout]
-    found: list[Optimised] = []
+    found: list[OptimizedLayout] = []
     # In one of the planes that are there, and in one of its own where that is allowed.
-    room = planes is None or planes > len(distinct([s.plane for s in locked]))
+    room = planes is None or planes > len(distinct_planes([s.plane for s in locked]))
     kinds = (0, planes) if room else (0,)
     for n, most in enumerate(kinds):
-        show = partial(part, report, n / len(kinds), (n + 1) / len(kinds))
+        show = partial(report_part, report, n / len(kinds), (n + 1) / len(kinds))
         with suppress(LayoutError):
             found.append(
-                optimise(problem, locked, rng, show, extra=1, planes=most, starts=3, finalists=1)
+                optimize_layout(
+                    problem, locked, rng, show, extra=1, planes=most, starts=3, finalists=1
+                )
             )
     if not found:
-        raise no_room(problem, len(layout) + 1)
+        raise no_room_error(problem, len(layout) + 1)
     best = min(found, key=lambda f: (f.slivers, f.rmse))
     return (*layout, *best.sensors[len(locked) :])
 
 
-def by_count(
+def layouts_by_count(
     problem: Problem,
     counts: Sequence[int],
     seed: int,
@@ -71,18 +73,21 @@ def by_count(
         rng = np.random.default_rng((seed, count))  # the same wherever the study began
         low, high = n / len(counts), (n + 1) / len(counts)
         middle = (low + high) / 2
-        fresh, grown = partial(part, report, low, middle), partial(part, report, middle, high)
+        fresh, grown = (
+            partial(report_part, report, low, middle),
+            partial(report_part, report, middle, high),
+        )
         starts = max(_STARTS - count // 2, 2)
-        found: list[Optimised] = []
+        found: list[OptimizedLayout] = []
         with suppress(LayoutError):
             found.append(
-                optimise(problem, (), rng, fresh, extra=count, planes=planes, starts=starts)
+                optimize_layout(problem, (), rng, fresh, extra=count, planes=planes, starts=starts)
             )
         if before:
             with suppress(LayoutError):
-                found.append(_grown(problem, before, rng, grown, planes, starts // 2))
+                found.append(_grow(problem, before, rng, grown, planes, starts // 2))
         if not found:
-            raise no_room(problem, count)
+            raise no_room_error(problem, count)
         best = min(found, key=lambda f: (f.slivers, f.rmse))
         clean = not best.slivers or (bool(before) and slivers(before))
         if not before or (clean and best.rmse < layout_error(problem, before)):
@@ -90,21 +95,21 @@ def by_count(
         yield count, before
 
 
-def _grown(
+def _grow(
     problem: Problem,
     before: Layout,
     rng: np.random.Generator,
     report: Callable[[float, str], None],
     planes: int | None,
     starts: int,
-) -> Optimised:
-    layout = next_cord(problem, before, rng, partial(part, report, 0.0, 0.5), planes)
+) -> OptimizedLayout:
+    layout = add_cord(problem, before, rng, partial(report_part, report, 0.0, 0.5), planes)
     free = [replace(s, free=FREE) for s in layout]
-    show = partial(part, report, 0.5, 1.0)
-    return optimise(problem, free, rng, show, planes=planes, starts=starts)
+    show = partial(report_part, report, 0.5, 1.0)
+    return optimize_layout(problem, free, rng, show, planes=planes, starts=starts)
 
 
-def knee(counts: Sequence[int], errors: Float) -> int:
+def find_knee(counts: Sequence[int], errors: Float) -> int:
     """The number of cords beyond which more pay least: where the curve of the errors' logarithms
     lies deepest below the line between its ends (Satopaa et al. 2011)."""
     if len(counts) < 3:

@@ -9,14 +9,15 @@ import numpy as np
 
 from ...core.curve import sample_path
 from ...core.device.device import Sensor
-from ...decoding.expected_errors import NONE, Prediction
+from ...decoding.expected_errors import NONE
+from ...core.prediction import Prediction
 from ..problem.problem import Problem
 
 #: Signals that change less than this tell nothing, (R - R0)/R0.
-_SILENT = 1e-6
+_MIN_SIGNAL_CHANGE = 1e-6
 #: An error is for want of cords where so much of it is left without noise, no decoder is below such
 #: a share of the floor of so many signals, and the floor of more is below such a share of it.
-_WITHOUT_NOISE, _BELOW, _FLOOR = 0.7, 0.8, 0.5
+_NOISE_FREE_FRACTION, _FLOOR_FRACTION, _BETTER_FLOOR_FRACTION = 0.7, 0.8, 0.5
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,12 @@ class LayoutRisk:
         return self.message
 
 
-def risks(problem: Problem, sensors: Sequence[Sensor]) -> list[LayoutRisk]:
+def find_risks(problem: Problem, sensors: Sequence[Sensor]) -> list[LayoutRisk]:
     """Warnings: cords whose signals do not change, or drown in noise; more features than states."""
     out: list[LayoutRisk] = []
     for sensor in sensors:
         change = round(float(np.ptp(problem.signals(sample_path(sensor)))), 9)
-        if change < max(problem.noise, _SILENT):
+        if change < max(problem.noise, _MIN_SIGNAL_CHANGE):
             message = (
                 f"cord {sensor.name!r}: its signal changes by {change:.2g} over all states, less"
                 f" than the noise of {problem.noise:g}: it carries no information; free its path"
@@ -67,15 +68,18 @@ def risks(problem: Problem, sensors: Sequence[Sensor]) -> list[LayoutRisk]:
     return out
 
 
-def too_few(problem: Problem, prediction: Prediction, free: float) -> list[LayoutRisk]:
+def check_cord_count(problem: Problem, prediction: Prediction, free: float) -> list[LayoutRisk]:
     """A warning where more cords might tell the states of a `problem` far better, by the floors of
     affine maps; `free` is what the best of all decoders misses by on unseen states without noise,
     mm. Floors of nearly as many signals as there are states say nothing, nor do they where a
     decoder is below that of so many cords, or the error is of the states fitted alone."""
     count, error = len(prediction.noise), prediction.unseen
     now, floors = prediction.floor, range(count + 1, len(problem.markers) - 2)
-    limited = free > _WITHOUT_NOISE * error and free > _BELOW * now > _BELOW * _FLOOR * error
-    more = next((n for n in floors if problem.floor(n) < _FLOOR * error), None)
+    limited = (
+        free > _NOISE_FREE_FRACTION * error
+        and free > _FLOOR_FRACTION * now > _FLOOR_FRACTION * _BETTER_FLOOR_FRACTION * error
+    )
+    more = next((n for n in floors if problem.floor(n) < _BETTER_FLOOR_FRACTION * error), None)
     if prediction.how == NONE or not limited or more is None:
         return []
     message = (

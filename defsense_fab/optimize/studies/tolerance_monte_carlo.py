@@ -20,9 +20,9 @@ from ...sensing.built_cord import PRESTRETCH_SPREAD, BuiltCord, CordReading
 from ..problem.problem import Problem, reduce_outputs
 
 #: A cord wanders in its groove between so many points along its path.
-_KNOTS = 5
+_WANDER_KNOTS = 5
 #: Of its length: a path that leaves its line by less has no plane.
-_STRAIGHT = 1e-6
+_STRAIGHT_RTOL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ def tolerance_band(
     found = []
     for _ in range(draws):
         some = tolerances or Tolerances()
-        rmse, like = session(problem, cords, reading, rng, some, unseen, like)
+        rmse, like = simulate_session(problem, cords, reading, rng, some, unseen, like)
         found.append(rmse)
     low, median, high = np.quantile(found, [0.05, 0.5, 0.95])
     return ToleranceBand(float(median), float(low), float(high))
 
 
-def session(
+def simulate_session(
     problem: Problem,
     cords: Sequence[BuiltCord],
     reading: CordReading,
@@ -83,10 +83,10 @@ def session(
 ) -> tuple[float, list[Trained]]:
     """RMSE (mm) of one device on its test frames, which show the states tested at random, and its
     decoders, one for each fold; see `fit_decoder` for those of another device, `like`."""
-    mixing = _taken_less_far(unseen, len(problem.markers), rng, tolerances.amplitude)
+    mixing = _amplitude_mixing(unseen, len(problem.markers), rng, tolerances.amplitude)
     columns, sigma = [], []
     for designed in cords:
-        cord, own = as_laid(designed, reading, rng, tolerances)
+        cord, own = sample_built_cord(designed, reading, rng, tolerances)
         moved = cord.path + np.tensordot(mixing, problem.deform(cord.path) - cord.path, 1)
         columns.append(np.append(0.0, own.signals(cord, moved)))
         sigma.append(own.noise(cord))
@@ -106,7 +106,7 @@ def session(
     return float(np.sqrt(square / tolerances.frames)), decoders
 
 
-def _taken_less_far(
+def _amplitude_mixing(
     unseen: UnseenStates, count: int, rng: np.random.Generator, sigma: float
 ) -> Float:
     """Weights (s, s) of the s = count - 1 states without rest in what a device shows instead: each
@@ -129,7 +129,7 @@ def _taken_less_far(
     return out
 
 
-def as_laid(
+def sample_built_cord(
     cord: BuiltCord, reading: CordReading, rng: np.random.Generator, tolerances: Tolerances
 ) -> tuple[BuiltCord, CordReading]:
     """One of the cords that a maker may get for this one, and how it is read."""
@@ -148,7 +148,7 @@ def _normal(path: Float) -> Float:
     is nearest to an axis; the same whatever rounding does."""
     _, size, axes = np.linalg.svd(path - path.mean(0), full_matrices=False)
     normal = axes[2]
-    if size[1] < _STRAIGHT * size[0]:
+    if size[1] < _STRAIGHT_RTOL * size[0]:
         across = np.eye(3)[int(np.round(np.abs(axes[0]), 6).argmin())]
         normal = across - (across @ axes[0]) * axes[0]
         normal /= np.linalg.norm(normal)
@@ -162,7 +162,9 @@ def _off_axis(path: Float, rng: np.random.Generator, offset: float) -> Float:
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     where = np.linspace(0, 1, len(path))
     shift = [
-        np.interp(where, np.linspace(0, 1, _KNOTS), rng.uniform(-offset, offset, _KNOTS))[:, None]
+        np.interp(
+            where, np.linspace(0, 1, _WANDER_KNOTS), rng.uniform(-offset, offset, _WANDER_KNOTS)
+        )[:, None]
         for _ in range(2)
     ]
     return np.asarray(path + shift[0] * across + shift[1] * normal)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import TrainingError
-from ...core.storage.files import replacing_folder, write_text
+from ...core.storage.files import replace_folder, write_text
 from ...core.version import __version__
 from ...training.evaluation.error_budget import ErrorBudget
 from ...training.evaluation.evaluate_models import SessionEvaluation
@@ -39,7 +39,7 @@ def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
     """All files of the folder, whole or not at all; an evaluation that is there is replaced. Raises
     TrainingError for a folder of something else, StorageError where it cannot be written."""
     check_folder(folder)
-    with replacing_folder(folder, over=True) as new:
+    with replace_folder(folder, overwrite=True) as new:
         figures = svg_figures(result.models[0])
         for name, text in figures.items():
             write_text(new / f"{name}.svg", text)

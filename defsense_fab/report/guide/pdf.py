@@ -23,7 +23,7 @@ from reportlab.platypus import (
     Table,
 )
 
-from ...core.storage.files import replacing
+from ...core.storage.files import replace_file
 from .guide import AssemblyStep, Guide, ShownPassage
 from .tables import GuideTable
 from .template_pages import CordStrip, CutFace, Ruler
@@ -39,7 +39,7 @@ _TALL = 60 * mm  # the most of a step's picture
 
 def write_pdf(guide: Guide, path: Path) -> None:
     """Write the guide, whole or not at all. Raises StorageError."""
-    with replacing(path) as temporary:
+    with replace_file(path) as temporary:
         _document(guide, temporary)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.mesh import Surface
-from ...core.storage.files import replacing
+from ...core.storage.files import replace_file
 from . import views
 from .scene import Scene, poly
 from .sheet import SMALL, Sheet, shortened
@@ -41,5 +41,5 @@ def modes(
             corner + np.array([0, _HEAD / 2]), shortened(title, _WIDTH, SMALL), SMALL, anchor="lm"
         )
         sheet.axes(view, corner + np.array([0, _HEAD + _HEIGHT - 52]))
-    with replacing(path) as temporary:
+    with replace_file(path) as temporary:
         temporary.write_bytes(sheet.png())

@@ -1,1 +1,1 @@
-"""Named signals of a deformation: how far it is bent, twisted, pulled."""
+"""Turn marker positions into named controls: how far the device is bent, twisted or pulled."""

@@ -1,4 +1,4 @@
-"""What makes a control: a formula, and how its value is shaped."""
+"""Define controls: a name, a formula, and the shaping of its value."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Shaping(Table):
             yield Problem(("minimum",), text, "out-of-range", "Decrease it")
 
     def __call__(self, x: float) -> float:
-        """The control's value of an input that is a finite number."""
+        """Return the control's value for the finite amplitude `x`."""
         share = (abs(x) - self.dead_zone) / (self.full - self.dead_zone)
         y = math.copysign(min(max(share, 0.0), 1.0) ** self.curve, x)
         y = min(max(y, self.minimum), self.maximum)
@@ -70,8 +70,16 @@ _NAME = re.compile(r"[A-Za-z_]\w{0,40}", re.ASCII)
 
 @dataclass(frozen=True)
 class ControlSpec:
-    """A control by its name: a formula of poses' amplitudes and of controls before it, and how its
-    value is shaped."""
+    """The definition of a control.
+
+    Attributes:
+        name: Its name: ASCII letters, digits and underscores, not a Python keyword.
+        formula: Expression of the amplitudes of poses and of earlier controls.
+        shaping: How its value follows from the formula's value.
+
+    Raises:
+        ControlError: The name is not valid.
+    """
 
     name: str
     formula: str
@@ -80,20 +88,21 @@ class ControlSpec:
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name) or iskeyword(self.name):
             raise ControlError(
-                f"{self.name!r} cannot name a control; use letters, digits and _, a letter first"
-                " (and no word of Python)",
+                f"{self.name!r} is not a valid control name",
                 code="name-invalid",
+                action="Use letters, digits and underscores, starting with a letter, and no Python"
+                " keyword",
                 name=self.name,
             )
 
 
 def default_specs(poses: Sequence[str]) -> list[ControlSpec]:
-    """A control for each pose, named like it."""
+    """Return a control for each pose, with the name of the pose."""
     return [ControlSpec(plain_name(name), plain_name(name)) for name in poses]
 
 
 def plain_name(name: str) -> str:
-    """A pose's name as it stands in formulas: "bend-up" is bend_up there, "in" is in_."""
+    """Return the name of a pose in formulas: "bend-up" becomes bend_up, "in" becomes in_."""
     plain = re.sub(r"\W", "_", name, flags=re.ASCII)
     plain = f"pose_{plain}" if not plain[:1].isalpha() else plain
     return f"{plain}_" if iskeyword(plain) else plain

@@ -1,7 +1,7 @@
-"""Small formulas of named numbers, such as "bend_up - bend_down" or "clip(2 * twist, 0, 1)".
+"""Compile formulas of named numbers, such as "bend_up - bend_down" or "clip(2 * twist, 0, 1)".
 
-A formula is read by Python's parser and turned into nested functions once; nothing but the listed
-operations and functions is accepted, and no text is ever executed.
+Python's parser reads a formula, which is then compiled into nested functions. Only the listed
+operations and functions are accepted, and no text is ever executed.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ from ...core.errors import ControlError
 Values = Mapping[str, float]
 Evaluate = Callable[[Values], float]
 
-_LONGEST, _DEEPEST = 500, 40  # characters; operations inside each other
+_MAX_CHARACTERS = 500
+_MAX_DEPTH = 40  # nested operations
 
-_TWO: dict[type, Callable[[float, float], float]] = {
+_BINARY: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
     ast.Pow: math.pow,
 }
-_ONE: dict[type, Callable[[float], float]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
-_COMPARED: dict[type, Callable[[float, float], bool]] = {
+_UNARY: dict[type, Callable[[float], float]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_COMPARISONS: dict[type, Callable[[float, float], bool]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
     ast.Gt: operator.gt,
@@ -44,7 +45,7 @@ def _clip(x: float, low: float, high: float) -> float:
     return min(max(x, low), high)
 
 
-#: Function, least and greatest number of arguments.
+#: Function, smallest and largest number of arguments.
 _FUNCTIONS: dict[str, tuple[Callable[..., float], int, int]] = {
     "min": (min, 2, 20),
     "max": (max, 2, 20),
@@ -55,14 +56,20 @@ _FUNCTIONS: dict[str, tuple[Callable[..., float], int, int]] = {
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula that was checked: its text, and the names that it uses."""
+    """A compiled formula.
+
+    Attributes:
+        text: The formula.
+        names: The names that it uses.
+        evaluate: Function from the values of the names to the formula's value.
+    """
 
     text: str
     names: frozenset[str]
     evaluate: Evaluate
 
     def __call__(self, values: Values) -> float:
-        """Its value; 0 where that is no finite number, as of a division by nothing."""
+        """Return its value, or 0 if that is not finite, as after a division by zero."""
         try:
             value = self.evaluate(values)
         except (ArithmeticError, ValueError):
@@ -71,18 +78,26 @@ class Expression:
 
 
 def compile_expression(text: str, known: Collection[str]) -> Expression:
-    """The formula `text` of `known` names. Raises ControlError with the column of what is wrong."""
-    if len(text) > _LONGEST:
+    """Compile a formula.
+
+    Args:
+        text: The formula; it may span several lines.
+        known: Names that it may use.
+
+    Raises:
+        ControlError: The formula is invalid; the data has the `column` of the problem.
+    """
+    if len(text) > _MAX_CHARACTERS:
         raise ControlError(
-            f"the formula has {len(text)} characters; the limit is {_LONGEST}",
+            f"the formula has {len(text)} characters; the limit is {_MAX_CHARACTERS}",
             code="formula-too-long",
-            limit=_LONGEST,
+            limit=_MAX_CHARACTERS,
         )
-    line = " ".join(text.splitlines())  # a formula may go over several lines, as it may in a file
+    line = " ".join(text.splitlines())  # files may have formulas over several lines
     indent = len(line) - len(line.lstrip())
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of numbers that run into words: refused below
+            warnings.simplefilter("ignore")  # of numbers that run into names: refused below
             tree = ast.parse(line[indent:], mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         column = max(getattr(error, "offset", None) or 1, 1) + indent
@@ -95,21 +110,21 @@ def compile_expression(text: str, known: Collection[str]) -> Expression:
         ) from None
     builder = _Builder(text, indent, known)
     evaluate = builder.build(tree, 0)
-    return Expression(text, frozenset(builder.used), evaluate)
+    return Expression(text, frozenset(builder.used_names), evaluate)
 
 
 class _Builder:
-    """Turns the nodes of one formula into functions."""
+    """Compiler of the nodes of one formula into functions."""
 
     def __init__(self, text: str, indent: int, known: Collection[str]) -> None:
         self._text, self._indent, self._known = text, indent, known
-        self.used: set[str] = set()
+        self.used_names: set[str] = set()
 
     def build(self, node: ast.AST, depth: int) -> Evaluate:
-        if depth > _DEEPEST:
+        if depth > _MAX_DEPTH:
             self._fail(
                 node,
-                f"more than {_DEEPEST} operations are nested",
+                f"more than {_MAX_DEPTH} operations are nested",
                 "formula-too-deep",
                 "Split the formula into two controls",
             )
@@ -117,14 +132,14 @@ class _Builder:
             return self._number(node)
         if isinstance(node, ast.Name):
             return self._name(node)
-        if isinstance(node, ast.UnaryOp) and type(node.op) in _ONE:
-            sign, inner = _ONE[type(node.op)], self.build(node.operand, depth + 1)
+        if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
+            sign, inner = _UNARY[type(node.op)], self.build(node.operand, depth + 1)
             return lambda values: sign(inner(values))
-        if isinstance(node, ast.BinOp) and type(node.op) in _TWO:
-            join = _TWO[type(node.op)]
+        if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+            join = _BINARY[type(node.op)]
             left, right = self.build(node.left, depth + 1), self.build(node.right, depth + 1)
             return lambda values: join(left(values), right(values))
-        if isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
+        if isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
             return self._comparison(node, depth)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             return self._call(node, node.func.id, depth)
@@ -137,7 +152,7 @@ class _Builder:
         )
 
     def _number(self, node: ast.Constant) -> Evaluate:
-        # A bool is an int, too; integers beyond a float would overflow.
+        # A bool is an int, too. Integers beyond the range of a float overflow.
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
             self._fail(node, f"{node.value!r} is not a number", "not-a-number")
         try:
@@ -151,22 +166,22 @@ class _Builder:
     def _name(self, node: ast.Name) -> Evaluate:
         name = node.id
         if name not in self._known:
-            near = difflib.get_close_matches(name, sorted(self._known), n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            there = ", ".join(sorted(self._known)) or "none"
+            matches = difflib.get_close_matches(name, sorted(self._known), n=1)
+            hint = f"did you mean {matches[0]!r}? " if matches else ""
+            names = ", ".join(sorted(self._known)) or "none"
             self._fail(
                 node,
-                f"unknown name {name!r}; {hint}known names: {there}",
+                f"unknown name {name!r}; {hint}known names: {names}",
                 "unknown-name",
                 name=name,
-                suggestion=near[0] if near else None,
+                suggestion=matches[0] if matches else None,
             )
-        self.used.add(name)
+        self.used_names.add(name)
         return lambda values: values[name]
 
     def _comparison(self, node: ast.Compare, depth: int) -> Evaluate:
         parts = [self.build(n, depth + 1) for n in (node.left, *node.comparators)]
-        tests = [_COMPARED[type(op)] for op in node.ops]
+        tests = [_COMPARISONS[type(op)] for op in node.ops]
 
         def compare(values: Values) -> float:
             numbers = [part(values) for part in parts]
@@ -183,9 +198,9 @@ class _Builder:
                 "unknown-function",
                 name=name,
             )
-        function, least, most = _FUNCTIONS[name]
-        if node.keywords or not least <= len(node.args) <= most:
-            count = f"{least}" if least == most else f"{least} or more"
+        function, minimum, maximum = _FUNCTIONS[name]
+        if node.keywords or not minimum <= len(node.args) <= maximum:
+            count = f"{minimum}" if minimum == maximum else f"{minimum} or more"
             self._fail(
                 node,
                 f"{name} takes {count} positional values",

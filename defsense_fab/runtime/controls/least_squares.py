@@ -1,4 +1,4 @@
-"""Least squares of the poses' amplitudes, compiled: a few microseconds for six poses."""
+"""Fit the amplitudes of poses by least squares; compiled, a few microseconds for six poses."""
 
 from __future__ import annotations
 
@@ -7,14 +7,24 @@ import numpy as np
 from ...core.machine.compiled import compiled
 from ...core.machine.copying import copy_row, copy_rows
 
-_ROUNDS, _SWEEPS = 12, 60  # of Gauss-Newton; over the unknowns of each of its steps
-_CLOSE = 1e-4  # of an amplitude: what moves less is found
+_MAX_NEWTON_STEPS = 12
+_MAX_SWEEPS = 60  # over the unknowns of one step
+_AMPLITUDE_TOLERANCE = 1e-4  # of a converged amplitude
 
 
 @compiled()
 def add_poses(a, knots, counts, values, slopes, total, jacobian):  # type: ignore[no-untyped-def]
-    """Add displacements of all poses at amplitudes a (p,) to `total` (m, 3), and set `jacobian`
-    (p, m, 3), their derivatives."""
+    """Add the displacements of all poses at amplitudes `a`, and set their derivatives.
+
+    Args:
+        a: Amplitudes (p,).
+        knots: Amplitudes (p, k) of the states of each pose; see `PoseBasis`.
+        counts: Number of states (p,) of each pose.
+        values: Displacements (p, k, m, 3) at the states, mm.
+        slopes: Their derivatives (p, k, m, 3), mm per amplitude.
+        total: Displacements (m, 3), mm, that are added to.
+        jacobian: Derivatives (p, m, 3), mm per amplitude, that are set.
+    """
     for p in range(len(a)):
         last = counts[p] - 1
         k = 0
@@ -22,10 +32,10 @@ def add_poses(a, knots, counts, values, slopes, total, jacobian):  # type: ignor
             k += 1
         h = knots[p, k + 1] - knots[p, k]
         t = (a[p] - knots[p, k]) / h
-        beyond = t - 1 if t > 1 else 0.0  # straight on
+        excess = t - 1 if t > 1 else 0.0  # linear extrapolation
         t = min(t, 1.0)
         v1 = t * t * (3 - 2 * t)
-        s0, s1 = h * t * (1 - t) ** 2, h * t * t * (t - 1) + beyond * h
+        s0, s1 = h * t * (1 - t) ** 2, h * t * t * (t - 1) + excess * h
         dv1 = 6 * t * (1 - t) / h
         ds0, ds1 = (1 - t) * (1 - 3 * t), t * (3 * t - 2)
         for m in range(total.shape[0]):
@@ -37,15 +47,30 @@ def add_poses(a, knots, counts, values, slopes, total, jacobian):  # type: ignor
 
 
 @compiled()
-def linearise(  # type: ignore[no-untyped-def]
+def linearize(  # type: ignore[no-untyped-def]
     a, u, weights, prior, knots, counts, values, slopes, jacobian, H, g
 ):
-    """Weighted sum of squares that the poses at `a` leave of the displacements u (m, 3), and the
-    same with the prior; H (p, p) and g (p,) are half its second and the negative of half its first
-    derivatives, after Gauss and Newton. `weights` (m,) are 1/mm^2."""
+    """Compute the weighted sum of squares of the residual, and its Gauss-Newton derivatives.
+
+    Args:
+        a: Amplitudes (p,).
+        u: Measured displacements (m, 3), mm.
+        weights: Weights (m,) of the markers, 1/mm^2.
+        prior: Inverse variance of the amplitudes.
+        knots: As of `add_poses`.
+        counts: As of `add_poses`.
+        values: As of `add_poses`.
+        slopes: As of `add_poses`.
+        jacobian: Work array (p, m, 3).
+        H: Set to half the second derivatives (p, p) of the sum with the prior.
+        g: Set to minus half its first derivatives (p,).
+
+    Returns:
+        The sum of squares, and the same with the prior.
+    """
     total = np.zeros_like(u)
     add_poses(a, knots, counts, values, slopes, total, jacobian)
-    left = 0.0
+    residual = 0.0
     n = len(a)
     for p in range(n):
         g[p] = -prior * a[p]
@@ -57,7 +82,7 @@ def linearise(  # type: ignore[no-untyped-def]
             continue
         for x in range(3):
             r = u[m, x] - total[m, x]
-            left += w * r * r
+            residual += w * r * r
             for p in range(n):
                 wj = w * jacobian[p, m, x]
                 g[p] += wj * r
@@ -66,28 +91,33 @@ def linearise(  # type: ignore[no-untyped-def]
     for p in range(n):
         for q in range(p):
             H[q, p] = H[p, q]
-    cost = left
+    cost = residual
     for p in range(n):
         cost += prior * a[p] * a[p]
-    return left, cost
+    return residual, cost
 
 
 @compiled()
 def descend(a, upper, u, weights, prior, knots, counts, values, slopes):  # type: ignore[no-untyped-def]
-    """Gauss-Newton from the amplitudes a (p,), which are changed, within 0..upper (p,). Returns the
-    sum of squares that is left, the same with the prior, and H (p, p)."""
+    """Minimize the sum of squares by Gauss-Newton steps from `a` (p,), which is changed.
+
+    Amplitudes stay within 0 to `upper` (p,). The other arguments are those of `linearize`.
+
+    Returns:
+        The residual sum of squares, the same with the prior, and H (p, p).
+    """
     n = len(a)
     jacobian = np.empty((n, u.shape[0], 3))
     H, g = np.empty((n, n)), np.empty(n)
     H2, g2 = np.empty((n, n)), np.empty(n)
-    d, tried = np.empty(n), np.empty(n)
+    d, trial = np.empty(n), np.empty(n)
     for p in range(n):
         a[p] = min(a[p], upper[p])
-    left, cost = linearise(a, u, weights, prior, knots, counts, values, slopes, jacobian, H, g)
-    for _ in range(_ROUNDS):
-        # The step, within the bounds, unknown by unknown (projected Gauss-Seidel).
+    residual, cost = linearize(a, u, weights, prior, knots, counts, values, slopes, jacobian, H, g)
+    for _ in range(_MAX_NEWTON_STEPS):
+        # The step within the bounds, one unknown at a time (projected Gauss-Seidel).
         d[:] = 0
-        for _ in range(_SWEEPS):
+        for _ in range(_MAX_SWEEPS):
             change = 0.0
             for p in range(n):
                 slope = g[p]
@@ -96,28 +126,28 @@ def descend(a, upper, u, weights, prior, knots, counts, values, slopes):  # type
                 step = min(max(d[p] + slope / H[p, p], -a[p]), upper[p] - a[p])
                 change = max(change, abs(step - d[p]))
                 d[p] = step
-            if change < 0.01 * _CLOSE:
+            if change < 0.01 * _AMPLITUDE_TOLERANCE:
                 break
-        if np.abs(d).max() < _CLOSE:
+        if np.abs(d).max() < _AMPLITUDE_TOLERANCE:
             break
-        size, better = 1.0, False
+        size, is_better = 1.0, False
         for _ in range(6):
             for p in range(n):
-                tried[p] = min(max(a[p] + size * d[p], 0.0), upper[p])
-            left2, cost2 = linearise(
-                tried, u, weights, prior, knots, counts, values, slopes, jacobian, H2, g2
+                trial[p] = min(max(a[p] + size * d[p], 0.0), upper[p])
+            residual2, cost2 = linearize(
+                trial, u, weights, prior, knots, counts, values, slopes, jacobian, H2, g2
             )
             if cost2 < cost:
-                better = True
+                is_better = True
                 break
             size /= 2
-        if not better:
+        if not is_better:
             break
-        copy_row(tried, a)
+        copy_row(trial, a)
         copy_row(g2, g)
         copy_rows(H2, H)
-        left, cost = left2, cost2
-    return left, cost, H
+        residual, cost = residual2, cost2
+    return residual, cost, H
 
 
 @compiled()
@@ -131,31 +161,48 @@ def _both_active(a, opposites):  # type: ignore[no-untyped-def]
 
 @compiled()
 def fit(  # type: ignore[no-untyped-def]
-    a, most, u, weights, prior, opposites, enough, knots, counts, values, slopes
+    a, limit, u, weights, prior, opposites, expected, knots, counts, values, slopes
 ):
-    """Amplitudes from the start a (p,), which is changed. Of `opposites` (p, p) only one is active:
-    the one that explains more. From rest, too, where from `a` more than `enough` is left."""
+    """Fit amplitudes, starting from `a` (p,), which is changed.
+
+    Args:
+        a: Start, replaced by the amplitudes.
+        limit: Largest amplitude.
+        u: As of `linearize`.
+        weights: As of `linearize`.
+        prior: As of `linearize`.
+        opposites: Pairs of poses (p, p) of which only one may be active: the one that explains
+            more.
+        expected: Sum of squares of the noise; if more remains, the fit is repeated from rest.
+        knots: As of `add_poses`.
+        counts: As of `add_poses`.
+        values: As of `add_poses`.
+        slopes: As of `add_poses`.
+
+    Returns:
+        The residual sum of squares and H (p, p).
+    """
     n = len(a)
     upper = np.empty(n)
-    upper[:] = most
-    left, cost, H = descend(a, upper, u, weights, prior, knots, counts, values, slopes)
-    if left > enough:
+    upper[:] = limit
+    residual, cost, H = descend(a, upper, u, weights, prior, knots, counts, values, slopes)
+    if residual > expected:
         other = np.zeros_like(a)
         l2, c2, H2 = descend(other, upper, u, weights, prior, knots, counts, values, slopes)
         if c2 < cost:
-            a[:], left, H = other, l2, H2
-    for _ in range(n):  # each round, if any, holds one more at 0
+            a[:], residual, H = other, l2, H2
+    for _ in range(n):  # each round, if any, fixes one more at 0
         p, q = _both_active(a, opposites)
         if p < 0:
             break
-        one, two = a.copy(), a.copy()
+        first, second = a.copy(), a.copy()
         upper[p] = 0
-        l1, c1, H1 = descend(one, upper, u, weights, prior, knots, counts, values, slopes)
-        upper[p], upper[q] = most, 0
-        l2, c2, H2 = descend(two, upper, u, weights, prior, knots, counts, values, slopes)
+        l1, c1, H1 = descend(first, upper, u, weights, prior, knots, counts, values, slopes)
+        upper[p], upper[q] = limit, 0
+        l2, c2, H2 = descend(second, upper, u, weights, prior, knots, counts, values, slopes)
         if c1 < c2:
-            upper[p], upper[q] = 0, most
-            a[:], left, H = one, l1, H1
+            upper[p], upper[q] = 0, limit
+            a[:], residual, H = first, l1, H1
         else:
-            a[:], left, H = two, l2, H2
-    return left, H
+            a[:], residual, H = second, l2, H2
+    return residual, H

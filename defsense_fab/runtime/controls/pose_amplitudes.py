@@ -1,4 +1,7 @@
-"""How far a device is in each of its poses: least squares of its markers on the poses."""
+"""Find how far a device is in each of its poses, by least squares of its marker positions.
+
+A `PoseBasis` holds the marker displacements of the poses; `PoseAmplitudes` fits their amplitudes.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,30 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import ControlError
-from .least_squares import fit
+from .least_squares import add_poses, fit
 
-# How a device's markers move in each of its poses, from rest to the full pose and beyond.
+#: Half-axis of the ball that holds 90 % of a normal error in three coordinates, in its standard
+#: deviations: the root of the 90 % quantile of chi^2 with three degrees of freedom, 6.251.
+RADIUS_90 = 2.5003
 
-_OPPOSITE = -0.5  # cosine between two poses' first movements below which one undoes the other
+_OPPOSITE_COSINE = -0.5  # of the first movements of two poses; below it one undoes the other
+_MAX_AMPLITUDE = 1.5  # poses are extrapolated beyond their last simulated state
+_PRIOR = 1.0  # inverse variance of amplitudes; it decides only what the markers leave open
+_MIN_MARKER_SD_MM = 0.05  # no marker is known better
+_HALF_CONFIDENCE_SD = 0.1  # standard deviation of an amplitude that halves its confidence
 
 
 @dataclass(frozen=True)
 class PoseRamp:
-    """One pose at several amplitudes (k,), which rise, 1 being the full pose: displacements
-    (k, m, 3) mm of the markers from rest. Rest itself may be left out."""
+    """The marker displacements of one pose at several amplitudes.
+
+    Attributes:
+        amplitudes: Amplitudes (k,), increasing, 1 being the full pose; 0 may be left out.
+        displacements: Displacements (k, m, 3) of the markers from rest, mm.
+
+    Raises:
+        ControlError: The arrays have wrong shapes or values.
+    """
 
     amplitudes: Float
     displacements: Float
@@ -28,34 +44,44 @@ class PoseRamp:
         a, u = self.amplitudes, self.displacements
         if a.ndim != 1 or u.ndim != 3 or u.shape[::2] != (len(a), 3) or not len(a):
             raise ControlError(
-                "a pose needs displacements (k, m, 3) at k amplitudes, not of shapes"
-                f" {a.shape} and {u.shape}",
+                f"amplitudes have shape {a.shape} and displacements {u.shape}, expected (k,) and"
+                " (k, m, 3)",
                 code="shape-mismatch",
             )
         if not (np.isfinite(a).all() and np.isfinite(u).all()):
             raise ControlError(
-                "a pose's amplitudes and displacements must be finite", code="not-finite"
+                "the amplitudes and displacements of a pose must be finite", code="not-finite"
             )
         if a[0] < 0 or (np.diff(a) <= 0).any() or a[-1] <= 0:
             raise ControlError(
-                "a pose's amplitudes must be positive and strictly increasing",
+                "the amplitudes of a pose must start at 0 or above and increase",
                 code="not-increasing",
             )
         if a[0] == 0 and u[0].any():
             raise ControlError(
-                "at amplitude 0 a pose must not move its markers", code="rest-displaced"
+                "the displacements of a pose at amplitude 0 must be 0", code="rest-displaced"
             )
 
 
 @dataclass(frozen=True)
 class PoseBasis:
-    """Poses by their names. Between its amplitudes a pose runs along parabolas that meet smoothly
-    (cubic Hermite, slopes of the parabola through three neighbours), beyond its last one straight
-    on.
+    """The poses of a device, as functions of their amplitudes.
 
-    Packed for compiled functions: `knots` (p, k), of which the first `counts` (p,) of each pose are
-    used, `values` and `slopes` (p, k, m, 3). `opposites` (p, p) are the pairs of which one undoes
-    the other, such as bending up and down."""
+    Between its states a pose follows cubic Hermite curves whose slopes are those of the parabola
+    through three neighboring states. Beyond its last state it continues linearly.
+
+    Attributes:
+        names: Names of the p poses.
+        ramps: Displacements of each pose.
+        knots: Amplitudes (p, k) of the states, packed for compiled functions.
+        counts: Number (p,) of the states of each pose; later entries of `knots` are unused.
+        values: Displacements (p, k, m, 3) at the states, mm.
+        slopes: Their derivatives (p, k, m, 3), mm per amplitude.
+        opposites: Pairs of poses (p, p) of which one undoes the other, such as bending up and down.
+
+    Raises:
+        ControlError: The names are not unique, or the ramps do not fit each other.
+    """
 
     names: tuple[str, ...]
     ramps: tuple[PoseRamp, ...]
@@ -67,22 +93,25 @@ class PoseBasis:
 
     def __post_init__(self) -> None:
         if not self.names or len(set(self.names)) != len(self.names):
-            raise ControlError("poses need different names, at least one", code="names-not-unique")
+            raise ControlError(
+                "poses need at least one name, and different names", code="names-not-unique"
+            )
         if len(self.names) != len(self.ramps):
             raise ControlError(
-                f"{len(self.names)} names for {len(self.ramps)} poses", code="counts-differ"
+                f"there are {len(self.names)} names for {len(self.ramps)} poses",
+                code="counts-differ",
             )
         markers = {ramp.displacements.shape[1] for ramp in self.ramps}
         if len(markers) != 1 or not max(markers):
             raise ControlError(
-                "all poses must move the same markers, at least one", code="markers-differ"
+                "all poses must have the same markers, at least one", code="markers-differ"
             )
-        begun = [_from_rest(ramp) for ramp in self.ramps]
-        counts = np.array([len(a) for a, _ in begun])
-        shape = (len(begun), int(counts.max()))
+        ramps = [_with_rest(ramp) for ramp in self.ramps]
+        counts = np.array([len(a) for a, _ in ramps])
+        shape = (len(ramps), int(counts.max()))
         knots = np.zeros(shape)
-        values, slopes = np.zeros((2, *shape, *begun[0][1].shape[1:]))
-        for p, (a, u) in enumerate(begun):
+        values, slopes = np.zeros((2, *shape, *ramps[0][1].shape[1:]))
+        for p, (a, u) in enumerate(ramps):
             knots[p, : len(a)], values[p, : len(a)] = a, u
             slopes[p, : len(a)] = _slopes(a, u)
         for name, value in (
@@ -95,9 +124,7 @@ class PoseBasis:
             object.__setattr__(self, name, value)
 
     def displacements(self, amplitudes: Sequence[float] | Float) -> Float:
-        """(m, 3) mm: the poses' displacements at these amplitudes (p,), added up."""
-        from .least_squares import add_poses
-
+        """Return the sum of the poses' displacements (m, 3), mm, at amplitudes (p,)."""
         jacobian = np.empty((len(self.names), *self.values.shape[2:]))
         total = np.zeros(self.values.shape[2:])
         a = np.asarray(amplitudes, float)
@@ -105,7 +132,8 @@ class PoseBasis:
         return total
 
 
-def _from_rest(ramp: PoseRamp) -> tuple[Float, Float]:
+def _with_rest(ramp: PoseRamp) -> tuple[Float, Float]:
+    """Return amplitudes and displacements that start at rest."""
     a, u = ramp.amplitudes, ramp.displacements
     if a[0] == 0:
         return a, u
@@ -113,7 +141,7 @@ def _from_rest(ramp: PoseRamp) -> tuple[Float, Float]:
 
 
 def _slopes(a: Float, u: Float) -> Float:
-    """(k, m, 3) mm per amplitude, at each of k."""
+    """Return the derivatives (k, m, 3) of displacements at amplitudes (k,), mm per amplitude."""
     step = np.diff(a)[:, None, None]
     chord = np.diff(u, axis=0) / step
     if len(chord) == 1:
@@ -124,28 +152,23 @@ def _slopes(a: Float, u: Float) -> Float:
 
 
 def _opposites(first: Float) -> Bool:
-    """(p, p) of the poses' movements (p, m, 3) as they begin."""
+    """Return the pairs (p, p) whose first movements (p, m, 3) point in opposite directions."""
     flat = first.reshape(len(first), -1)
     size = np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-12)
     cosine = (flat / size) @ (flat / size).T
-    return np.asarray(cosine < _OPPOSITE)
-
-
-#: Half-axis of the ball that holds 90 % of a normal error in three coordinates, in its standard
-#: deviations: the root of the 90 % quantile of chi^2 with three degrees of freedom, 6.251.
-RADIUS_90 = 2.5003
-
-_MOST = 1.5  # greatest amplitude; poses beyond their last known state are a guess
-_PRIOR = 1.0  # 1 over the variance of amplitudes that is assumed: it decides what nothing else does
-_FINEST = 0.05  # mm: no marker is known better
-_HALF_CERTAIN = 0.1  # standard deviation of an amplitude that halves its confidence
+    return np.asarray(cosine < _OPPOSITE_COSINE)
 
 
 @dataclass(frozen=True)
 class Amplitudes:
-    """`values` (p,) >= 0, 1 being the full pose, their standard deviation `sd` (p,), and the
-    `confidence` (p,) 0..1: the share `explained` of the motion that the poses account for, times
-    how certain each amplitude is."""
+    """The fitted amplitudes of p poses.
+
+    Attributes:
+        values: Amplitudes (p,), at least 0, 1 being the full pose.
+        sd: Their standard deviations (p,).
+        confidence: Confidences (p,), 0..1: `explained` times the certainty of each amplitude.
+        explained: Share of the motion that the poses account for.
+    """
 
     values: Float
     sd: Float
@@ -154,13 +177,17 @@ class Amplitudes:
 
 
 class PoseAmplitudes:
-    """Finds amplitudes sample after sample, each from the last.
+    """Fit amplitudes frame after frame, each starting from the last.
 
-    Minimised is the sum over markers of |u - sum of the poses' displacements|^2 / sd^2, with
-    amplitudes of at least 0 and a weak prior towards rest; poses that undo each other are never
-    both active. `independent` is how many numbers the markers really were made of: those decoded
-    from three cords err together, and forty of them are no more certain than three. None: every
-    coordinate errs on its own, as with cameras.
+    The fit minimizes the sum over markers of |u - sum of the poses' displacements|^2 / sd^2, with
+    amplitudes of at least 0 and a weak prior towards rest. Poses that undo each other are never
+    both active.
+
+    Args:
+        basis: The poses.
+        independent: Number of independent measurements behind the markers. The errors of markers
+            that were decoded from three cords are correlated: forty of them are no more certain
+            than three. By default all coordinates are independent, as with cameras.
     """
 
     def __init__(self, basis: PoseBasis, independent: int | None = None) -> None:
@@ -168,48 +195,56 @@ class PoseAmplitudes:
         markers = basis.values.shape[2]
         self._independent = independent or 3 * markers
         self._last = np.zeros(len(basis.names))
-        # Compiled before the first sample comes, which takes seconds where nothing is kept.
+        # Compile before the first frame, which takes seconds without a cache.
         self(np.zeros((markers, 3)), np.ones(markers))
 
     def __call__(self, displacement: Float, sd: Float) -> Amplitudes:
-        """Amplitudes of displacements (m, 3) mm from rest, each coordinate with the standard
-        deviation sd (m,) mm. A marker counts for nothing where either is no number."""
+        """Return the amplitudes of a frame.
+
+        Args:
+            displacement: Displacements of the markers from rest (m, 3), mm.
+            sd: Standard deviation of each coordinate of the markers (m,), mm. Markers without a
+                finite displacement and deviation are left out.
+
+        Raises:
+            ControlError: The shapes do not fit the markers of the poses.
+        """
         u = np.ascontiguousarray(displacement, float)
+        markers = self.basis.values.shape[2]
         if u.shape != self.basis.values.shape[2:] or sd.shape != u.shape[:1]:
             raise ControlError(
                 f"displacements have shape {u.shape} and sd {sd.shape}; the poses have"
-                f" {self.basis.values.shape[2]} markers",
+                f" {markers} markers",
                 code="shape-mismatch",
-                markers=self.basis.values.shape[2],
+                markers=markers,
             )
-        seen = np.isfinite(u).all(axis=1) & np.isfinite(sd)
-        count = 3 * int(seen.sum())
+        visible = np.isfinite(u).all(axis=1) & np.isfinite(sd)
+        count = 3 * int(visible.sum())
         if count == 0:
             zero = np.zeros(len(self._last))
             return Amplitudes(self._last.copy(), zero + np.inf, zero, 0.0)
-        weights = np.where(seen, 1 / np.maximum(np.where(seen, sd, 1.0), _FINEST) ** 2, 0.0)
-        u = np.where(seen[:, None], u, 0.0)
+        safe_sd = np.maximum(np.where(visible, sd, 1.0), _MIN_MARKER_SD_MM)
+        weights = np.where(visible, 1 / safe_sd**2, 0.0)
+        u = np.where(visible[:, None], u, 0.0)
         independent = min(self._independent, count)
-        # Two standard deviations of chi^2 above what is expected of noise alone.
+        # Two standard deviations of chi^2 above the sum that is expected of noise alone.
         expected = count * (1 + 2 * np.sqrt(2 / independent))
         a, b = self._last.copy(), self.basis
-        left, H = fit(
-            a, _MOST, u, weights, _PRIOR, b.opposites, expected,
-            b.knots, b.counts, b.values, b.slopes,
-        )  # fmt: skip
+        packed = (b.knots, b.counts, b.values, b.slopes)
+        residual, H = fit(a, _MAX_AMPLITUDE, u, weights, _PRIOR, b.opposites, expected, *packed)
         self._last = a
-        unexplained = max(0.0, left - expected)
+        unexplained = max(0.0, residual - expected)
         moved = float(weights @ (u**2).sum(axis=1))
         explained = float(1 - unexplained / (max(moved, unexplained) + count))
-        spread = np.sqrt(max(1.0, left / count) * count / independent)
-        deviation = spread * _deviation(H, (a > 0) & (a < _MOST))
-        certain = 1 / (1 + (deviation / _HALF_CERTAIN) ** 2)
-        return Amplitudes(a.copy(), deviation, explained * certain, explained)
+        spread = np.sqrt(max(1.0, residual / count) * count / independent)
+        deviation = spread * _deviation(H, (a > 0) & (a < _MAX_AMPLITUDE))
+        certainty = 1 / (1 + (deviation / _HALF_CONFIDENCE_SD) ** 2)
+        return Amplitudes(a.copy(), deviation, explained * certainty, explained)
 
 
 def _deviation(H: Float, free: Bool) -> Float:
-    """(p,): of the free ones together; of one at its bound as if the others were known."""
-    out: Float = 1 / np.sqrt(np.diag(H))
+    """Return standard deviations (p,): jointly of free amplitudes, conditional of bounded ones."""
+    deviation: Float = 1 / np.sqrt(np.diag(H))
     if free.any():
-        out[free] = np.sqrt(np.diag(np.linalg.inv(H[np.ix_(free, free)])))
-    return out
+        deviation[free] = np.sqrt(np.diag(np.linalg.inv(H[np.ix_(free, free)])))
+    return deviation

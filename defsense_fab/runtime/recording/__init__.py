@@ -1,1 +1,1 @@
-"""The moving surface recorded, and written as an animation for other programs."""
+"""Record the moving surface as an animation, and write it as glTF, USD or NumPy arrays."""

@@ -1,4 +1,4 @@
-"""A recorded animation of the surface, and what is told of a file that was written of it."""
+"""A recorded animation of the surface, and the record of a file written from it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,25 @@ from ...core.arrays import Float, Int
 from ...core.errors import LiveError
 
 Float32 = NDArray[np.float32]
-_CHUNK, _FRAMES = 32e6, 128  # bytes of float64 displacements, and frames, at a time at most
+_MAX_CHUNK_BYTES = 32e6  # of float64 displacements
+_MIN_CHUNK_FRAMES, _MAX_CHUNK_FRAMES = 16, 128
 
 
 @dataclass(frozen=True)
 class Animation:
-    """`rest` (v, 3) mm and `faces` (f, 3) of the surface; `positions` (n, v, 3) mm of its vertices
-    at the picture numbers `steps` (n,), which rise, `fps` of them a second. Between two of them the
-    vertices move in straight lines. `positions` may be an array on the disk."""
+    """A surface whose vertices move in straight lines between frames.
+
+    Attributes:
+        name: Name of the animation.
+        rest: Vertices at rest (v, 3), mm.
+        faces: Triangles (f, 3).
+        positions: Vertices (n, v, 3) at the frames, mm; may be an array on the disk.
+        steps: Numbers (n,) of the frames, increasing from 0 or above.
+        fps: Frame numbers per second.
+
+    Raises:
+        LiveError: There is no frame, or the arrays do not fit each other.
+    """
 
     name: str
     rest: Float
@@ -50,32 +61,43 @@ class Animation:
 
     @property
     def times(self) -> Float:
-        """(n,) s."""
+        """Times of the frames (n,), s."""
         return self.steps / self.fps
 
     def chunks(self) -> Iterator[tuple[slice, Float]]:
-        """Displacements from rest (c, 3v) mm, some frames at a time. Raises LiveError where a
-        position is not finite."""
-        count = max(16, min(_FRAMES, int(_CHUNK / (24 * len(self.rest)))))
+        """Yield displacements from rest (c, 3v), mm, for a few frames at a time.
+
+        Raises:
+            LiveError: A position is not finite.
+        """
+        count = int(_MAX_CHUNK_BYTES / (24 * len(self.rest)))
+        count = max(_MIN_CHUNK_FRAMES, min(_MAX_CHUNK_FRAMES, count))
         rest = self.rest.ravel()
         for start in range(0, len(self.steps), count):
             part = slice(start, min(start + count, len(self.steps)))
-            moved = self.positions[part].reshape(-1, len(rest)) - rest
-            if not np.isfinite(moved).all():
+            displacements = self.positions[part].reshape(-1, len(rest)) - rest
+            if not np.isfinite(displacements).all():
                 raise LiveError(
                     f"a vertex has no finite position in the frames from {start}",
                     code="not-finite",
                     where=self.name,
                     start=start,
                 )
-            yield part, moved
+            yield part, displacements
 
 
 @dataclass(frozen=True)
 class AnimationFile:
-    """A file at `path` of `size` bytes, with `frames` over `seconds`. `error` (mm) is the largest
-    distance of a vertex of any frame from where it was recorded; `targets` is the number of
-    morph targets, 0 in formats that have none."""
+    """A file that an animation was written to.
+
+    Attributes:
+        path: The file.
+        size: Its size, bytes.
+        frames: Number of frames.
+        seconds: Duration, s.
+        error: Largest distance of a vertex in any frame from where it was recorded, mm.
+        targets: Number of morph targets; 0 in formats without them.
+    """
 
     path: Path
     size: int

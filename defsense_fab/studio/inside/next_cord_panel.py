@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...core.arrays import Float, xyz
+from ...core.arrays import Float, format_point
 from ...optimize.prediction.next_cord import NextCord
 from ..workbench.workbench import Workbench
 
@@ -91,7 +91,7 @@ def found_words(found: NextCord, length: float | None) -> str:
         )
     if found.best is None:
         return f"No cord here lowers the expected error of {found.error:.2f} mm; {tried}."
-    middle = xyz(found.ends[found.best].mean(axis=0))
+    middle = format_point(found.ends[found.best].mean(axis=0))
     return (
         f"Best: **{found.error:.2f} → {found.error - found.best_drop:.2f} mm** about {middle};"
         f" {tried}, by the fast decoders on unseen states."

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.arrays import Float, places
+from ...core.arrays import Float, parse_points
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.parts.manifest import MANIFEST, Manifest, load_manifest
@@ -72,7 +72,7 @@ def notes(
 
 
 def _place(text: str, cords: Mapping[str, Float], parts: Mapping[str, Float]) -> Float | None:
-    told = places(text)
+    told = parse_points(text)
     if told:
         return told[0]
     words = text.replace(":", " ").replace(",", " ").replace("'", " ").split()

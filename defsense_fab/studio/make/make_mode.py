@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...core.errors import DefsenseError
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...workflow.build.asked import changes, recorded
 from ...workflow.build.export import export, export_name
 from ...workflow.build.freshness import outdated

@@ -18,7 +18,7 @@ def record_twin(
     """`defsense twin`: the sessions' folders."""
     from ...core.device.device_file import load_device
     from ...twin.recordings.twin_recordings import simulate_runs
-    from ...twin.recordings.twin_session import check_free, session_folder, write_sessions
+    from ...workflow.sessions.twin_sessions import check_free, session_folder, write_sessions
 
     device = load_device(folder)
     out = session_folder(device, unit, seed)

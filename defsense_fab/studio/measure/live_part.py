@@ -6,7 +6,7 @@ from typing import Any
 
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...runtime.live.known_models import KnownModel, known_models
 from ...runtime.live.known_ports import KnownPort, known_ports
 from ...runtime.live.live_run import RunOptions

@@ -9,8 +9,8 @@ from pathlib import Path
 from ...capture.sessions import session as sessions
 from ...core.errors import DefsenseError
 from ...core.markers import read_markers
-from ...core.storage.file_names import refusal
-from ...core.storage.files import free_path
+from ...core.storage.file_names import name_problem
+from ...core.storage.files import unused_path
 from ...twin.filming.camera_kinds import DEFAULT_CAMERA_KIND
 from ...twin.live.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
 from ..workbench.thread_work import ThreadWork
@@ -63,7 +63,7 @@ class RecordingPart(ThreadWork):
             return
         name = self._name.value.strip()
         inside = name not in ("", "..") and Path(name).name == name
-        why = refusal(name) if inside else "give the name of a folder in the device's"
+        why = name_problem(name) if inside else "give the name of a folder in the device's"
         if why:
             self._told.content = f"**Session: {why}.**"
             return
@@ -113,7 +113,7 @@ class RecordingPart(ThreadWork):
             done = setup.record(self.screen)
         steps = len(sessions.finished(setup.session)), len(setup.session.steps)
         if done:
-            self._name.value = free_path(folder).name
+            self._name.value = unused_path(folder).name
             return (
                 f"`{folder.name}`: all steps were shown. Under *Training*, *Process the recordings*"
                 " makes a session of it that can be trained on."

@@ -9,10 +9,10 @@ from typing import Any
 
 from ...capture.sessions.known_sessions import KnownSession, known_sessions
 from ...core.device.device import Device
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...sensing.layout import LAYOUT
 from ...training.models.model_file import MODEL
-from ...twin.recordings.twin_session import session_folder
+from ...workflow.sessions.twin_sessions import session_folder
 from ..workbench.latest import Latest
 from ..workbench.process_work import ProcessWork
 from ..workbench.workbench import Workbench

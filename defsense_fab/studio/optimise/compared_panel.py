@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...core.storage.files import digest
 from ...optimize.prediction.compare_layouts import (
     ComparedLayout,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import DefsenseError
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...report.surface_errors import SurfaceErrors, surface_errors
 from ...sensing.layout import LayoutRecord, load_layout
 from ..workbench.latest import Latest

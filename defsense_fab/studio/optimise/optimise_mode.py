@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...sensing.layout import LAYOUT, load_layout
 from ..edits.cords import take_cords
 from ..workbench.mode import Mode

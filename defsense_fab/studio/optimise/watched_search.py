@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...optimize.prediction.layout_judge import Judged, LayoutJudge
 from ..workbench.build_work import SeenLayout
 from ..workbench.cord_tubes import CordTubes

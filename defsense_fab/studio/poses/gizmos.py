@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.camera import rotations
+from ...core.camera import rotation_matrices
 
 _SIZE = 0.22  # of the body
 
@@ -85,7 +85,7 @@ def quaternion(rotation: Float) -> tuple[float, float, float, float]:
     """w, x, y, z of a rotation vector (3,) rad."""
     from scipy.spatial.transform import Rotation
 
-    x, y, z, w = Rotation.from_matrix(rotations(rotation)).as_quat().tolist()
+    x, y, z, w = Rotation.from_matrix(rotation_matrices(rotation)).as_quat().tolist()
     return w, x, y, z
 
 

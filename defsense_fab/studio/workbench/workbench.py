@@ -11,7 +11,7 @@ import numpy as np
 from ...core.device.device import Device
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...geometry.bodies.body_record import load_surface
 from ...mechanics.solver.field_files import INDEX
 from ...optimize.prediction.layout_judge import LayoutJudge

@@ -1,4 +1,4 @@
-"""One built device of many: its cords as a maker laid them, and its pieces of cord."""
+"""One built device of many: the cords as its maker laid them, and the pieces of cord."""
 
 from __future__ import annotations
 
@@ -8,79 +8,121 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import Device
-from ...optimize.studies.tolerance_monte_carlo import Tolerances, as_laid
+from ...optimize.studies.tolerance_monte_carlo import Tolerances, sample_built_cord
 from ...sensing.built_cord import BuiltCord, CordReading
 from ...sensing.layout import LayoutRecord
 from ..electronics.rubber_cords import RubberPieces, RubberTraits
 from ..scenes.assumptions import assume
 from .device_fields import DeviceFields
 
-_USUAL = Tolerances()
-_FROM = "optimize/studies/tolerance_monte_carlo.py"
-_BLOCK = 1024  # moments at once
+_DEFAULT = Tolerances()
+_SOURCE = "optimize/studies/tolerance_monte_carlo.py"
+BLOCK_FRAMES = 1024  # frames evaluated at once
+UNIT_SEED = 71  # combined with the number of the unit
 
 
 @dataclass(frozen=True)
 class BuildingTraits:
-    """What a maker cannot hold."""
+    """Assumptions on the tolerances of a maker.
+
+    Attributes:
+        offset: Largest distance of a cord from the axis of its groove, mm.
+        gauge: Standard deviation of the gauge factors of pieces of cord, relative.
+        prestretch: Standard deviation of the error of the prestretch, strain.
+        compression: Largest share that the response of bonded cords lacks when compressed.
+    """
 
     offset: float = assume(
-        _USUAL.offset, "placement", "mm", "of a cord from its groove's axis, at most, either way",
-        _FROM,
-    )  # fmt: skip
+        _DEFAULT.offset,
+        "placement",
+        "mm",
+        "largest distance of a cord from the axis of its groove, either way",
+        _SOURCE,
+    )
     gauge: float = assume(
-        _USUAL.gauge, "spread", "1", "gauge factors of pieces, standard deviation", _FROM
+        _DEFAULT.gauge, "spread", "1", "gauge factors of pieces, standard deviation", _SOURCE
     )
     prestretch: float = assume(
-        _USUAL.prestretch, "prestretch", "strain", "error of the stretch as a cord is laid,"
-        " standard deviation", _FROM,
-    )  # fmt: skip
+        _DEFAULT.prestretch,
+        "prestretch",
+        "strain",
+        "error of the prestretch of a cord, standard deviation",
+        _SOURCE,
+    )
     compression: float = assume(
-        _USUAL.compression, "compression", "1", "share that the response of bonded cords lacks when"
-        " compressed, at most", _FROM,
-    )  # fmt: skip
+        _DEFAULT.compression,
+        "compression",
+        "1",
+        "largest share that the response of bonded cords lacks when compressed",
+        _SOURCE,
+    )
 
     @property
     def tolerances(self) -> Tolerances:
-        """As the design knows them."""
+        """The same numbers as the design uses them."""
         return Tolerances(
-            offset=self.offset, gauge=self.gauge, prestretch=self.prestretch,
+            offset=self.offset,
+            gauge=self.gauge,
+            prestretch=self.prestretch,
             compression=self.compression,
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True)
 class BuiltUnit:
-    """c cords as they are laid, how each is read, and displacements `moved` of their paths
-    (s, p, 3) mm in the states of a device's fields; the pieces of cord."""
+    """A built device with c cords.
+
+    Attributes:
+        cords: The cords as they were laid.
+        readings: How each cord is read.
+        displacements: For each cord, the displacements (s, p, 3) mm of its path in the states of
+            the device's fields.
+        pieces: The pieces of cord.
+    """
 
     cords: tuple[BuiltCord, ...]
     readings: tuple[CordReading, ...]
-    moved: tuple[Float, ...]
+    displacements: tuple[Float, ...]
     pieces: RubberPieces
 
     def signals(self, weights: Float) -> Float:
-        """(R - R0)/R0 (n, c) of these cords if they had no memory, in mixtures (n, s) of the
-        states."""
-        out = np.empty((len(weights), len(self.cords)))
-        for c, (cord, reading, moved) in enumerate(
-            zip(self.cords, self.readings, self.moved, strict=True)
-        ):
-            flat = moved.reshape(len(moved), -1)
-            for k in range(0, len(weights), _BLOCK):
-                part = slice(k, k + _BLOCK)
-                path = cord.path + (weights[part] @ flat).reshape(-1, *cord.path.shape)
-                out[part, c] = reading.signals(cord, path)
-        return out
+        """Return the signals (R - R0)/R0 (n, c) that the cords would have without memory.
+
+        Args:
+            weights: Weights (n, s) of the states.
+        """
+        signals = np.empty((len(weights), len(self.cords)))
+        cords = zip(self.cords, self.readings, self.displacements, strict=True)
+        for c, (cord, reading, displacements) in enumerate(cords):
+            flat = displacements.reshape(len(displacements), -1)
+            for k in range(0, len(weights), BLOCK_FRAMES):
+                block = slice(k, k + BLOCK_FRAMES)
+                path = cord.path + (weights[block] @ flat).reshape(-1, *cord.path.shape)
+                signals[block, c] = reading.signals(cord, path)
+        return signals
 
 
-def built_unit(
-    device: Device, layout: LayoutRecord, fields: DeviceFields, unit: int,
-    building: BuildingTraits, rubber: RubberTraits,
-) -> BuiltUnit:  # fmt: skip
-    """The device of the number `unit`: another one for each, the same for the same."""
-    rng, reading = np.random.default_rng([unit, 71]), CordReading.of(device)
-    laid = [as_laid(r.built, reading, rng, building.tolerances) for r in layout.by_channel()]
+def build_unit(
+    device: Device,
+    layout: LayoutRecord,
+    fields: DeviceFields,
+    unit: int,
+    building: BuildingTraits,
+    rubber: RubberTraits,
+) -> BuiltUnit:
+    """Build a device with random errors.
+
+    Args:
+        device: The device.
+        layout: The layout of its cords.
+        fields: Its displacement fields.
+        unit: Number of the built device: each number gives another one, always the same.
+        building: Tolerances of the maker.
+        rubber: Properties of the cord.
+    """
+    rng, reading = np.random.default_rng([unit, UNIT_SEED]), CordReading.of(device)
+    tolerances = building.tolerances
+    laid = [sample_built_cord(r.built, reading, rng, tolerances) for r in layout.by_channel()]
     cords, readings = tuple(c for c, _ in laid), tuple(r for _, r in laid)
     nominal = np.array([r.resistance(c) for c, r in laid])
     pieces = RubberPieces.draw(rubber, nominal, rng)

@@ -1,4 +1,4 @@
-"""Where a twin's cameras stand about a device, and where its read-out board's LED lies."""
+"""Placement of simulated cameras about a device, and of the LED of its read-out board."""
 
 from __future__ import annotations
 
@@ -9,62 +9,85 @@ from ...core.camera import Camera
 from ...core.markers import Markers
 from ...core.mesh import Surface
 
-_FOCAL, _SIZE = 900.0, (1280, 720)
-_DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
-_NEAR, _APART = 200.0, 0.45  # mm, at least; distance between cameras, of their distance
-_FACES = 0.35  # cosine, at least, at which a camera sees a tag well
-_FILLS = 0.55  # of the picture's width, by the body
+FOCAL_PX, IMAGE_SIZE = 900.0, (1280, 720)
+DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
+MIN_DISTANCE_MM = 200.0
+CAMERA_SPACING = 0.45  # distance between cameras, relative to their distance from the body
+MIN_FACING_COSINE = 0.35  # between the normal of a tag and the direction to a camera
+BODY_SHARE = 0.55  # of the width of the image
+DIRECTIONS = 400  # candidate directions, spread over the sphere (Fibonacci)
+MIN_ANCHOR_TAGS = 3  # align the tags with the rest pose
+LED_ABOVE = 0.08  # above the body, in the plane at depth one
 
 
-def camera_places(body: Surface, markers: Markers, count: int) -> tuple[Camera, ...]:
-    """From where most tags are seen, side by side."""
+def place_cameras(body: Surface, markers: Markers, count: int) -> tuple[Camera, ...]:
+    """Place cameras side by side where they see most tags.
+
+    Args:
+        body: Surface of the body at rest, mm.
+        markers: The tags.
+        count: Number of cameras.
+
+    Returns:
+        Cameras named `cam_0`, `cam_1`, ...
+    """
     low, high = body.bounds
     middle = (low + high) / 2
     extent = float(np.linalg.norm(high - low))
-    away = max(_NEAR, extent * _FOCAL / (_FILLS * _SIZE[0]))
-    normals = markers.axes[:, :, 2]
-    k = np.arange(400) + 0.5  # spread over the sphere (Fibonacci)
-    polar, turn = np.arccos(1 - 2 * k / 400), np.pi * (1 + 5**0.5) * k
-    ways = np.column_stack(
+    distance = max(MIN_DISTANCE_MM, extent * FOCAL_PX / (BODY_SHARE * IMAGE_SIZE[0]))
+    directions = _spread_directions()
+    longest = np.eye(3)[int((high - low).argmax())]
+    asides = longest - (directions @ longest)[:, None] * directions
+    is_end_on = np.linalg.norm(asides, axis=1) < 0.3
+    asides[is_end_on] = np.cross(
+        directions[is_end_on], np.eye(3)[int(np.abs(longest).argmin())]
+    )
+    asides /= np.linalg.norm(asides, axis=1, keepdims=True)
+    offsets = (np.arange(count) - (count - 1) / 2) * CAMERA_SPACING
+    eyes = middle + distance * (directions + offsets[:, None, None] * asides)
+    best = int(_score_views(eyes, markers).argmax())
+    return tuple(
+        _aim_camera(k, eye, middle, asides[best]) for k, eye in enumerate(eyes[:, best])
+    )
+
+
+def _spread_directions() -> Float:
+    """Return unit vectors (n, 3) spread over the sphere."""
+    k = np.arange(DIRECTIONS) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / DIRECTIONS), np.pi * (1 + 5**0.5) * k
+    return np.column_stack(
         [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
     )
-    longest = np.eye(3)[int((high - low).argmax())]
-    asides = longest - (ways @ longest)[:, None] * ways
-    along = np.linalg.norm(asides, axis=1) < 0.3  # seen end on
-    asides[along] = np.cross(ways[along], np.eye(3)[int(np.abs(longest).argmin())])
-    asides /= np.linalg.norm(asides, axis=1, keepdims=True)
-    places = (np.arange(count) - (count - 1) / 2) * _APART
-    eyes = middle + away * (ways + places[:, None, None] * asides)
+
+
+def _score_views(eyes: Float, markers: Markers) -> Float:
+    """Return a score (n,) of n placements of c cameras, with centers (c, n, 3) mm."""
+    normals = markers.axes[:, :, 2]
     to = eyes[:, :, None] - markers.centers
     facing = np.einsum("cwmi,mi->cwm", to / np.linalg.norm(to, axis=3, keepdims=True), normals)
-    facing = facing.min(axis=0)  # by the camera that sees it at the greatest slant
-    score = (facing > _FACES).sum(axis=1) + 0.5 * np.clip(facing, 0, 1).sum(axis=1)
-    # Three of the anchor's tags lay the others onto the rest pose.
-    anchor = (facing[:, markers.anchor] > _FACES).sum(axis=1)
-    score = score + 2 * anchor + len(normals) * (anchor >= 3)
-    best = int(score.argmax())
-    aside = asides[best]
-    out = []
-    for k_, eye in enumerate(eyes[:, best]):
-        z = (middle - eye) / np.linalg.norm(middle - eye)
-        y = np.cross(z, aside)
-        y /= np.linalg.norm(y)
-        R = np.stack([np.cross(y, z), y, z])
-        K = np.array(
-            [
-                [_FOCAL + 3 * k_, 0, _SIZE[0] / 2 + 4],
-                [0, _FOCAL + 3 * k_, _SIZE[1] / 2 - 3],
-                [0, 0, 1],
-            ]
-        )
-        out.append(Camera(f"cam_{k_}", _SIZE, K, _DISTORTIONS, R, -R @ eye))
-    return tuple(out)
+    facing = facing.min(axis=0)  # of the camera that sees the tag at the greatest slant
+    score = (facing > MIN_FACING_COSINE).sum(axis=1) + 0.5 * np.clip(facing, 0, 1).sum(axis=1)
+    anchor = (facing[:, markers.anchor] > MIN_FACING_COSINE).sum(axis=1)
+    return np.asarray(score + 2 * anchor + len(normals) * (anchor >= MIN_ANCHOR_TAGS))
 
 
-def led_place(camera: Camera, body: Surface) -> Float:
-    """A place for the LED (3,) mm: above the body as the camera sees it."""
-    at = camera.to_camera(body.vertices)
-    highest = float((at[:, 1] / at[:, 2]).min())
-    depth = float(at[:, 2].mean())
-    spot = np.array([at[:, 0].mean(), (highest - 0.08) * depth, depth])
-    return np.asarray(camera.rotation.T @ (spot - camera.translation))
+def _aim_camera(number: int, eye: Float, target: Float, aside: Float) -> Camera:
+    """Return a camera at a point (3,) mm that looks at another, with `aside` horizontal."""
+    z = (target - eye) / np.linalg.norm(target - eye)
+    y = np.cross(z, aside)
+    y /= np.linalg.norm(y)
+    R = np.stack([np.cross(y, z), y, z])
+    focal = FOCAL_PX + 3 * number
+    K = np.array(
+        [[focal, 0, IMAGE_SIZE[0] / 2 + 4], [0, focal, IMAGE_SIZE[1] / 2 - 3], [0, 0, 1]]
+    )
+    return Camera(f"cam_{number}", IMAGE_SIZE, K, DISTORTIONS, R, -R @ eye)
+
+
+def place_led(camera: Camera, body: Surface) -> Float:
+    """Return a position (3,) mm for the LED, above the body as the camera sees it."""
+    points = camera.to_camera(body.vertices)
+    highest = float((points[:, 1] / points[:, 2]).min())
+    depth = float(points[:, 2].mean())
+    position = np.array([points[:, 0].mean(), (highest - LED_ABOVE) * depth, depth])
+    return np.asarray(camera.rotation.T @ (position - camera.translation))

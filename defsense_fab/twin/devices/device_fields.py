@@ -17,12 +17,12 @@ from ...core.device.device import Device, Pose
 from ...core.errors import CaptureError, DeviceError
 from ...core.mesh import TetMesh
 from ...core.progress import Progress, silent
-from ...core.storage.build_folder import finished_build
-from ...core.storage.files import digest, replacing, storage_errors
+from ...core.device.build_folder import finished_build
+from ...core.storage.files import digest, replace_file, storage_errors
 from ...geometry.bodies.body_record import load_surface
 from ...geometry.bodies.meshing.mesh_file import RECORD, load_mesh, load_mesh_record
 from ...geometry.bodies.meshing.region_conforming import conform
-from ...geometry.bodies.meshing.tetrahedra import tetrahedralise
+from ...geometry.bodies.meshing.tetrahedra import tetrahedralize
 from ...mechanics.elements.material import Material, split
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
@@ -33,7 +33,7 @@ from ...sensing.built_cord import CordReading
 from ...sensing.layout import LAYOUT, PREDICTION, load_layout, load_prediction
 from ..scenes.assumptions import assume
 from ..scenes.pose_space import PoseSpace
-from .pose_samples import Ray, companions, coordinates, corners, scattered, singles
+from .pose_samples import Ray, find_mixable_poses, pose_axes, corner_rays, draw_rays, single_rays
 
 FOLDER = "twin"
 #: Of what is kept in files: raised when the same input gives other fields.
@@ -85,7 +85,7 @@ class DeviceFields:
         return locator.displacement(locator.find(points), self.fields)
 
 
-def device_fields(
+def solve_fields(
     device: Device, traits: MechanicsTraits | None = None, progress: Progress = silent,
     poses: Sequence[Pose] | None = None,
 ) -> DeviceFields:  # fmt: skip
@@ -113,7 +113,7 @@ def share_fields(source: Device, device: Device) -> None:
         for path in (finished_build(source, RECORD) / FOLDER).glob("*.npz"):
             own.mkdir(exist_ok=True)
             if not (own / path.name).exists():
-                with replacing(own / path.name) as temporary:
+                with replace_file(own / path.name) as temporary:
                     shutil.copyfile(path, temporary)
 
 
@@ -127,7 +127,7 @@ def _key(device: Device, folder: Path, traits: MechanicsTraits, poses: Sequence[
         )  # fmt: skip
 
 
-def law(device: Device, traits: MechanicsTraits) -> Material:
+def choose_material(device: Device, traits: MechanicsTraits) -> Material:
     """Another one of the device's moduli at small strain, or the device's."""
     if traits.own_law:
         return Material.from_spec(device.material)
@@ -145,14 +145,14 @@ def _solve(
     """Without the signals' error; and the states' groups, as `PoseSpace.left_out` takes them."""
     progress("twin", 0.0, "meshing the body more finely")
     mesh = QuadraticMesh.from_linear(_mesh(device, folder, traits.edge))
-    rng, together = np.random.default_rng(_SEED), companions(poses)
-    axes = coordinates(poses)
-    sampler = _Sampler(device, poses, mesh, law(device, traits), traits.most, progress)
-    rays = [*singles(len(poses)), *corners(together)]
+    rng, together = np.random.default_rng(_SEED), find_mixable_poses(poses)
+    axes = pose_axes(poses)
+    sampler = _Sampler(device, poses, mesh, choose_material(device, traits), traits.most, progress)
+    rays = [*single_rays(len(poses)), *corner_rays(together)]
     few = min(traits.states * len(axes), _MANY) - sum(len(r.parts) for r in rays)
     sampler.add(rays)
     sampler.check_singles()
-    sampler.add(scattered(together & ~sampler.apart, max(few // 2, _STEP // 2), rng), random=True)
+    sampler.add(draw_rays(together & ~sampler.apart, max(few // 2, _STEP // 2), rng), random=True)
     together &= ~sampler.apart
     markers = load_prediction(folder).markers
     while True:
@@ -166,7 +166,7 @@ def _solve(
         room, before = traits.most - len(sampler.states), len(sampler.states)
         if error <= traits.accuracy or room < 1:
             break
-        more = scattered(together, min(_STEP, max(room // 2, 1)), rng)
+        more = draw_rays(together, min(_STEP, max(room // 2, 1)), rng)
         sampler.add(more, random=True)
         if len(sampler.states) == before:  # no more can be solved
             break
@@ -184,7 +184,7 @@ def _mesh(device: Device, folder: Path, edge: float) -> TetMesh:
     record = load_mesh_record(folder)
     if edge == 1.0 or record.edge_length is None:
         return load_mesh(folder)
-    made = tetrahedralise(load_surface(folder), edge * record.edge_length).mesh
+    made = tetrahedralize(load_surface(folder), edge * record.edge_length).mesh
     return conform(made, list(device.regions.values()))
 
 
@@ -277,7 +277,7 @@ def _signal_error(device: Device, folder: Path, found: DeviceFields, groups: Int
 
 
 def _save(path: Path, found: DeviceFields, groups: Int) -> None:
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replace_file(path) as temporary, temporary.open("wb") as file:
         np.savez(
             file, poses=np.array(found.poses), axes=found.space.axes, states=found.space.states,
             nodes=found.mesh.nodes[: found.mesh.cells[:, :4].max() + 1],

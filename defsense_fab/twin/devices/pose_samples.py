@@ -1,4 +1,4 @@
-"""Which states a twin's shapes are solved in: a sample of what a device's poses span."""
+"""Samples of the pose space of a device: the states in which its twin is simulated."""
 
 from __future__ import annotations
 
@@ -11,132 +11,181 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.device.device import Device, PointDrag, Pose
-from ...core.device.states import acts, agree, opposite
+from ...core.device.states import are_opposite, can_mix, pose_actions
 from ...core.errors import CaptureError
 from ...geometry.bodies.body_record import load_surface
 from ..scenes.hand_walk import MIXTURE_LIMITS
 
-#: Parts of the way that a pose is solved at, the last one being `FURTHEST` of its amplitude.
-_LEVELS = (0.2, 0.45, 0.7, 0.9, 1.0)
+#: Largest level of a pose that is simulated.
 FURTHEST = 1.1
-_CORNERS = 12  # pairs, and half as many triples, that are taken to their ends
-_PARTS = (0.5, 1.0)
-_SEED, _SPOTS = 11, 2000
-_PULL, _HAND = 8.0, 10.0  # mm; mm, that times Young's modulus is a hand's stiffness
+SINGLE_FRACTIONS = (0.2, 0.45, 0.7, 0.9, 1.0)  # of a ray to `FURTHEST`
+MIXTURE_FRACTIONS = (0.5, 1.0)
+MAX_CORNER_PAIRS = 12  # pairs of poses at their ends; half as many triples
+TRIPLE_SHARE = 0.4  # of random mixtures
+AXIS_RTOL = 1e-9  # relative to the largest singular value
+GRIP_SEED, GRIP_CANDIDATES = 11, 2000
+GRIP_PULL_MM = 8.0
+GRIP_STIFFNESS_MM = 10.0  # times Young's modulus: the stiffness of a hand
 
 
 @dataclass(frozen=True)
 class Ray:
-    """Poses' weights `end` (d,), and the parts of the way there that are solved."""
+    """States on the way from rest to a mixture of poses.
+
+    Attributes:
+        end: Weights of the poses at the end (d,).
+        fractions: Fractions of the way that are simulated, increasing.
+    """
 
     end: Float
-    parts: tuple[float, ...]
+    fractions: tuple[float, ...]
 
 
-def companions(poses: Sequence[Pose]) -> Bool:
-    """Which poses (d, d) can be taken at once."""
+def find_mixable_poses(poses: Sequence[Pose]) -> Bool:
+    """Return which of d poses can be mixed (d, d)."""
     d = len(poses)
-    out = np.zeros((d, d), bool)
+    mixable = np.zeros((d, d), bool)
     for i, j in combinations(range(d), 2):
-        out[i, j] = out[j, i] = agree(poses[i], poses[j]) and not opposite(poses[i], poses[j])
-    return out
+        is_mixable = can_mix(poses[i], poses[j]) and not are_opposite(poses[i], poses[j])
+        mixable[i, j] = mixable[j, i] = is_mixable
+    return mixable
 
 
-def coordinates(poses: Sequence[Pose]) -> Float:
-    """Axes (r, d) of `PoseSpace`: mixtures add up what poses do (`mechanics/loading/pose.py`), so
-    that poses which do the same, more or less or backwards, and hold and leave free the same, lie
-    on one axis; the farthest pose on each axis is 1 away."""
-    told = [{(_kind(p), *key): value for key, value in acts(p).items()} for p in poses]
-    keys = {key: len(value) for one in told for key, value in one.items()}
-    does = np.array(
-        [np.concatenate([one.get(k, np.zeros(n)) for k, n in keys.items()]) for one in told]
+def pose_axes(poses: Sequence[Pose]) -> Float:
+    """Return the axes (r, d) of the pose space of d poses.
+
+    Mixtures add up the actions of poses (`mechanics/loading/pose.py`). Poses with proportional
+    actions that hold and free the same regions share one axis. The furthest pose on each axis is at
+    distance 1.
+    """
+    actions = [
+        {(_constraints(p), *key): value for key, value in pose_actions(p).items()} for p in poses
+    ]
+    sizes = {key: len(value) for action in actions for key, value in action.items()}
+    matrix = np.array(
+        [np.concatenate([a.get(k, np.zeros(n)) for k, n in sizes.items()]) for a in actions]
     )
-    left, size, _ = np.linalg.svd(does, full_matrices=False)
-    axes = left.T[size > 1e-9 * size.max(initial=1e-300)]
+    left, size, _ = np.linalg.svd(matrix, full_matrices=False)
+    axes = left.T[size > AXIS_RTOL * size.max(initial=1e-300)]
     return np.asarray(axes / np.abs(axes).max(axis=1, keepdims=True))
 
 
-def _kind(pose: Pose) -> str:
-    """What a pose holds and leaves free, as one word."""
-    free = [(h.region, np.isnan(h.translation).tolist(), h.free_axes.tolist(),
-             None if h.about is None else h.about.tolist()) for h in pose.handles]  # fmt: skip
-    return repr((sorted(pose.fixed), sorted(free), sorted(s.region for s in pose.symmetry)))
+def _constraints(pose: Pose) -> str:
+    """Return a key of what a pose holds and leaves free."""
+    handles = [
+        (
+            h.region,
+            np.isnan(h.translation).tolist(),
+            h.free_axes.tolist(),
+            None if h.about is None else h.about.tolist(),
+        )
+        for h in pose.handles
+    ]
+    return repr((sorted(pose.fixed), sorted(handles), sorted(s.region for s in pose.symmetry)))
 
 
-def singles(count: int) -> list[Ray]:
-    """Each of d poses by itself."""
-    return [Ray(FURTHEST * end, _LEVELS) for end in np.eye(count)]
+def single_rays(count: int) -> list[Ray]:
+    """Return one ray for each of `count` poses."""
+    return [Ray(FURTHEST * end, SINGLE_FRACTIONS) for end in np.eye(count)]
 
 
-def corners(together: Bool) -> list[Ray]:
-    """Pairs and triples at their ends, of those there are at most so many, evenly chosen."""
-    out = []
-    for size, most, level in ((2, _CORNERS, MIXTURE_LIMITS[0]), (3, _CORNERS // 2, MIXTURE_LIMITS[1])):
-        found = groups(together, size)
-        step = max(len(found) / most, 1.0)
-        for k in range(min(len(found), most)):
-            end = np.zeros(len(together))
-            end[list(found[int(k * step)])] = level
-            out.append(Ray(end, _PARTS))
-    return out
+def corner_rays(mixable: Bool) -> list[Ray]:
+    """Return rays to mixtures of two and three poses at their ends, evenly chosen.
+
+    Args:
+        mixable: Which poses can be mixed (d, d).
+    """
+    rays = []
+    for size, limit in ((2, MAX_CORNER_PAIRS), (3, MAX_CORNER_PAIRS // 2)):
+        groups = _mixable_groups(mixable, size)
+        step = max(len(groups) / limit, 1.0)
+        for k in range(min(len(groups), limit)):
+            end = np.zeros(len(mixable))
+            end[list(groups[int(k * step)])] = MIXTURE_LIMITS[size - 2]
+            rays.append(Ray(end, MIXTURE_FRACTIONS))
+    return rays
 
 
-def groups(together: Bool, size: int) -> list[tuple[int, ...]]:
-    """Of so many poses that can all be taken at once."""
+def _mixable_groups(mixable: Bool, size: int) -> list[tuple[int, ...]]:
+    """Return the groups of `size` poses that can all be mixed."""
     return [
         g
-        for g in combinations(range(len(together)), size)
-        if all(together[i, j] for i, j in combinations(g, 2))
+        for g in combinations(range(len(mixable)), size)
+        if all(mixable[i, j] for i, j in combinations(g, 2))
     ]
 
 
-def scattered(together: Bool, count: int, rng: np.random.Generator) -> list[Ray]:
-    """Random mixtures of two and three poses that go together, or single poses where none do."""
-    pairs, triples = groups(together, 2), groups(together, 3)
-    out = []
+def draw_rays(mixable: Bool, count: int, rng: np.random.Generator) -> list[Ray]:
+    """Draw rays to random mixtures of two or three poses, or to single poses if none can be mixed.
+
+    Args:
+        mixable: Which poses can be mixed (d, d).
+        count: Number of rays.
+        rng: Random generator.
+    """
+    pairs, triples = _mixable_groups(mixable, 2), _mixable_groups(mixable, 3)
+    rays = []
     for _ in range(count):
-        end = np.zeros(len(together))
+        end = np.zeros(len(mixable))
         if not pairs:
             end[rng.integers(len(end))] = rng.uniform(0.1, FURTHEST)
-            out.append(Ray(end, (1.0,)))
+            rays.append(Ray(end, (1.0,)))
             continue
-        three = bool(triples) and rng.random() < 0.4
-        chosen = triples if three else pairs
-        group = list(chosen[rng.integers(len(chosen))])
-        end[group] = rng.uniform(0.1, MIXTURE_LIMITS[int(three)], len(group))
-        out.append(Ray(end, _PARTS))
-    return out
+        is_triple = bool(triples) and rng.random() < TRIPLE_SHARE
+        groups = triples if is_triple else pairs
+        group = list(groups[rng.integers(len(groups))])
+        end[group] = rng.uniform(0.1, MIXTURE_LIMITS[int(is_triple)], len(group))
+        rays.append(Ray(end, MIXTURE_FRACTIONS))
+    return rays
 
 
-def grips(device: Device, folder: Path, count: int) -> tuple[Pose, ...]:
-    """Places of the skin that are pulled at sideways, which no pose does: away from what poses hold
-    or move, as far apart as can be."""
+def place_grips(device: Device, folder: Path, count: int) -> tuple[Pose, ...]:
+    """Return poses that pull sideways at points of the skin, which no pose of the device does.
+
+    The points are outside of the regions that poses hold or move, and as far apart as possible.
+
+    Args:
+        device: The device.
+        folder: Folder of its build.
+        count: Number of grips.
+
+    Raises:
+        CaptureError: The poses hold the whole skin (`no-place-to-grip`).
+    """
     if not count:
         return ()
-    rng = np.random.default_rng(_SEED)
-    points = load_surface(folder).scatter(_SPOTS, rng)
-    held = {n for p in device.poses for n in (*p.fixed, *(h.region for h in p.handles))}
-    for name in held:
+    rng = np.random.default_rng(GRIP_SEED)
+    points = load_surface(folder).scatter(GRIP_CANDIDATES, rng)
+    regions = {n for p in device.poses for n in (*p.fixed, *(h.region for h in p.handles))}
+    for name in regions:
         points = points[~device.regions[name].contains(points)]
     if len(points) < count:
-        raise CaptureError(f"{device.source}: poses hold the whole skin; there is no place to grip")
+        raise CaptureError(
+            "the poses hold the whole skin, so that there is no place to grip it",
+            code="no-place-to-grip",
+            where=device.source,
+            action="Simulate it without grips",
+        )
     chosen = [points[int(np.linalg.norm(points - points.mean(0), axis=1).argmin())]]
     while len(chosen) < count:
-        apart = np.linalg.norm(points[:, None] - np.array(chosen), axis=2).min(1)
-        chosen.append(points[int(apart.argmax())])
-    ways = rng.normal(size=(count, 3))
-    pulls = _PULL * ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    stiffness = _HAND * device.material.young_modulus
+        distance = np.linalg.norm(points[:, None] - np.array(chosen), axis=2).min(1)
+        chosen.append(points[int(distance.argmax())])
+    directions = rng.normal(size=(count, 3))
+    pulls = GRIP_PULL_MM * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    stiffness = GRIP_STIFFNESS_MM * device.material.young_modulus
     return tuple(
-        Pose(f"grip_{k + 1}", (), (), drags=(PointDrag(at, by, stiffness),))
-        for k, (at, by) in enumerate(zip(chosen, pulls, strict=True))
+        Pose(f"grip_{k + 1}", (), (), drags=(PointDrag(point, pull, stiffness),))
+        for k, (point, pull) in enumerate(zip(chosen, pulls, strict=True))
     )
 
 
-def gripped(poses: Sequence[Pose], grips: Sequence[Pose]) -> tuple[Pose, ...]:
-    """Poses and grips, which hold what the first pose holds and leave its handles at rest."""
+def add_grips(poses: Sequence[Pose], grips: Sequence[Pose]) -> tuple[Pose, ...]:
+    """Return the poses and the grips, which hold what the first pose holds.
+
+    The handles of the first pose stay at rest while the device is gripped.
+    """
     first = poses[0]
-    still = tuple(
+    at_rest = tuple(
         replace(h, rotation=0 * h.rotation, translation=0 * h.translation) for h in first.handles
     )
-    return (*poses, *(replace(g, fixed=first.fixed, handles=still) for g in grips))
+    return (*poses, *(replace(g, fixed=first.fixed, handles=at_rest) for g in grips))

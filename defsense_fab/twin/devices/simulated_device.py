@@ -1,4 +1,4 @@
-"""What a build knows of how its device moves."""
+"""The motion of a device as its build simulated it: surface, cords and points in every state."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.mesh import Surface
-from ...core.storage.build_folder import finished_build
+from ...core.device.build_folder import finished_build
 from ...geometry.bodies.meshing.mesh_file import load_mesh
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
@@ -22,9 +22,18 @@ from ..scenes.device_motion import Ramp
 
 @dataclass(frozen=True)
 class SimulatedDevice:
-    """`rest` surface, displacements `skin` (s, n, 3) mm, `ramps` of its poses; cords by name, as
-    they are built in, displacements (s, p, 3) mm of their stretched paths, and the `lengths` that
-    have their resistances, mm; displacements `shown` (s, m, 3) mm of the points asked for."""
+    """A device with c cords in s simulated states.
+
+    Attributes:
+        rest: Surface at rest, n vertices, mm.
+        skin: Displacements (s, n, 3) mm of the surface.
+        ramps: The poses, with their levels and states.
+        names: Names of the cords (c).
+        cords: The cords as they are built in (c).
+        moved: For each cord, the displacements (s, p, 3) mm of its stretched path.
+        lengths: Lengths (c,) mm of cord with the resistances of the cords.
+        shown: Displacements (s, m, 3) mm of the requested points.
+    """
 
     rest: Surface
     skin: Float
@@ -36,37 +45,53 @@ class SimulatedDevice:
     shown: Float
 
 
-def simulated_device(device: Device, points: Float) -> SimulatedDevice:
-    """From the device's build, with what points (m, 3) mm do. Raises CaptureError where it has no
-    build, or no pose in it."""
+def load_simulated_device(device: Device, points: Float) -> SimulatedDevice:
+    """Load the motion of a device from its build.
+
+    Args:
+        device: The device.
+        points: Points (m, 3) mm whose displacements are requested.
+
+    Raises:
+        CaptureError: The device is not built, or the build has no simulated pose (`no-poses`).
+    """
     folder = finished_build(device, LAYOUT, INDEX)
-    found = load_fields(folder)
-    fields = found.displacements
+    states = load_fields(folder)
     ramps = []
     for pose in device.poses:
-        levels = {
+        state_at = {
             weights[pose.name]: k
-            for k, weights in enumerate(found.weights)
+            for k, weights in enumerate(states.weights)
             if set(weights) == {pose.name} and 0 < weights[pose.name] <= 1
         }
-        if levels:
-            order = sorted(levels)
-            ramps.append(Ramp(pose.name, np.array(order), np.array([levels[x] for x in order])))
+        if state_at:
+            levels = sorted(state_at)
+            ramps.append(Ramp(pose.name, np.array(levels), np.array([state_at[x] for x in levels])))
     if not ramps:
-        raise CaptureError(f"{folder}: holds no simulated pose; build the device again")
+        raise CaptureError(
+            "contains no simulated pose",
+            code="no-poses",
+            where=folder,
+            action="Build the device again",
+        )
     mesh = load_mesh(folder)
     locator = PointLocator(QuadraticMesh.from_linear(mesh))
-    # The tets' boundary bends where a body's own triangles, which may be long, do not.
+    # The boundary of the tets bends where the body's own triangles, which may be long, do not.
     surface, _ = mesh.boundary().compact()
 
-    def at(where: Float) -> Float:
-        return locator.displacement(locator.find(where), fields)
+    def displacements(points: Float) -> Float:
+        return locator.displacement(locator.find(points), states.displacements)
 
     records = load_layout(folder).by_channel()
     cords = tuple(r.built for r in records)
     reading = CordReading.of(device)
-    lengths = np.array([reading.resistance(c) for c in cords]) / reading.ohm_per_mm
     return SimulatedDevice(
-        surface, at(surface.vertices), tuple(ramps), tuple(r.name for r in records), cords,
-        tuple(at(c.path) for c in cords), lengths, at(points),
-    )  # fmt: skip
+        rest=surface,
+        skin=displacements(surface.vertices),
+        ramps=tuple(ramps),
+        names=tuple(r.name for r in records),
+        cords=cords,
+        moved=tuple(displacements(c.path) for c in cords),
+        lengths=np.array([reading.resistance(c) for c in cords]) / reading.ohm_per_mm,
+        shown=displacements(points),
+    )

@@ -23,10 +23,10 @@ from ...capture.videos.detector_compilation import compile_detector
 from ...core.device.device import Device
 from ...core.errors import CaptureError, DefsenseError, DeviceError
 from ...core.markers import Markers
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...core.storage.session_manifest import manifest_path
 from ...sensing.layout import LAYOUT, layout_hash, load_layout
-from .live_twin import LiveTwin, known_cameras, levels_of, start_live_twin
+from .live_twin import LiveTwin, write_true_cameras, load_pose_coverage, start_live_twin
 from .sample_sources import open_source
 
 NONE, TWIN = "none", "twin"
@@ -104,7 +104,7 @@ def set_up_capture(
             board = open_source(port, settings).source
         if session.rig.cameras:  # before a screen is there, and the first pictures come
             compile_detector(session.rig.cameras[0], dictionary(session.markers.dictionary), note)
-        levels = levels_of(device, session.markers)
+        levels = load_pose_coverage(device, session.markers)
     except DefsenseError:
         if not begun:
             sessions.discard_empty(session)
@@ -182,17 +182,17 @@ def _begin(
         calibration = None
     if twin is not None and options.calibration is None:
         calibration = device.source / "twin-cameras.toml"
-        known_cameras(twin, calibration)
+        write_true_cameras(twin, calibration)
     return sessions.create(
         folder, device=device.name,
         steps=sessions.plan([p.name for p in device.poses], options.rounds, options.seconds,
                             options.free, options.rest),
         channels=channels, reference=reference[: len(channels)], calibration=calibration,
-        markers=markers, unit=unit_of(options), layout=known_layout,
+        markers=markers, unit=unit_name(options), layout=known_layout,
     )  # fmt: skip
 
 
-def unit_of(options: CaptureOptions) -> str:
+def unit_name(options: CaptureOptions) -> str:
     """The name of the built device; a twin's seed makes another one."""
     if options.unit is None and options.port == TWIN and options.twin is not None:
         return f"twin-{options.twin[0]}"

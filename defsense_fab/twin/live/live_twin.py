@@ -17,8 +17,8 @@ from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.markers import Markers
 from ...sensing.built_cord import CordReading
-from ..devices.camera_places import camera_places, led_place
-from ..devices.simulated_device import simulated_device
+from ..devices.camera_places import place_cameras, place_led
+from ..devices.simulated_device import load_simulated_device
 from ..electronics.cords import CordTraits, DeviceCords
 from ..electronics.readout_board import ReadoutTwin
 from ..electronics.virtual_port import VirtualPort, open_virtual_port
@@ -81,7 +81,7 @@ def start_live_twin(
         raise CaptureError(f"twin: no cameras are called {kind}; there are {', '.join(CAMERA_KINDS)}")
     own = CAMERA_KINDS[kind]
     rng = np.random.default_rng(seed)
-    sim = simulated_device(device, markers.centers)
+    sim = load_simulated_device(device, markers.centers)
     family = dictionary(markers.dictionary)
     seats = tuple(
         print_patch(Patch(int(n), family.pattern(int(n)), c, a, markers.size), own.ink, own.curl)
@@ -108,10 +108,10 @@ def start_live_twin(
     cords = DeviceCords(sim.names, sim.lengths, signals_at, traits, rng)
     reference = float(np.median(cords.rest))
     board = ReadoutTwin(cords, reference, offset=OFFSET, drift=DRIFT)
-    cameras = camera_places(sim.rest, markers, count)
+    cameras = place_cameras(sim.rest, markers, count)
     middle = sim.rest.bounds.mean(axis=0)
     hand = draw_sway(rng, middle, shift=_STEADY, degrees=_STEADY)
-    place = led_place(cameras[0], sim.rest)
+    place = place_led(cameras[0], sim.rest)
     around = Scene(backdrop=Backdrop(), gloss=own.gloss)
     towards = np.mean([c.center for c in cameras], axis=0) - middle
     passing = simulate_passing_finger(rng, sim.rest.bounds, towards / np.linalg.norm(towards))
@@ -142,17 +142,17 @@ def start_live_twin(
     )  # fmt: skip
 
 
-def known_cameras(twin: LiveTwin, path: Path) -> None:
+def write_true_cameras(twin: LiveTwin, path: Path) -> None:
     """Write the twin's cameras as a calibration has them."""
     from ...capture.cameras.rig_file import write_rig
 
     write_rig(path, twin.cameras, {"adjusted": True, "twin": True})
 
 
-def levels_of(device: Device, markers: Markers) -> PoseCoverage | None:
+def load_pose_coverage(device: Device, markers: Markers) -> PoseCoverage | None:
     """What tells how far each pose was shown; None for a device that is not built."""
     try:
-        sim = simulated_device(device, markers.centers)
+        sim = load_simulated_device(device, markers.centers)
     except CaptureError:
         return None
     steps = np.arange(1, BINS + 1) / BINS

@@ -21,7 +21,7 @@ from ..electronics.readout_board import ReadoutTwin
 
 
 @dataclass(frozen=True)
-class Opened:
+class OpenedSource:
     """A source that is not started yet, and a twin's `hands`."""
 
     source: Source
@@ -30,17 +30,17 @@ class Opened:
 
 def open_source(
     text: str, settings: ReadoutSettings, geometry: Geometry | None = None, length: float = 150.0
-) -> Opened:
+) -> OpenedSource:
     """/dev/ttyUSB0, COM3, socket://host:port, a recording's .csv, or twin, twin:speed=20,k=2,seed=1
     (a specimen of this geometry and length, mm). Raises CaptureError for words that are none."""
     if text == "twin" or text.startswith("twin:"):
         return _twin(text, settings, geometry or Geometry(), length)
     if text.endswith(".csv"):
-        return Opened(Replay(Path(text)))
-    return Opened(Reader(partial(open_port, text), text, settings))
+        return OpenedSource(Replay(Path(text)))
+    return OpenedSource(Reader(partial(open_port, text), text, settings))
 
 
-def _twin(text: str, settings: ReadoutSettings, geometry: Geometry, length: float) -> Opened:
+def _twin(text: str, settings: ReadoutSettings, geometry: Geometry, length: float) -> OpenedSource:
     values = {"speed": 1.0, "k": 2.0, "seed": 1.0}
     for pair in filter(None, text.partition(":")[2].split(",")):
         name, equals, number = pair.partition("=")
@@ -56,4 +56,4 @@ def _twin(text: str, settings: ReadoutSettings, geometry: Geometry, length: floa
     traits = CordTraits(Response.line(values["k"]))
     specimen = SpecimenTwin(traits, rng, length, geometry.thickness, geometry.offset)
     board = ReadoutTwin(specimen, speed=values["speed"])
-    return Opened(Reader(lambda: board, text, settings), board.place)
+    return OpenedSource(Reader(lambda: board, text, settings), board.place)

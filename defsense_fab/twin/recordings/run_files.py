@@ -13,7 +13,7 @@ from ...capture.readout.recording import Recorder
 from ...capture.readout.source import Event, StampedSample
 from ...capture.sessions.session import Log, PoseStep
 from ...core.device.device import CONVERTERS
-from ...core.storage.files import replacing
+from ...core.storage.files import replace_file
 from ...sensing.serial_frames import PROTOCOL, Info, Sample, Stream, encode
 from ...sensing.voltage_divider import conversion_time
 from .twin_recordings import Truth, TwinRun, TwinRuns
@@ -21,20 +21,20 @@ from .twin_recordings import Truth, TwinRun, TwinRuns
 TRUTH, RUN_1 = "truth.npz", "run-1"
 
 
-def walked_steps(run: TwinRun) -> list[PoseStep]:
+def list_steps(run: TwinRun) -> list[PoseStep]:
     """What was asked of the hand."""
     begins = [begin for begin, _ in run.walk.steps]
     lasts = np.diff([*begins, float(run.walk.times[-1])])
     return [PoseStep(n, float(s)) for (_, n), s in zip(run.walk.steps, lasts, strict=True)]
 
 
-def lit(made: TwinRuns, seconds: float, period: int) -> bool:
+def is_led_on(made: TwinRuns, seconds: float, period: int) -> bool:
     """Whether the read-out board's LED is on, that toggles every `period` ms of its own clock."""
     b = made.traits.board
     return bool(int((b.offset + (1 + b.drift) * seconds) * 1000 / period) % 2)
 
 
-def write_board(path: Path, made: TwinRuns, run: TwinRun, converter: str, led: int = 0) -> None:
+def write_samples(path: Path, made: TwinRuns, run: TwinRun, converter: str, led: int = 0) -> None:
     """The samples as the host's reader has them, after a serial line; `led` is the period of the
     LED, ms, or 0 where it is still. Raises StorageError."""
     with Recorder(path, run.sums.shape[1]) as recorder:
@@ -53,7 +53,7 @@ def _received(
     # As the firmware has it: the LED as it was when the conversions began.
     begun = run.truth.sample_time - conversion_time(number, channels, c.averages) / 2
     sent = [
-        Sample(k, us % (1 << 32), bool(led) and lit(made, at, led), False, c.averages, tuple(sums))
+        Sample(k, us % (1 << 32), bool(led) and is_led_on(made, at, led), False, c.averages, tuple(sums))
         for k, (us, sums, at) in enumerate(
             zip(run.device_us.tolist(), run.sums.tolist(), begun.tolist(), strict=True)
         )
@@ -68,7 +68,7 @@ def write_log(path: Path, run: TwinRun) -> None:
     """When each step was shown. Raises StorageError."""
     log = Log(path)
     try:
-        for k, ((begin, _), step) in enumerate(zip(run.walk.steps, walked_steps(run), strict=True)):
+        for k, ((begin, _), step) in enumerate(zip(run.walk.steps, list_steps(run), strict=True)):
             told: dict[str, Any] = {"step": k, "name": step.name, "seconds": step.seconds}
             log.event("step", **told, host_ns=round(1e9 * begin))
             log.event("done", step=k, host_ns=round(1e9 * (begin + step.seconds)))
@@ -82,7 +82,7 @@ def write_truth(
 ) -> None:
     """All of it by the session's clock, which `begins` at so many s of the twin's. Raises
     StorageError."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replace_file(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(
             file, time=truth.time - begins, ids=made.markers.ids,
             points=truth.points.astype(np.float32), sample_time=truth.sample_time - begins,

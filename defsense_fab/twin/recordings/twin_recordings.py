@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+import igl
 import numpy as np
 
 from ...capture.sessions.rest_resistance import rest_resistances
@@ -14,21 +16,63 @@ from ...capture.sessions.sample_table import ClockPart
 from ...capture.sessions.signals import resistances_at
 from ...core.arrays import Bool, Float, Int
 from ...core.device.device import CONVERTERS, Device
+from ...core.errors import CaptureError
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
-from ...core.storage.build_folder import finished_build
-from ...sensing.layout import LAYOUT, PREDICTION, LayoutRecord, layout_hash, load_layout
+from ...core.device.build_folder import finished_build
+from ...geometry.bodies.body_record import load_surface
+from ...sensing.layout import (
+    LAYOUT,
+    PREDICTION,
+    LayoutRecord,
+    layout_hash,
+    load_layout,
+    load_prediction,
+)
 from ...sensing.voltage_divider import reference
 from ...training.data.dataset import Dataset, Recording
-from ..devices.built_unit import BuiltUnit, built_unit
-from ..devices.design_markers import design_markers
-from ..devices.device_fields import DeviceFields, device_fields
-from ..devices.pose_samples import gripped, grips
+from ..devices.built_unit import BuiltUnit, build_unit
+from ..devices.device_fields import DeviceFields, solve_fields
+from ..devices.pose_samples import add_grips, place_grips
 from ..devices.twin_traits import TwinTraits
 from ..electronics.readout_board import Converter
 from ..electronics.rubber_cords import RubberState
 from ..scenes.hand_walk import REST, Walk, plan_walk
 from ..scenes.marker_measurement import measure_markers
+
+# The places that a device is designed to tell, as if tags were glued there.
+
+_SIZES = (50, 100, 250, 1000)  # of the dictionaries of 4 x 4 tags
+
+
+def design_markers(device: Device, folder: Path) -> Markers:
+    """Numbered from 0, upright on the skin. Raises CaptureError for more than can be numbered."""
+    centers = load_prediction(folder).markers
+    family = next((n for n in _SIZES if n >= len(centers)), None)
+    if family is None:
+        raise CaptureError(
+            f"{device.source}: has {len(centers)} markers; a twin shows {_SIZES[-1]} at most: give"
+            " tags with --markers, or a number of [outputs] markers"
+        )
+    surface = load_surface(folder)
+    _, face, _ = igl.point_mesh_squared_distance(centers, surface.vertices, surface.faces)[:3]
+    a, b, c = np.moveaxis(surface.vertices[surface.faces[face]], 1, 0)
+    anchor = device.outputs.anchor
+    held = device.regions[anchor].contains(centers) if anchor else np.zeros(len(centers), bool)
+    return Markers(
+        device.name, f"4X4_{family}", device.fabrication.marker_size, np.arange(len(centers)),
+        centers, _axes(np.cross(b - a, c - a)), held,
+    )  # fmt: skip
+
+
+def _axes(normals: Float) -> Float:
+    """(m, 3, 3) of normals (m, 3) of any length."""
+    z = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    across = np.eye(3)[np.abs(z).argmin(axis=1)]
+    x = np.cross(across, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
 
 _FIRST_REST = 0.3  # of a rest, that R0 is not taken from: as a session's rests are processed
 _LATE = 0.002  # s, at least, that samples arrive after they were taken
@@ -95,9 +139,9 @@ def simulate_runs(
     folder = finished_build(device, LAYOUT, PREDICTION)
     layout = load_layout(folder)
     seen = markers or design_markers(device, folder)
-    poses = gripped(device.poses, grips(device, folder, grip_count))
-    fields = device_fields(device, own.mechanics, progress, poses)
-    built = built_unit(device, layout, fields, unit, own.building, own.rubber)
+    poses = add_grips(device.poses, place_grips(device, folder, grip_count))
+    fields = solve_fields(device, own.mechanics, progress, poses)
+    built = build_unit(device, layout, fields, unit, own.building, own.rubber)
     stage = _Stage(device, layout, own, seen, fields, built, fields.displacements(seen.centers))
     state, runs = RubberState.new(own.rubber, len(built.cords)), []
     for k in range(sessions):

@@ -31,7 +31,7 @@ class WalkingBoard:
         )  # fmt: skip
 
 
-def walking_board(
+def simulate_walking_board(
     device: Device, *, unit: int = 1, seed: int = 101, seconds: float = 300.0,
     faults: Sequence[CordFault] = (), off: Sequence[str] = (), progress: Progress = silent,
 ) -> WalkingBoard:  # fmt: skip

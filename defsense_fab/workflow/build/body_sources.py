@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...core.device.device import Device
 from ...core.storage.files import write_json
-from ...core.storage.own_files import own_files
+from ...core.device.build_folder import own_files
 from ...geometry.bodies.script_process import SourceFile
 
 _FILE = "body/sources.json"

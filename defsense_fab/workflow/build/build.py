@@ -20,7 +20,7 @@ from typing import Any
 from ...core.device.device import Device
 from ...core.errors import CapacityError, DefsenseError, StorageError
 from ...core.progress import Progress, silent
-from ...core.storage.files import locked, storage_errors, write_json
+from ...core.storage.files import file_lock, storage_errors, write_json
 from ...sensing.layout import LAYOUT, name_layout
 from . import body_sources, stage_files
 from .asked import PLATES, Asked, record, recorded
@@ -58,7 +58,7 @@ def build(
     """
     busy = f"{device.source}: another build of this device is running; wait for it"
     final, working, kept, old = (device.source / n for n in body_sources.BUILDS)
-    with storage_errors(device.source), locked(device.source / LOCK, busy):
+    with storage_errors(device.source), file_lock(device.source / LOCK, busy):
         for path in (final, working, kept, old):
             if path.is_symlink():
                 raise StorageError(
@@ -176,7 +176,7 @@ def undisturbed(device: Device) -> Iterator[Path]:
     """The folder `build/`, which no build replaces meanwhile. Raises StorageError while one runs,
     and where the device's folder is not to be written to."""
     busy = f"{device.source}: a build of this device is running; wait for it"
-    with locked(device.source / LOCK, busy):
+    with file_lock(device.source / LOCK, busy):
         yield device.source / "build"
 
 

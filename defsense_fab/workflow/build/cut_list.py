@@ -10,10 +10,10 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...geometry.channels.channel_ends import End
-from ...geometry.channels.cord_assembly import Sides, Stretch, closed_later, stretches
+from ...geometry.channels.cord_assembly import Sides, Stretch, find_late_joints, stretches
 from ...geometry.channels.cord_channels import Channel
 from ...geometry.parts.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
-from ...geometry.parts.records import Made
+from ...geometry.parts.records import PartSet
 from ...optimize.prediction.design_task import SLACK
 from ...optimize.prediction.predict import Scored
 from ...sensing.built_cord import CordReading
@@ -26,7 +26,7 @@ OUTSIDE = 200.0
 OPENED, GRIP = 25.0, 10.0
 
 
-def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
+def cut_list(device: Device, made: PartSet, built: Scored) -> tuple[CutCord, ...]:
     """One row a cord; `built` is what the cords sense as they are built in.
 
     A cord ends in the middle of the ferrule that joins it to a wire: in a pocket of the body, or
@@ -49,7 +49,7 @@ def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
         unstretched = cord.length / (1 + (cord.prestretch or 0.0)) + cord.series
         lies = _lies(channel.inside, channel, device.channel_diameter, made, joints, k)
         lies = held_by(lies, [max(e.pocket - ferrule, 0.0) for e in channel.ends])
-        drawn = closed_later(lies, joints)
+        drawn = find_late_joints(lies, joints)
         ends = tuple(_end(e, channel, device, made, joints, k) for e in channel.ends)
         late, after = last_end(lies, drawn, ends)
         slack = SLACK
@@ -105,7 +105,7 @@ def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
     )
 
 
-def _joints(made: Made) -> list[Sides]:
+def _joints(made: PartSet) -> list[Sides]:
     """What each joint brings together, in the order of assembly: the cuts backwards."""
     return [(frozenset(c.sides[0]), frozenset(c.sides[1])) for c in reversed(made.cuts)]
 
@@ -114,7 +114,7 @@ def _lies(
     line: Float,
     channel: Channel,
     diameter: float,
-    made: Made,
+    made: PartSet,
     joints: Sequence[Sides],
     cord: int,
 ) -> tuple[Stretch, ...]:
@@ -153,7 +153,7 @@ def last_end(
 
 
 def _end(
-    end: End, channel: Channel, device: Device, made: Made, joints: Sequence[Sides], cord: int
+    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[Sides], cord: int
 ) -> CordEnd:
     inside = end.pocket > 0
     return CordEnd(
@@ -167,7 +167,7 @@ def _end(
 
 
 def _wire(
-    end: End, channel: Channel, device: Device, made: Made, joints: Sequence[Sides], cord: int
+    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[Sides], cord: int
 ) -> WireRecord:
     lead, why = end.lead, end.unled or None
     if lead is None:
@@ -175,12 +175,12 @@ def _wire(
     thick = device.fabrication.wire_diameter + device.fabrication.clearance
     lies = _lies(lead.inside, channel, thick, made, joints, cord)
     order = tuple(dict.fromkeys(s.joint for s in lies))
-    crosses = tuple(sorted({j for j, _ in closed_later(lies, joints)}))
+    crosses = tuple(sorted({j for j, _ in find_late_joints(lies, joints)}))
     return WireRecord(end.wire, lead.length, lead.path, lead.drop, why, order, crosses)
 
 
 def bill(
-    device: Device, made: Made, cords: Sequence[CutCord], pins: Mapping[str, int]
+    device: Device, made: PartSet, cords: Sequence[CutCord], pins: Mapping[str, int]
 ) -> tuple[BillItem, ...]:
     """Bill of materials of all copies: what, how much, and what for; `pins` of one device."""
     copies = device.fabrication.copies

@@ -12,8 +12,8 @@ from pathlib import Path, PurePosixPath
 from ...core.device.device import Device
 from ...core.device.device_file import DEVICE
 from ...core.errors import StorageError
-from ...core.storage.file_names import folded, is_reserved
-from ...core.storage.files import replacing
+from ...core.storage.file_names import fold_name, is_reserved
+from ...core.storage.files import replace_file
 from ...geometry.bodies.meshing import mesh_lock
 from ...geometry.parts.manifest import FOLDER, Manifest, load_manifest
 from ...report.guide.tables import guide_tables
@@ -53,7 +53,7 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
         written = _tables(load_manifest(folder))
         files = _files(device, folder, written)
         names = tuple(sorted([*files, *written]))
-        with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as out:
+        with replace_file(path) as temporary, zipfile.ZipFile(temporary, "w") as out:
             for name in names:
                 info = zipfile.ZipInfo(name, _EPOCH)
                 info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
@@ -78,14 +78,14 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
     for path in out.values():
         if not path.resolve().is_relative_to(inside):
             raise StorageError(f"{path}: leads out of the device's folder; build it again")
-    taken: dict[str, Path | None] = {folded(n): p.resolve() for n, p in out.items()}
-    taken |= dict.fromkeys(map(folded, others))
+    taken: dict[str, Path | None] = {fold_name(n): p.resolve() for n, p in out.items()}
+    taken |= dict.fromkeys(map(fold_name, others))
     for path in _sources(device, folder, inside):
         if path.is_relative_to(inside):
             name = path.relative_to(inside).as_posix()
         else:
             name = _free(f"outside/{path.name}", taken)
-        if taken.setdefault(folded(name), path) != path:
+        if taken.setdefault(fold_name(name), path) != path:
             raise StorageError(
                 f"{path}: another file of the zip has its name, or differs from it in capitals"
                 " alone; rename it, or move it to another folder of the device"
@@ -108,7 +108,7 @@ def _sources(device: Device, folder: Path, inside: Path) -> list[Path]:
 def _free(name: str, taken: Container[str]) -> str:
     """The name, or the first of a.py, a-2.py, a-3.py, ... that is not taken."""
     path, number, free = PurePosixPath(name), 1, name
-    while folded(free) in taken:
+    while fold_name(free) in taken:
         number += 1
         free = str(path.with_stem(f"{path.stem}-{number}"))
     return free

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.device.device import Device
-from ...core.device.states import LoadingPath, on_path
+from ...core.device.states import LoadingPath, loading_path
 from ...core.errors import DeviceError
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.constraint_check import check_constraints, warn_small_region
@@ -49,7 +49,7 @@ def _along(
     """Mixtures of which one is a part of another lie on one path of loading."""
     paths: dict[LoadingPath, list[tuple[float, Mapping[str, float]]]] = {}
     for m in mixtures:
-        path, at = on_path(m)
+        path, at = loading_path(m)
         paths.setdefault(path, []).append((at, m))
     out = []
     for same in paths.values():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...decoding.expected_errors import Prediction
+from ...core.prediction import Prediction
 from ...geometry.bodies.body_record import load_body_record, load_solid, load_surface
 from ...geometry.moulds.moulds import make_moulds
 from ...geometry.parts.manifest import (
@@ -22,15 +22,15 @@ from ...geometry.parts.manifest import (
     TagSeat,
     save_manifest,
 )
-from ...geometry.parts.records import Made
+from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
 from ...geometry.printing.print_bed import laid
-from ...geometry.splitting.long_parts import split_long
+from ...geometry.splitting.long_parts import split_long_parts
 from ...optimize.prediction.as_built import as_made, fabricate, mould_rules, rules, with_relief
 from ...optimize.prediction.cord_pull import pulls
 from ...optimize.prediction.design_task import load_task
 from ...optimize.prediction.open_joints import overstretched
-from ...optimize.refinement.refine import part
+from ...optimize.refinement.refine import report_part
 from ...sensing.layout import LayoutRecord, load_layout
 from ..fabrication import casting
 from ..fabrication.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
@@ -54,7 +54,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     surface, solid, bay = load_surface(folder), load_solid(folder), load_body_record(folder).bay
     layout = load_layout(folder)
     sensors = [s.sensor() for s in layout.sensors]
-    task = load_task(device, folder).decoded_by(layout.prediction.decoder)
+    task = load_task(device, folder).with_decoder(layout.prediction.decoder)
     device, note = with_relief(device, task, surface, sensors, bay)
     made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
@@ -62,13 +62,13 @@ def run(device: Device, folder: Path, report: Report) -> None:
     said = pulls(device, task, built.cords, layout.band.median)
     told = (*made.warnings, *note, *overstretched(device, made, built.cords), *said)
     made = replace(made, warnings=told)
-    show = partial(part, report, 0.8, 1.0)
+    show = partial(report_part, report, 0.8, 1.0)
     write(device, made, folder, layout, cut_list(device, made, built), built.prediction, show)
 
 
 def write(
     device: Device,
-    made: Made,
+    made: PartSet,
     folder: Path,
     layout: LayoutRecord,
     cords: tuple[CutCord, ...],
@@ -79,10 +79,10 @@ def write(
     `prediction` is that of the cords as they are built in."""
     cast = device.fabrication.kind == "cast"
     if not cast:
-        split = split_long(made, device.fabrication.bed, rules(device))
+        split = split_long_parts(made, device.fabrication.bed, rules(device))
         cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
         made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
-    moulds = make_moulds(made, mould_rules(device), partial(part, report, 0, 0.9)) if cast else []
+    moulds = make_moulds(made, mould_rules(device), partial(report_part, report, 0, 0.9)) if cast else []
     report(0.9 if cast else 0.0, "writing parts")
     flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = pin_kinds(made)
@@ -130,7 +130,7 @@ def write(
 
 def _manifest(
     device: Device,
-    made: Made,
+    made: PartSet,
     pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
     layout: LayoutRecord,
     cords: tuple[CutCord, ...],
@@ -214,7 +214,7 @@ def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
     return warnings
 
 
-def _part(made: Made, i: int, cast: bool) -> PartRecord:
+def _part(made: PartSet, i: int, cast: bool) -> PartRecord:
     one = made.parts[i]
     step, volume = None, None
     if one.solid is not None:
@@ -238,7 +238,7 @@ def _part(made: Made, i: int, cast: bool) -> PartRecord:
     )
 
 
-def _assembly(made: Made) -> tuple[JoinStep, ...]:
+def _assembly(made: PartSet) -> tuple[JoinStep, ...]:
     """The steps in which the device is closed: the cuts backwards."""
     steps = []
     for k in reversed(range(len(made.cuts))):

@@ -16,7 +16,7 @@ from ...geometry.bodies.meshing import mesh_lock, mesh_store
 from ...geometry.bodies.meshing.mesh_file import Accuracy, DensityTrial, MeshRecord, save_mesh
 from ...geometry.bodies.meshing.mesh_quality import quality
 from ...geometry.bodies.meshing.region_conforming import conform
-from ...geometry.bodies.meshing.tetrahedra import FTETWILD, Tetrahedra, tetrahedralise
+from ...geometry.bodies.meshing.tetrahedra import FTETWILD, Tetrahedra, tetrahedralize
 from . import mesh_density
 from .stages import Report
 
@@ -37,7 +37,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         else:
             made = mesh_store.recall(surface, edge_length, limit)
         if made is None:
-            made = tetrahedralise(surface, edge_length, lambda m: report(0.3, m), limit)
+            made = tetrahedralize(surface, edge_length, lambda m: report(0.3, m), limit)
             mesh_store.remember(surface, edge_length, made)
         used[edge_length] = made
         return conform(made.mesh, list(device.regions.values()))

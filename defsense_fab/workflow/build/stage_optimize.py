@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import distinct, sample_path
+from ...core.curve import distinct_planes, sample_path
 from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
 from ...decoding.ridge import KINDS
@@ -22,10 +22,10 @@ from ...optimize.prediction.as_built import assumed_cords, scored_by_paths
 from ...optimize.prediction.choose_layout import choose_layout
 from ...optimize.prediction.design_task import SEED, DesignTask, decoders, load_task, tolerances_of
 from ...optimize.prediction.predict import Scored, left_out_error, predict
-from ...optimize.refinement.refine import Optimised, optimise, part, unimproved
+from ...optimize.refinement.refine import OptimizedLayout, optimize_layout, report_part, evaluate_unchanged
 from ...optimize.search.plane_directions import face_directions
 from ...optimize.search.starting_layouts import FREE, Layout
-from ...optimize.studies.risks import risks, too_few
+from ...optimize.studies.risks import find_risks, check_cord_count
 from ...optimize.studies.tolerance_monte_carlo import tolerance_band
 from ...sensing.built_cord import BuiltCord
 from ...sensing.layout import (
@@ -51,24 +51,24 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
     task = load_task(device, folder)
     surface, bay = load_surface(folder), load_body_record(folder).bay
     kinds = decoders(device, task)
-    tried: dict[str, tuple[float, Optimised]] = {}
+    tried: dict[str, tuple[float, OptimizedLayout]] = {}
     for n, kind in enumerate(kinds):
-        task = task.decoded_by(kind)
+        task = task.with_decoder(kind)
         like = next((k for k in tried if KINDS[k] is KINDS[kind]), None)  # designed alike
-        show = partial(part, report, 0.4 * n / len(kinds), 0.4 * (n + 1) / len(kinds))
+        show = partial(report_part, report, 0.4 * n / len(kinds), 0.4 * (n + 1) / len(kinds))
         found = tried[like][1] if like else _search(device, task, 0, device.planes, show, seen)
         scored = predict(task, assumed_cords(task, found.sensors))
         tried[kind] = (scored.prediction.unseen, found)
     decoder = min(tried, key=lambda k: tried[k][0])
-    task = task.decoded_by(decoder)
-    every = _again(device, task, tried[decoder][1], partial(part, report, 0.4, 0.8), seen)
+    task = task.with_decoder(decoder)
+    every = _again(device, task, tried[decoder][1], partial(report_part, report, 0.4, 0.8), seen)
     chosen, trials = choose_layout(
-        device, task, [_as_kept(f) for f in every], surface, bay, partial(part, report, 0.8, 1.0)
+        device, task, [_as_kept(f) for f in every], surface, bay, partial(report_part, report, 0.8, 1.0)
     )
     found = chosen.found
     final = chosen.scored
     # Of those not designed for: what they would make of the cords chosen.
-    decoded = {kind: task.decoded_by(kind) for kind in DECODERS}
+    decoded = {kind: task.with_decoder(kind) for kind in DECODERS}
     told = {kind: predict(t, final.cords).prediction for kind, t in decoded.items()}
     problem, tolerances = task.design, tolerances_of(device)
     initial = scored_by_paths(device, task, surface, found.initial, bay)
@@ -89,10 +89,10 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
         sensors=sensors,
         min_clearance=check.min_clearance,
         warnings=(
-            *map(str, risks(problem, found.sensors)),
+            *map(str, find_risks(problem, found.sensors)),
             *map(
                 str,
-                too_few(
+                check_cord_count(
                     task.everything,
                     final.prediction,
                     min(p.unseen_noise_free for p in told.values()),
@@ -145,7 +145,7 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
     save_weighed(folder, WeighedCords(paths))
 
 
-def _as_kept(found: Optimised) -> Optimised:
+def _as_kept(found: OptimizedLayout) -> OptimizedLayout:
     """With the planes' frames as `layout.json` gives them back, to the last digit: on that a cut
     along faces that touch may turn, and what was made on trial is made again from the file."""
     cords = [replace(s, plane=CordPath.of(s).sensor().plane) for s in found.sensors]
@@ -178,9 +178,9 @@ def _search(
     report: Report,
     seen: _Watching,
     normals: Float | None = None,
-) -> Optimised:
+) -> OptimizedLayout:
     rng = np.random.default_rng((device.seed, seed))
-    return optimise(
+    return optimize_layout(
         task.design,
         device.sensors,
         rng,
@@ -194,16 +194,16 @@ def _search(
 
 
 def _again(
-    device: Device, task: DesignTask, first: Optimised, report: Report, seen: _Watching
-) -> list[Optimised]:
+    device: Device, task: DesignTask, first: OptimizedLayout, report: Report, seen: _Watching
+) -> list[OptimizedLayout]:
     """The layout, what it set out from if that keeps the limits, and layouts of other seeds, of
     fewer planes and of planes along the body's faces, where there is anything to search."""
     out = [first]
     if not (device.propose or any(s.free for s in device.sensors)):
         return out
-    begun = unimproved(task.design, tuple(first.initial))
+    begun = evaluate_unchanged(task.design, tuple(first.initial))
     out += [begun] if begun else []
-    fewer = range(1, len(distinct([s.plane for s in first.sensors])))
+    fewer = range(1, len(distinct_planes([s.plane for s in first.sensors])))
     todo: list[tuple[int, int | None, Float | None]]
     count = device.searches or searches(len(first.sensors))
     todo = [(seed, device.planes, None) for seed in range(1, count)]
@@ -214,7 +214,7 @@ def _again(
     if device.searches is not None:  # simple layouts first: what cannot be made is of no use
         todo = todo[::-1][: device.searches - 1]
     for k, (seed, planes, normals) in enumerate(todo):
-        show = partial(part, report, k / len(todo), (k + 1) / len(todo))
+        show = partial(report_part, report, k / len(todo), (k + 1) / len(todo))
         with suppress(LayoutError):  # no room in so few planes
             out.append(_search(device, task, seed, planes, show, seen, normals))
     return out

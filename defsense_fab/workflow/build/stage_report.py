@@ -11,7 +11,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...core.storage.vtu_file import read_vtu
+from ...core.vtu_file import read_vtu
 from ...decoding.expected_errors import MEANING
 from ...geometry.bodies.body_record import load_surface
 from ...geometry.bodies.meshing.mesh_file import load_mesh_record, load_region_nodes

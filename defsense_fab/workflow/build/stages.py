@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.device.device import Device, FabricationSpec, Sensor
-from ...core.device.materials import Silicone, silicone
+from ...core.device.materials import Silicone, find_silicone
 from ...core.machine.processes import one_blas_thread
 from ...core.storage.files import digest
 from ...geometry.bodies.meshing import mesh_lock
@@ -109,7 +109,7 @@ def _of_the_parts(f: FabricationSpec) -> FabricationSpec:
 
 def _silicone(d: Device) -> Silicone | None:
     """What the parts are cast of, as far as the table has it."""
-    return silicone(d.material.name) if d.fabrication.kind == "cast" else None
+    return find_silicone(d.material.name) if d.fabrication.kind == "cast" else None
 
 
 def _search(d: Device) -> tuple[Any, ...]:

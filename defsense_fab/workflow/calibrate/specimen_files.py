@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.errors import FabricationError
 from ...core.progress import Progress, silent
-from ...core.response import RADII
+from ...core.response import JIG_RADII_MM
 from ...core.storage.files import check_folder
 from .print_files import Print, Printer, PrintFiles, cord_diameter, write_prints
 
@@ -33,7 +33,7 @@ def write_specimen(
     thickness: float = 15.0,
     width: float = 20.0,
     offset: float | None = None,
-    radii: Sequence[float] = RADII,
+    radii: Sequence[float] = JIG_RADII_MM,
     cord: str = "rubber-2mm",
     process: str = "fdm-tpu",
     progress: Progress = silent,

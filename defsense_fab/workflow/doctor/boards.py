@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ...core.machine.local_access import LOCAL
+from ...core.machine.local_access import LOCAL_HOSTS
 from .finding import Finding, judged
 from .isolated import call
 
@@ -42,7 +42,7 @@ def of_program(port: str) -> str:
     read-out board may be: it hangs on USB, or on another machine."""
     if "://" in port:
         try:
-            local = urlsplit(port).hostname in LOCAL
+            local = urlsplit(port).hostname in LOCAL_HOSTS
         except ValueError:
             local = False
         return "a socket of this machine" if local else ""

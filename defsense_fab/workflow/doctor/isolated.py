@@ -11,7 +11,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from ...core.machine.processes import OWN_GROUP, end_group
+from ...core.machine.processes import NEW_GROUP, kill_group
 
 #: Its name before the message, which stands for itself.
 _OWN_ERROR = re.compile(r"^defsense_fab\.core\.errors\.\w+: ")
@@ -48,7 +48,7 @@ def call(module: str, function: str, *words: str, seconds: float) -> Answer:
         env=environment,
         encoding="utf-8",
         errors="replace",
-        **OWN_GROUP,
+        **NEW_GROUP,
     )
     try:
         out, err = process.communicate(timeout=seconds)
@@ -66,7 +66,7 @@ def call(module: str, function: str, *words: str, seconds: float) -> Answer:
 
 def _end(process: subprocess.Popen[str]) -> None:
     """The process and what it started: its children would keep its pipes open."""
-    end_group(process.pid)
+    kill_group(process.pid)
     process.communicate()
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.arrays import xyz
+from ...core.arrays import format_point
 from ...core.device.device import Device
-from ...core.device.materials import Silicone, silicone
+from ...core.device.materials import Silicone, find_silicone
 from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
 from ...geometry.moulds.moulds import whole
@@ -69,7 +69,7 @@ def write_moulds(
 
 def casting(device: Device, moulds: Sequence[Mould]) -> Casting:
     """How much silicone all copies take, and what to do with it."""
-    known = silicone(device.material.name)
+    known = find_silicone(device.material.name)
     copies = device.fabrication.copies
     volume = sum(m.cavity for m in moulds) * copies
     mixed = volume * (1 + WASTE) / 1000
@@ -157,12 +157,12 @@ def _steps(
 def notes(device: Device, moulds: Sequence[Mould]) -> list[str]:
     """What should be known before anything is printed."""
     out = [
-        f"{m.part} is stretched by about {m.strain:.0%} near {xyz(m.at)} as it is taken out of its"
+        f"{m.part} is stretched by about {m.strain:.0%} near {format_point(m.at)} as it is taken out of its"
         " mould: the skin is undercut there; pull it off slowly"
         for m in moulds
         if m.strain > _TOLD and m.at is not None
     ]
-    if silicone(device.material.name) is None:
+    if find_silicone(device.material.name) is None:
         out.append(
             f"{device.material.name!r} is not in silicones.csv: it is taken to shrink by"
             f" {shrinkage(device):.1%} and to mix 1 : 1; write [fabrication] shrinkage = 0.002 or"

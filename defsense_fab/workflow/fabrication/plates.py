@@ -9,15 +9,15 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
 from ...geometry.parts.manifest import PinRecord, Plate
-from ...geometry.parts.records import Made
+from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
-from ...geometry.printing.print_bed import PlacedPart, arrange, fewest_plates
+from ...geometry.printing.print_bed import PlacedPart, arrange, count_fewest_plates
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
 LYING = "print"
 
 
-def pin_kinds(made: Made) -> dict[str, tuple[Surface, int, dict[str, float]]]:
+def pin_kinds(made: PartSet) -> dict[str, tuple[Surface, int, dict[str, float]]]:
     """Every kind of loose pin: its surface, how many a device needs, its sizes."""
     kinds: dict[str, tuple[Surface, int, dict[str, float]]] = {}
     for pin in made.pins:
@@ -51,7 +51,7 @@ def on_plates(
     }
     for name, (surface, count, _) in pins.items():
         pieces |= {f"{name}_{k + 1}": surface for k in range(count * f.copies)}
-    bound = fewest_plates(pieces, f.bed, f.process, f.spacing)
+    bound = count_fewest_plates(pieces, f.bed, f.process, f.spacing)
     return arrange(pieces, f.bed, f.process, f.spacing), bound
 
 

@@ -11,10 +11,10 @@ from ...core.device.device import Device
 from ...core.errors import ExperimentError
 from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...core.storage.files import storage_errors, write_json
-from ...core.storage.files import locked
-from ...core.storage.own_files import REPRODUCED
+from ...core.storage.files import file_lock
+from ...core.device.build_folder import REPRODUCED
 from ...sensing.layout import load_layout
 from ...twin.devices.device_fields import share_fields
 from .cords.cord_experiment import cord_results
@@ -47,7 +47,7 @@ def reproduce(
             )
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-    with locked(out / REPRODUCED, f"{out}: another run writes there; wait for it, or give --out"):
+    with file_lock(out / REPRODUCED, f"{out}: another run writes there; wait for it, or give --out"):
         quick = experiments[0].quick
         before, asked = _made_before(out, quick), [e.name for e in experiments]
         order = [*asked, *(n for n in before if n not in asked)]

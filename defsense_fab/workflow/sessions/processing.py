@@ -14,7 +14,7 @@ from ...capture.cameras.image_sources import Video, timing
 from ...capture.cameras.rig_file import Rig
 from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronization import synchronize_by_motion
-from ...capture.files.formats import read_any, write_any
+from ...capture.files.formats import read_tracks, write_tracks
 from ...capture.files.track_conversion import frame_grid
 from ...capture.readout.recording import read_recording
 from ...capture.sessions.camera_recorder import FILM_RATE
@@ -96,7 +96,7 @@ def process_session(
     progress("session", 0.9, "laying the tracks onto the rest pose")
     result = _join(session, runs, skipped, anchor)
     progress("session", 0.95, "writing tracks, signals and the report")
-    write_any(folder / TRACKS, result.tracks)
+    write_tracks(folder / TRACKS, result.tracks)
     write_results(folder, session, result)
     write_report(folder / REPORT, session, result)
     progress("session", 1.0, "done")
@@ -177,7 +177,7 @@ def _recorded(session: CaptureSession, run: Path) -> tuple[Rig, list[CameraRecor
 
 def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     """A run whose markers are those of another system, in step by how they move."""
-    tracks = read_any(path)
+    tracks = read_tracks(path)
     known = np.isin(tracks.ids, session.markers.ids)
     if known.sum() < 3:
         have, want = (", ".join(map(str, i.tolist())) for i in (tracks.ids, session.markers.ids))
@@ -271,7 +271,7 @@ def _join(
     for run in runs:
         own = run.processed.tracks.time
         grid = frame_grid(own)
-        if grid is not None and grid.even:
+        if grid is not None and grid.is_even:
             dropped += grid.gaps
             rates.append(1 / grid.period)
         time.append(own + begin - own[0])
@@ -286,7 +286,7 @@ def _join(
     P, S = _places(runs, ids)
     T, R = np.concatenate(time), np.concatenate(ohm)
     grid = frame_grid(T)
-    even = grid is not None and grid.even
+    even = grid is not None and grid.is_even
     # Files of tracks count the frames that were dropped, too; signals by frame must go with them.
     number = grid.index if grid is not None and even else np.arange(count)
     tracks = Tracks(T, ids, P, S, number)

@@ -19,7 +19,7 @@ from ...core.mesh import Surface
 from ...core.storage.file_names import safe_name
 from ...core.storage.files import storage_errors
 from ...geometry.bodies.body import load_body
-from ...geometry.bodies.body_file import read_foreign
+from ...geometry.bodies.body_file import read_body_file
 from ...geometry.bodies.mesh_files import kind_of_file
 from ...geometry.bodies.mesh_files import KINDS
 from .body_ends import thickness
@@ -131,7 +131,7 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
     with tempfile.TemporaryDirectory(prefix="defsense-") as folder:
         path = Path(folder) / f"{shown}{suffix}"
         path.write_bytes(content)
-        found = read_foreign(path)
+        found = read_body_file(path)
     longest = float(np.ptp(found.surface.vertices, axis=0).max())
     own = next((name for name, mm in UNITS.items() if mm == found.unit), "mm")
     unit, doubtful = ("mm", False)

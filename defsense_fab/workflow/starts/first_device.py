@@ -17,7 +17,7 @@ from ...core.device.device_file import DEVICE, DeviceFile, load_device, parse_de
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.schema.reference import commented
-from ...core.storage.files import free_path, storage_errors, write_text
+from ...core.storage.files import unused_path, storage_errors, write_text
 from ...geometry.bodies.meshing.mesh_lock import FILE as MESH_LOCK
 from .body_ends import END_POSES, BodyEnds, find_ends, numbers
 from .body_unit import check_unit
@@ -193,7 +193,7 @@ def _own_name(dropped: DroppedBody, folder: Path) -> str:
     with storage_errors(path):
         if path.is_file() and path.read_bytes() == dropped.content:
             return path.name
-    return free_path(path).name
+    return unused_path(path).name
 
 
 def _regions(ends: BodyEnds, first: FirstDevice) -> dict[str, Any]:

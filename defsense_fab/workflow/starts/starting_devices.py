@@ -15,7 +15,7 @@ import tomlkit
 from ...core.device.device_file import DEVICE, DeviceFile, parse_device
 from ...core.errors import StorageError
 from ...core.schema.reference import commented
-from ...core.storage.files import replacing, storage_errors, write_text
+from ...core.storage.files import replace_file, storage_errors, write_text
 from ...core.storage.package_data import package_data
 
 _one = threading.Lock()  # two people may begin at once
@@ -101,7 +101,7 @@ def put_device(folder: Path, files: Mapping[str, bytes], text: str) -> None:
                 with storage_errors(path):
                     made = [*(p for p in path.parents if not p.exists()), *made]
                     path.parent.mkdir(parents=True, exist_ok=True)
-                with replacing(path) as temporary:
+                with replace_file(path) as temporary:
                     written.append(path)
                     temporary.write_bytes(content)
             write_text(folder / DEVICE, text)

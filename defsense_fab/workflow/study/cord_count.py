@@ -17,7 +17,7 @@ from ...optimize.prediction.as_built import assumed_cords
 from ...optimize.prediction.compare_layouts import ComparedLayout
 from ...optimize.prediction.design_task import SEED, decoders, load_task
 from ...optimize.prediction.predict import predict
-from ...optimize.studies.cord_count import by_count, knee
+from ...optimize.studies.cord_count import layouts_by_count, find_knee
 from ..build.build import build
 from ..build.stages import keys, plain
 from .cord_count_file import Row, chain, read_rows, write_rows
@@ -74,7 +74,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     result = build(device, "simulate", progress)
     task = load_task(device, result.folder)
     kinds = decoders(device, task)
-    task = task.decoded_by(_RICH if _RICH in kinds else kinds[0])
+    task = task.with_decoder(_RICH if _RICH in kinds else kinds[0])
     folder = study_folder(device)
     key = study_key(device, result.folder)
     with storage_errors(folder):
@@ -83,7 +83,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     found = chain(rows, least)
     begun = found[0].begun if found else least
     counts = range(found[-1].sensors + 1 if found else least, most + 1)
-    search = by_count(
+    search = layouts_by_count(
         task.design,
         counts,
         SEED,
@@ -96,7 +96,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
         with one_blas_thread():
             for count, layout in search:
                 cords = assumed_cords(task, layout)
-                scored = [predict(task.decoded_by(k), cords).prediction for k in kinds]
+                scored = [predict(task.with_decoder(k), cords).prediction for k in kinds]
                 prediction = min(scored, key=lambda p: p.unseen)
                 found.append(
                     Row(
@@ -118,7 +118,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
             raise
         ended = str(error)
     shown = tuple(r for r in found if least <= r.sensors <= most)
-    recommended = knee([r.sensors for r in shown], np.array([r.unseen for r in shown]))
+    recommended = find_knee([r.sensors for r in shown], np.array([r.unseen for r in shown]))
     with storage_errors(folder):
         _draw(shown, recommended, device.name, folder / PICTURE)
     return Study(

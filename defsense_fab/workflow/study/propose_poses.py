@@ -26,7 +26,8 @@ from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.constraint_check import check_constraints
-from ...mechanics.solver.linear_response import Mode, modes, propose, ProposedPose
+from ...mechanics.solver import linear_response
+from ...mechanics.solver.linear_response import Mode, ProposedPose, vibration_modes
 from ..build.build import build
 
 #: Name of the region that the proposed poses move.
@@ -83,8 +84,10 @@ def find_poses(device: Device, fixed: str, count: int = 8, progress: Progress = 
         raise DeviceError(f"device.toml: regions.{fixed}: holds the whole body; make it smaller")
     check_constraints(mesh, BoundaryConditions(held), f"modes with {fixed} held")
     progress("modes", 0.1, "solving for the lowest modes")
-    found = modes(mesh, Material.from_spec(device.material), held, device.material.density, count)
-    poses = propose(mesh, held, found)
+    found = vibration_modes(
+        mesh, Material.from_spec(device.material), held, device.material.density, count
+    )
+    poses = linear_response.propose_poses(mesh, held, found)
     return Found(mesh, tuple(found), tuple(poses), _end_region(device, poses))
 
 

@@ -12,7 +12,7 @@ import pyvista as pv
 
 from ...capture.tags.print_sheets import paper_size
 from ...capture.tags.tag_patterns import dictionary
-from ...core.arrays import Bool, Float, xyz
+from ...core.arrays import Bool, Float, format_point
 from ...core.markers import Markers
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import hits
@@ -152,7 +152,7 @@ def _table(
     rows = [
         (
             str(i),
-            xyz(c),
+            format_point(c),
             "yes" if on else "",
             ", ".join(str(n + 1) for n, (_, seen) in enumerate(chosen) if seen[k]) or "-",
         )

@@ -18,9 +18,9 @@ from ...core.markers import FILE, Markers, write_markers_file
 from ...core.markers import read_markers as read_markers
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
-from ...core.storage.build_folder import build_folder
+from ...core.device.build_folder import build_folder
 from ...core.storage.files import storage_errors
-from ...geometry.bodies.tag_placement import Place, Wanted, spread_out, tag_places
+from ...geometry.bodies.tag_placement import Place, TagRequest, are_spread_out, place_tags
 from ...geometry.parts.manifest import MANIFEST, TagSeat, load_manifest
 from ...sensing.layout import LAYOUT, load_layout
 
@@ -125,7 +125,7 @@ def _anchor_note(device: Device, markers: Markers) -> list[str]:
     name = device.outputs.anchor
     if name is None:
         return ["no [outputs] anchor: recordings are aligned by all tags in the rest pose"]
-    if spread_out(markers.centers[markers.anchor], markers.size / 2):
+    if are_spread_out(markers.centers[markers.anchor], markers.size / 2):
         return []
     return [
         f"the anchor {name} carries {int(markers.anchor.sum())} of the tags, and three that are not"
@@ -187,9 +187,9 @@ def _chosen(
     fallback: tuple[float, list[Place]] | None = None
     sizes = SIZES if size is None else (size,)
     for tried in sizes:
-        found = tag_places(
+        found = place_tags(
             body,
-            Wanted(
+            TagRequest(
                 count, tried, outer(tags, tried), anchored,
                 lambda p: _on_anchor(device, p), avoid, joints, side,
             ),
@@ -199,7 +199,7 @@ def _chosen(
             continue
         fallback = fallback or (tried, found)
         on = np.array([p.center for p in found if p.anchor]).reshape(-1, 3)
-        if not anchored or count < _ALIGNED or spread_out(on, tried / 2):
+        if not anchored or count < _ALIGNED or are_spread_out(on, tried / 2):
             fallback = tried, found
             break
     if fallback is None:

@@ -2,7 +2,7 @@
 
 from defsense_fab.calibration import session as sessions
 
-from defsense_fab.calibration.protocol import Criterion
+from defsense_fab.core.storage.session_manifest import Criterion
 
 SPECIMEN = {
     "length": 150, "thickness": 15, "channels": {"inner": 2},

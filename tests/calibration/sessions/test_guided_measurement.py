@@ -16,7 +16,7 @@ from defsense_fab.calibration.guided_measurement import run_guided_measurement
 from defsense_fab.calibration.session import measure
 
 from defsense_fab.calibration.calibrate import calibrate
-from defsense_fab.calibration.protocol import Criterion
+from defsense_fab.core.storage.session_manifest import Criterion
 from defsense_fab.capture.readout.recording import read_recording
 from defsense_fab.capture.readout.source import Event, ReadoutStatistics, StampedSample
 from defsense_fab.cli.exit_codes import STOPPED

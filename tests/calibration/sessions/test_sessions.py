@@ -11,7 +11,8 @@ from defsense_fab.calibration.session import measure
 from defsense_fab.twin.calibration_session import record_twin
 
 from defsense_fab.calibration.calibrate import calibrate
-from defsense_fab.calibration.protocol import Criterion, creep, settled
+from defsense_fab.core.storage.session_manifest import Criterion
+from defsense_fab.calibration.protocol import creep, settled
 from defsense_fab.calibration.readings import joined
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError, CaptureError

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from defsense_fab.capture.files.c3d import read_c3d, write_c3d
-from defsense_fab.capture.files.formats import read_any, write_any
-from defsense_fab.capture.files.track_conversion import numbers_of
+from defsense_fab.capture.files.formats import read_tracks, write_tracks
+from defsense_fab.capture.files.track_conversion import marker_numbers
 from defsense_fab.capture.files.trc import read_trc
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.markers import Tracks
@@ -36,10 +36,10 @@ def test_round_trips(tmp_path_factory, t, m, seed):
     tracks = Tracks(12.5 + frame / 30, tracks.ids, tracks.points, tracks.sigma, frame)
     whole = np.arange(frame[0], frame[-1] + 1)
     for suffix in SUFFIXES:
-        written = write_any(folder / f"a{suffix}", tracks)
+        written = write_tracks(folder / f"a{suffix}", tracks)
         assert (written.frames, written.gaps) == (len(whole), len(whole) - t)
         assert written.rate == pytest.approx(30)
-        found = read_any(folder / f"a{suffix}")
+        found = read_tracks(folder / f"a{suffix}")
         assert found.frame.tolist() == whole.tolist()
         assert not found.seen[~np.isin(whole, frame)].any()
         there = np.isin(whole, frame)
@@ -66,10 +66,10 @@ def test_every_format_has_the_same_frames_and_rate(tmp_path):
     tracks = Tracks(3.0 + at / 15, ids, points, np.full(points.shape, np.nan), 4 + np.arange(174))
     read = {}
     for suffix in SUFFIXES:
-        written = write_any(tmp_path / f"a{suffix}", tracks)
+        written = write_tracks(tmp_path / f"a{suffix}", tracks)
         assert (written.frames, written.gaps) == (413, 239)
         assert written.rate == pytest.approx(15)
-        read[suffix] = read_any(tmp_path / f"a{suffix}")
+        read[suffix] = read_tracks(tmp_path / f"a{suffix}")
     for suffix, found in read.items():
         same(read[".npz"], found, places=1e-4 if suffix == ".c3d" else 1e-6)
         assert 1 / np.median(np.diff(found.time)) == pytest.approx(15)
@@ -90,30 +90,30 @@ def test_times_of_no_rate_stay_as_they_are(tmp_path):
     for time, rate in ((slower, None), (far, 10)):
         tracks = Tracks(time, np.array([1]), points, points, np.arange(20))
         for suffix in (".csv", ".npz", ".parquet", ".trc"):
-            written = write_any(tmp_path / f"a{suffix}", tracks)
+            written = write_tracks(tmp_path / f"a{suffix}", tracks)
             assert written.frames == 20
             assert written.rate == (None if rate is None else pytest.approx(rate))
-            found = read_any(tmp_path / f"a{suffix}")
+            found = read_tracks(tmp_path / f"a{suffix}")
             np.testing.assert_allclose(found.time, time)
             assert found.frame.tolist() == list(range(20))
         with pytest.raises(CaptureError):
-            write_any(tmp_path / "a.c3d", tracks)
+            write_tracks(tmp_path / "a.c3d", tracks)
 
 
 def test_c3d_tells_by_how_much_times_were_moved(tmp_path):
     time = np.arange(50) / 50 + np.where(np.arange(50) % 2, 1e-3, -1e-3)
     points = np.ones((50, 1, 3))
     tracks = Tracks(time, np.array([1]), points, points, np.arange(50))
-    assert write_any(tmp_path / "a.trc", tracks).moved == 0
-    assert write_any(tmp_path / "a.c3d", tracks).moved == pytest.approx(1e-3, rel=0.1)
+    assert write_tracks(tmp_path / "a.trc", tracks).max_time_shift == 0
+    assert write_tracks(tmp_path / "a.c3d", tracks).max_time_shift == pytest.approx(1e-3, rel=0.1)
 
 
 def test_npz_keeps_all(tmp_path):
     """Also frames and markers that were never seen."""
     points = np.full((3, 2, 3), np.nan)
     tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, 7 + np.arange(3))
-    write_any(tmp_path / "a.npz", tracks)
-    same(tracks, read_any(tmp_path / "a.npz"), places=0, times=0)
+    write_tracks(tmp_path / "a.npz", tracks)
+    same(tracks, read_tracks(tmp_path / "a.npz"), places=0, times=0)
 
 
 def test_other_readers_find_the_same_in_our_c3d(tmp_path):
@@ -137,7 +137,7 @@ def test_a_marker_at_the_origin_stays(tmp_path):
     write_c3d(
         tmp_path / "a.c3d", Tracks(np.arange(2.0), np.array([1]), points, points, np.arange(2))
     )
-    assert read_any(tmp_path / "a.c3d").seen.all()
+    assert read_tracks(tmp_path / "a.c3d").seen.all()
 
 
 def test_times_off_the_grid(tmp_path):
@@ -148,7 +148,7 @@ def test_times_off_the_grid(tmp_path):
     time = 77.7 + frame / 29.97 + rng.uniform(-0.003, 0.003, 2000)
     tracks = Tracks(time, np.array([0]), points, points * np.nan, frame)
     write_c3d(tmp_path / "a.c3d", tracks)
-    found = read_any(tmp_path / "a.c3d")
+    found = read_tracks(tmp_path / "a.c3d")
     assert len(found.time) == 10000
     assert found.frame[found.seen[:, 0]].tolist() == frame.tolist()
     assert abs(found.time[frame] - time).max() < 0.1 / 29.97
@@ -194,7 +194,7 @@ def test_zeros_of_others_are_missing(tmp_path):
     points = np.ones((3, 2, 3))
     points[1, 0] = 0
     (tmp_path / "a.c3d").write_bytes(c3d_format.build(points, ["a7", "b3"], 50.0))
-    found = read_any(tmp_path / "a.c3d")
+    found = read_tracks(tmp_path / "a.c3d")
     assert found.seen.tolist() == [[True, True], [False, True], [True, True]]
     assert found.ids.tolist() == [7, 3]
 
@@ -274,7 +274,7 @@ def test_bad_trc(tmp_path, old, new, code, data):
 
 def refused(path, code=None, **data):
     with pytest.raises(CaptureError) as error:
-        read_any(path)
+        read_tracks(path)
     assert code in (None, error.value.code)
     assert data == {name: error.value.data.get(name) for name in data}
     assert str(error.value).startswith(str(path))
@@ -289,17 +289,17 @@ def test_bad_files(tmp_path):
         refused(path)
         path.write_text("hello, this is a text\n" * 100)
         refused(path)
-        write_any(path, made(40, 3))
+        write_tracks(path, made(40, 3))
         whole = path.read_bytes()
         for part in (len(whole) // 2, 700, 300):
             if part < len(whole) and suffix != ".csv":
                 path.write_bytes(whole[:part])
                 refused(path)
         with pytest.raises(StorageError):
-            write_any(tmp_path / "none" / f"a{suffix}", made(4, 3))
+            write_tracks(tmp_path / "none" / f"a{suffix}", made(4, 3))
     refused(tmp_path / "a.xlsx", "unknown-file-format", suffixes=SUFFIXES)
     with raises(CaptureError, "unknown-file-format"):
-        write_any(tmp_path / "a", made(4, 3))
+        write_tracks(tmp_path / "a", made(4, 3))
 
 
 def test_bad_c3d(tmp_path):
@@ -320,7 +320,7 @@ def test_bad_c3d(tmp_path):
             np.arange(3.0), *(np.empty(s) for s in (0, (3, 0, 3), (3, 0, 3))), np.arange(3)
         )
         with raises(CaptureError, "markers-missing"):
-            write_any(tmp_path / f"b{suffix}", none)
+            write_tracks(tmp_path / f"b{suffix}", none)
 
 
 def test_bad_npz_and_parquet(tmp_path):
@@ -378,7 +378,7 @@ def test_what_would_fill_the_memory_is_refused(tmp_path):
 def test_libraries_that_are_missing(tmp_path, monkeypatch):
     for suffix, name in ((".parquet", "pyarrow"), (".c3d", "ezc3d")):
         monkeypatch.setitem(sys.modules, name, None)
-        for call in (read_any, lambda path: write_any(path, made(3, 2))):
+        for call in (read_tracks, lambda path: write_tracks(path, made(3, 2))):
             with pytest.raises(CaptureError):
                 call(tmp_path / f"a{suffix}")
 
@@ -391,11 +391,11 @@ def test_c3d_with_bytes_changed_is_read_or_refused(tmp_path_factory, junk, at):
     data[at : at + len(junk)] = junk
     path.write_bytes(data)
     with contextlib.suppress(CaptureError):
-        assert len(read_any(path).ids)
+        assert len(read_tracks(path).ids)
 
 
 def test_numbers_from_labels():
-    assert numbers_of(["tag_7", "tag_12"]).tolist() == [7, 12]
-    assert numbers_of(["tag_7", "x7"]).tolist() == [0, 1]
-    assert numbers_of(["tag_7", "LASI"]).tolist() == [0, 1]
-    assert numbers_of([]).tolist() == []
+    assert marker_numbers(["tag_7", "tag_12"]).tolist() == [7, 12]
+    assert marker_numbers(["tag_7", "x7"]).tolist() == [0, 1]
+    assert marker_numbers(["tag_7", "LASI"]).tolist() == [0, 1]
+    assert marker_numbers([]).tolist() == []

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from defsense_fab.capture.files.tracks_csv import read_tracks, write_tracks
+from defsense_fab.capture.files.tracks_csv import read_csv, write_csv
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.markers import Tracks
 from tests.errors import raises
@@ -45,8 +45,8 @@ def same(a, b, places=1e-6, times=1e-9):
 def test_round_trip(tmp_path_factory, t, m, seed, known):
     path = tmp_path_factory.mktemp("t") / "tracks.csv"
     tracks = made(t, m, seed, known=known)
-    write_tracks(path, tracks)
-    same(tracks, read_tracks(path))
+    write_csv(path, tracks)
+    same(tracks, read_csv(path))
     assert path.read_text("utf-8").splitlines()[0] == HEADER
     assert [p.name for p in path.parent.iterdir()] == ["tracks.csv"]
 
@@ -57,23 +57,23 @@ def test_what_was_not_seen_has_no_place(tmp_path):
     tracks = Tracks(np.arange(3.0), np.array([4, 9]), points, points, np.arange(3))
     nothing = Tracks(tracks.time, tracks.ids, points * np.nan, points * np.nan, tracks.frame)
     for of in (tracks, nothing):
-        write_tracks(tmp_path / "a.csv", of)
-        same(of, read_tracks(tmp_path / "a.csv"))
-    write_tracks(tmp_path / "a.csv", tracks)
+        write_csv(tmp_path / "a.csv", of)
+        same(of, read_csv(tmp_path / "a.csv"))
+    write_csv(tmp_path / "a.csv", tracks)
     nan = ",nan" * 6
     assert (tmp_path / "a.csv").read_text("utf-8").splitlines()[1:4] == [
         f"0,0.000000000,4{nan}", "0,0.000000000,9,1.000000,2.000000,3.000000,1.000000,2.000000,"
         "3.000000", f"1,1.000000000,4{nan}",
     ]  # fmt: skip
     (tmp_path / "b.csv").write_text(HEADER + "\n")
-    assert read_tracks(tmp_path / "b.csv").points.shape == (0, 0, 3)
+    assert read_csv(tmp_path / "b.csv").points.shape == (0, 0, 3)
 
 
 def test_rows_in_any_order_and_as_spreadsheets_save_them(tmp_path):
     lines = ["5,0.2,2,1,1,1,nan,nan,nan", "4,0.1,3,2,2,2,nan,nan,nan", "4,0.1,2,3,3,3,nan,nan,nan"]
     path = tmp_path / "a.csv"
     path.write_bytes(("\ufeff" + "\r\n".join([HEADER, *lines, ""])).encode())
-    found = read_tracks(path)
+    found = read_csv(path)
     assert found.frame.tolist() == [4, 5]
     assert found.points[:, :, 0] == pytest.approx(np.array([[3, 2], [1, np.nan]]), nan_ok=True)
 
@@ -81,8 +81,8 @@ def test_rows_in_any_order_and_as_spreadsheets_save_them(tmp_path):
 def test_a_long_one_is_quick(tmp_path):
     tracks = made(5000, 20, missing=0.1)
     begun = time.perf_counter()
-    write_tracks(tmp_path / "a.csv", tracks)
-    found = read_tracks(tmp_path / "a.csv")
+    write_csv(tmp_path / "a.csv", tracks)
+    found = read_csv(tmp_path / "a.csv")
     assert time.perf_counter() - begun < 5
     same(tracks, found)
 
@@ -119,16 +119,16 @@ def test_bad_files(tmp_path, text, code, data):
     path = tmp_path / "bad.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with raises(CaptureError, code, **data) as error:
-        read_tracks(path)
+        read_csv(path)
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
 
 
 def test_no_file_and_no_folder(tmp_path):
     with raises(CaptureError, "file-unreadable"):
-        read_tracks(tmp_path / "none.csv")
+        read_csv(tmp_path / "none.csv")
     with pytest.raises(StorageError):
-        write_tracks(tmp_path / "none" / "a.csv", made(2, 2))
+        write_csv(tmp_path / "none" / "a.csv", made(2, 2))
 
 
 def test_more_frames_and_markers_than_the_file_can_mean_are_refused_at_once(tmp_path):
@@ -138,9 +138,9 @@ def test_more_frames_and_markers_than_the_file_can_mean_are_refused_at_once(tmp_
     path.write_text("\n".join([HEADER, *rows]) + "\n")
     tracemalloc.start()
     with raises(CaptureError, "tracks-too-large") as error:
-        read_tracks(path)
+        read_csv(path)
     assert tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
     assert str(error.value).startswith(str(path))
     path.write_text("\n".join([HEADER, *path.read_text("utf-8").split("\n")[1:801]]) + "\n")
-    assert read_tracks(path).points.shape == (800, 800, 3)
+    assert read_csv(path).points.shape == (800, 800, 3)

@@ -14,7 +14,7 @@ from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.capture.sessions import sample_table
 
 from benchmarks import memory
-from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.files.formats import read_tracks, write_tracks
 
 SECONDS = 20.0
 MB_A_MINUTE = 8.0  # 60 of them, and what any length takes, are 1 GB at most
@@ -163,13 +163,13 @@ def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
     q = result.quality
     assert (q["frames"], q["dropped"]) == (sum(kept), 720)
     assert q["rate"] == pytest.approx(30, rel=1e-4)
-    whole = read_any(session.folder / "aligned.csv")
+    whole = read_tracks(session.folder / "aligned.csv")
     assert len(whole.time) == sum(kept) + 720 + 29  # a second between the runs
     assert whole.ids.tolist() == list(range(12))
     for suffix in (".c3d", ".trc", ".npz", ".parquet"):
-        written = write_any(tmp_path / f"a{suffix}", result.aligned)
+        written = write_tracks(tmp_path / f"a{suffix}", result.aligned)
         assert written.rate == pytest.approx(q["rate"])
-        found = read_any(tmp_path / f"a{suffix}")
+        found = read_tracks(tmp_path / f"a{suffix}")
         assert found.frame.tolist() == whole.frame.tolist()
         assert found.ids.tolist() == whole.ids.tolist()
         np.testing.assert_allclose(found.time, whole.time, atol=1e-4)

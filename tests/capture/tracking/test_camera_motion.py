@@ -11,14 +11,14 @@ from defsense_fab.capture.tracking.camera_motion import (
     which_moved,
 )
 from defsense_fab.capture.tracking.pose_equations import shared_views
-from defsense_fab.core.camera import rotations
+from defsense_fab.core.camera import rotation_matrices
 from tests.capture.rigs import flat, rig, spread, tags
 
 SIDE, TAGS, FRAMES, NOISE = 15.0, 6, 150, 0.03
 
 
 def moved(camera, axis, shift=(0.0, 0, 0)):
-    R = rotations(np.asarray(axis))
+    R = rotation_matrices(np.asarray(axis))
     return replace(camera, rotation=R @ camera.rotation, translation=R @ camera.translation + shift)
 
 
@@ -75,7 +75,7 @@ def test_tags_of_one_camera_alone_tell_nothing():
 
 def test_what_one_of_two_did_is_the_inverse_of_what_the_other_did():
     one, two = rig(2)
-    R = rotations(np.array([0.01, -0.02, 0.03]))
+    R = rotation_matrices(np.array([0.01, -0.02, 0.03]))
     motion = CameraMotion(1, 0, R, np.array([1.0, 2.0, 3.0]))
     other = motion.of_other(two, one, 0)
     points = tags(3, np.random.default_rng(1)).reshape(-1, 3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.cameras.rig_file import write_rig
-from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.twin.scenes.scene import Scene
 from tests.twin.films import aligned, command, images, LEFT, RIGHT, SIZE, tags, take, told
 from tests.twin.film import Shutter, load_truth
@@ -47,7 +47,7 @@ def process(films, tmp_path, capsys, monkeypatch):
             assert before == {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
             return errors[0]
         assert not errors
-        return read_any(out), told(said)
+        return read_tracks(out), told(said)
 
     return run
 
@@ -109,11 +109,11 @@ def test_converted_tracks_are_turned_when_asked(process, tmp_path, capsys):
     assert code == 0
     assert "frame: x right, y ahead, z up" in said
     x, y, z = np.moveaxis(tracks.points, -1, 0)
-    assert np.allclose(read_any(out).points, np.stack([x, z, -y], -1), atol=0)
+    assert np.allclose(read_tracks(out).points, np.stack([x, z, -y], -1), atol=0)
     assert "y up" in convert(out, back, "--up", "y", "--source-up", "z")[1]
-    assert np.allclose(read_any(back).points, np.stack([x, -y, -z], -1), atol=0)
+    assert np.allclose(read_tracks(back).points, np.stack([x, -y, -z], -1), atol=0)
     assert "frame: as it was" in convert(source, back)[1]
-    assert np.allclose(read_any(back).points, tracks.points, atol=0)
+    assert np.allclose(read_tracks(back).points, tracks.points, atol=0)
     code, _, (error,) = convert(source, back, "--up", "y")
     assert code == 2
     assert "--source-up" in error

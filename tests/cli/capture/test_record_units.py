@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.cli.main import main
 from defsense_fab.core.markers import Markers
-from defsense_fab.twin.live.capture_setup import CaptureOptions, unit_of
+from defsense_fab.twin.live.capture_setup import CaptureOptions, unit_name
 from tests.places import BAR
 
 
@@ -18,7 +18,7 @@ from tests.places import BAR
 )
 def test_a_twin_of_another_seed_is_another_unit(given, port, name):
     options = CaptureOptions(("twin",), port, twin=(7, 2, "webcam"), unit=given)
-    assert unit_of(options) == name
+    assert unit_name(options) == name
 
 
 def test_a_session_does_not_go_on_with_another_unit(tmp_path, capsys):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from sklearn.linear_model import Ridge
 
-from defsense_fab.capture.files.formats import write_any
+from defsense_fab.capture.files.formats import write_tracks
 from defsense_fab.cli.main import main
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.markers import Tracks
@@ -37,7 +37,7 @@ def pair(tmp_path: Path) -> tuple[Path, Path, Float, Float]:
     ]
     (tmp_path / "signals.csv").write_text("\n".join(lines) + "\n")
     tracks = Tracks(time, np.arange(5), points, np.full(points.shape, 0.1), np.arange(len(time)))
-    write_any(tmp_path / "tracks.csv", tracks)
+    write_tracks(tmp_path / "tracks.csv", tracks)
     return tmp_path / "signals.csv", tmp_path / "tracks.csv", signals, points
 
 

@@ -1,20 +1,19 @@
 """Cords by their data sheets, in place of a row of the catalogue or over one."""
 
-import tomllib
-
 import pytest
 
-from defsense_fab.core.device.cord_table import SHEET, read_cord
+from defsense_fab.core.device.cord_table import SHEET, CordTable
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.response import ResponseSpec
+from defsense_fab.core.schema.document import parse_document
 from defsense_fab.core.storage.package_data import read_rows
-from defsense_fab.core.storage.toml_table import Table
+from tests.errors import raises
 
 FIGURES = "diameter = 1.2\nohm_per_mm = 9.8\ngauge_factor = 1.4\nmax_strain = 0.8\n"
 
 
 def read(text, folder):
-    return read_cord(Table(tomllib.loads(text), folder / "device.toml", text), 0.0, folder)
+    return parse_document(text, folder / "device.toml").read(CordTable).record(folder)
 
 
 def test_a_cord_by_its_data_sheet(tmp_path):
@@ -41,14 +40,17 @@ def test_a_figure_replaces_that_of_the_row(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code", "key"),
     [
-        (FIGURES.replace("max_strain = 0.8", ""), "max_strain: is missing; add it"),
-        (FIGURES + "ferrule_diameter = 1.2", r"ferrule_diameter: must be more than the cord's 1.2"),
-        ('name = "mine"', "unknown cord 'mine'"),
-        (FIGURES + "ohm_per_cm = 98", "ohm_per_cm: unknown key; did you mean 'ohm_per_mm'"),
+        (FIGURES.replace("max_strain = 0.8", ""), "key-missing", "max_strain"),
+        (FIGURES + "ferrule_diameter = 1.2", "ferrule-too-thin", "ferrule_diameter"),
+        ('name = "mine"', "unknown-cord", "name"),
+        ("", "key-missing", "name"),
+        (FIGURES + "ohm_per_cm = 98", "key-unknown", "ohm_per_cm"),
+        (FIGURES + 'response = "r.json"\ncompression = "half"', "keys-exclusive", "compression"),
+        (FIGURES + "length = [100, 100.5]", "out-of-range", "length"),
     ],
 )
-def test_what_cannot_be_is_told(tmp_path, text, message):
-    with pytest.raises(DeviceError, match=message):
+def test_what_cannot_be_is_told(tmp_path, text, code, key):
+    with raises(DeviceError, code, key=key):
         read(text, tmp_path)

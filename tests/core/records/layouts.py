@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from defsense_fab.sensing.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
 
-from defsense_fab.decoding.expected_errors import Prediction
+from defsense_fab.core.prediction import Prediction
 
 
 def cord(sensor, channel):

@@ -1,6 +1,6 @@
 """Which files of a folder are the device's own, and which are results."""
 
-from defsense_fab.core.storage.own_files import own_files, REPRODUCED
+from defsense_fab.core.device.build_folder import own_files, REPRODUCED
 from defsense_fab.core.storage.session_manifest import FILE
 
 

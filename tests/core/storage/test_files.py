@@ -49,8 +49,8 @@ def test_a_lock_that_is_left_between_opening_and_locking_has_one_holder(tmp_path
 def test_a_process_that_dies_leaves_no_lock(tmp_path):
     code = (
         "import os, sys\nfrom pathlib import Path\n"
-        "from defsense_fab.core.storage.files import locked\n"
-        "with locked(Path(sys.argv[1]), 'busy'):\n    os.kill(os.getpid(), 9)"
+        "from defsense_fab.core.storage.files import file_lock\n"
+        "with file_lock(Path(sys.argv[1]), 'busy'):\n    os.kill(os.getpid(), 9)"
     )
     path = tmp_path / "lock"
     assert subprocess.run([sys.executable, "-c", code, str(path)]).returncode == -9

@@ -8,7 +8,7 @@ from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh, repair
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.geometry.kernels import occ
 from defsense_fab.geometry.printing.export import write_3mf, write_stl
 from tests.errors import raises
@@ -186,9 +186,9 @@ def test_build123d_cadquery_and_step_agree(tmp_path):
 
 def test_edge_length_that_does_not_fit_is_refused(bar):
     with raises(MeshingError, "edge-too-short", edge_length=0.05):
-        tetrahedralise(bar, 0.05)
+        tetrahedralize(bar, 0.05)
     with raises(MeshingError, "edge-too-long", edge_length=500):
-        tetrahedralise(bar, 500)
+        tetrahedralize(bar, 500)
 
 
 def test_mesh_invariants(bar_mesh, bar):

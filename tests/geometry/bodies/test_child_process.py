@@ -14,7 +14,7 @@ import pytest
 from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from tests.errors import raises
 
 BOX = "import build123d as bd\nimport helper\ndef body(): return bd.Box(helper.SIZE, 10, 10)\n"
@@ -158,7 +158,7 @@ def test_parameters_are_plain(tmp_path):
 
 def test_the_mesher_is_stopped_at_its_limit(bar):
     with raises(MeshingError, "no-mesh", limit=0.5, out_of_time=True):
-        tetrahedralise(bar, 1.5, time_limit=0.5)
+        tetrahedralize(bar, 1.5, time_limit=0.5)
 
 
 def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
@@ -182,7 +182,7 @@ def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
     threading.Thread(target=interrupt, daemon=True).start()
     begin = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
-        tetrahedralise(bar, 1.5)
+        tetrahedralize(bar, 1.5)
     assert time.monotonic() - begin < 30
     assert found
     assert gone(found)

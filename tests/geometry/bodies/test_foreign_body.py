@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from defsense_fab.core.errors import BodyError
-from defsense_fab.geometry.bodies.body_file import read_foreign
+from defsense_fab.geometry.bodies.body_file import read_body_file
 from defsense_fab.geometry.bodies.mesh_files import kind_of_file
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
 from defsense_fab.geometry.printing.export import write_stl
@@ -60,16 +60,16 @@ def test_meshes_are_read_whatever_materials_they_name(tmp_path):
 def test_a_foreign_mesh_is_read_in_its_own_unit_and_a_broken_one_refused(tmp_path):
     path = tmp_path / "box.obj"
     path.write_bytes(obj(BOX))
-    found = read_foreign(path)
+    found = read_body_file(path)
     assert found.surface.volume == pytest.approx(8000)
     path.write_bytes(obj(BOX).replace(b"f 1", b"f 999", 1))
     with pytest.raises(BodyError) as caught:
-        read_foreign(path)
+        read_body_file(path)
     assert str(caught.value).startswith("box.obj: ")  # without its folder
     step = tmp_path / "box.step"
     step.write_bytes(b"ISO-10303-21;\nHEADER;\nnonsense")
     with raises(BodyError, "file-invalid") as caught:
-        read_foreign(step)
+        read_body_file(step)
     assert str(caught.value).startswith("box.step: ")
 
 
@@ -78,4 +78,4 @@ def test_reading_that_takes_too_long_ends(tmp_path):
     path = tmp_path / "box.obj"
     path.write_bytes(obj(BOX))
     with raises(BodyError, "time-limit-exceeded", limit=0.01):
-        read_foreign(path, limit=0.01)
+        read_body_file(path, limit=0.01)

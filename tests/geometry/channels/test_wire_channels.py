@@ -16,7 +16,7 @@ from defsense_fab.geometry.channels.planar_routing import HEADINGS
 from defsense_fab.geometry.channels.wire_channels import Wires
 from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.parts.parts import make_parts
-from defsense_fab.geometry.parts.records import Rules
+from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.export import write_stl
 from tests.errors import raises
 
@@ -25,7 +25,7 @@ WIRES = Wires(1.1, 1.3)
 
 
 def rules(wires):
-    return Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0, wires))
+    return PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0, wires))
 
 
 def cord(name, origin, points, normal=(0, 0, 1)):

@@ -17,11 +17,11 @@ from defsense_fab.geometry.moulds.moulds import check_openings, make_moulds
 from defsense_fab.geometry.moulds.openings import depth_in
 from defsense_fab.geometry.moulds.records import MouldRules
 from defsense_fab.geometry.parts.parts import make_parts
-from defsense_fab.geometry.parts.records import Rules
+from defsense_fab.geometry.parts.records import PartRules
 from tests.errors import raises
 from tests.geometry.parts.cords import cord
 
-RULES = Rules(2.0, 2.2, 0.15, 1.5, pockets=Pockets(2.75, 7.0))
+RULES = PartRules(2.0, 2.2, 0.15, 1.5, pockets=Pockets(2.75, 7.0))
 SHRINKAGE = 0.004
 WAVE = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]
 

@@ -3,7 +3,7 @@
 import pytest
 
 from defsense_fab.geometry.channels.channel_ends import Pockets
-from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.parts.division import plan
 from tests.geometry.parts.cords import cord
@@ -19,7 +19,7 @@ def test_a_short_cord_is_laid_in_one_joint_and_a_long_one_in_two(bar, through):
         cord("low", [0, 0, 1], [0, 10, -11], [1, 0, 0], ALONG),
         cord("short", [1, 0, 0], [75, 0, 0], [0, 1, 0], [[-13, -6], [0, 0], [13, 9]]),
     ]
-    channels = channels_of(cords, bar, 2.2, 1.0, Pockets(2.75, 7.0))
+    channels = make_channels(cords, bar, 2.2, 1.0, Pockets(2.75, 7.0))
     assert channels[2].between < 34 < channels[0].between
     body = triangle_kernel.to_manifold(bar, "bar")
 

@@ -19,12 +19,12 @@ from defsense_fab.geometry.parts.alignment_pins import free_spots
 from defsense_fab.geometry.parts.division import Cut, Division
 from defsense_fab.geometry.parts.part_contacts import contacts
 from defsense_fab.geometry.parts.parts import make_parts
-from defsense_fab.geometry.parts.records import Rules
+from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.export import write_stl
 from tests.errors import raises
 from tests.geometry.parts.cords import cord
 
-RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
+RULES = PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 
 
 def crossing():

@@ -8,9 +8,9 @@ from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.printing.print_bed import (
     arrange,
-    fewest_plates,
+    count_fewest_plates,
     fits,
-    footing,
+    first_layer_area,
     laid,
     other_side,
     resting,
@@ -63,8 +63,8 @@ def test_a_body_without_flats_stands_on_its_widest_end():
     surface = Surface(np.asarray(notched.vertices), np.asarray(notched.faces, np.int64))
     down = resting(surface, [])
     solid = triangle_kernel.to_manifold(surface, "egg")
-    assert footing(solid, down) > 20
-    assert footing(solid, np.array([0, 0, -1.0])) < footing(solid, down)
+    assert first_layer_area(solid, down) > 20
+    assert first_layer_area(solid, np.array([0, 0, -1.0])) < first_layer_area(solid, down)
 
 
 def test_plates_hold_all_parts_side_by_side():
@@ -102,7 +102,7 @@ def test_no_fewer_plates_are_asked_for_than_there_are():
     ):
         parts = {str(k): laid(box_surface([0, 0, 0], s), down) for k, s in enumerate(sizes)}
         plates = {p.plate for p in arrange(parts, BED, "printer").values()}
-        assert len(plates) == fewest_plates(parts, BED, "printer") == count
+        assert len(plates) == count_fewest_plates(parts, BED, "printer") == count
 
 
 def test_a_part_too_high_on_one_side_lies_on_another():

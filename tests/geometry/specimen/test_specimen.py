@@ -12,7 +12,7 @@ from defsense_fab.workflow.calibrate.specimen_files import write_specimen
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.core.response import RADII
+from defsense_fab.core.response import JIG_RADII_MM
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.specimen.specimen import Specimen
@@ -61,7 +61,7 @@ def test_channels_lie_where_the_strain_is_known(folder, side):
         assert distance.min() == pytest.approx(1.1, abs=WITHIN)
 
 
-@pytest.mark.parametrize("radius", RADII)
+@pytest.mark.parametrize("radius", JIG_RADII_MM)
 def test_jigs_have_their_radius(folder, radius):
     """A circle through the corners of the facets that the specimen lies on."""
     mesh = load(folder, f"jig-{radius:g}")

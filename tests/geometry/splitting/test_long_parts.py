@@ -11,16 +11,16 @@ from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.parts.parts import make_parts
-from defsense_fab.geometry.parts.records import Rules
+from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.print_bed import fits, laid
 from defsense_fab.geometry.splitting import piece_checks
 from defsense_fab.geometry.splitting.cut_places import cut_by
 from defsense_fab.geometry.splitting.dowelled_cut import cut_across
-from defsense_fab.geometry.splitting.long_parts import split_long
+from defsense_fab.geometry.splitting.long_parts import split_long_parts
 from tests.errors import raises
 from tests.geometry.parts.cords import cord
 
-RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
+RULES = PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 BED = (90.0, 90.0, 100.0)
 WAVE = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]
 
@@ -37,7 +37,7 @@ def made(bar):
 
 @pytest.fixture(scope="module")
 def split(made):
-    return split_long(made, BED, RULES)
+    return split_long_parts(made, BED, RULES)
 
 
 def test_pieces_fit_the_bed_are_closed_and_add_up(made, split):
@@ -152,15 +152,15 @@ def test_every_pin_and_number_belongs_to_the_piece_it_is_in(split):
 
 
 def test_what_fits_is_left_as_it_is_and_what_is_too_wide_is_refused(made):
-    same = split_long(made, (220.0, 220.0, 250.0), RULES)
+    same = split_long_parts(made, (220.0, 220.0, 250.0), RULES)
     assert same.made is made
     assert not same.notes
     with raises(FabricationError, "part-too-large", part="1-bottom") as caught:
-        split_long(made, (25.0, 25.0, 100.0), RULES)
+        split_long_parts(made, (25.0, 25.0, 100.0), RULES)
     assert caught.value.data["size"] == pytest.approx((150, 30, 19), abs=0.5)
     thin = replace(RULES, wall=14.0)
     with raises(FabricationError, "part-too-large", part="1-bottom", reason="no-dowel-room"):
-        split_long(made, BED, thin)
+        split_long_parts(made, BED, thin)
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +176,7 @@ def test_a_part_too_high_that_cannot_be_cut_lies_on_another_side(standing):
     no_room = replace(RULES, wall=14.0)
     low = (100.0, 100.0, 60.0)
     assert not any(fits(laid(p.surface, p.down), low) for p in standing.parts)
-    done = split_long(standing, low, no_room)
+    done = split_long_parts(standing, low, no_room)
     assert [p.name for p in done.made.parts] == tall
     for before, after in zip(standing.parts, done.made.parts, strict=True):
         assert fits(laid(after.surface, after.down), low)
@@ -184,7 +184,7 @@ def test_a_part_too_high_that_cannot_be_cut_lies_on_another_side(standing):
     assert len(done.notes) == len(tall)
     assert all(name in note for name, note in zip(tall, done.notes, strict=True))
     with raises(FabricationError, "part-too-large", reason="cross-section-too-large") as caught:
-        split_long(standing, (31.0, 31.0, 40.0), no_room)
+        split_long_parts(standing, (31.0, 31.0, 40.0), no_room)
     assert caught.value.data["size"] == pytest.approx((30, 30, 75), abs=0.5)
 
 
@@ -194,7 +194,7 @@ def test_warnings_are_those_of_the_pieces(made):
     bare = replace(
         made, labels=tuple(m for m in made.labels if m.part == 1), warnings=(old, "else")
     )
-    told = split_long(bare, BED, RULES).made.warnings
+    told = split_long_parts(bare, BED, RULES).made.warnings
     assert old not in told
     assert "else" in told
     unmarked = [w.split()[0] for w in told if "has no number engraved" in w]

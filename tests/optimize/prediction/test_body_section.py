@@ -6,7 +6,7 @@ from defsense_fab.optimize.prediction.body_section import BodySection, direction
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import LayoutError
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from tests.conftest import box_surface
@@ -20,7 +20,7 @@ ALONG = np.array([0.6, 0.0, -1.1])
 @pytest.fixture(scope="module")
 def body():
     """A box of 30 x 20 x 10 mm; at rest, and under two affine maps."""
-    mesh = tetrahedralise(box_surface([-15, -10, -5], [15, 10, 5]), 6.0).mesh
+    mesh = tetrahedralize(box_surface([-15, -10, -5], [15, 10, 5]), 6.0).mesh
     quadratic = QuadraticMesh.from_linear(mesh)
     fields = np.stack([quadratic.nodes @ m.T for m in (A, B)])
     return BodySection(PointLocator(quadratic), fields, ("rest", "a@1", "b@1"))

@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import FabricationError
-from defsense_fab.optimize.refinement.refine import Optimised
+from defsense_fab.optimize.refinement.refine import OptimizedLayout
 
 
 def layout(straight, rmse, planes, slivers=False):
     """One cord for each of so many planes."""
     cords = tuple(straight(f"c{k}", z=float(k)) for k in range(planes))
-    return Optimised(cords, rmse, slivers, (), cords)
+    return OptimizedLayout(cords, rmse, slivers, (), cords)
 
 
 def tilted(found):

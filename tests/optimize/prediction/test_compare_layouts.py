@@ -17,7 +17,7 @@ from defsense_fab.optimize.prediction.compare_layouts import FULL, SIMPLE, weigh
 from defsense_fab.optimize.prediction.preference import preferred
 
 from defsense_fab.core.errors import StorageError
-from tests.twin.devices.conftest import small_bar as small_bar_fixture
+from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar = small_bar_fixture
 

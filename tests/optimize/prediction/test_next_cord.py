@@ -11,7 +11,7 @@ from defsense_fab.optimize.prediction.next_cord import AddedCord, next_cord, sen
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
-from tests.twin.devices.conftest import small_bar as small_bar_fixture
+from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar, live_bar = small_bar_fixture, live_bar_fixture
 PLANE = Plane.from_normal(np.array([75.0, 0, -6]), np.array([0, 0.2, 1.0]), np.eye(3)[0])

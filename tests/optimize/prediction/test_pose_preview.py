@@ -25,7 +25,7 @@ from defsense_fab.core.device.regions import Box
 from defsense_fab.core.errors import CaptureError, DeviceError, SolveError
 from defsense_fab.mechanics.solver.load_stepping import Status
 from tests.conftest import structured_bar
-from tests.twin.devices.conftest import small_bar as small_bar_fixture
+from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar = small_bar_fixture
 COARSE = structured_bar([0, -15, -15], [150, 15, 15], (15, 2, 2))
@@ -214,7 +214,7 @@ def test_without_a_mesh_there_is_no_preview(simulated, tmp_path):
 def test_the_coarse_mesh_has_fewer_tets_and_is_kept(simulated, monkeypatch):
     made = coarse_mesh(simulated)
     assert len(made.tets) < len(load_mesh(simulated.source / "build").tets)
-    monkeypatch.setattr("defsense_fab.optimize.prediction.pose_preview.tetrahedralise", None)
+    monkeypatch.setattr("defsense_fab.optimize.prediction.pose_preview.tetrahedralize", None)
     assert coarse_mesh(simulated).digest == made.digest
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from defsense_fab.core.errors import LayoutError
-from defsense_fab.optimize.refinement.refine import optimise
-from defsense_fab.optimize.studies.risks import risks
+from defsense_fab.optimize.refinement.refine import optimize_layout
+from defsense_fab.optimize.studies.risks import find_risks
 from tests.errors import raises
 
 
@@ -33,16 +33,20 @@ def test_a_field_that_is_not_finite_is_named(problem):
 def test_cords_that_tell_nothing_are_named(problem, straight):
     still = replace(problem, fields=np.zeros_like(problem.fields))
     drawn = [straight("a", y=6), straight("b", y=-6)]
-    found = optimise(still, drawn, np.random.default_rng(0), quiet, starts=1, candidates=200)
-    warnings = risks(still, found.sensors)
+    found = optimize_layout(still, drawn, np.random.default_rng(0), quiet, starts=1, candidates=200)
+    warnings = find_risks(still, found.sensors)
     assert [(w.code, w.cord) for w in warnings] == [("cord-silent", "a"), ("cord-silent", "b")]
-    assert risks(problem, [straight("a", y=9, z=9)]) == []
+    assert find_risks(problem, [straight("a", y=9, z=9)]) == []
 
 
 def test_more_features_than_states_are_answered_with_a_warning(problem):
     few = replace(
         problem, fields=problem.fields[:2], markers=problem.markers[:3], decoder="quadratic"
     )
-    found = optimise(few, [], np.random.default_rng(0), quiet, extra=3, starts=1, candidates=1500)
+    found = optimize_layout(
+        few, [], np.random.default_rng(0), quiet, extra=3, starts=1, candidates=1500
+    )
     assert np.isfinite(found.rmse)
-    assert ("features-exceed-states", 9) in [(r.code, r.count) for r in risks(few, found.sensors)]
+    assert ("features-exceed-states", 9) in [
+        (r.code, r.count) for r in find_risks(few, found.sensors)
+    ]

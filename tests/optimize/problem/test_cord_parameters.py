@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.optimize.problem.cord_parameters import FRAME, together
+from defsense_fab.optimize.problem.cord_parameters import FRAME_SIZE, shared_parameters
 from defsense_fab.optimize.refinement.descent import jitter
 
 
@@ -15,7 +15,7 @@ def test_a_plane_without_that_freedom_keeps_its_direction(straight, free):
         assert np.abs(moved.plane.normal - [0, 0, 1]).max() < 1e-12
         assert abs(moved.plane.origin[2] - 2.0) > 1e-3
         assert moved.free == set(free)
-    size = together(drawn)[1].shape
+    size = shared_parameters(drawn)[1].shape
     assert size[0] - size[1] == 2  # the two turns out of the plane
 
 
@@ -23,14 +23,14 @@ def test_a_shared_plane_is_as_free_as_the_least_free_of_its_cords(straight):
     kinds = {"free": ("path", "plane"), "offset": ("path", "offset"), "locked": ("path",)}
     own = straight(free=["path"]).curve.points.shape[0] * 2 - 6  # two rows fewer at each end, twice
     for names, frame in (
-        (("free", "free"), FRAME),
-        (("free", "offset"), FRAME - 2),
-        (("offset", "free"), FRAME - 2),
+        (("free", "free"), FRAME_SIZE),
+        (("free", "offset"), FRAME_SIZE - 2),
+        (("offset", "free"), FRAME_SIZE - 2),
         (("offset", "locked"), 0),
         (("locked", "free"), 0),
     ):
         pair = [straight(n + str(k), y=6.0 * k, free=kinds[n]) for k, n in enumerate(names)]
-        assert together(pair)[1].shape[1] == 2 * 2 * own + frame, names
+        assert shared_parameters(pair)[1].shape[1] == 2 * 2 * own + frame, names
         moved = jitter(tuple(pair), np.random.default_rng(0), tied=True)
         assert moved[0].plane.coincides(moved[1].plane)
-        assert (abs(moved[0].plane.normal[2]) > 1 - 1e-12) == (frame < FRAME)
+        assert (abs(moved[0].plane.normal[2]) > 1 - 1e-12) == (frame < FRAME_SIZE)

@@ -10,7 +10,7 @@ from defsense_fab.core.response import ResponseSpec
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_signals import SignalModel
-from defsense_fab.optimize.refinement.refine import optimise
+from defsense_fab.optimize.refinement.refine import optimize_layout
 from defsense_fab.sensing.response import response_of
 from tests.conftest import structured_bar
 from tests.optimize import exact
@@ -25,7 +25,7 @@ def make(bar):
 def design(problem, cords, seed=0, **more):
     """The layout, and the RMSE without noise on the states that it was designed on."""
     rng = np.random.default_rng(seed)
-    found = optimise(problem, [], rng, lambda f, m: None, extra=cords, **more)
+    found = optimize_layout(problem, [], rng, lambda f, m: None, extra=cords, **more)
     assert not verify(found.sensors, problem.surface, problem.limits).problems
     return found.sensors
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom, distinct
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, distinct_planes
 from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.mesh import Surface, TetMesh
@@ -20,7 +20,7 @@ from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.problem import Limits, Problem
-from defsense_fab.optimize.refinement.refine import layout_error, optimise
+from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
 from defsense_fab.sensing.response import Response
 from tests.conftest import structured_bar
 
@@ -116,7 +116,7 @@ def made(seed):
     search = {"extra": extra, "planes": planes, "starts": 2, "finalists": 1, "candidates": 1500}
     reason = None
     try:
-        found = optimise(problem, drawn, rng, lambda f, m: None, **search)
+        found = optimize_layout(problem, drawn, rng, lambda f, m: None, **search)
     except LayoutError as error:
         reason = error
     broken = verify(drawn, problem.surface, problem.limits).problems
@@ -124,8 +124,8 @@ def made(seed):
         assert reason.code == (broken[0].code if broken else "no-room-for-cords")
         assert not broken or reason.data["cords"] == broken[0].cords
         return False
-    allowed = max(planes or len(found.sensors), len(distinct([s.plane for s in drawn])))
-    assert len(distinct([s.plane for s in found.sensors])) <= allowed
+    allowed = max(planes or len(found.sensors), len(distinct_planes([s.plane for s in drawn])))
+    assert len(distinct_planes([s.plane for s in found.sensors])) <= allowed
     limits = problem.limits
     slack = replace(
         limits,

@@ -11,18 +11,18 @@ from defsense_fab.core.curve import Hermite, Plane, catmull_rom, sample_path
 from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.response import ResponseSpec
-from defsense_fab.optimize.limits.constraints import Constraints, depth_before_exit
-from defsense_fab.optimize.limits.polyline_distance import nearest, nearest_strand
+from defsense_fab.optimize.limits.constraints import Constraints, required_depth
+from defsense_fab.optimize.limits.polyline_distance import nearest_on_polyline, nearest_on_strand
 from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.optimize.problem.cord_kinematics import cord_at
+from defsense_fab.optimize.problem.cord_kinematics import place_cord
 from defsense_fab.optimize.problem.cord_parameters import CordParameters
 from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.objective import Objective
-from defsense_fab.optimize.refinement.refine import layout_error, optimise
-from defsense_fab.optimize.search.candidate_families import vary
+from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
+from defsense_fab.optimize.search.candidate_families import vary_sensor
 from defsense_fab.optimize.search.candidates import Pool
-from defsense_fab.optimize.search.starting_layouts import select
+from defsense_fab.optimize.search.starting_layouts import select_candidates
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
 from defsense_fab.sensing.response import mean_strain, response_of, signals
 from tests.errors import raises
@@ -39,7 +39,7 @@ def test_objective_gradient_by_finite_differences(problem, straight, decoder, en
     objective = Objective(problem, cords)
     x = np.random.default_rng(3).normal(0, 0.7, sum(c.size for c in cords))
     value, gradient = objective(x)
-    layout = [cord_at(c, p).sensor() for c, p in zip(cords, objective.split(x), strict=True)]
+    layout = [place_cord(c, p).sensor() for c, p in zip(cords, objective.split(x), strict=True)]
     assert value == pytest.approx(layout_error(problem, layout) ** 2, rel=1e-6)
     for i in range(len(x)):
         e = 1e-5 * np.eye(len(x))[i]
@@ -91,13 +91,15 @@ def test_turns_where_a_path_nearly_stands_still(straight):
     x[:tangents] += np.random.default_rng(2).normal(0, 1.0, (tangents, 2))
     x[tangents:] += np.random.default_rng(3).normal(0, 0.5, x[tangents:].shape)
     x = x.ravel()
-    value, by = cord_at(cord, x).turning(6.0)
+    value, by = place_cord(cord, x).turning(6.0)
     count = len(value) // 2
     slow = value[count:] < 0
     assert 3 <= slow.sum() < count
     for i in range(len(x)):
         e = 1e-7 * np.eye(len(x))[i]
-        slope = (cord_at(cord, x + e).turning(6.0)[0] - cord_at(cord, x - e).turning(6.0)[0]) / 2e-7
+        slope = (
+            place_cord(cord, x + e).turning(6.0)[0] - place_cord(cord, x - e).turning(6.0)[0]
+        ) / 2e-7
         assert by[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-4)
 
 
@@ -107,7 +109,7 @@ def test_what_a_path_may_slow_down_to_is_that_again_for_its_result(straight):
     tangents = len(cord.rows) // 2
     x = np.zeros(cord.size).reshape(-1, 2)
     x[tangents:] = -0.8 * cord.stack[cord.rows[tangents:]]
-    again = CordParameters(cord_at(cord, x.ravel()).sensor())
+    again = CordParameters(place_cord(cord, x.ravel()).sensor())
     assert again.least_speed == pytest.approx(
         np.minimum(cord.least_speed, np.linalg.norm(again.first @ again.stack, axis=1))
     )
@@ -116,7 +118,7 @@ def test_what_a_path_may_slow_down_to_is_that_again_for_its_result(straight):
 def test_channels_lie_deeper_where_their_pockets_are():
     """In the cone of an inlet, beside the pocket, and beyond it."""
     limits = replace(LIMITS, pocket=(11.0, 4.0))
-    need, growth = depth_before_exit(np.array([1.0, 8.0, 12.0]), limits)
+    need, growth = required_depth(np.array([1.0, 8.0, 12.0]), limits)
     beside, beyond = limits.wall + 2.0, limits.wall + limits.channel_diameter / 2
     assert need == pytest.approx([0.6 * 1, beside, beyond], abs=0.11)
     assert (need >= [0.6, beside, beyond]).all()
@@ -128,7 +130,7 @@ def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, stra
     objective = Objective(problem, [CordParameters(drawn)])
     start = layout_error(problem, [drawn])
     assert np.abs(objective(np.zeros(CordParameters(drawn).size))[1]).max() < 1e-2 * start**2
-    found = optimise(
+    found = optimize_layout(
         problem, [drawn], np.random.default_rng(0), lambda f, m: None, starts=2, candidates=300
     )
     assert found.rmse < start / 4
@@ -138,7 +140,7 @@ def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, stra
 
 def test_locked_cords_stay(problem, straight):
     drawn = [straight("a", y=6, free=[]), straight("b", y=-6, z=5, free=["path"])]
-    found = optimise(
+    found = optimize_layout(
         problem, drawn, np.random.default_rng(0), lambda f, m: None, starts=1, candidates=100
     )
     assert found.sensors[0].curve.points == pytest.approx(drawn[0].curve.points)
@@ -149,7 +151,7 @@ def test_locked_cords_stay(problem, straight):
 
 
 def test_a_proposal_keeps_the_limits(problem):
-    found = optimise(
+    found = optimize_layout(
         problem,
         [],
         np.random.default_rng(0),
@@ -225,7 +227,7 @@ def test_slivers_between_many_planes(problem, straight):
 def test_a_plane_that_a_locked_cord_holds_is_no_freedom(problem, straight):
     drawn = [straight("a", y=6, z=3, free=[]), straight("b", y=-6, z=3, free=["plane"])]
     for planes in (None, 1):
-        found = optimise(
+        found = optimize_layout(
             problem,
             drawn,
             np.random.default_rng(0),
@@ -246,7 +248,7 @@ def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
 
     def best(limits):
         asked = replace(problem, limits=limits)
-        found = optimise(asked, drawn, np.random.default_rng(0), lambda f, m: None, **search)
+        found = optimize_layout(asked, drawn, np.random.default_rng(0), lambda f, m: None, **search)
         (cord,) = verify(found.sensors, problem.surface, limits).cords
         assert not cord.problems
         return found, cord.length + sum(cord.inlets)
@@ -277,7 +279,7 @@ def test_cords_that_cross_are_found(bar, straight):
 
 def test_variations_keep_the_ends_and_the_planes_orthonormal(straight):
     drawn = straight(y=4)
-    batch = vary(drawn, 50, 15.0, np.random.default_rng(0))
+    batch = vary_sensor(drawn, 50, 15.0, np.random.default_rng(0))
     paths = batch.paths(40)
     for i in range(51):
         sensor = batch.sensor(i)  # a Plane refuses axes that are not orthonormal
@@ -299,14 +301,14 @@ def test_nearest_points_by_brute_force():
     points, line = rng.normal(size=(20, 3)), rng.normal(size=(9, 3))
     t = np.linspace(0, 1, 2001)[:, None]
     dense = [a + t * (b - a) for a, b in itertools.pairwise(line)]
-    distance, segment, where = nearest(points, line)
+    distance, segment, where = nearest_on_polyline(points, line)
     for p, d, k, w in zip(points, distance, segment, where, strict=True):
         assert d == pytest.approx(min(np.linalg.norm(s - p, axis=1).min() for s in dense), abs=1e-3)
         assert np.linalg.norm(line[k] + w * (line[k + 1] - line[k]) - p) == pytest.approx(d)
     a = np.linspace(0, 2 * np.pi, 200)[:-1]
     loop = 10 * np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)  # nearly closed
-    assert nearest_strand(loop, 20.0)[0].min() == pytest.approx(10 * (a[1] - a[0]), rel=0.01)
-    assert np.isinf(nearest_strand(loop, 70.0)[0]).all()
+    assert nearest_on_strand(loop, 20.0)[0].min() == pytest.approx(10 * (a[1] - a[0]), rel=0.01)
+    assert np.isinf(nearest_on_strand(loop, 70.0)[0]).all()
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
@@ -321,7 +323,7 @@ def test_selection_against_brute_force(problem, decoder):
         rng = np.random.default_rng(seed)
         random = replace(problem, markers=rng.normal(size=(8, 5, 3)))
         pool = Pool((), paths, rng.normal(size=(8, 12)))
-        chosen = select([pool, pool], random.expected_error, 3.0, rounds=10)
+        chosen = select_candidates([pool, pool], random.expected_error, 3.0, rounds=10)
         errors = random.expected_error(np.stack([pool.signals[:, list(p)] for p in pairs]))
         got = errors[pairs.index(tuple(sorted(chosen)))]
         assert got == pytest.approx(float(random.expected_error(pool.signals[:, chosen])))
@@ -390,7 +392,7 @@ def test_what_descents_come_to_keeps_the_limits(problem, straight, seed):
     problem = replace(problem, limits=replace(LIMITS, min_radius=8.0))
     drawn = [straight("a", y=6, free=["path"]), straight("b", z=-6, free=["path"])]
     rng = np.random.default_rng(seed)
-    found = optimise(problem, drawn, rng, lambda f, m: None, starts=2, candidates=200)
+    found = optimize_layout(problem, drawn, rng, lambda f, m: None, starts=2, candidates=200)
     assert found.rmse <= 1.001 * min(found.starts)
     assert found.rmse < 0.25 * layout_error(problem, drawn)
 
@@ -402,7 +404,9 @@ def test_a_search_that_is_followed_comes_to_the_same(problem, straight):
 
     def search(**watched):
         rng = np.random.default_rng(3)
-        return optimise(problem, drawn, rng, lambda f, m: None, starts=2, candidates=200, **watched)
+        return optimize_layout(
+            problem, drawn, rng, lambda f, m: None, starts=2, candidates=200, **watched
+        )
 
     alone = search()
     seen = search(

@@ -7,7 +7,7 @@ import pytest
 
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom, sample_path
 from defsense_fab.core.device.device import Sensor
-from defsense_fab.optimize.refinement.refine import as_told, optimise
+from defsense_fab.optimize.refinement.refine import round_layout, optimize_layout
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def moved(sensor, by):
 
 def test_layouts_that_differ_by_rounding_are_told_alike(cord):
     free = replace(cord, free=frozenset({"path", "plane"}))
-    (one,), (other,) = as_told((free,)), as_told((moved(free, 1e-10),))
+    (one,), (other,) = round_layout((free,)), round_layout((moved(free, 1e-10),))
     assert np.array_equal(one.curve.points, other.curve.points)
     assert np.array_equal(one.curve.tangents, other.curve.tangents)
     assert np.array_equal(one.plane.origin, other.plane.origin)
@@ -42,14 +42,14 @@ def test_layouts_that_differ_by_rounding_are_told_alike(cord):
 
 
 def test_what_was_given_stays_as_it_is(cord):
-    assert as_told((cord,))[0].curve is cord.curve
-    assert as_told((cord,))[0].plane is cord.plane
-    (path,) = as_told((replace(cord, free=frozenset({"path"})),))
+    assert round_layout((cord,))[0].curve is cord.curve
+    assert round_layout((cord,))[0].plane is cord.plane
+    (path,) = round_layout((replace(cord, free=frozenset({"path"})),))
     assert path.plane is cord.plane
     assert not np.array_equal(path.curve.points, cord.curve.points)
-    (tilted,) = as_told((replace(cord, free=frozenset({"plane"})),))
+    (tilted,) = round_layout((replace(cord, free=frozenset({"plane"})),))
     assert tilted.curve is cord.curve
-    (shifted,) = as_told((replace(cord, free=frozenset({"offset"})),))
+    (shifted,) = round_layout((replace(cord, free=frozenset({"offset"})),))
     assert np.array_equal(shifted.plane.axes, cord.plane.axes)
     assert np.abs(shifted.plane.origin - cord.plane.origin).max() <= 5.1e-5
 
@@ -68,7 +68,7 @@ def test_cords_in_one_slanted_plane_stay_in_it(cord, kinds):
             replace(cord, plane=p, free=frozenset(k.split()))
             for p, k in zip(frames, kinds, strict=True)
         ]
-        told = as_told(tuple(pair))
+        told = round_layout(tuple(pair))
         assert told[0].plane.coincides(told[1].plane)
         assert told[1].plane.coincides(told[0].plane)
         for before, after in zip(pair, told, strict=True):
@@ -79,7 +79,7 @@ def test_cords_in_one_slanted_plane_stay_in_it(cord, kinds):
 
 
 def test_the_search_tells_few_digits(problem):
-    found = optimise(
+    found = optimize_layout(
         problem, (), np.random.default_rng(0), lambda *_: None, extra=1, starts=1, finalists=1,
         candidates=500,
     )  # fmt: skip

@@ -6,12 +6,12 @@ import daqp
 import numpy as np
 import pytest
 
-from defsense_fab.optimize.problem.objective import Model
-from defsense_fab.optimize.refinement.sqp import minimise
+from defsense_fab.optimize.problem.objective import QuadraticModel
+from defsense_fab.optimize.refinement.sqp import minimize
 
 
-def _bowl(x: np.ndarray) -> Model:
-    return Model(value=1 + float(x @ x), gradient=2 * x, hessian=2 * np.eye(len(x)))
+def _bowl(x: np.ndarray) -> QuadraticModel:
+    return QuadraticModel(value=1 + float(x @ x), gradient=2 * x, hessian=2 * np.eye(len(x)))
 
 
 def test_an_unsolved_programme_shrinks_the_step_and_nothing_else(
@@ -28,7 +28,7 @@ def test_an_unsolved_programme_shrinks_the_step_and_nothing_else(
         return solve(H, *rest)
 
     monkeypatch.setattr("defsense_fab.optimize.refinement.sqp.daqp.solve", sometimes)
-    found = minimise(
+    found = minimize(
         _bowl,
         lambda x: _bowl(x).value,
         lambda x: (x - 0.5, np.eye(2)),

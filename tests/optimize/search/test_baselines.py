@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks import joint
-from defsense_fab.core.curve import distinct
+from defsense_fab.core.curve import distinct_planes
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.optimize.refinement.refine import layout_error, optimise
-from defsense_fab.optimize.search.baselines import manual, middle_plane, visual
+from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
+from defsense_fab.optimize.search.baselines import manual_layout, middle_plane, visual_layout
 from tests.conftest import box_surface, structured_bar
 from tests.errors import raises
 from tests.optimize import exact
@@ -26,22 +26,22 @@ def bends(bar):
 def test_full_beats_visual_beats_manual(bends):
     rng = np.random.default_rng(0)
     layouts = [
-        manual(bends, 3),
-        visual(bends, 3, rng),
-        optimise(bends, [], rng, lambda f, m: None, extra=3, starts=2).sensors,
+        manual_layout(bends, 3),
+        visual_layout(bends, 3, rng),
+        optimize_layout(bends, [], rng, lambda f, m: None, extra=3, starts=2).sensors,
     ]
     errors = [layout_error(bends, layout) for layout in layouts]
     assert errors[0] > 3 * errors[1] > 3 * 1.5 * errors[2]
     for layout in layouts:
         assert not verify(layout, bends.surface, bends.limits).problems
-    assert len(distinct([s.plane for s in layouts[0]])) == 1
+    assert len(distinct_planes([s.plane for s in layouts[0]])) == 1
     along = [s.plane.axes[:, 0] for layout in layouts[:2] for s in layout]
     assert np.abs(along) == pytest.approx(np.repeat([[1.0, 0, 0]], 6, axis=0))
 
 
 def test_where_no_straight_cord_fits_it_is_said(bends):
     tight = replace(bends, limits=replace(bends.limits, shortest=200.0))
-    for lay in (manual, partial(visual, rng=np.random.default_rng(0))):
+    for lay in (manual_layout, partial(visual_layout, rng=np.random.default_rng(0))):
         with raises(LayoutError, "no-room-for-cords", count=3):
             lay(tight, 3)
 
@@ -56,7 +56,7 @@ def test_the_middle_plane_of_a_body_whose_edges_are_alike(size):
 
 def test_the_joint_problem_has_the_same_stationary_points(bends):
     """At the best map its gradient by the paths is that with the map eliminated, by the map 0."""
-    layout = visual(bends, 2, np.random.default_rng(0))
+    layout = visual_layout(bends, 2, np.random.default_rng(0))
     residual, jacobian, start, objective = joint.system(bends, layout, penalty=0.0)
     size = sum(c.size for c in objective.cords)
     value, gradient = objective(np.zeros(size))
@@ -67,6 +67,6 @@ def test_the_joint_problem_has_the_same_stationary_points(bends):
 
 
 def test_the_joint_iteration_improves_a_layout(bends):
-    start = visual(bends, 1, np.random.default_rng(0))
+    start = visual_layout(bends, 1, np.random.default_rng(0))
     layout = joint.refine(bends, start, 30)
     assert layout_error(bends, layout) < layout_error(bends, start)

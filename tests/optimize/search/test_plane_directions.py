@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.mesh import Surface
-from defsense_fab.optimize.refinement.refine import optimise
-from defsense_fab.optimize.search.plane_directions import face_directions, slanted
+from defsense_fab.optimize.refinement.refine import optimize_layout
+from defsense_fab.optimize.search.plane_directions import face_directions, count_slanted
 
 
 def surface(mesh: trimesh.Trimesh) -> Surface:
@@ -52,11 +52,11 @@ def test_a_scan_of_many_directions_has_no_flat_faces():
 
 def test_a_drawing_does_not_take_the_place_of_planes_along_the_faces(problem):
     """It may well be better; it is weighed beside them."""
-    drawn = optimise(
+    drawn = optimize_layout(
         problem, (), np.random.default_rng(0), lambda *_: None, extra=1, candidates=2000
     ).sensors
     normals = np.array([[0.0, 0.6, 0.8]])
-    found = optimise(
+    found = optimize_layout(
         problem, drawn, np.random.default_rng(0), lambda *_: None, normals=normals, starts=1,
         candidates=500,
     )  # fmt: skip
@@ -70,14 +70,14 @@ def test_slanted_planes_are_counted_by_their_directions():
         return Plane.from_normal(np.full(3, at), np.array(normal, float), np.array([1.0, 0.3, 0]))
 
     faces = np.eye(3)
-    assert slanted([plane([0, 0, -1]), plane([0, 1e-3, 1]), plane([0, 1, 0])], faces) == 0
-    assert slanted([plane([0, 1, 1]), plane([0, -1, -1], 5.0), plane([0, 0, 1])], faces) == 1
-    assert slanted([plane([0, 1, 1]), plane([0, 1, -1]), plane([0, 0.01, 1])], faces) == 3
+    assert count_slanted([plane([0, 0, -1]), plane([0, 1e-3, 1]), plane([0, 1, 0])], faces) == 0
+    assert count_slanted([plane([0, 1, 1]), plane([0, -1, -1], 5.0), plane([0, 0, 1])], faces) == 1
+    assert count_slanted([plane([0, 1, 1]), plane([0, 1, -1]), plane([0, 0.01, 1])], faces) == 3
 
 
 def test_cords_are_found_in_planes_along_the_faces(problem):
     normals = face_directions(problem.surface)
-    found = optimise(
+    found = optimize_layout(
         problem,
         (),
         np.random.default_rng(0),
@@ -89,7 +89,7 @@ def test_cords_are_found_in_planes_along_the_faces(problem):
     )
     for sensor in found.sensors:
         assert np.abs(normals @ sensor.plane.normal).max() > 1 - 1e-9
-    free = optimise(
+    free = optimize_layout(
         problem, (), np.random.default_rng(0), lambda *_: None, extra=2, starts=2, candidates=2000
     )
     assert found.rmse < 2 * free.rmse

@@ -6,7 +6,7 @@ import pytest
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.optimize.refinement.refine import optimise
+from defsense_fab.optimize.refinement.refine import optimize_layout
 
 
 def straight(name, y):
@@ -20,7 +20,7 @@ def test_a_cord_is_found_beside_two_that_lie_close_to_each_other(problem, apart)
     """They keep their clearance of 3.4 mm, by less than coarse samples of paths could tell."""
     locked = (straight("a", -apart / 2), straight("b", apart / 2))
     assert not verify(locked, problem.surface, problem.limits).problems
-    found = optimise(
+    found = optimize_layout(
         problem, locked, np.random.default_rng(1), lambda *_: None, extra=1, starts=1,
         finalists=1, candidates=1500,
     )  # fmt: skip

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import distinct
+from defsense_fab.core.curve import distinct_planes
 from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.optimize.refinement.refine import layout_error, optimise
-from defsense_fab.optimize.studies.cord_count import by_count, knee, next_cord
+from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
+from defsense_fab.optimize.studies.cord_count import layouts_by_count, find_knee, add_cord
 from tests.errors import raises
 from tests.optimize.conftest import LIMITS
 
@@ -18,7 +18,7 @@ def quiet(fraction, message):
 
 
 def test_the_error_never_rises_with_the_number_of_cords(problem):
-    found = list(by_count(problem, [1, 2, 3], 0, quiet))
+    found = list(layouts_by_count(problem, [1, 2, 3], 0, quiet))
     errors = [layout_error(problem, layout) for _, layout in found]
     assert [n for n, _ in found] == [1, 2, 3]
     assert errors == sorted(errors, reverse=True)
@@ -26,16 +26,16 @@ def test_the_error_never_rises_with_the_number_of_cords(problem):
 
 
 def test_a_study_that_goes_on_finds_the_same(problem):
-    whole = list(by_count(problem, [1, 2], 0, quiet, planes=1))
-    ((count, layout),) = by_count(problem, [2], 0, quiet, begin=whole[0][1], planes=1)
+    whole = list(layouts_by_count(problem, [1, 2], 0, quiet, planes=1))
+    ((count, layout),) = layouts_by_count(problem, [2], 0, quiet, begin=whole[0][1], planes=1)
     assert count == 2
     assert layout_error(problem, layout) == layout_error(problem, whole[1][1])
-    assert len(distinct([s.plane for s in layout])) == 1
+    assert len(distinct_planes([s.plane for s in layout])) == 1
 
 
 def test_the_next_cord_leaves_the_others(problem, straight):
     drawn = [straight("a", y=6), straight("b", y=-6)]
-    layout = next_cord(problem, drawn, np.random.default_rng(0), quiet)
+    layout = add_cord(problem, drawn, np.random.default_rng(0), quiet)
     assert list(layout[:2]) == drawn
     assert len(layout) == 3
     assert layout_error(problem, layout) < layout_error(problem, drawn)
@@ -44,7 +44,7 @@ def test_the_next_cord_leaves_the_others(problem, straight):
 
 @pytest.mark.parametrize("planes", [1, 2])
 def test_a_limit_on_planes(problem, planes):
-    found = optimise(
+    found = optimize_layout(
         problem,
         [],
         np.random.default_rng(0),
@@ -54,7 +54,7 @@ def test_a_limit_on_planes(problem, planes):
         starts=2,
         candidates=3000,
     )
-    assert len(distinct([s.plane for s in found.sensors])) <= planes
+    assert len(distinct_planes([s.plane for s in found.sensors])) <= planes
     assert not verify(found.sensors, problem.surface, LIMITS).problems
     assert found.rmse <= layout_error(problem, found.initial)
 
@@ -63,8 +63,8 @@ def test_a_limit_on_planes_leaves_drawn_cords_where_they_are(problem, straight):
     locked = [straight("a", y=6, z=8, free=[]), straight("b", y=6, z=-8, free=["path"])]
     joined = [straight("a", y=6, z=8), straight("b", y=-6, z=8)]
     for drawn, extra in ((locked, 1), (locked[:1], 1), (joined, 0), (joined, 1)):
-        allowed = len(distinct([s.plane for s in drawn]))
-        found = optimise(
+        allowed = len(distinct_planes([s.plane for s in drawn]))
+        found = optimize_layout(
             problem,
             drawn,
             np.random.default_rng(0),
@@ -74,11 +74,11 @@ def test_a_limit_on_planes_leaves_drawn_cords_where_they_are(problem, straight):
             starts=2,
             candidates=2000,
         )
-        assert len(distinct([s.plane for s in found.sensors])) <= allowed
+        assert len(distinct_planes([s.plane for s in found.sensors])) <= allowed
         for before, after in zip(drawn, found.sensors, strict=False):
             assert after.free == before.free
             if "plane" not in before.free:
-                assert distinct([before.plane, after.plane]) == [before.plane]
+                assert distinct_planes([before.plane, after.plane]) == [before.plane]
         assert not verify(found.sensors, problem.surface, LIMITS).problems
 
 
@@ -91,7 +91,7 @@ def test_cancelling_keeps_the_best_so_far(problem):
         if fraction > 0.4:
             raise Cancelled
 
-    found = optimise(
+    found = optimize_layout(
         problem,
         [],
         np.random.default_rng(0),
@@ -109,11 +109,13 @@ def test_more_cords_than_fit_are_refused(problem):
 
     tight = replace(problem, limits=replace(LIMITS, clearance=70.0))
     with raises(LayoutError, "no-room-for-cords", count=4) as caught:
-        optimise(tight, [], np.random.default_rng(0), quiet, extra=4, starts=2, candidates=2000)
+        optimize_layout(
+            tight, [], np.random.default_rng(0), quiet, extra=4, starts=2, candidates=2000
+        )
     assert caught.value.data["found"] in (1, 2, 3)
 
 
 def test_the_knee_of_a_bent_line():
     errors = np.array([8.0, 4.0, 1.0, 0.9, 0.8, 0.75])
-    assert knee([1, 2, 3, 4, 5, 6], errors) == 3
-    assert knee([2, 3], np.array([1.0, 0.5])) == 3
+    assert find_knee([1, 2, 3, 4, 5, 6], errors) == 3
+    assert find_knee([2, 3], np.array([1.0, 0.5])) == 3

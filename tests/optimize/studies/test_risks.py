@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from defsense_fab.optimize.studies.risks import too_few
+from defsense_fab.optimize.studies.risks import check_cord_count
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,6 @@ def test_too_few_cords_are_told(cords, floors, unseen, free, wanted, states, how
         floor=lambda n: floors[min(n - cords, len(floors) - 1)],
     )
     prediction = SimpleNamespace(noise=(0.002,) * cords, floor=floors[0], unseen=unseen, how=how)
-    said = too_few(problem, prediction, free)
+    said = check_cord_count(problem, prediction, free)
     assert len(said) == (wanted is not None and states == 20 and how == "held out")
     assert [(r.code, r.count) for r in said] == [("too-few-cords", wanted)] * len(said)

@@ -9,7 +9,7 @@ import numpy as np
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.storage.typed_json import to_json
-from defsense_fab.geometry.channels.cord_assembly import closed_later, stretches
+from defsense_fab.geometry.channels.cord_assembly import find_late_joints, stretches
 from defsense_fab.geometry.parts.manifest import (
     CordEnd,
     CordStretch,
@@ -128,7 +128,7 @@ def _cord(k, line, surfaces, joints, within, kinds, assembly):
     own = [j for j, axis in enumerate(within) if axis == k]
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     lies = stretches(line, np.eye(3)[k], 1.1, surfaces, joints, own) if own else ()
-    drawn = closed_later(lies, joints)
+    drawn = find_late_joints(lies, joints)
     ends = []
     for end, kind in enumerate(kinds):
         at, depth = line[-end], 0.0 if kind == "outside" else 7.0 if kind == "mouth" else 11.0

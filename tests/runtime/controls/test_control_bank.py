@@ -1,4 +1,4 @@
-"""One Euro filter, shaping, and the bank that strings them together."""
+"""The One Euro filter, the shaping of controls, and the bank that combines them."""
 
 import math
 
@@ -15,8 +15,8 @@ from tests.runtime.bars import POSES, STEPS, bent, markers, poses
 SD = np.full(40, 0.5)
 
 
-def test_one_euro_is_a_low_pass_at_rest():
-    """Without `speed` a step answers as a first-order low pass: 1 - (1 - w)^n."""
+def test_one_euro_is_a_low_pass_without_speed():
+    """Without `speed` the step response is that of a first-order low pass: 1 - (1 - w)^n."""
     smooth = OneEuro(cutoff=2.0)
     smooth(0.0, 0.0)
     got = [smooth(1.0, 0.01 * n) for n in range(1, 50)]
@@ -24,8 +24,8 @@ def test_one_euro_is_a_low_pass_at_rest():
     assert got == pytest.approx([1 - (1 - w) ** n for n in range(1, 50)])
 
 
-def test_one_euro_follows_what_is_quick():
-    """Noise at rest is smoothed as without `speed`; a quick move lags less."""
+def test_one_euro_lags_less_with_speed():
+    """Noise at rest is smoothed as without `speed`, but a quick move lags less."""
     rng = np.random.default_rng(0)
     still = rng.normal(0, 0.01, 500)
     time = 0.01 * np.arange(500)
@@ -40,7 +40,7 @@ def test_one_euro_follows_what_is_quick():
     assert lag[1] < 0.6 * lag[0]
 
 
-def test_one_euro_begins_anew():
+def test_one_euro_restarts():
     smooth = OneEuro(1.0)
     smooth(0.0, 10.0)
     assert smooth(1.0, 2.0) == 1.0  # the clock went back
@@ -99,7 +99,7 @@ def test_a_control_for_each_pose(rest):
 
 
 def test_controls_of_formulas(rest):
-    """Smoothed and shaped one by one; each may use those before it."""
+    """Controls are smoothed and shaped one by one; each may use earlier ones."""
     plain = Shaping(smoothing=0, minimum=-1)
     bank = ControlBank(
         poses(rest),
@@ -122,7 +122,7 @@ def test_controls_of_formulas(rest):
     assert max(strange.confidence.values()) < 0.2
 
 
-def test_names_of_poses_in_formulas(rest):
+def test_names_of_poses_in_formulas_are_plain(rest):
     ramp = PoseRamp(STEPS, np.array([bent(rest, a) for a in STEPS]))
     bank = ControlBank(
         PoseBasis(("bend-up",), (ramp,)), rest, [ControlSpec("x", "2 * bend_up", Shaping())]
@@ -131,7 +131,7 @@ def test_names_of_poses_in_formulas(rest):
     assert [plain_name(n) for n in ("3-up", "in", "_a")] == ["pose_3_up", "in_", "pose__a"]
 
 
-def test_banks_that_are_none(rest):
+def test_invalid_banks_are_refused(rest):
     basis = poses(rest)
     with raises(ControlError, "unknown-name", control="a", name="b", column=1):
         ControlBank(basis, rest, [ControlSpec("a", "b"), ControlSpec("b", "bend_up")])

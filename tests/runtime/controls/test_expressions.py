@@ -1,4 +1,4 @@
-"""Formulas: their values, and everything that is none."""
+"""The values of formulas, and the refusal of invalid ones."""
 
 import math
 
@@ -28,7 +28,7 @@ VALUES = {"up": 0.6, "down": 0.1, "twist": -0.5}
         ("(up > 0.5) * twist", -0.5),
         ("up / 2e0", 0.3),
         ("  (up\n - down)", 0.5),
-        ("up / (down - 0.1)", 0.0),  # no finite number
+        ("up / (down - 0.1)", 0.0),  # not finite
         ("twist ** 0.5", 0.0),
         ("1e300 * 1e300", 0.0),
         ("9 ** 9 ** 9", 0.0),
@@ -38,7 +38,7 @@ def test_values(text, value):
     assert compile_expression(text, VALUES)(VALUES) == pytest.approx(value)
 
 
-def test_names_that_are_used():
+def test_used_names():
     assert compile_expression("up - down * 2", VALUES).names == {"up", "down"}
 
 
@@ -88,7 +88,7 @@ def test_invalid_formulas_are_refused(text, code, data):
 
 
 @given(st.text(alphabet="updown twist0123456789.+-*/()<>=,clipabsmax", max_size=60))
-def test_any_text_is_a_number_or_an_error(text):
+def test_any_text_gives_a_finite_number_or_an_error(text):
     try:
         formula = compile_expression(text, VALUES)
     except ControlError:

@@ -1,4 +1,4 @@
-"""Amplitudes of poses: known ones found again, brute force, opposites, strange markers."""
+"""Amplitudes of poses against known ones, brute force, opposites and unknown motions."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def amplitudes(basis):
 
 
 def test_ramps_between_and_beyond_their_states(rest, basis):
-    """Exact at the states, close to the circle between them, straight on beyond."""
+    """Poses are exact at the states, near the circle between them, and linear beyond them."""
     for a in STEPS:
         got = basis.displacements([a, 0, 0, 0, 0, 0])
         assert np.allclose(got, bent(rest, a), atol=1e-9)
@@ -44,7 +44,7 @@ def test_ramps_between_and_beyond_their_states(rest, basis):
 
 
 def test_ramps_are_smooth(basis):
-    """No step in value or slope, at states above all, by finite differences."""
+    """Finite differences show no step in value or slope, at the states in particular."""
     h = 1e-6
     for a in (*STEPS, 0.4, 1.2):
         for p in range(6):
@@ -70,8 +70,8 @@ def test_one_state_is_a_line(rest):
         [1.2, 0, 0, 0, 0, 0],
     ],
 )
-def test_known_amplitudes_are_found(basis, amplitudes, true):
-    """Exactly without noise; with noise within what is told of each."""
+def test_known_amplitudes_are_recovered(basis, amplitudes, true):
+    """They are exact without noise, and within their standard deviations with noise."""
     exact = amplitudes(basis.displacements(true), np.full(40, SD))
     assert exact.values == pytest.approx(true, abs=2e-3)
     assert exact.explained == pytest.approx(1)
@@ -87,8 +87,8 @@ def test_known_amplitudes_are_found(basis, amplitudes, true):
     assert np.abs(np.mean(off, axis=0)).max() < 0.6
 
 
-def test_shapes_of_the_bar_itself(rest, amplitudes):
-    """Of true shapes between the states, not those of the ramps."""
+def test_true_shapes_between_the_states(rest, amplitudes):
+    """Fit the true shapes of the bar, not those of the interpolated poses."""
     for a in (0.1, 0.35, 0.6, 0.9):
         up = amplitudes(bent(rest, a), np.full(40, SD))
         assert up.values == pytest.approx([a, 0, 0, 0, 0, 0], abs=0.02)
@@ -97,7 +97,7 @@ def test_shapes_of_the_bar_itself(rest, amplitudes):
 
 
 def test_against_brute_force(rest):
-    """The best of a fine grid is no better than what is found."""
+    """The best amplitudes of a fine grid are no better than the fit."""
     basis = PoseBasis(
         ("up", "pull"),
         tuple(
@@ -119,7 +119,7 @@ def test_against_brute_force(rest):
 
 
 def test_opposites_are_never_both_active(basis, amplitudes):
-    """Whatever the markers do, and from whatever was before."""
+    """This holds for any markers, from any former amplitudes."""
     pairs = [{POSES[p], POSES[q]} for p, q in zip(*np.nonzero(basis.opposites), strict=True)]
     assert {frozenset(p) for p in pairs} == {
         frozenset(POSES[:2]),
@@ -134,15 +134,15 @@ def test_opposites_are_never_both_active(basis, amplitudes):
         assert not a[2] * a[3]
 
 
-def test_from_one_end_to_the_other(basis, amplitudes):
-    """What was found before does not hold back what is found now."""
+def test_former_amplitudes_do_not_matter(basis, amplitudes):
+    """A fit from the opposite pose finds the same amplitudes."""
     for true in ([1.0, 0, 0, 0, 0, 0], [0, 1.0, 0, 0, 0, 0], [0, 0, 1.0, 0, 0, 0]):
         found = amplitudes(basis.displacements(true), np.full(40, SD))
         assert found.values == pytest.approx(true, abs=2e-3)
 
 
-def test_a_motion_that_is_no_pose(basis, amplitudes):
-    """Has little confidence; rest with noise has much."""
+def test_motion_outside_all_poses_has_low_confidence(basis, amplitudes):
+    """Rest with noise has high confidence."""
     rng = np.random.default_rng(4)
     still = amplitudes(rng.normal(0, SD, (40, 3)), np.full(40, SD))
     assert still.values.max() < 0.05
@@ -152,7 +152,7 @@ def test_a_motion_that_is_no_pose(basis, amplitudes):
     assert strange.confidence.max() < 0.2
 
 
-def test_markers_without_a_place_count_for_nothing(basis, amplitudes):
+def test_markers_without_a_position_are_left_out(basis, amplitudes):
     true = [0, 0.6, 0, 0, 0, 0]
     u = basis.displacements(true)
     u[::2] = np.nan
@@ -160,14 +160,13 @@ def test_markers_without_a_place_count_for_nothing(basis, amplitudes):
     sd[1] = np.nan
     assert amplitudes(u, sd).values == pytest.approx(true, abs=2e-3)
     nothing = amplitudes(np.full((40, 3), np.nan), sd)
-    assert nothing.values == pytest.approx(true, abs=2e-3)  # the last ones stand
+    assert nothing.values == pytest.approx(true, abs=2e-3)  # the last ones are kept
     assert not nothing.confidence.any()
     assert np.isinf(nothing.sd).all()
 
 
-def test_errors_that_go_together(basis):
-    """Forty markers decoded from three cords are as certain as three numbers: the deviation tells
-    how far errors common to all markers go."""
+def test_correlated_errors_raise_the_deviation(basis):
+    """Forty markers decoded from three cords are as certain as three numbers."""
     rng = np.random.default_rng(5)
     true = np.array([0.5, 0, 0, 0, 0, 0])
     pull = basis.displacements([0, 0, 0, 0, 0, 1.0])  # one cord's error moves all markers
@@ -178,9 +177,9 @@ def test_errors_that_go_together(basis):
     for error in rng.normal(0, SD / size, 40):
         u = basis.displacements(true) + error * pull
         found.append(together(u, sd).values[5])
-    told = together(basis.displacements(true), sd).sd
-    assert told[0] > 4 * alone(basis.displacements(true), sd).sd[0]
-    assert np.std(found) < 3 * told[5]
+    deviation = together(basis.displacements(true), sd).sd
+    assert deviation[0] > 4 * alone(basis.displacements(true), sd).sd[0]
+    assert np.std(found) < 3 * deviation[5]
 
 
 def test_radius_of_a_normal_error():
@@ -204,7 +203,7 @@ def test_invalid_ramps_are_refused(amplitudes, shape, code):
         PoseRamp(np.array(amplitudes), np.ones(shape))
 
 
-def test_bases_that_are_none(rest, amplitudes):
+def test_invalid_bases_are_refused(rest, amplitudes):
     ramp, other = (PoseRamp(np.ones(1), np.ones((1, m, 3))) for m in (4, 5))
     with raises(ControlError, "markers-differ"):
         PoseBasis(("a", "b"), (ramp, other))

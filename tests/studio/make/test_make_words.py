@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from defsense_fab.core.arrays import places, xyz
+from defsense_fab.core.arrays import parse_points, format_point
 from defsense_fab.report.guide.hands.steps import GuideStep
 from defsense_fab.report.guide.tables import GuideTable
 from defsense_fab.studio.make.built_device import notes
@@ -17,9 +17,9 @@ from defsense_fab.studio.make.make_words import state_words, step_words, table_w
 
 def test_places_in_messages_are_read_back():
     point = np.array([1.26, -0.04, 120.0])
-    (read,) = places(f"it is thin near {xyz(point)}: it may print with gaps (0.3, twice)")
+    (read,) = parse_points(f"it is thin near {format_point(point)}: it may print with gaps (0.3, twice)")
     assert read == pytest.approx([1.3, 0.0, 120.0])
-    assert places("nowhere") == []
+    assert parse_points("nowhere") == []
 
 
 def test_a_note_is_where_it_says_or_where_what_it_names_is():

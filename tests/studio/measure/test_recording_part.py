@@ -17,7 +17,7 @@ from defsense_fab.studio.measure.recording_words import coverage_bars, step_word
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
 from defsense_fab.twin.electronics.replayed_cords import ReplayedCords
 from defsense_fab.twin.live import capture_setup
-from defsense_fab.twin.live.sample_sources import Opened
+from defsense_fab.twin.live.sample_sources import OpenedSource
 from tests.runtime.live.conftest import NAMES
 from tests.runtime.live_frames import wait_for
 
@@ -48,7 +48,7 @@ def board(live_bar, monkeypatch, studio_page):
     cords = ReplayedCords(NAMES, run.sample_time, run.ohm)
     made = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=4.0)
     monkeypatch.setattr(
-        capture_setup, "open_source", lambda port, settings: Opened(Reader(made, port, settings))
+        capture_setup, "open_source", lambda port, settings: OpenedSource(Reader(made, port, settings))
     )
     axes, places = np.tile(np.eye(3), (3, 1, 1)), live_bar.rest_points[:3]
     tags = Markers("bar", "4X4_50", 6.0, np.arange(3), places, axes, np.ones(3, bool))

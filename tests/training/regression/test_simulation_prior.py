@@ -97,10 +97,10 @@ def test_coverage_names_what_was_not_shown(recorded: Maker) -> None:
     )  # fmt: skip
     found = measure_coverage(Frames.from_dataset(dataset), far)
     assert not found.is_shown[-1]
-    assert found.advice[0].startswith("show pull: pictures came within")
+    assert "pull" in found.advice[0]
     assert found.share > 0.5
     assert not found.ends_at_rest
-    assert found.advice[-1].startswith("rest for 10 s at the end")
+    assert "rest" in found.advice[-1]
 
 
 def test_a_recording_that_shows_all_and_ends_at_rest_has_no_advice(recorded: Maker) -> None:

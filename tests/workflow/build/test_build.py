@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.cli.design import build
 from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
@@ -29,7 +29,7 @@ from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.parts.manifest import load_manifest
 from defsense_fab.geometry.parts.part_files import load_part
 from defsense_fab.optimize.prediction.design_task import load_task
-from defsense_fab.optimize.refinement.refine import Optimised
+from defsense_fab.optimize.refinement.refine import OptimizedLayout
 from defsense_fab.sensing.layout import load_layout
 from defsense_fab.sensing.voltage_divider import reference
 from defsense_fab.workflow.build import stage_fabricate, stage_report
@@ -156,7 +156,7 @@ def test_layouts_are_tried_in_the_frames_that_are_read_back(straight):
     turn = Rotation.from_rotvec([0.3, -0.2, 0.7]).as_matrix()
     cord = straight("c", z=1.0)
     turned = replace(cord, plane=Plane(cord.plane.origin, turn @ cord.plane.axes))
-    (kept,) = _as_kept(Optimised((turned,), 1.0, False, (), (turned,))).sensors
+    (kept,) = _as_kept(OptimizedLayout((turned,), 1.0, False, (), (turned,))).sensors
     again = json.loads(json.dumps([kept.plane.normal.tolist(), kept.plane.axes[:, 0].tolist()]))
     read = Plane.from_normal(kept.plane.origin, *map(np.array, again))
     assert (read.axes == kept.plane.axes).all()
@@ -303,12 +303,12 @@ def test_a_recorded_session_leaves_every_stage_up_to_date(copy, capsys):
 def test_ctrl_c_still_works_after_meshing(bar):
     import signal
 
-    from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+    from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 
     # Background jobs of a shell begin with the signal ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        tetrahedralise(bar, 12.0)
+        tetrahedralize(bar, 12.0)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     finally:
@@ -412,7 +412,7 @@ def test_a_built_device_is_shown_to_cameras_and_recorded(copy, capsys):
     assert quality["runs"][0]["ended"] == "all steps were shown"
     assert quality["aligned_frames"] > 0.7
     assert not quality["skipped"]
-    tracks = read_any(copy / "session" / "aligned.csv")
+    tracks = read_tracks(copy / "session" / "aligned.csv")
     assert len(tracks.ids) == 8
     design = read_markers(copy / "markers").centers
     moved = np.linalg.norm(tracks.points - design, axis=2)

@@ -16,10 +16,10 @@ from benchmarks.follow_guide.hands import Hands
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.core.storage import typed_json
-from defsense_fab.decoding.expected_errors import Prediction
+from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_assembly import Stretch
-from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.geometry.parts.manifest import load_manifest
 from defsense_fab.geometry.parts.part_files import load_part
 from defsense_fab.optimize.limits.verification import verify
@@ -223,7 +223,7 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
     decide = as_built.with_relief
     decided, note = decide(device, None, body.surface, device.sensors, None)
     r = rules(decided)
-    made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
+    made = make_channels(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
     assert sum(len(c.leads) for c in made) == bends
     assert bool(note) == (bends == 0)
     for said, costs in (

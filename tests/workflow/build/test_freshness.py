@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.device.materials import silicone
+from defsense_fab.core.device.materials import find_silicone
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.storage.files import write_json
 from defsense_fab.geometry.bodies.body_record import load_surface
@@ -69,7 +69,7 @@ def test_the_row_of_a_silicone_counts_where_parts_are_cast(folder, monkeypatch, 
         device = load_device(folder)
         before = stages.keys(device, folder / "build")
         with monkeypatch.context() as m:
-            m.setattr(stages, "silicone", lambda name: replace(silicone(name), **change))
+            m.setattr(stages, "find_silicone", lambda name: replace(find_silicone(name), **change))
             after = stages.keys(device, folder / "build")
         changed = {name for name, key in before.items() if after[name] != key}
         assert changed == (old if process == "cast-silicone" else set())

@@ -12,7 +12,7 @@ import pytest
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.workflow.build import mesh_density
@@ -37,7 +37,7 @@ def test_the_accuracy_that_is_promised_is_kept(bar):
     regions = list(device.regions.values())
 
     def make(edge):
-        return conform(tetrahedralise(bar, edge).mesh, regions)
+        return conform(tetrahedralize(bar, edge).mesh, regions)
 
     choice = choose(device, bar, 0.02, make, lambda fraction, message: None)
     assert 0 < choice.taken.error <= 0.02

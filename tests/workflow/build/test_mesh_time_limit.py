@@ -36,13 +36,13 @@ def limited(folder, seconds):
 
 
 def test_it_is_made_anew_only_where_the_limit_was_raised(folder, monkeypatch):
-    real = stage_mesh.tetrahedralise
+    real = stage_mesh.tetrahedralize
 
     def slow(*given):
         return replace(real(*given), stopped=True)
 
     with monkeypatch.context() as m:
-        m.setattr(stage_mesh, "tetrahedralise", slow)
+        m.setattr(stage_mesh, "tetrahedralize", slow)
         assert build(load_device(folder), "mesh").made == ("body", "mesh")
     assert [made.time_limit for made in mesh_lock.read(folder).values()] == [60.0]
     assert build(load_device(folder), "mesh").made == ()

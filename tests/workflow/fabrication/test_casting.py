@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device, parse_device
-from defsense_fab.core.device.materials import silicone
+from defsense_fab.core.device.materials import find_silicone
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.moulds.records import Mould
@@ -69,7 +69,7 @@ def test_every_process_is_read_and_advises():
         assert made.fabrication.bed == tuple(float(row[f"bed_{c}"]) for c in "xyz")
     for name in read_rows("silicones.csv"):
         assert name in read_rows("materials.csv")
-        assert silicone(name).shrinkage < 0.01
+        assert find_silicone(name).shrinkage < 0.01
 
 
 def test_a_process_that_somebody_added_gets_the_advice_that_is_true_of_all():

@@ -95,7 +95,7 @@ def test_cords_are_found_for_a_decoder_that_they_are_judged_by(
     for name in ("bar.py", "device.toml"):
         shutil.copy(BAR / name, tmp_path)
     task = SimpleNamespace(unseen=SimpleNamespace(how=how))
-    task.decoded_by = lambda kind: SimpleNamespace(unseen=task.unseen, design=kind)
+    task.with_decoder = lambda kind: SimpleNamespace(unseen=task.unseen, design=kind)
 
     def by_count(design, *_, **__):
         raise LayoutError(design)

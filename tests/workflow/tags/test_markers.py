@@ -17,7 +17,7 @@ from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Markers, read_markers, write_markers_file
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies import tag_placement
-from defsense_fab.geometry.bodies.tag_placement import spread_out
+from defsense_fab.geometry.bodies.tag_placement import are_spread_out
 from defsense_fab.geometry.kernels.cutting_tools import upright
 from defsense_fab.geometry.parts.manifest import Manifest, TagSeat, save_manifest
 from defsense_fab.geometry.printing.export import write_stl
@@ -115,7 +115,7 @@ def test_a_device_gets_its_tags(make, box):
     assert markers.size == SIZE
     check_places(markers, box, dictionary("4X4_50"))
     assert (markers.anchor == (markers.centers[:, 0] < 12 - 0.25 * SIZE)).all()
-    assert spread_out(markers.centers[markers.anchor], SIZE / 2)
+    assert are_spread_out(markers.centers[markers.anchor], SIZE / 2)
     assert markers.centers[~markers.anchor, 0].max() > 60
     assert found.notes == ()
     with pypdfium2.PdfDocument(str(found.folder / "markers.pdf")) as sheets:
@@ -157,10 +157,10 @@ def test_places_on_a_curved_body(count, family, seed):
     stretch = np.random.default_rng(seed).uniform(35, 70, 3)
     body = Surface(unit * stretch, ball.faces)
     tags = dictionary(family)
-    wanted = module.Wanted(
+    wanted = module.TagRequest(
         count, 10.0, module.outer(tags, 10.0), 3, lambda p: p[:, 2] < 0, np.zeros((0, 3)), []
     )
-    places = module.tag_places(body, wanted)
+    places = module.place_tags(body, wanted)
     assert len(places) == count
     assert sum(p.anchor for p in places) >= min(3, count)
     markers = Markers(
@@ -177,8 +177,8 @@ def test_places_on_a_curved_body(count, family, seed):
 
 def test_tags_keep_off_the_ends_of_cords(make, box):
     end = np.array([40.0, 0, 15])
-    wanted = module.Wanted(20, 8.0, 10.7, 0, lambda p: np.zeros(len(p), bool), end[None], [])
-    places = module.tag_places(box, wanted)
+    wanted = module.TagRequest(20, 8.0, 10.7, 0, lambda p: np.zeros(len(p), bool), end[None], [])
+    places = module.place_tags(box, wanted)
     assert len(places) == 20
     for p in places:
         local = (end - p.center) @ p.axes

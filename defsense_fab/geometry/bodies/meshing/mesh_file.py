@@ -14,8 +14,8 @@ from ....core.errors import StorageError
 from ....core.mesh import TetMesh
 from .tetrahedra import FTETWILD, MeshedSurface
 from ....core.storage import typed_json
-from ....core.storage.build_folder import BUILD_AGAIN
-from ....core.storage.vtu_file import read_vtu
+from ....core.device.build_folder import BUILD_AGAIN
+from ....core.vtu_file import read_vtu
 
 FILE, RECORD = "mesh.vtu", "mesh.json"
 _REGION = "region:"

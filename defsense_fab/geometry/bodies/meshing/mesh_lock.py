@@ -15,7 +15,7 @@ import numpy as np
 
 from ....core.errors import StorageError
 from ....core.mesh import Surface, TetMesh
-from ....core.storage.files import digest, replacing, storage_errors
+from ....core.storage.files import digest, replace_file, storage_errors
 from .tetrahedra import FTETWILD, Tetrahedra
 from .mesh_store import made_as, told
 
@@ -79,5 +79,5 @@ def write(device: Path, meshes: Mapping[str, Tetrahedra]) -> None:
         arrays[f"{name}/nodes"] = made.mesh.nodes
         arrays[f"{name}/tets"] = made.mesh.tets.astype(np.int32)
         arrays[f"{name}/told"] = np.array(told(made))
-    with replacing(device / FILE) as temporary, temporary.open("wb") as file:
+    with replace_file(device / FILE) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]

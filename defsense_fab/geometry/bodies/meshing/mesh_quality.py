@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from ....core.arrays import Float
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh, facet_crosses
-from ...kernels.surface_queries import distances_of
+from ...kernels.surface_queries import signed_distance_of
 
 # A mesh's boundary moved so that its facets, not its nodes, lie on the body's surface.
 #
@@ -53,7 +53,7 @@ def facet_gaps(mesh: TetMesh, surface: Surface) -> tuple[Float, Float]:
 def _gaps(corners: Float, surface: Surface) -> Float:
     """From samples of facets (f, 3, 3) outwards to the surface, (f, samples) mm."""
     points = np.einsum("kw,fwi->fki", _SAMPLES, corners)
-    nearest = distances_of(surface).nearest(points.reshape(-1, 3))
+    nearest = signed_distance_of(surface).nearest(points.reshape(-1, 3))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(np.einsum("fki,fi->fk", nearest.reshape(points.shape) - points, normals))
@@ -141,7 +141,7 @@ def quality(mesh: TetMesh, surface: Surface) -> MeshQuality:
     """How well the mesh is shaped and how well it follows `surface`."""
     boundary = mesh.boundary()
     used = np.unique(boundary.faces)
-    forth = distances_of(surface).unsigned(mesh.nodes[used])
+    forth = signed_distance_of(surface).unsigned(mesh.nodes[used])
     back = igl.point_mesh_squared_distance(
         surface.vertices, mesh.nodes, np.ascontiguousarray(boundary.faces)
     )[0]

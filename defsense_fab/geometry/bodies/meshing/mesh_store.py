@@ -15,7 +15,7 @@ from platformdirs import user_cache_path
 
 from ....core.errors import StorageError
 from ....core.mesh import Surface, TetMesh
-from ....core.storage.files import digest, replacing
+from ....core.storage.files import digest, replace_file
 from .tetrahedra import MeshedSurface, Tetrahedra
 
 #: Raised when meshes of the same body are to be made anew.
@@ -68,7 +68,7 @@ def remember(surface: Surface, edge_length: float, made: Tetrahedra) -> None:
     path = _path(surface, edge_length)
     with contextlib.suppress(OSError, StorageError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary:
+        with replace_file(path) as temporary:
             np.savez(temporary, nodes=made.mesh.nodes, tets=made.mesh.tets, told=told(made))
         meshes = sorted(path.parent.glob("*.npz"), key=lambda p: -p.stat().st_mtime)
         for old in meshes[KEPT:]:

@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 from ....core.arrays import Float, Int
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, facet_crosses
-from ...kernels.surface_queries import distances_of
+from ...kernels.surface_queries import signed_distance_of
 from .simplification import pairs
 
 # A surface from a grid of signed distances: what is left of one that cannot be meshed as it is.
@@ -88,7 +88,7 @@ def remeshed(surface: Surface, edge_length: float) -> Surface:
         )
         faces = np.ascontiguousarray(faces, np.int64)
         vertices = np.ascontiguousarray(made[:, :3])
-    vertices = distances_of(surface).nearest(vertices)
+    vertices = signed_distance_of(surface).nearest(vertices)
     for _ in range(_ROUNDS):
         faces = _flipped(vertices, faces)
         vertices = _moved(vertices, faces, surface)
@@ -212,7 +212,7 @@ def _moved(vertices: Float, faces: Int, surface: Surface) -> Float:
     a, b, left, right = pairs(faces)
     sharp = (unit[left] * unit[right]).sum(1) < _FOLD
     step[np.concatenate([a[sharp], b[sharp]])] = 0.0
-    target = distances_of(surface).nearest(vertices + step)
+    target = signed_distance_of(surface).nearest(vertices + step)
     target[(step == 0).all(1)] = vertices[(step == 0).all(1)]
     for _ in range(8):
         turned = (_unit(facet_crosses(target, faces)) * unit).sum(1) < _TURN

@@ -193,7 +193,7 @@ class Tetrahedra:
         return self.stopped and time_limit > self.time_limit
 
 
-def tetrahedralise(
+def tetrahedralize(
     surface: Surface,
     edge_length: float,
     on_step: Callable[[str], None] | None = None,

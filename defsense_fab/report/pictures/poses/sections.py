@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....core.arrays import Bool, Float, xyz
+from ....core.arrays import Bool, Float, format_point
 
 _STRAINED = 0.25  # of the largest strain: less than this is not much
 _ASIDE = 0.2  # of the largest movement: less than this to the side is none
@@ -26,7 +26,7 @@ class Section:
         k = int(np.abs(self.normal).argmax())
         if abs(self.normal[k]) > 1 - 1e-6:
             return f"at {'xyz'[k]} = {self.origin[k]:.1f} mm"
-        return f"tilted, through {xyz(self.origin)} mm"
+        return f"tilted, through {format_point(self.origin)} mm"
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 from msgspec import Meta, structs
 
-from ....core.response import RADII
+from ....core.response import JIG_RADII_MM
 from ....core.schema.declare import Positive, Problem, Table, Vector, key, unknown_choice
-from ....core.storage.file_names import refusal
+from ....core.storage.file_names import name_problem
 from ....twin.electronics.rubber_cords import CORD_KINDS
 from ....twin.filming.camera_kinds import CAMERA_KINDS
 
@@ -78,7 +78,7 @@ class LayoutChoice(Table):
 
     def check(self) -> Iterator[Problem]:
         """Yield problems of the name, and of keys that do not go with the kind of cords."""
-        if not _NAME.fullmatch(self.name) or self.name in _TAKEN or refusal(self.name):
+        if not _NAME.fullmatch(self.name) or self.name in _TAKEN or name_problem(self.name):
             yield Problem(
                 ("name",),
                 f"{self.name!r} cannot be the name of a folder",
@@ -179,7 +179,7 @@ class CordPlan(Table, kw_only=True):
     ]
     radii: Annotated[
         tuple[Positive, ...], key("Radii of the jigs, at least 3 different ones.", unit="mm")
-    ] = tuple(float(radius) for radius in RADII)
+    ] = tuple(float(radius) for radius in JIG_RADII_MM)
     rounds: Annotated[
         Annotated[int, Meta(ge=1, le=20)], key("Number of times that each radius is measured.")
     ] = 3

@@ -12,7 +12,7 @@ from ....core.device.device_file import DEVICE, read_device
 from ....core.errors import DeviceError, ExperimentError
 from ....core.schema.declare import Problem, Table, key, missing, unknown_choice
 from ....core.schema.document import Document, load_document
-from ....core.storage.file_names import folded
+from ....core.storage.file_names import fold_name
 from .experiment import (
     AFFINE,
     BENT_QUANTITIES,
@@ -127,7 +127,7 @@ class ExperimentFile(Table, kw_only=True):
             action = "Give either [[layouts]] of a device to compare, or [cords]"
             yield Problem(("layouts",), text, "keys-exclusive", action)
             return
-        names = [folded(layout.name) for layout in self.layouts]
+        names = [fold_name(layout.name) for layout in self.layouts]
         for position, layout in enumerate(self.layouts):
             if names[position] in names[:position]:
                 path = ("layouts", position, "name")

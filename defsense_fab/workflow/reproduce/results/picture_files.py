@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....core.storage.files import replacing, storage_errors
+from ....core.storage.files import replace_file, storage_errors
 
 
 def write_pictures(folder: Path, pictures: Mapping[str, str]) -> None:
@@ -18,7 +18,7 @@ def write_pictures(folder: Path, pictures: Mapping[str, str]) -> None:
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     for name, uri in pictures.items():
-        with replacing(folder / f"{name}.png") as temporary:
+        with replace_file(folder / f"{name}.png") as temporary:
             temporary.write_bytes(_bytes(uri))
 
 

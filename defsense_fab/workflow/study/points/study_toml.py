@@ -129,14 +129,14 @@ class Study:
     time_limit: float
     document: Document
 
-    def refuse(self, name: str, text: str, code: str, action: str = "") -> NoReturn:
+    def refuse(self, name: str, text: str, code: str, action: str = "", **data: object) -> NoReturn:
         """Raise an error for the parameter `name`, with its line.
 
         Raises:
             StudyError: always.
         """
         path = next(p.path for p in self.parameters if p.key == name)
-        self.document.refuse([Problem(path, text, code, action, {"parameter": name})])
+        self.document.refuse([Problem(path, text, code, action, {"parameter": name, **data})])
 
 
 def is_there(folder: Path) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ....core.errors import StudyError
-from ....core.storage.files import replacing, storage_errors
+from ....core.storage.files import replace_file, storage_errors
 from ....core.schema.types import is_number
 from ..points.study_toml import Study
 from ..runs.run_log import FOLDER, RunRecord
@@ -90,7 +90,7 @@ def write_table(device: Path, table: StudyTable) -> Path:
     library = _pyarrow()
     path = device / FOLDER / (PARQUET if library else TABLE)
     if library is None:
-        with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
+        with replace_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
             writer = csv.DictWriter(out, list(_row(table, None)))
             writer.writeheader()
             writer.writerows(rows)
@@ -98,7 +98,7 @@ def write_table(device: Path, table: StudyTable) -> Path:
         return path
     columns = {name: _alike([r[name] for r in rows]) for name in _row(table, None)}
     made = library.table(columns).replace_schema_metadata({_KEY: json.dumps(_metadata(table))})
-    with replacing(path) as temporary:
+    with replace_file(path) as temporary:
         library.parquet.write_table(made, temporary)
     _remove(device / FOLDER / TABLE)
     return path

@@ -11,7 +11,7 @@ from pathlib import Path
 from ....core.device.device_file import DEVICE
 from ....core.errors import StudyError
 from ....core.storage.files import storage_errors
-from ....core.storage.own_files import own_files
+from ....core.device.build_folder import own_files
 from ..points.study_toml import FILE as STUDY
 
 _MOST = 500e6  # bytes

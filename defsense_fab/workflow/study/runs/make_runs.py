@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ....core.machine.processes import cpu_seconds, peak_memory
+from ....core.machine.processes import cpu_seconds, peak_memory_mb
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -56,7 +56,7 @@ def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: 
     except Exception as error:
         outcome, message = "broken", f"failed ({type(error).__name__}: {error})"
     message = " ".join(message.replace(f"{source}/", "").replace(str(source), ".").split())
-    cost = Cost(meter.seconds, meter.cpu, meter.shared, round(peak_memory(), 1))
+    cost = Cost(meter.seconds, meter.cpu, meter.shared, round(peak_memory_mb(), 1))
     return RunRecord(name, values, outcome, message, measures, cost, place())
 
 

@@ -15,7 +15,7 @@ from ....core.device.device_file import DEVICE
 from ....core.errors import DefsenseError, StudyError
 from ....core.progress import Progress, silent
 from ....core.storage.files import digest, storage_errors
-from ....core.storage.own_files import refuse_outside
+from ....core.device.build_folder import refuse_outside
 from ...build.stages import Versions, installed, keys
 from ..points.designs import points
 from ..points.studied_device import known_keys, nearest, script_keys, studied_device
@@ -116,7 +116,13 @@ def _refuse_unknown(study: Study, known: Sequence[str]) -> None:
         if parameter.key not in known:
             near = nearest(parameter.key, known)
             action = f"Did you mean {' or '.join(near)}?" if near else "See docs/device.md"
-            study.refuse(parameter.key, f"is not a key of {DEVICE}", "key-unknown", action)
+            study.refuse(
+                parameter.key,
+                f"is not a key of {DEVICE}",
+                "key-unknown",
+                action,
+                suggestions=near,
+            )
 
 
 def batches(runs: Sequence[Run], workers: int, most: int | None = None) -> list[tuple[Run, ...]]:

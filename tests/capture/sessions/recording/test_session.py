@@ -22,7 +22,7 @@ from defsense_fab.capture.sessions.signals import resistances, signals_in_step
 from defsense_fab.capture.sessions import session as sessions
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.files.formats import read_tracks, write_tracks
 from defsense_fab.capture.readout.recording import read_recording
 from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.core.errors import CaptureError, StorageError
@@ -72,11 +72,11 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     assert q["residual"]["median"] < 0.08  # more where a busy machine shows few pictures
     # There is no LED; two tags that move for twelve seconds tell the clocks, where the machine is
     # not too busy to show them often enough.
-    times = read_any(session.folder / "aligned.csv").time
+    times = read_tracks(session.folder / "aligned.csv").time
     often = (times[-1] - times[0]) / len(times) < 0.12
     assert q["runs"][0]["sync"]["method"] in (("motion",) if often else ("motion", "arrival"))
     assert q["runs"][0]["sync"]["error_ms"] < (50 if often else 100)
-    t = read_any(session.folder / "aligned.csv")
+    t = read_tracks(session.folder / "aligned.csv")
     t = t.part(np.isin(t.frame, result.tracks.frame))
     several = t.sigma[..., 2] < 0.3
     # The last two move at rest, too, which tilts the rest pose in the design's frame: what counts
@@ -106,7 +106,7 @@ def test_markers_of_another_system_take_the_cameras_place(tmp_path):
     points[200:230, 2] = np.nan
     nothing = np.full(points.shape, np.nan)
     take = Tracks(time_, np.arange(6), points, nothing, np.arange(len(time_)))
-    write_any(tmp_path / "take.c3d", take)
+    write_tracks(tmp_path / "take.c3d", take)
     result = process_session(session.folder, tracks=tmp_path / "take.c3d")
     sync = result.quality["runs"][0]["sync"]
     assert sync["method"] == "motion"
@@ -117,7 +117,7 @@ def test_markers_of_another_system_take_the_cameras_place(tmp_path):
     lift = result.aligned.points[:, 4, 2]
     assert np.corrcoef(lift, result.signals[:, 0])[0, 1] > 0.99
     wrong = Tracks(time_, np.arange(20, 26), points, nothing, np.arange(len(time_)))
-    write_any(tmp_path / "wrong.trc", wrong)
+    write_tracks(tmp_path / "wrong.trc", wrong)
     with pytest.raises(CaptureError, match="its markers are 20, 21"):
         process_session(session.folder, tracks=tmp_path / "wrong.trc")
 

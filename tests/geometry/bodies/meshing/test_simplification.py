@@ -19,7 +19,7 @@ from defsense_fab.geometry.bodies.meshing.surface_process import (
     simplified_in_time,
 )
 from defsense_fab.geometry.bodies.meshing.surface_remeshing import _split, remeshed, voxel_surface
-from defsense_fab.geometry.bodies.meshing.tetrahedra import NETGEN, tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import NETGEN, tetrahedralize
 from tests.errors import raises
 
 
@@ -66,7 +66,7 @@ def test_a_fine_surface_is_simplified_within_what_is_told(bean):
 
 @pytest.mark.slow
 def test_the_mesh_of_a_fine_body_has_laid_triangles_and_is_repeatable(bean):
-    made = tetrahedralise(bean, 6.0)
+    made = tetrahedralize(bean, 6.0)
     assert made.way == "Netgen on triangles laid afresh"
     assert made.mesher == NETGEN
     assert made.repeatable
@@ -76,7 +76,7 @@ def test_the_mesh_of_a_fine_body_has_laid_triangles_and_is_repeatable(bean):
     assert found.min_dihedral > 5
     assert abs(found.volume_change) < 2e-3
     assert furthest(made.mesh.boundary(), bean) < 0.2 * 6.0
-    assert tetrahedralise(bean, 6.0).mesh.digest == made.mesh.digest
+    assert tetrahedralize(bean, 6.0).mesh.digest == made.mesh.digest
 
 
 def test_triangles_laid_afresh_are_even_and_lie_on_the_surface(bean):

@@ -19,7 +19,7 @@ from defsense_fab.geometry.bodies.mesh_repair import read_mesh
 from defsense_fab.geometry.bodies.meshing import ftetwild, mesh_quality, netgen, tetrahedra
 from defsense_fab.geometry.bodies.meshing.mesh_quality import facet_gaps, fit_boundary, quality
 from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, raise_told, run, tidy
-from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, NETGEN, tetrahedralise, ways
+from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, NETGEN, tetrahedralize, ways
 from tests.errors import raises
 from tests.places import DEVICES
 
@@ -38,19 +38,19 @@ def blob():
 
 
 def test_a_body_gives_the_same_mesh_every_time(blob, tmp_path, monkeypatch):
-    first = tetrahedralise(blob, 9.0)
+    first = tetrahedralize(blob, 9.0)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    second = tetrahedralise(blob, 9.0)
+    second = tetrahedralize(blob, 9.0)
     assert first.repeatable
     assert second.mesh.digest == first.mesh.digest
 
 
 _DIGEST = """
-from tests.geometry.bodies.meshing.test_tetrahedra import DEVICES, read_mesh, tetrahedralise
+from tests.geometry.bodies.meshing.test_tetrahedra import DEVICES, read_mesh, tetrahedralize
 blob = read_mesh(DEVICES / "blob" / "blob.stl", 1.0, (1.0, 1e4))[0]
-print(tetrahedralise(blob, 9.0).mesh.digest)
+print(tetrahedralize(blob, 9.0).mesh.digest)
 """
 
 
@@ -63,7 +63,7 @@ def test_another_processor_makes_the_same_mesh(blob):
         text=True,
         check=True,
     )
-    assert made.stdout.split() == [tetrahedralise(blob, 9.0).mesh.digest]
+    assert made.stdout.split() == [tetrahedralize(blob, 9.0).mesh.digest]
 
 
 @pytest.mark.parametrize("how", ["killed", "told"])
@@ -79,13 +79,13 @@ def test_a_mesh_made_for_want_of_memory_is_kept_with_the_device(monkeypatch, how
 
     first, *others = ways(ball(10.0, 2), 4.0)
     monkeypatch.setattr(tetrahedra, "ways", lambda *_: [replace(first, make=short), *others])
-    found = tetrahedralise(ball(10.0, 2), 4.0)
+    found = tetrahedralize(ball(10.0, 2), 4.0)
     assert len(found.tried) == 1
     assert not found.repeatable
 
 
 def test_a_curved_body_keeps_its_volume_and_shape(blob):
-    made = tetrahedralise(blob, 7.0)
+    made = tetrahedralize(blob, 7.0)
     found = quality(made.mesh, blob)
     assert abs(found.volume_change) < 0.004
     assert found.boundary_deviation < 0.1 * 7.0
@@ -94,7 +94,7 @@ def test_a_curved_body_keeps_its_volume_and_shape(blob):
 
 @pytest.mark.parametrize("edge_length", [4.0, 7.0])
 def test_edges_are_as_long_as_they_should_be(bar, edge_length):
-    mesh = tetrahedralise(bar, edge_length).mesh
+    mesh = tetrahedralize(bar, edge_length).mesh
     ends = mesh.tets[:, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]].reshape(-1, 2)
     pairs = np.unique(np.sort(ends, axis=1), axis=0)
     edges = np.linalg.norm(np.diff(mesh.nodes[pairs], axis=1)[:, 0], axis=1)
@@ -162,7 +162,7 @@ def only(monkeypatch, mesher):
 def test_what_netgen_cannot_mesh_goes_to_ftetwild(bar, monkeypatch):
     only(monkeypatch, FTETWILD)
     said = []
-    made = tetrahedralise(bar, 14.0, said.append)
+    made = tetrahedralize(bar, 14.0, said.append)
     assert made.mesher == FTETWILD
     assert not made.repeatable
     assert len(made.tried) == 1
@@ -173,7 +173,7 @@ def test_what_netgen_cannot_mesh_goes_to_ftetwild(bar, monkeypatch):
 def test_when_every_way_fails_all_of_them_are_told(blob, monkeypatch):
     only(monkeypatch, "none")
     with raises(MeshingError, "no-mesh") as caught:
-        tetrahedralise(blob, 9.0)
+        tetrahedralize(blob, 9.0)
     tried = caught.value.data["tried"]
     assert len(tried) == len(ways(blob, 9.0))
     for way, reason in zip(ways(blob, 9.0), tried, strict=True):
@@ -191,7 +191,7 @@ def test_what_a_library_raises_leads_to_the_next_way(bar, monkeypatch, error):
 
     first = replace(planned[0], make=fail)
     monkeypatch.setattr(tetrahedra, "ways", lambda *_: [first, *planned])
-    made = tetrahedralise(bar, 14.0)
+    made = tetrahedralize(bar, 14.0)
     assert made.mesher == planned[0].mesher
     assert len(made.tried) == 1
     assert "\n" not in made.tried[0]
@@ -199,7 +199,7 @@ def test_what_a_library_raises_leads_to_the_next_way(bar, monkeypatch, error):
 
 def test_a_time_limit_is_kept_and_told(blob):
     with raises(MeshingError, "no-mesh", limit=1e-3, out_of_time=True):
-        tetrahedralise(blob, 9.0, time_limit=1e-3)
+        tetrahedralize(blob, 9.0, time_limit=1e-3)
 
 
 def test_a_mesh_after_one_that_was_stopped_may_be_another_elsewhere(bar, monkeypatch):
@@ -210,7 +210,7 @@ def test_a_mesh_after_one_that_was_stopped_may_be_another_elsewhere(bar, monkeyp
         return [replace(first, share=1e-9), first]
 
     monkeypatch.setattr(tetrahedra, "ways", planned)
-    made = tetrahedralise(bar, 14.0)
+    made = tetrahedralize(bar, 14.0)
     assert made.stopped
     assert not made.repeatable
     assert made.outgrown(MeshSpec.time_limit + 1)
@@ -224,7 +224,7 @@ def test_a_netgen_that_cannot_be_imported_is_told(bar, monkeypatch, tmp_path):
     (tmp_path / "netgen" / "__init__.py").write_text("raise ImportError('libGLU.so.1 is missing')")
     monkeypatch.syspath_prepend(tmp_path)
     with raises(MeshingError, "mesher-missing", mesher="Netgen", reason="libGLU.so.1 is missing"):
-        tetrahedralise(bar, 14.0)
+        tetrahedralize(bar, 14.0)
 
 
 def test_ftetwild_that_is_not_installed_is_told(bar, monkeypatch, tmp_path):
@@ -238,7 +238,7 @@ def test_ftetwild_that_is_not_installed_is_told(bar, monkeypatch, tmp_path):
 
 
 def test_a_mesh_that_is_not_sound_is_refused(bar, monkeypatch):
-    made = tetrahedralise(bar, 12.0)
+    made = tetrahedralize(bar, 12.0)
     assert made.mesher == NETGEN
     monkeypatch.setattr(mesh_quality, "_SHARPEST", 60.0)
     with raises(MeshingError, "tet-too-flat"):

@@ -7,8 +7,8 @@ from typing import Any
 
 from meshio import vtu
 
-from ..errors import StorageError
-from .build_folder import BUILD_AGAIN
+from .errors import StorageError
+from .device.build_folder import BUILD_AGAIN
 
 
 def read_vtu(path: Path) -> Any:

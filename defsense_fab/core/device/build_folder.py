@@ -1,4 +1,4 @@
-"""Which files of a device's folder are its own, and not results that lie beside it."""
+"""The folder of a finished build, for those who use what it holds."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..device.device import Device
-from ..errors import DeviceError
-from .session_manifest import FILE as SESSION
-from .session_manifest import OLD_FILE as OLD_SESSION
+from ..errors import CaptureError, DeviceError
+from ..storage.session_manifest import FILE as SESSION
+from ..storage.session_manifest import OLD_FILE as OLD_SESSION
+from .device import Device
+
+# Which files of a device's folder are its own, and not results that lie beside it.
 
 #: In a folder of results of `defsense reproduce`.
 REPRODUCED = ".reproduce-lock"
@@ -51,3 +53,19 @@ def _holds(folder: Path, *others: Path | None) -> bool:
     """Whether one of the others lies in it, as also where a link leads back."""
     whole = folder.resolve()
     return any(o is not None and o.resolve().is_relative_to(whole) for o in others)
+
+
+BUILD_AGAIN = "build the device again"
+
+
+def build_folder(device: Device) -> Path:
+    """Where the device's build is, whether it is there or not."""
+    return device.source / "build"
+
+
+def finished_build(device: Device, *needed: str) -> Path:
+    """The folder of a build that has the files `needed`. Raises CaptureError where it has not."""
+    folder = build_folder(device)
+    if not all((folder / name).exists() for name in needed):
+        raise CaptureError(f"{folder}: is not built; run 'defsense build {device.source}' first")
+    return folder

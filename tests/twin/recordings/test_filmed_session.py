@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from defsense_fab.capture.sessions.session import finished, load
 
-from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.cli.main import main
 
 SECONDS, RATE = 15.0, 12.0
@@ -37,7 +37,7 @@ def test_it_is_processed_as_a_recorded_session(filmed):
 
 
 def test_markers_are_where_the_twin_has_them(filmed):
-    tracks = read_any(filmed / "aligned.csv")
+    tracks = read_tracks(filmed / "aligned.csv")
     with np.load(filmed / "truth.npz") as truth:
         order = [list(truth["ids"]).index(n) for n in tracks.ids]
         time, points = truth["time"], truth["points"][:, order]

@@ -12,7 +12,7 @@ from defsense_fab.training.models.model_file import load_model
 from defsense_fab.twin.devices.twin_traits import TwinTraits
 from defsense_fab.twin.recordings.twin_recordings import simulate_recordings, simulate_runs
 
-from defsense_fab.capture.files.formats import read_any
+from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import CaptureError
@@ -135,7 +135,7 @@ def table(path):
 
 def test_files_are_those_of_a_processed_session(written, made):
     run = made.dataset.recordings[0]
-    tracks = read_any(written / "aligned.csv")
+    tracks = read_tracks(written / "aligned.csv")
     assert np.array_equal(tracks.ids, made.dataset.ids)
     assert tracks.time == pytest.approx(run.time, abs=1e-8)
     assert tracks.points == pytest.approx(run.points, abs=1e-6, nan_ok=True)
@@ -222,12 +222,12 @@ def test_what_cannot_be_is_refused(small_bar, words, said, capsys):
 
 
 def test_a_full_disk_leaves_no_half_session(small_bar, tmp_path, monkeypatch, capsys):
-    from defsense_fab.twin.recordings import twin_session
+    from defsense_fab.workflow.sessions import twin_sessions
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(twin_session, "write_text", full)
+    monkeypatch.setattr(twin_sessions, "write_text", full)
     assert main(["twin", str(small_bar), "--minutes", "0.2", "--out", str(tmp_path / "x")]) == 2
     assert "x: the disk is full; free some space" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

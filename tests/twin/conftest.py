@@ -18,9 +18,9 @@ from defsense_fab.geometry.bodies.meshing.mesh_file import MeshRecord, save_mesh
 
 from defsense_fab.core.curve import arc_lengths
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.decoding.expected_errors import Prediction
+from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from tests.conftest import box_surface
 from tests.places import BAR
 
@@ -45,7 +45,7 @@ def build_by_hand(folder, device):
     surface = box_surface([0, -15, -15], [150, 15, 15])
     bounds = np.array([[0, -15, -15], [150, 15, 15]], float)
     save_body(build, BodyRecord(135000.0, False, (), bounds, None), surface)
-    mesh = conform(tetrahedralise(surface, EDGE).mesh, list(device.regions.values()))
+    mesh = conform(tetrahedralize(surface, EDGE).mesh, list(device.regions.values()))
     record = MeshRecord("hand", EDGE, len(mesh.tets), len(mesh.nodes), 10.0, 0.0, 0.0)
     save_mesh(build, mesh, {}, record)
     cords = (cord(0, 6.0, 9.0), cord(1, -6.0, -9.0))

@@ -19,7 +19,7 @@ from ...capture.cameras.rig_file import write_rig
 from ...capture.clocks.led_schedule import LED_PERIOD_MS
 from ...capture.sessions.camera_recorder import CameraRecorder
 from ...capture.sessions.result_files import QUALITY
-from ...capture.sessions.session import BOARD, CAMERAS, LOG, Log, create, load
+from ...capture.sessions.session import BOARD, CAMERAS, create, load, LOG, Log
 from ...capture.tags.tag_patterns import dictionary
 from ...capture.videos.detector_compilation import compile_detector
 from ...core.camera import Camera
@@ -27,16 +27,29 @@ from ...core.device.device import Device
 from ...core.mesh import TetMesh
 from ...core.progress import Progress
 from ...core.storage.files import storage_errors, write_json
-from ...workflow.sessions.processing import process_session
-from ..devices.camera_places import camera_places, led_place
-from ..devices.twin_traits import FilmTraits
-from ..filming.camera_kinds import CAMERA_KINDS, CameraKind, print_patch, simulate_passing_finger
-from ..filming.cameras import RenderedCamera
-from ..scenes.device_motion import draw_sway
-from ..scenes.device_twin import DeviceTwin
-from ..scenes.scene import Backdrop, Led, Patch, Scene
-from .run_files import RUN_1, TRUTH, lit, walked_steps, write_board, write_log, write_truth
-from .twin_recordings import TwinRun, TwinRuns
+from .processing import process_session
+from ...twin.devices.camera_places import place_cameras, place_led
+from ...twin.devices.twin_traits import FilmTraits
+from ...twin.filming.camera_kinds import (
+    CAMERA_KINDS,
+    CameraKind,
+    print_patch,
+    simulate_passing_finger,
+)
+from ...twin.filming.cameras import RenderedCamera
+from ...twin.scenes.device_motion import draw_sway
+from ...twin.scenes.device_twin import DeviceTwin
+from ...twin.scenes.scene import Backdrop, Led, Patch, Scene
+from ...twin.recordings.run_files import (
+    is_led_on,
+    RUN_1,
+    TRUTH,
+    list_steps,
+    write_samples,
+    write_log,
+    write_truth,
+)
+from ...twin.recordings.twin_recordings import TwinRun, TwinRuns
 
 _LOOK = 0.5  # s between looks at how far the cameras are
 _LATEST = 0.2  # of a picture's time, that its stamp is late at most, so that stamps stay in order
@@ -50,18 +63,18 @@ def film_session(
     run, seed = made.runs[number], [int(made.dataset.provenance["seed"]), number, 7]
     rng = np.random.default_rng(seed)
     kind, scenes = CAMERA_KINDS[film.kind], _Scenes(made, run, film, rng)
-    cameras = camera_places(scenes.twin.rest, made.markers, film.count)
-    scenes.led_at = led_place(cameras[0], scenes.twin.rest)
+    cameras = place_cameras(scenes.twin.rest, made.markers, film.count)
+    scenes.led_at = place_led(cameras[0], scenes.twin.rest)
     write_rig(folder / CAMERAS, [_calibrated(c, film, rng) for c in cameras], {"twin": True})
     create(
-        folder, device=device.name, steps=walked_steps(run), channels=made.dataset.channels,
+        folder, device=device.name, steps=list_steps(run), channels=made.dataset.channels,
         reference=made.converter.reference.tolist(), calibration=folder / CAMERAS,
         markers=made.markers, unit=run.recording.unit, layout=made.dataset.layout,
     )  # fmt: skip
     session = load(folder)
     with storage_errors(folder):
         (folder / RUN_1).mkdir()
-    write_board(folder / RUN_1 / BOARD, made, run, device.converter, LED_PERIOD_MS)
+    write_samples(folder / RUN_1 / BOARD, made, run, device.converter, LED_PERIOD_MS)
     tags = dictionary(session.markers.dictionary)
     compile_detector(session.rig.cameras[0], tags, lambda text: progress("filming", 0.0, text))
     lasts = float(run.walk.times[-1])
@@ -152,7 +165,7 @@ class _Scenes:
         self._hand = draw_sway(rng, bounds.mean(axis=0), shift=film.steady, degrees=film.steady)
         self._around = Scene(backdrop=Backdrop(), gloss=kind.gloss)
         towards = np.mean(
-            [c.center for c in camera_places(skin, markers, film.count)], axis=0
+            [c.center for c in place_cameras(skin, markers, film.count)], axis=0
         ) - bounds.mean(axis=0)
         way = towards / np.linalg.norm(towards)
         self._passing = simulate_passing_finger(rng, bounds, way) if kind.passing else None
@@ -162,7 +175,7 @@ class _Scenes:
         found = self.twin.scene(states, self._hand.pose_at(seconds), self._around)
         if self._passing is not None:
             found = found.replace(occluders=self._passing(seconds))
-        return found.replace(led=Led(self.led_at, lit(self._made, seconds, LED_PERIOD_MS), radius=3.0))
+        return found.replace(led=Led(self.led_at, is_led_on(self._made, seconds, LED_PERIOD_MS), radius=3.0))
 
 
 def _moments(

@@ -10,18 +10,25 @@ import numpy as np
 
 from ...capture.sessions.processed_session import ProcessedSession
 from ...capture.sessions.result_files import quantiles, write_results
-from ...capture.sessions.session import BOARD, LOG, CaptureSession, create, load
+from ...capture.sessions.session import BOARD, CaptureSession, create, load, LOG
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
 from ...core.progress import Progress, silent
-from ...core.storage.files import replacing_folder, storage_errors, write_text
+from ...core.storage.files import replace_folder, storage_errors, write_text
 from ...report.session_page import lengths
 from ...sensing.response import relative_change
 from .filmed_session import film_session, process_filmed
-from .run_files import RUN_1, TRUTH, walked_steps, write_board, write_log, write_truth
-from .twin_recordings import TwinRun, TwinRuns
+from ...twin.recordings.run_files import (
+    RUN_1,
+    TRUTH,
+    list_steps,
+    write_samples,
+    write_log,
+    write_truth,
+)
+from ...twin.recordings.twin_recordings import TwinRun, TwinRuns
 
 ASSUMPTIONS = "assumptions.md"
 
@@ -37,7 +44,7 @@ def write_sessions(
     folders = [out / f"session-{k + 1}" if several else out for k in range(len(made.runs))]
     for k, (folder, run) in enumerate(zip(folders, made.runs, strict=True)):
         progress("writing", k / len(folders), str(folder))
-        with replacing_folder(folder) as temporary:
+        with replace_folder(folder) as temporary:
             if film is None:
                 _write_session(temporary, folder, device, made, run)
             else:
@@ -64,14 +71,14 @@ def check_free(out: Path, sessions: int) -> None:
 def _write_session(folder: Path, final: Path, device: Device, made: TwinRuns, run: TwinRun) -> None:
     """Into an empty `folder`, that is to be at `final`."""
     create(
-        folder, device=device.name, steps=walked_steps(run), channels=made.dataset.channels,
+        folder, device=device.name, steps=list_steps(run), channels=made.dataset.channels,
         reference=made.converter.reference.tolist(), calibration=None, markers=made.markers,
         unit=run.recording.unit, layout=made.dataset.layout,
     )  # fmt: skip
     session = load(folder)
     with storage_errors(folder):
         (folder / RUN_1).mkdir()
-    write_board(folder / RUN_1 / BOARD, made, run, device.converter)
+    write_samples(folder / RUN_1 / BOARD, made, run, device.converter)
     write_log(folder / RUN_1 / LOG, run)
     write_results(folder, session, _processed(final, session, made, run))
     write_truth(folder / TRUTH, session.channels, made, run.truth)
