@@ -23,6 +23,7 @@ from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.machine.optional_libraries import optional
 from ...core.markers import Tracks
+from ...core.storage.files import replace_file
 from .track_conversion import (
     MAX_JITTER,
     FrameGrid,
@@ -89,7 +90,7 @@ def write_c3d(path: Path, tracks: Tracks) -> None:
     # As text, because the numbers of C3D have single precision.
     file.add_parameter(_GROUP, "OFFSET", [f"{start - first * period:.9f}"])
     file.add_parameter(_GROUP, "PERIOD", [f"{period:.15g}"])
-    with replacing(path) as temporary:
+    with replace_file(path) as temporary:
         file.write(str(temporary))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from ...core.errors import CaptureError
 from ...core.machine.optional_libraries import optional
 from ...core.markers import Tracks
+from ...core.storage.files import replace_file
 from .c3d import read_c3d, write_c3d
 from .track_conversion import WrittenFrames, frame_grid, on_even_frames
 from .tracks_csv import COLUMNS, check_size, from_rows, read_csv, to_rows, write_csv
@@ -30,7 +31,7 @@ def check_suffix(path: Path) -> None:
     _format(path)
 
 
-def write_csv(path: Path, tracks: Tracks) -> WrittenFrames:
+def write_tracks(path: Path, tracks: Tracks) -> WrittenFrames:
     """Write tracks as .csv, .npz, .parquet, .c3d or .trc.
 
     All formats get the same frames, those of `on_even_frames`.
@@ -53,7 +54,7 @@ def write_csv(path: Path, tracks: Tracks) -> WrittenFrames:
     return written
 
 
-def read_csv(path: Path) -> Tracks:
+def read_tracks(path: Path) -> Tracks:
     """Read tracks from .csv, .npz, .parquet, .c3d or .trc.
 
     Raises:
@@ -65,7 +66,7 @@ def read_csv(path: Path) -> Tracks:
 def write_npz(path: Path, tracks: Tracks) -> None:
     """Write all arrays of the tracks by name, compressed."""
     arrays = {name: np.asarray(getattr(tracks, name), kind) for name, kind in _ARRAYS.items()}
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replace_file(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
@@ -125,7 +126,7 @@ def write_parquet(path: Path, tracks: Tracks) -> None:
         name: rows[:, i].astype(np.int64) if name in ("frame", "id") else rows[:, i]
         for i, name in enumerate(COLUMNS)
     }
-    with replacing(path) as temporary:
+    with replace_file(path) as temporary:
         parquet.write_table(arrow.table(columns), temporary)
 
 

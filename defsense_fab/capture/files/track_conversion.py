@@ -1,7 +1,7 @@
 """Prepare tracks for motion-capture formats: axes, marker labels and even frames.
 
-Formats of motion capture have one rate and every frame. So that tracks are the same in every format,
-all formats get the frames that a camera dropped, as frames without markers. Positions are never
+Formats of motion capture have one rate and every frame. To make tracks alike in every format, all
+formats get the frames that a camera dropped, as frames without markers. Positions are never
 interpolated.
 """
 

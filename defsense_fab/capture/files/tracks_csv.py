@@ -5,8 +5,8 @@ row. A marker that is never visible has one row in the first frame. Unknown valu
 
 A table may leave out markers that were not visible. So a damaged or hostile file of some kB, each
 row of which names another frame and another marker, would fill all memory. Reading may therefore
-take at most 64 MB and a hundred times the size of the file: in CSV, a marker then must be visible in
-about every hundredth frame.
+take at most 64 MB and a hundred times the size of the file: in CSV, a marker must then be visible
+in about every hundredth frame.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
+from ...core.storage.files import replace_file
 
 COLUMNS = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
 BYTES_PER_MARKER = 48  # in a frame: position and standard deviations

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
+from ...core.storage.files import replace_file
 from .track_conversion import LabeledTracks, frame_grid, marker_labels, marker_numbers
 from .tracks_csv import BYTES_PER_MARKER, check_size
 
