@@ -1,11 +1,11 @@
-"""A disk that takes so many bytes and no more."""
+"""A disk with little free space."""
 
 import errno
 import os
 
 
 class FullDisk:
-    """The file of a RowFile, with `room` (bytes) for what is written from now on."""
+    """The file of a `RowFile` on a disk with `room` free bytes."""
 
     def __init__(self, file, room):
         self._file, self.room = file, room

@@ -7,7 +7,7 @@ from tests.runtime.live_frames import frame
 
 
 def bar(along=12, around=8):
-    """A closed tube of 100 mm and its faces: vertices (v, 3) mm, z along it."""
+    """Return vertices (v, 3), mm, and faces of a closed tube of 100 mm along z."""
     angle = np.arange(around) * 2 * np.pi / around
     ring = np.stack([10 * np.cos(angle), 6 * np.sin(angle)], axis=1)
     heights = np.linspace(0, 100, along)
@@ -26,7 +26,7 @@ def bar(along=12, around=8):
 
 
 def moved(vertices, time):
-    """The bar at a time (s): bent by up to 90 degrees, twisted by up to 30, stretched by 10 %."""
+    """Return the bar at a time (s): bent up to 90 degrees, twisted up to 30, stretched 10 %."""
     bend = np.deg2rad(90) * np.sin(1.3 * time) / 100
     twist = np.deg2rad(30) * np.sin(2.1 * time) / 100
     x, y, z = vertices.T
@@ -52,6 +52,6 @@ def animation(count=90, fps=30.0, **size):
 
 
 def frames(seconds, rate, vertices, start=0.0):
-    """Live frames of the bar, at a rate (Hz)."""
+    """Yield live frames of the bar at a rate (Hz)."""
     for k in range(round(seconds * rate) + 1):
         yield frame(k, time=start + k / rate, vertices=moved(vertices, k / rate))

@@ -11,7 +11,7 @@ from typing import Any
 from ...core.device.device import Device
 from ...core.errors import DefsenseError, TrainingError
 from ...core.device.build_folder import build_folder
-from ...sensing.layout import LAYOUT, LayoutRecord, load_layout
+from ...store.layout import LAYOUT, LayoutRecord, load_layout
 from ...training.models.model_file import MODEL, is_model, load_model
 from .model_fit import Misfit, misfit
 

@@ -15,7 +15,7 @@ from ...core.errors import LiveError
 from ...core.mesh import Surface
 from ...core.device.build_folder import build_folder
 from ...decoding.trained_model import TrainedModel
-from ...sensing.layout import LAYOUT, layout_hash, load_layout
+from ...store.layout import LAYOUT, layout_hash, load_layout
 from ...training.models.model_file import load_model
 from ...twin.devices.simulated_device import SimulatedDevice, load_simulated_device
 from ..controls.pose_amplitudes import PoseBasis, PoseRamp

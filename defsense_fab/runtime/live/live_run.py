@@ -23,7 +23,7 @@ from ..controls.control_spec import ControlSpec
 from ..controls.pose_amplitudes import RADIUS_90
 from ..frames.live_decoder import LiveDecoder
 from ..outputs.live_file import open_outputs
-from ..outputs.output import NewestWins
+from ..outputs.output import LatestFrameSender
 from ..outputs.settings import Settings as OutputSettings
 from ..surface.live_surface import LiveSurface, Mode
 from ..view.live_scene import ViewedDevice
@@ -78,7 +78,7 @@ class LiveRun:
     device: str
     port: str
     loop: LiveLoop
-    outputs: Sequence[NewestWins]
+    outputs: Sequence[LatestFrameSender]
     view: LiveView | None
     recording: RawRecording | None
     animations: Animations | None = None
@@ -129,7 +129,7 @@ def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent)
         actions = panel_actions(decoder, animations, folder)
         if options.view is not None:
             view = LiveView(_viewed(live), actions, options.view)
-            views.append(NewestWins("view", partial(_same, view), _VIEW_RATE))
+            views.append(LatestFrameSender("view", partial(_same, view), _VIEW_RATE))
             undo.callback(view.close)
         outputs = open_outputs(options.outputs)
         for each in outputs:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.device.device import Device, Sensor
 from ...decoding.trained_model import TrainedModel
-from ...sensing.layout import LayoutRecord, layout_hash
+from ...store.layout import layout_hash, LayoutRecord
 
 _MOVED = 0.01  # mm
 

@@ -1,1 +1,1 @@
-"""What the live loop sends to other programs and devices, each by a plug behind one interface."""
+"""Send live frames to other programs and devices, each by an output with the same interface."""

@@ -1,16 +1,17 @@
-"""Open Sound Control over UDP: to TouchDesigner, Max, Pure Data, Wekinator, TouchOSC and the like.
+"""Send frames by Open Sound Control over UDP: to TouchDesigner, Max, Pure Data, TouchOSC and others.
 
-Of a frame of `bar`, all in bundles stamped with the time of the sample (NTP, this machine's clock):
+The messages of a frame of the device `bar`:
 
     /defsense/bar/control/bend_up      0.42             each control
     /defsense/bar/confidence/bend_up   0.97             0..1
-    /defsense/bar/marker/7             x y z radius     mm, in the rest frame; radius 0: not known
-    /defsense/bar/quality              3 "trusted"      3 the best to 0 the worst
+    /defsense/bar/marker/7             x y z radius     mm, in the rest frame; radius 0: unknown
+    /defsense/bar/quality              3 "trusted"      3 (the best) to 0
     /defsense/bar/time                 12.34 567        s on the board's clock (double), number
-    /1/fader1 ...                      0.42             TouchOSC's faders on page 1, in their order
+    /1/fader1 ...                      0.42             TouchOSC's faders on page 1, in order
 
-and beside them `/wek/inputs` with all controls in one message without a bundle, as Wekinator reads.
-Nothing is received: whatever is sent to the port that this sends from is not read.
+They are sent in bundles with the time of the sample (NTP, this machine's clock). For Wekinator,
+`/wek/inputs` has all controls in one message without a bundle. Nothing is received: whatever is
+sent to the port of this program is ignored.
 """
 
 from __future__ import annotations
@@ -23,60 +24,72 @@ import time
 from functools import lru_cache
 
 from ...core.errors import OutputError
-from ..frames.live_frame import LiveFrame
-from .output import finite
+from ..frames.live_frame import LiveFrame, Note
+from .output import finite_or_zero
 from .settings import OscSettings
 
-# Messages and bundles of Open Sound Control 1.0 as bytes.
-#
-# A frame with forty markers takes 0.14 ms here and 0.9 ms with python-osc, in which the loop's thread
-# would have to wait for the interpreter; tests read what comes out with python-osc.
-
-_SINCE_1900 = 2_208_988_800  # s, of 1970: NTP counts from 1900
+_MAX_DATAGRAM_BYTES = 1400  # longer ones are fragmented, and lost as a whole
+_SECONDS_1900_TO_1970 = 2_208_988_800  # NTP counts from 1900
 _FORBIDDEN = re.compile(r"[^!-~]|[#*,/?\[\]{}]")  # in a part of an address
+_CONGESTED = Note(
+    "network-congested", "osc: the network takes fewer frames than are sent; set rate"
+)
 
 
 class Double(float):
-    """A number of which a float of four bytes would lose too much."""
+    """A number that is encoded with eight bytes, because four would lose too much."""
 
 
 Argument = float | int | str
 
 
-def message(address: str, *values: Argument) -> bytes:
-    """Numbers with a point become floats, `Double`s doubles, whole numbers 32-bit integers, texts
-    strings of ASCII."""
+def encode_message(address: str, *values: Argument) -> bytes:
+    """Encode a message of Open Sound Control 1.0.
+
+    A frame with forty markers takes 0.14 ms here and 0.9 ms with python-osc, during which the
+    loop's thread would have to wait for the interpreter.
+
+    Args:
+        address: The address.
+        values: Floats become floats, `Double` values doubles, integers 32-bit integers, and texts
+            ASCII strings.
+    """
     tags = "".join(_tag(value) for value in values)
-    head, numbers = _head(address, tags)
+    head, numbers = _encode_head(address, tags)
     if numbers is not None:
         return head + numbers.pack(*values)
     parts = [head]
     for tag, value in zip(tags, values, strict=True):
         if isinstance(value, str):
-            parts.append(_padded(value))
+            parts.append(_pad(value))
         else:
             parts.append(struct.pack(f">{tag}", value))
     return b"".join(parts)
 
 
-def bundles(messages: list[bytes], stamp: float, longest: int) -> list[bytes]:
-    """Datagrams of at most `longest` bytes, unless one message alone is longer, with the messages
-    in bundles of the time `stamp` (s since 1970)."""
-    seconds, fraction = divmod(stamp + _SINCE_1900, 1)
+def encode_bundles(messages: list[bytes], stamp: float, max_bytes: int) -> list[bytes]:
+    """Pack messages into bundles, one per datagram.
+
+    Args:
+        messages: Encoded messages.
+        stamp: Time of the bundles, s since 1970.
+        max_bytes: Largest size of a datagram, unless a single message is larger.
+    """
+    seconds, fraction = divmod(stamp + _SECONDS_1900_TO_1970, 1)
     head = b"#bundle\0" + struct.pack(">II", int(seconds) & 0xFFFFFFFF, int(fraction * 2**32))
-    out, parts, size = list[bytes](), [head], len(head)
+    bundles, parts, size = list[bytes](), [head], len(head)
     for content in messages:
-        if len(parts) > 1 and size + 4 + len(content) > longest:
-            out.append(b"".join(parts))
+        if len(parts) > 1 and size + 4 + len(content) > max_bytes:
+            bundles.append(b"".join(parts))
             parts, size = [head], len(head)
         parts += [struct.pack(">i", len(content)), content]
         size += 4 + len(content)
-    out.append(b"".join(parts))
-    return out
+    bundles.append(b"".join(parts))
+    return bundles
 
 
 def address_part(name: str) -> str:
-    """A name as part of an address, in which some characters have a meaning."""
+    """Return a name for use in an address, without the characters that are reserved there."""
     return _FORBIDDEN.sub("_", name) or "_"
 
 
@@ -89,28 +102,65 @@ def _tag(value: Argument) -> str:
 
 
 @lru_cache(maxsize=4096)
-def _head(address: str, tags: str) -> tuple[bytes, struct.Struct | None]:
-    """What stands before the values, and how these are packed where all are numbers."""
+def _encode_head(address: str, tags: str) -> tuple[bytes, struct.Struct | None]:
+    """Return the bytes before the values, and the packing of the values if all are numbers."""
     numbers = struct.Struct(f">{tags}") if "s" not in tags else None
-    return _padded(address) + _padded(f",{tags}"), numbers
+    return _pad(address) + _pad(f",{tags}"), numbers
 
 
-def _padded(text: str) -> bytes:
-    """With one to four zeros, to a multiple of four bytes."""
+def _pad(text: str) -> bytes:
+    """Encode a text with one to four zeros, to a multiple of four bytes."""
     data = text.encode("ascii", "replace").replace(b"\0", b"?")
     return data + b"\0" * (4 - len(data) % 4)
 
 
-_LONGEST = 1400  # bytes of a datagram: longer ones are cut up on the way, and lost as a whole
+def frame_messages(frame: LiveFrame, send: frozenset[str], page: int = 1) -> list[bytes]:
+    """Return the encoded messages of a frame; quality and time come last.
+
+    Args:
+        frame: The frame.
+        send: Kinds of messages, as in `OscSettings.send`.
+        page: Page of TouchOSC's faders.
+    """
+    base, messages = f"/defsense/{address_part(frame.device)}", []
+    if "controls" in send:
+        for name, value in frame.controls.items():
+            address = f"{base}/control/{address_part(name)}"
+            messages.append(encode_message(address, finite_or_zero(value)))
+    if "confidence" in send:
+        for name, value in frame.confidence.items():
+            address = f"{base}/confidence/{address_part(name)}"
+            messages.append(encode_message(address, finite_or_zero(value)))
+    if "touchosc" in send:
+        for n, value in enumerate(frame.controls.values(), 1):
+            messages.append(encode_message(f"/{page}/fader{n}", finite_or_zero(value)))
+    if "markers" in send:
+        rows = zip(frame.ids, frame.markers.tolist(), frame.radius.tolist(), strict=True)
+        for number, position, radius in rows:
+            if all(map(math.isfinite, position)):
+                address = f"{base}/marker/{number}"
+                messages.append(encode_message(address, *position, finite_or_zero(radius)))
+    if "quality" in send:
+        quality = frame.quality
+        messages.append(encode_message(f"{base}/quality", quality.level, str(quality)))
+    stamp = Double(finite_or_zero(frame.time))
+    messages.append(encode_message(f"{base}/time", stamp, frame.number & 0x7FFFFFFF))
+    return messages
 
 
 class OscOutput:
-    """An `Output` to one receiver."""
+    """An `Output` to one receiver.
+
+    Args:
+        settings: Host, ports and kinds of messages.
+
+    Raises:
+        OutputError: The host is unknown.
+    """
 
     name = "osc"
 
     def __init__(self, settings: OscSettings) -> None:
-        """Raises OutputError where the host is not known."""
         self._settings, self._send = settings, frozenset(settings.send)
         try:
             family, _, _, _, address = socket.getaddrinfo(
@@ -124,67 +174,47 @@ class OscOutput:
                 action="Check host",
                 host=settings.host,
             ) from None
-        self._to = (address[0], settings.port)
+        self._receiver = (address[0], settings.port)
         self._wekinator = (address[0], settings.wekinator_port)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         self._socket.setblocking(False)
-        self._full = False
+        self._is_congested = False
 
     @property
     def about(self) -> str:
+        """Description of what is sent where."""
         s = self._settings
-        also = f", /wek/inputs to port {s.wekinator_port}" if "wekinator" in s.send else ""
+        more = f", /wek/inputs to port {s.wekinator_port}" if "wekinator" in s.send else ""
         if "touchosc" in s.send:
-            also += f", /{s.page}/fader1 and on"
-        return f"osc: sends to {s.host}:{s.port} (UDP){also}"
+            more += f", faders from /{s.page}/fader1"
+        return f"osc: sends to {s.host}:{s.port} (UDP){more}"
 
     @property
-    def trouble(self) -> str | None:
-        return "osc: the network takes fewer frames than are sent; set rate" if self._full else None
+    def trouble(self) -> Note | None:
+        """A note if the network drops frames."""
+        return _CONGESTED if self._is_congested else None
 
     def send(self, frame: LiveFrame) -> None:
+        """Send the messages of a frame; raise OutputError if the receiver cannot be reached."""
         try:
             if self._send != {"wekinator"}:
                 stamp = time.time() - (time.monotonic() - frame.arrived)
-                for datagram in bundles(
-                    messages(frame, self._send, self._settings.page), stamp, _LONGEST
-                ):
-                    self._socket.sendto(datagram, self._to)
+                messages = frame_messages(frame, self._send, self._settings.page)
+                for datagram in encode_bundles(messages, stamp, _MAX_DATAGRAM_BYTES):
+                    self._socket.sendto(datagram, self._receiver)
             if "wekinator" in self._send and frame.controls:
-                values = [finite(v) for v in frame.controls.values()]
-                self._socket.sendto(message("/wek/inputs", *values), self._wekinator)
-            self._full = False
+                values = [finite_or_zero(v) for v in frame.controls.values()]
+                self._socket.sendto(encode_message("/wek/inputs", *values), self._wekinator)
+            self._is_congested = False
         except BlockingIOError:
-            self._full = True  # this frame is lost, as any of UDP may be
+            self._is_congested = True  # this frame is lost, as datagrams may be
         except OSError as error:
-            where = f"{self._settings.host}:{self._settings.port}"
+            receiver = f"{self._settings.host}:{self._settings.port}"
             raise OutputError(
-                f"cannot send to {where}: {error.strerror}", code="send-failed", where="osc"
+                f"cannot send to {receiver}: {error.strerror}", code="send-failed", where="osc"
             ) from None
 
     def close(self) -> None:
+        """Close the socket."""
         self._socket.close()
-
-
-def messages(frame: LiveFrame, send: frozenset[str], page: int = 1) -> list[bytes]:
-    """The messages of a frame, with faders on a `page`; the quality and the time come last."""
-    base, out = f"/defsense/{address_part(frame.device)}", []
-    if "controls" in send:
-        for name, value in frame.controls.items():
-            out.append(message(f"{base}/control/{address_part(name)}", finite(value)))
-    if "confidence" in send:
-        for name, value in frame.confidence.items():
-            out.append(message(f"{base}/confidence/{address_part(name)}", finite(value)))
-    if "touchosc" in send:
-        for n, value in enumerate(frame.controls.values(), 1):
-            out.append(message(f"/{page}/fader{n}", finite(value)))
-    if "markers" in send:
-        rows = zip(frame.ids, frame.markers.tolist(), frame.radius.tolist(), strict=True)
-        for number, place, radius in rows:
-            if all(map(math.isfinite, place)):
-                out.append(message(f"{base}/marker/{number}", *place, finite(radius)))
-    if "quality" in send:
-        out.append(message(f"{base}/quality", frame.quality.level, str(frame.quality)))
-    out.append(message(f"{base}/time", Double(finite(frame.time)), frame.number & 0x7FFFFFFF))
-    return out

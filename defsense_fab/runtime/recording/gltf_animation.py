@@ -1,10 +1,10 @@
-"""Animations in glTF 2.0 (Khronos 2021), one binary file with morph targets.
+"""Write animations in glTF 2.0 (Khronos 2021), as one binary file with morph targets.
 
-Positions are metres with y up, as glTF has them: x, z, -y of the device's millimetres, written so
-and not by a node's scale, so that meshes can be taken out of their scene. The mesh is the surface
-at rest; its targets are principal components of the motion (`deformation_basis`), so that the file
-grows with vertices plus frames and not with their product. Weights are 0 to 1. Normals are left
-out: they would turn with the surface, and readers then shade it flat or work them out themselves.
+Positions are in meters with y up, as glTF prescribes: x, z, -y of the device's millimeters. They
+are converted rather than scaled by a node, so that meshes can be taken out of their scene. The mesh
+is the surface at rest. Its targets are principal components of the motion (`deformation_basis`), so
+that the file grows with vertices plus frames, not with their product. Weights are 0 to 1. Normals
+are omitted: they would turn with the surface; readers shade it flat or compute normals themselves.
 """
 
 from __future__ import annotations
@@ -23,22 +23,21 @@ from ...core.storage.files import replace_file
 from ...core.version import __version__
 from .animation import Animation, AnimationFile, Float32
 
-# An animation as few shapes with weights that vary over time.
-#
-# x(t) = rest + sum_k w_k(t) T_k with the principal components T_k of the displacements (Alexa &
-# Mueller 2000, Representing animations by principal components): as many as keep every vertex of
-# every frame within a tolerance. Found in passes over the frames, so that memory does not grow with
-# their number: a basis is widened by what it leaves of each chunk, then turned to its principal
-# components.
-
 
 @dataclass(frozen=True)
 class DeformationBasis:
-    """`targets` (k, v, 3) mm and `weights` (n, k), 0 to 1, of the animation's frames. The first
-    target is always at 1: it brings rest to where all others only add, as programs cut weights
-    below 0 off (Blender's shape keys). The others are the principal components, the largest first.
-    `error` (mm) is the largest distance of a vertex from where it was recorded, with both as they
-    are."""
+    """An animation as a few shapes with weights that vary over time.
+
+    The first target always has the weight 1: it offsets the rest so that all other targets are
+    only added, because programs clip negative weights (Blender's shape keys). The others are the
+    principal components, the largest first.
+
+    Attributes:
+        targets: Shapes (k, v, 3), mm.
+        weights: Weights (n, k) of the animation's frames, 0 to 1.
+        error: Largest distance of a vertex from where it was recorded, mm, with the rounding of
+            both.
+    """
 
     targets: Float32
     weights: Float32
@@ -46,116 +45,154 @@ class DeformationBasis:
 
 
 def deformation_basis(
-    animation: Animation, tolerance: float = 0.02, most: int = 128
+    animation: Animation, tolerance: float = 0.02, max_targets: int = 128
 ) -> DeformationBasis:
-    """With one to so many (`most`) components; where these do not reach the `tolerance` (mm),
-    `error` says what they reach. Raises LiveError where a position is not finite."""
-    wide = _span(animation, tolerance / 2, 2 * most)
-    gram = np.zeros((len(wide), len(wide)))
-    for _, moved in animation.chunks():
-        weights = moved @ wide.T
+    """Return the principal components that keep every vertex of every frame within a tolerance.
+
+    x(t) = rest + sum_k w_k(t) T_k with the principal components T_k of the displacements. The
+    frames are read in several passes, so that memory does not grow with their number: a basis is
+    extended by the residual of each chunk, then rotated to its principal components.
+
+    Args:
+        animation: The animation.
+        tolerance: Largest distance of a vertex from where it was recorded, mm.
+        max_targets: Largest number of components, at least 1. If it does not suffice, `error` is
+            larger than the tolerance.
+
+    Raises:
+        LiveError: A position is not finite.
+
+    References:
+        Alexa, Mueller: Representing animations by principal components, 2000.
+    """
+    span = _spanning_directions(animation, tolerance / 2, 2 * max_targets)
+    gram = np.zeros((len(span), len(span)))
+    for _, displacements in animation.chunks():
+        weights = displacements @ span.T
         gram += weights.T @ weights
-    turned = np.linalg.eigh(gram)[1].T[::-1] @ wide
-    count = min(_needed(animation, turned, tolerance), most)
+    components = np.linalg.eigh(gram)[1].T[::-1] @ span
+    count = min(_needed_directions(animation, components, tolerance), max_targets)
     while True:
-        basis = _written(animation, turned[:count])
-        if basis.error <= tolerance or count >= min(most, len(turned)):
+        basis = _rounded_basis(animation, components[:count])
+        if basis.error <= tolerance or count >= min(max_targets, len(components)):
             return basis
         count += 1
 
 
-def _span(animation: Animation, tolerance: float, most: int) -> Float:
-    """Orthonormal directions (k, 3v) whose span holds every vertex within a tolerance (mm)."""
-    found = np.zeros((1, animation.rest.size))
-    found[0, 0] = 1.0  # of an animation without motion
-    used = 0
-    for _, moved in animation.chunks():
-        left = moved - (moved @ found[:used].T) @ found[:used] if used else moved
-        left = left[_largest(left) > tolerance]
-        while len(left) and used < most:
-            # The directions of the frames that are left, from the small matrix of their products.
-            values, vectors = np.linalg.eigh(left @ left.T)
+def _spanning_directions(animation: Animation, tolerance: float, max_targets: int) -> Float:
+    """Return orthonormal directions (k, 3v) that span all frames within a tolerance (mm)."""
+    directions = np.zeros((1, animation.rest.size))
+    directions[0, 0] = 1.0  # for an animation without motion
+    count_used = 0
+    for _, displacements in animation.chunks():
+        residual = (
+            displacements - (displacements @ directions[:count_used].T) @ directions[:count_used]
+            if count_used
+            else displacements
+        )
+        residual = residual[_largest_distance(residual) > tolerance]
+        while len(residual) and count_used < max_targets:
+            # The directions of the remaining frames, from the small matrix of their products.
+            values, vectors = np.linalg.eigh(residual @ residual.T)
             keep = values[::-1] > 1e-12 * values[-1]
-            new = vectors.T[::-1][keep] @ left
+            new = vectors.T[::-1][keep] @ residual
             new /= np.linalg.norm(new, axis=1, keepdims=True)
-            count = _enough(left, new, tolerance)
-            new = _orthonormal(new[: min(count, most - used)], found[:used])
-            found = np.concatenate([found[:used], new])
-            used = len(found)
-            left = left - (left @ new.T) @ new
-            left = left[_largest(left) > tolerance]
-    return found
+            count = _sufficient_count(residual, new, tolerance)
+            new = _orthonormal(new[: min(count, max_targets - count_used)], directions[:count_used])
+            directions = np.concatenate([directions[:count_used], new])
+            count_used = len(directions)
+            residual = residual - (residual @ new.T) @ new
+            residual = residual[_largest_distance(residual) > tolerance]
+    return directions
 
 
-def _enough(moved: Float, directions: Float, tolerance: float) -> int:
-    """How many of orthonormal directions hold every vertex, found by halving; all where none do."""
+def _sufficient_count(displacements: Float, directions: Float, tolerance: float) -> int:
+    """Return, by bisection, how many of the orthonormal directions are needed; all at most."""
     low, high = 0, len(directions)
     while high - low > 1:
         middle = (low + high) // 2
         part = directions[:middle]
-        within = _largest(moved - (moved @ part.T) @ part).max() <= tolerance
+        within = (
+            _largest_distance(displacements - (displacements @ part.T) @ part).max() <= tolerance
+        )
         low, high = (low, middle) if within else (middle, high)
     return high
 
 
-def _orthonormal(new: Float, found: Float) -> Float:
-    """`new` without what rounding left of its products with itself and with what was `found`."""
+def _orthonormal(new: Float, directions: Float) -> Float:
+    """Orthonormalize `new` among itself and against `directions`, twice because of rounding."""
     for _ in range(2):
-        if len(found):
-            new = new - (new @ found.T) @ found
+        if len(directions):
+            new = new - (new @ directions.T) @ directions
         new = np.linalg.qr(new.T)[0].T
     return new
 
 
-def _needed(animation: Animation, directions: Float, tolerance: float) -> int:
-    """The first so many directions that hold all frames, by the frames one after another."""
+def _needed_directions(animation: Animation, directions: Float, tolerance: float) -> int:
+    """Return how many leading directions keep all frames within the tolerance."""
     count = 1
-    for _, moved in animation.chunks():
-        left = moved - (moved @ directions[:count].T) @ directions[:count]
-        left = left[_largest(left) > tolerance]
-        while len(left) and count < len(directions):
-            left = left - np.outer(left @ directions[count], directions[count])
-            left = left[_largest(left) > tolerance]
+    for _, displacements in animation.chunks():
+        residual = displacements - (displacements @ directions[:count].T) @ directions[:count]
+        residual = residual[_largest_distance(residual) > tolerance]
+        while len(residual) and count < len(directions):
+            residual = residual - np.outer(residual @ directions[count], directions[count])
+            residual = residual[_largest_distance(residual) > tolerance]
             count += 1
     return count
 
 
-def _written(animation: Animation, directions: Float) -> DeformationBasis:
-    """Rounded to float32, with the error that this leaves."""
-    weights = np.concatenate([moved @ directions.T for _, moved in animation.chunks()])
+def _rounded_basis(animation: Animation, directions: Float) -> DeformationBasis:
+    """Return the basis rounded to float32, with the resulting error."""
+    weights = np.concatenate(
+        [displacements @ directions.T for _, displacements in animation.chunks()]
+    )
     low = weights.min(axis=0)
     scale = weights.max(axis=0) - low
     shares = (weights - low) / np.where(scale > 0, scale, 1.0)
     rounded = np.column_stack([np.ones(len(shares)), shares]).astype(np.float32)
     targets = np.vstack([low @ directions, directions * scale[:, None]]).astype(np.float32)
     error = 0.0
-    for part, moved in animation.chunks():
-        shown = rounded[part].astype(float) @ targets.astype(float)
-        error = max(error, float(_largest(moved - shown).max()))
+    for part, displacements in animation.chunks():
+        rounded_shapes = rounded[part].astype(float) @ targets.astype(float)
+        error = max(error, float(_largest_distance(displacements - rounded_shapes).max()))
     return DeformationBasis(targets.reshape(len(targets), -1, 3), rounded, error)
 
 
-def _largest(moved: Float) -> Float:
-    """The largest distance of a vertex (c,) of displacements (c, 3v)."""
-    x = moved.reshape(len(moved), -1, 3)
+def _largest_distance(displacements: Float) -> Float:
+    """Return the largest displacement of a vertex (c,), of displacements (c, 3v)."""
+    x = displacements.reshape(len(displacements), -1, 3)
     return np.asarray(np.sqrt(np.einsum("cvi,cvi->cv", x, x).max(axis=1, initial=0.0)))
 
 
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _FLOAT, _UINT = 5126, 5125
-_VERTICES, _FACES = 34962, 34963  # what a buffer view is for
+_VERTICES, _FACES = 34962, 34963  # targets of buffer views
 
 
 def write_gltf(
-    path: Path, animation: Animation, tolerance: float = 0.02, most: int = 128
+    path: Path, animation: Animation, tolerance: float = 0.02, max_targets: int = 128
 ) -> AnimationFile:
-    """Every vertex within `tolerance` (mm) of the recording, unless that took more than so many
-    targets; `error` of what is returned says what was reached. Raises StorageError, LiveError."""
-    basis = deformation_basis(animation, tolerance, most)
+    """Write an animation as a .glb file.
+
+    Args:
+        path: The file.
+        animation: The animation.
+        tolerance: Largest distance of a vertex from where it was recorded, mm, unless that needs
+            more than `max_targets`.
+        max_targets: Largest number of morph targets.
+
+    Returns:
+        The file, with the error that was reached.
+
+    Raises:
+        StorageError: The file cannot be written.
+        LiveError: A position is not finite.
+    """
+    basis = deformation_basis(animation, tolerance, max_targets)
     data = _Buffer()
-    rest = data.add(_metres(animation.rest), "VEC3", _VERTICES, bounds=True)
+    rest = data.add(_to_gltf(animation.rest), "VEC3", _VERTICES, bounds=True)
     faces = data.add(animation.faces.ravel().astype(np.uint32), "SCALAR", _FACES)
-    targets = [data.add(_metres(t), "VEC3", _VERTICES, bounds=True) for t in basis.targets]
+    targets = [data.add(_to_gltf(t), "VEC3", _VERTICES, bounds=True) for t in basis.targets]
     times = data.add(animation.times.astype(np.float32), "SCALAR", bounds=True)
     weights = data.add(basis.weights.ravel(), "SCALAR")
     document = {
@@ -174,7 +211,7 @@ def write_gltf(
                     }
                 ],
                 "weights": [0.0] * len(targets),
-                # What Blender and others call the targets by.
+                # The names that Blender and others show for the targets.
                 "extras": {
                     "targetNames": [
                         f"component {k}" if k else "offset" for k in range(len(targets))
@@ -207,8 +244,10 @@ def write_gltf(
 
 
 class _Buffer:
-    """The file's numbers, each array with its view and accessor. All are of four bytes, so that
-    each begins where it may."""
+    """The arrays of a file, each with its view and accessor.
+
+    All numbers have four bytes, so that each array is aligned.
+    """
 
     def __init__(self) -> None:
         self.blocks: list[bytes] = []
@@ -219,7 +258,7 @@ class _Buffer:
     def add(
         self, array: NDArray[Any], kind: str, target: int | None = None, bounds: bool = False
     ) -> int:
-        """The number of its accessor."""
+        """Add an array and return the number of its accessor."""
         block = array.astype(array.dtype.newbyteorder("<")).tobytes()
         view = {"buffer": 0, "byteOffset": self.size, "byteLength": len(block)}
         if target is not None:
@@ -240,7 +279,7 @@ class _Buffer:
         return len(self.accessors) - 1
 
 
-def _metres(vertices: NDArray[Any]) -> NDArray[np.float32]:
-    """(v, 3) mm with z up to m with y up."""
-    turned = np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
-    return np.asarray(turned / 1000, np.float32)
+def _to_gltf(vertices: NDArray[Any]) -> NDArray[np.float32]:
+    """Convert vertices (v, 3) from mm with z up to m with y up."""
+    components = np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
+    return np.asarray(components / 1000, np.float32)

@@ -1,8 +1,8 @@
-"""Animations in USD, a mesh whose points have a sample for each recorded picture.
+"""Write animations in USD, as a mesh whose points have a sample for each recorded frame.
 
-Millimetres with z up, as the stage's metadata say (metersPerUnit 0.001, upAxis Z); the time codes
-are the pictures' numbers. Between samples USD interpolates linearly. Normals are left out, which
-USD allows for meshes that are not subdivided: readers work them out from the points.
+Lengths are in millimeters with z up, as declared in the stage's metadata (metersPerUnit 0.001,
+upAxis Z). Time codes are the frame numbers. Between samples USD interpolates linearly. Normals are
+omitted, which USD allows for meshes that are not subdivided: readers compute them from the points.
 """
 
 from __future__ import annotations
@@ -17,26 +17,30 @@ from ...core.machine.optional_libraries import optional
 from ...core.storage.files import replace_file
 from .animation import Animation, AnimationFile, Float32
 
-_SAVE = 64e6  # bytes of samples after which they are written, so that they do not fill the memory
-_FULL = 64e6  # bytes free, below which a file that could not be written found no room
+_SAVE_INTERVAL_BYTES = 64e6  # of samples after which they are written, to limit the memory
+_MIN_FREE_BYTES = 64e6  # on the disk; with less, a failure is reported as a full disk
 
 
 def write_usd(path: Path, animation: Animation) -> AnimationFile:
-    """`.usda` is text, `.usd` and `.usdc` are binary. Raises StorageError, and LiveError where
-    the package is missing."""
+    """Write an animation to a .usda file (text), or a .usd or .usdc file (binary).
+
+    Raises:
+        StorageError: The file cannot be written.
+        LiveError: The package usd-core is not installed, or a position is not finite.
+    """
     require_usd(path)
     from pxr import Tf
 
     with replace_file(path) as temporary:
-        temporary.touch()  # the system says why where it cannot be; USD would make folders
+        temporary.touch()  # gives the system's reason if it fails; USD would create folders
         try:
             _write(temporary, animation)
         except Tf.ErrorException as error:
-            full = shutil.disk_usage(temporary.parent).free < _FULL
-            why = "the disk is full; free some space" if full else _words(error)
+            is_full = shutil.disk_usage(temporary.parent).free < _MIN_FREE_BYTES
+            why = "the disk is full; free some space" if is_full else _last_words(error)
             raise StorageError(
                 f"USD could not write it: {why}",
-                code="disk-full" if full else "usd-write-failed",
+                code="disk-full" if is_full else "usd-write-failed",
                 where=path,
             ) from None
         size = temporary.stat().st_size
@@ -45,7 +49,7 @@ def write_usd(path: Path, animation: Animation) -> AnimationFile:
 
 
 def require_usd(path: Path) -> None:
-    """Raises LiveError where the package that writes USD is missing."""
+    """Raise LiveError if the package that writes USD is not installed."""
     with optional(LiveError, path, "animation", "usd-core", "or choose .glb"):
         import pxr.Usd  # noqa: F401
 
@@ -78,8 +82,8 @@ def _write(path: Path, animation: Animation) -> None:
             points.Set(_points(row), at)
             extent.Set(_extent(row), at)
             unsaved += row.nbytes
-        # A text file is written anew as a whole each time.
-        if unsaved > _SAVE and path.suffix != ".usda":
+        # A text file would be rewritten as a whole each time.
+        if unsaved > _SAVE_INTERVAL_BYTES and path.suffix != ".usda":
             stage.GetRootLayer().Save()
             unsaved = 0
     stage.GetRootLayer().Save()
@@ -95,6 +99,6 @@ def _extent(vertices: Float32) -> object:
     return _points(np.stack([vertices.min(axis=0), vertices.max(axis=0)]))
 
 
-def _words(error: Exception) -> str:
-    """The last of what USD says, which begins with where in its source that is."""
+def _last_words(error: Exception) -> str:
+    """Return the end of USD's message, which starts with a place in its source."""
     return " ".join(str(error).split())[-200:]

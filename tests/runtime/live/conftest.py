@@ -6,15 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from defsense_fab.mechanics.solver.field_files import (
-    field_path,
-    FieldIndex,
-    save_field,
-    save_index,
-    StateRecord,
-)
-from defsense_fab.sensing.layout import layout_hash, load_layout, load_prediction
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
+from defsense_fab.store.fields import field_path, FieldIndex, save_field, save_index, StateRecord
+from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.training.models.model_file import write_model
 
 from defsense_fab.core.device.device_file import load_device

@@ -7,7 +7,7 @@ import pytest
 
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.outputs import output as output_module
-from defsense_fab.runtime.outputs.output import NewestWins
+from defsense_fab.runtime.outputs.output import LatestFrameSender
 from tests.runtime.live_frames import frame, wait_for
 
 
@@ -41,7 +41,7 @@ def recorder():
 
 @pytest.fixture
 def output(recorder):
-    made = NewestWins("recorder", lambda: recorder)
+    made = LatestFrameSender("recorder", lambda: recorder)
     yield made
     made.close()
     assert recorder.closed
@@ -95,7 +95,7 @@ def test_an_output_that_cannot_be_opened_at_first(recorder):
             raise ways.pop(0)
         return recorder
 
-    output = NewestWins("recorder", opener)
+    output = LatestFrameSender("recorder", opener)
     assert output.wait_until_tried(20)
     assert output.about == "recorder: is not open" or not ways
     assert wait_for(lambda: output.trouble is None and not ways)
@@ -110,7 +110,7 @@ def test_closing_while_it_is_in_trouble():
     def opener():
         raise OutputError("never")
 
-    output = NewestWins("x", opener)
+    output = LatestFrameSender("x", opener)
     assert wait_for(lambda: output.trouble == "never")
     output.close()
     assert output.trouble == "never"
@@ -118,7 +118,7 @@ def test_closing_while_it_is_in_trouble():
 
 
 def test_a_limit_of_the_rate(recorder):
-    output = NewestWins("recorder", lambda: recorder, rate=1)
+    output = LatestFrameSender("recorder", lambda: recorder, rate=1)
     for n in range(20):
         output.send(frame(n))
         threading.Event().wait(0.005)
@@ -133,7 +133,7 @@ def test_what_fails_while_it_closes_is_logged(recorder, caplog):
         raise OSError("too late")
 
     recorder.close = close
-    output = NewestWins("recorder", lambda: recorder)
+    output = LatestFrameSender("recorder", lambda: recorder)
     assert output.wait_until_tried(20)
     output.close()
     assert "could not be closed: too late" in caplog.text
@@ -141,7 +141,7 @@ def test_what_fails_while_it_closes_is_logged(recorder, caplog):
 
 def test_what_an_output_does_now_is_news_where_it_did_something_else(monkeypatch):
     changed = Recorder()
-    output = NewestWins("recorder", lambda: changed)
+    output = LatestFrameSender("recorder", lambda: changed)
     assert output.wait_until_tried(5.0)
     assert output.news is None
     changed.about = "recorder: keeps every second frame"

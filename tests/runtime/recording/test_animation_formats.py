@@ -1,4 +1,4 @@
-"""The format is that of the suffix."""
+"""The suffix chooses the format."""
 
 import numpy as np
 import pytest
@@ -9,19 +9,19 @@ from defsense_fab.runtime.recording.animation_recorder import SUFFIXES, write_an
 from tests.errors import raises
 from tests.runtime.recording_bars import animation
 
-BEGINS = {".glb": b"glTF", ".usda": b"#usda", ".npz": b"PK"}
+MAGIC = {".glb": b"glTF", ".usda": b"#usda", ".npz": b"PK"}
 
 
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".GLB"])
-def test_by_suffix(tmp_path, suffix):
+def test_suffix_chooses_the_format(tmp_path, suffix):
     path = tmp_path / f"bar{suffix}"
     written = write_animation(path, animation(5))
     assert written.path == path
     assert written.size == path.stat().st_size
-    assert path.read_bytes().startswith(BEGINS.get(suffix.lower(), b"PXR-USDC"))
+    assert path.read_bytes().startswith(MAGIC.get(suffix.lower(), b"PXR-USDC"))
 
 
-def test_an_unknown_one(tmp_path):
+def test_unknown_format_is_refused(tmp_path):
     with raises(LiveError, "unknown-format", suffix=".abc"):
         write_animation(tmp_path / "bar.abc", animation(3))
 

@@ -1,4 +1,4 @@
-"""Frames in, an animation out; and what goes wrong on the way."""
+"""Frames are recorded as an animation; failures on the way lose no frames."""
 
 import shutil
 import threading
@@ -31,7 +31,7 @@ def test_frames_are_resampled(tmp_path):
     path = tmp_path / "bar.npz"
     with recorder(path, fps=25) as recording:
         record(recording, start=3.21)
-        assert recording.about == f"animation: 2.0 s to {path}"
+        assert (recording.frames, recording.seconds) == (51, 2.0)
         written = recording.finish()
     assert (written.path, written.frames, written.seconds) == (path, 51, 2.0)
     assert written.size == path.stat().st_size
@@ -44,15 +44,14 @@ def test_frames_are_resampled(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["bar.npz"]
 
 
-def test_a_full_disk_ends_the_recording(tmp_path):
-    """What was recorded is kept and written; the loop's frames are taken without an error."""
+def test_full_disk_ends_the_recording(tmp_path):
+    """The recorded frames are kept and written, and further frames raise no error."""
     path = tmp_path / "bar.npz"
     recording = recorder(path)
     fill(recording._rows, int(20.5 * 4 * REST.size))
     record(recording)
-    assert recording.trouble == (
-        f"{path}: recording stopped after 0.6 s: the disk is full; what was recorded is kept"
-    )
+    assert recording.trouble.code == "disk-full"
+    assert recording.trouble.data["seconds"] == pytest.approx(19 / 30)
     assert recording.finish().frames == 20
     np.testing.assert_allclose(np.load(path)["positions"][19], moved(REST, 19 / 30), atol=5e-3)
 
@@ -65,12 +64,12 @@ def test_room_is_left_for_the_finished_file(tmp_path, monkeypatch):
     )
     recording = recorder(tmp_path / "bar.npz")
     record(recording)
-    assert "the disk is full" in recording.trouble
+    assert recording.trouble.code == "disk-full"
     assert recording.finish().frames == 10
 
 
-def test_finishing_can_be_tried_again(tmp_path):
-    """Where the file cannot be written, nothing is lost and no half file is there."""
+def test_finishing_can_be_repeated(tmp_path):
+    """A file that cannot be written loses nothing and leaves no partial file."""
     folder = tmp_path / "gone"
     folder.mkdir()
     recording = recorder(folder / "bar.npz")
@@ -84,26 +83,26 @@ def test_finishing_can_be_tried_again(tmp_path):
         recording.finish()
 
 
-def test_limits(tmp_path):
-    recording = recorder(tmp_path / "bar.npz", seconds=1)
+def test_limits_end_the_recording(tmp_path):
+    recording = recorder(tmp_path / "bar.npz", max_seconds=1)
     record(recording)
-    assert "after 1.0 s: 1 s, the most that was asked for" in recording.trouble
+    assert (recording.trouble.code, recording.trouble.data["seconds"]) == ("limit-reached", 1.0)
     assert recording.finish().frames == 31
-    recording = recorder(tmp_path / "bar.npz", size=10 * 4 * REST.size)
+    recording = recorder(tmp_path / "bar.npz", max_bytes=10 * 4 * REST.size)
     record(recording)
-    assert "GB, the most that was asked for" in recording.trouble
+    assert recording.trouble.code == "limit-reached"
     assert recording.finish().frames == 10
 
 
-def test_frames_without_a_surface(tmp_path):
+def test_frames_without_a_surface_are_skipped(tmp_path):
     recording = recorder(tmp_path / "bar.npz")
     for k, vertices in enumerate([None, REST[:-1], np.full(REST.shape, np.nan), REST]):
         recording.add(frame(k, time=0.1 * k, vertices=vertices))
-    assert recording.left_out == 3
+    assert recording.skipped == 3
     assert recording.finish().frames == 1
 
 
-def test_nothing_recorded(tmp_path):
+def test_recording_without_frames(tmp_path):
     with (
         recorder(tmp_path / "bar.glb") as recording,
         raises(LiveError, "no-frames"),
@@ -112,22 +111,22 @@ def test_nothing_recorded(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_finished_while_frames_come(tmp_path):
-    """From another thread; frames after the end are ignored."""
+def test_finish_while_frames_arrive(tmp_path):
+    """Finishing happens in another thread; frames after the end are ignored."""
     recording = recorder(tmp_path / "bar.npz")
-    begun, stop = threading.Event(), threading.Event()
+    started, stop = threading.Event(), threading.Event()
 
     def loop():
         for k, one in enumerate(frames(600, 100, REST)):
             recording.add(one)
             if k == 300:
-                begun.set()
+                started.set()
             if stop.is_set():
                 return
 
     thread = threading.Thread(target=loop)
     thread.start()
-    assert begun.wait(60)
+    assert started.wait(60)
     written = recording.finish()
     stop.set()
     thread.join(60)
@@ -148,13 +147,20 @@ def test_finished_while_frames_come(tmp_path):
     ],
 )
 def test_invalid_arguments_are_refused(tmp_path, changes, code, data):
-    given = {"path": "bar.glb", "rest": np.eye(4)[:, :3], "faces": np.array([[0, 1, 2]])} | changes
+    arguments = {
+        "path": "bar.glb",
+        "rest": np.eye(4)[:, :3],
+        "faces": np.array([[0, 1, 2]]),
+    } | changes
     with raises(LiveError, code, **data):
         AnimationRecorder(
-            tmp_path / given["path"], given["rest"], given["faces"], fps=given.get("fps", 30)
+            tmp_path / arguments["path"],
+            arguments["rest"],
+            arguments["faces"],
+            fps=arguments.get("fps", 30),
         )
 
 
-def test_no_folder(tmp_path):
+def test_missing_folder_is_refused(tmp_path):
     with raises(StorageError, "folder-not-found"):
         recorder(tmp_path / "none" / "bar.npz")

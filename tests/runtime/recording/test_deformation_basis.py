@@ -1,4 +1,4 @@
-"""Few shapes with weights against the frames that they stand for."""
+"""Shapes with weights against the frames that they approximate."""
 
 import dataclasses
 
@@ -18,7 +18,7 @@ def largest_error(of, basis):
 
 @pytest.mark.parametrize("tolerance", [0.5, 0.02, 0.001])
 def test_every_vertex_is_within_the_tolerance(tolerance):
-    """300 frames are several chunks."""
+    """Use 300 frames, which are several chunks."""
     of = animation(300)
     basis = deformation_basis(of, tolerance)
     assert basis.error <= tolerance
@@ -28,8 +28,8 @@ def test_every_vertex_is_within_the_tolerance(tolerance):
     assert (basis.weights[:, 0] == 1).all()
 
 
-def test_no_more_than_are_needed():
-    """A motion of three shapes takes three, and one for where they begin."""
+def test_number_of_targets_is_minimal():
+    """A motion of three shapes needs three targets and an offset."""
     rng = np.random.default_rng(1)
     of = animation(50)
     shapes = rng.normal(size=(3, *of.rest.shape))
@@ -40,19 +40,19 @@ def test_no_more_than_are_needed():
     assert basis.error < 1e-3
 
 
-def test_what_few_targets_do_not_reach_is_told():
-    """Noise has no few shapes: the error is that of the shapes that there are."""
+def test_error_of_too_few_targets_is_reported():
+    """Noise cannot be represented by a few shapes."""
     rng = np.random.default_rng(2)
     of = animation(100)
     noisy = of.positions + rng.normal(size=of.positions.shape).astype(np.float32)
     of = dataclasses.replace(of, positions=noisy)
-    basis = deformation_basis(of, most=10)
+    basis = deformation_basis(of, max_targets=10)
     assert len(basis.targets) == 11
     assert basis.error > 1
     assert basis.error == pytest.approx(largest_error(of, basis), rel=1e-9)
 
 
-def test_no_motion():
+def test_animation_without_motion():
     of = animation(3)
     still = np.repeat(of.rest[None].astype(np.float32), 3, axis=0)
     basis = deformation_basis(dataclasses.replace(of, positions=still))
@@ -60,7 +60,7 @@ def test_no_motion():
     assert basis.error < 1e-4
 
 
-def test_a_vertex_without_a_position():
+def test_vertex_without_a_position_is_refused():
     of = animation(3)
     of.positions[1, 4, 2] = np.nan
     with raises(LiveError, "not-finite", start=0):

@@ -1,4 +1,4 @@
-"""glTF read back from the specification: bytes to accessors to morphed vertices."""
+"""glTF files are read back as specified, from bytes to accessors to morphed vertices."""
 
 import dataclasses
 import json
@@ -16,7 +16,7 @@ WIDTHS = {"SCALAR": 1, "VEC3": 3}
 
 
 class Reader:
-    """The one mesh of a .glb and its animation of weights."""
+    """The only mesh of a .glb file and the animation of its weights."""
 
     def __init__(self, path):
         data = path.read_bytes()
@@ -59,13 +59,13 @@ class Reader:
         return values
 
     def vertices(self, time):
-        """(v, 3) m at a time (s)."""
+        """Return vertices (v, 3), m, at a time (s)."""
         weights = np.array([np.interp(time, self.times, w) for w in self.weights.T])
         return self.base + np.einsum("k,kvi->vi", weights, self.targets.astype(float))
 
 
 def turned(gltf):
-    """m with y up to mm with z up."""
+    """Convert from m with y up to mm with z up."""
     return 1000 * np.stack([gltf[:, 0], -gltf[:, 2], gltf[:, 1]], axis=1)
 
 
@@ -91,12 +91,12 @@ def test_rest_faces_and_names(tmp_path):
     write_gltf(tmp_path / "bar.glb", of)
     read = Reader(tmp_path / "bar.glb")
     np.testing.assert_allclose(turned(read.base), of.rest, atol=1e-5)
-    assert not read.default.any()  # at rest where the animation is not played
+    assert not read.default.any()  # at rest while the animation is not played
     np.testing.assert_array_equal(read.faces, of.faces)
     document = read.document
     assert document["nodes"] == [{"mesh": 0, "name": "a bar"}]
     assert len(document["meshes"][0]["extras"]["targetNames"]) == len(read.targets)
-    assert ((read.weights >= 0) & (read.weights <= 1)).all()  # Blender cuts others off
+    assert ((read.weights >= 0) & (read.weights <= 1)).all()  # Blender clips others
     first = read.document["accessors"][read.document["animations"][0]["samplers"][0]["input"]]
     assert first["min"] == [0]
 
@@ -107,15 +107,15 @@ def test_times_with_gaps(tmp_path):
     np.testing.assert_allclose(Reader(tmp_path / "bar.glb").times, [0, 1 / 30, 10, 301 / 30])
 
 
-def test_the_size_grows_with_vertices_plus_frames(tmp_path):
-    """Not with their product: ten times as many frames of the same motion take few more bytes."""
+def test_size_grows_with_vertices_plus_frames(tmp_path):
+    """Ten times as many frames of the same motion need few more bytes."""
     short = write_gltf(tmp_path / "a.glb", animation(90, fps=30, along=40))
     long = write_gltf(tmp_path / "b.glb", animation(900, fps=300, along=40))
     assert long.targets <= short.targets + 2
     assert long.size < 2.2 * short.size
 
 
-def test_no_half_file(tmp_path):
+def test_failed_write_leaves_no_file(tmp_path):
     with pytest.raises(StorageError):
         write_gltf(tmp_path / "none" / "bar.glb", animation(3))
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Rows on the disk."""
+"""Rows are kept on the disk."""
 
 import numpy as np
 import pytest
@@ -9,18 +9,18 @@ from tests.errors import raises
 from tests.runtime.full_disk import fill
 
 
-def test_rows_come_back(tmp_path):
+def test_rows_are_read_back(tmp_path):
     rows = RowFile(tmp_path, 3)
     assert rows.rows().shape == (0, 3)
     for k in range(4):
         rows.add(np.array([k, k / 3, -k], np.float32))
     assert (rows.count, rows.size) == (4, 48)
     np.testing.assert_array_equal(rows.rows()[3], np.array([3, 1, -3], np.float32))
-    assert list(tmp_path.iterdir()) == []  # no name that would be left behind
+    assert list(tmp_path.iterdir()) == []  # the file has no name that could remain
     rows.close()
 
 
-def test_half_a_row_is_taken_back(tmp_path):
+def test_partial_row_is_removed(tmp_path):
     rows = RowFile(tmp_path, 3)
     disk = fill(rows, 30)
     for k in range(2):
@@ -34,6 +34,6 @@ def test_half_a_row_is_taken_back(tmp_path):
     rows.close()
 
 
-def test_no_folder(tmp_path):
+def test_missing_folder_is_refused(tmp_path):
     with raises(StorageError, "folder-not-found"):
         RowFile(tmp_path / "none", 3)

@@ -1,4 +1,4 @@
-"""USD read back by its own library."""
+"""USD files are read back by its own library."""
 
 import dataclasses
 import sys
@@ -43,9 +43,9 @@ def test_positions(tmp_path, suffix):
     assert mesh.GetSubdivisionSchemeAttr().Get() == "none"
 
 
-def test_saved_in_between(tmp_path, monkeypatch):
-    """A long animation is written piece by piece, and is the same."""
-    monkeypatch.setattr(usd_animation, "_SAVE", 1)
+def test_long_animation_is_saved_in_parts(tmp_path, monkeypatch):
+    """A long animation is written in parts, with the same result."""
+    monkeypatch.setattr(usd_animation, "_SAVE_INTERVAL_BYTES", 1)
     of = animation(300)
     write_usd(tmp_path / "bar.usdc", of)
     stage = Usd.Stage.Open(str(tmp_path / "bar.usdc"))
@@ -54,7 +54,7 @@ def test_saved_in_between(tmp_path, monkeypatch):
         np.testing.assert_array_equal(points.Get(k), of.positions[k])
 
 
-def test_gaps_and_names_that_usd_has_not(tmp_path):
+def test_gaps_and_names_that_are_invalid_in_usd(tmp_path):
     of = dataclasses.replace(animation(3), steps=np.array([0, 1, 50]), name="3 bars & more")
     write_usd(tmp_path / "bar.usdc", of)
     stage = Usd.Stage.Open(str(tmp_path / "bar.usdc"))
@@ -62,7 +62,7 @@ def test_gaps_and_names_that_usd_has_not(tmp_path):
     assert mesh.GetPointsAttr().GetTimeSamples() == [0, 1, 50]
 
 
-def test_no_half_file(tmp_path):
+def test_failed_write_leaves_no_file(tmp_path):
     of = animation(3)
     of.positions[2, 0, 0] = np.inf
     with raises(LiveError, "not-finite"):
@@ -79,7 +79,7 @@ def test_without_the_package(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("free", "code"), [(0, "disk-full"), (1e9, "usd-write-failed")])
-def test_what_usd_cannot_write(tmp_path, monkeypatch, free, code):
+def test_failures_of_usd_are_reported(tmp_path, monkeypatch, free, code):
     def refuse(*_):
         Tf.RaiseRuntimeError("no such luck")
 
