@@ -4,8 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
-from defsense_fab.geometry.bodies.body_record import BodyRecord, save_body
-from defsense_fab.sensing.layout import (
+from defsense_fab.store.body import BodyRecord, save_body
+from defsense_fab.store.layout import (
     BandRecord,
     CordRecord,
     LayoutRecord,
@@ -14,7 +14,7 @@ from defsense_fab.sensing.layout import (
     PredictionRecord,
     save_layout,
 )
-from defsense_fab.geometry.bodies.meshing.mesh_file import MeshRecord, save_mesh
+from defsense_fab.store.mesh import MeshRecord, save_mesh
 
 from defsense_fab.core.curve import arc_lengths
 from defsense_fab.core.device.device_file import load_device

@@ -1,1 +1,1 @@
-"""A built device as a twin: its fields, built units, markers and cameras' places."""
+"""Simulated devices: their displacement fields, built units, assumptions and camera placement."""

@@ -10,7 +10,7 @@ from ...core.arrays import Float
 from ...core.device.device import Device
 from ...optimize.studies.tolerance_monte_carlo import Tolerances, sample_built_cord
 from ...sensing.built_cord import BuiltCord, CordReading
-from ...sensing.layout import LayoutRecord
+from ...store.layout import LayoutRecord
 from ..electronics.rubber_cords import RubberPieces, RubberTraits
 from ..scenes.assumptions import assume
 from .device_fields import DeviceFields
@@ -120,7 +120,7 @@ def build_unit(
         building: Tolerances of the maker.
         rubber: Properties of the cord.
     """
-    rng, reading = np.random.default_rng([unit, UNIT_SEED]), CordReading.of(device)
+    rng, reading = np.random.default_rng([unit, UNIT_SEED]), CordReading.from_device(device)
     tolerances = building.tolerances
     laid = [sample_built_cord(r.built, reading, rng, tolerances) for r in layout.by_channel()]
     cords, readings = tuple(c for c, _ in laid), tuple(r for _, r in laid)

@@ -1,5 +1,8 @@
-"""A device's shapes for its twin, solved afresh: on a finer mesh, and by another material law, so
-that a twin does not agree with what the device was designed with."""
+"""Displacement fields of a device for its twin, simulated again with another mesh and material.
+
+The mesh is finer and the material law is another one, so that a twin does not agree with the
+simulation that the device was designed with.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
+from ...core.device.build_folder import finished_build
 from ...core.device.device import Device, Pose
 from ...core.errors import CaptureError, DeviceError
 from ...core.mesh import TetMesh
 from ...core.progress import Progress, silent
-from ...core.device.build_folder import finished_build
 from ...core.storage.files import digest, replace_file, storage_errors
-from ...geometry.bodies.body_record import load_surface
-from ...geometry.bodies.meshing.mesh_file import RECORD, load_mesh, load_mesh_record
+from ...store.body import load_surface
+from ...store.mesh import load_mesh, load_mesh_record, RECORD
 from ...geometry.bodies.meshing.region_conforming import conform
 from ...geometry.bodies.meshing.tetrahedra import tetrahedralize
 from ...mechanics.elements.material import Material, split
@@ -30,108 +33,152 @@ from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.batch import Job, solve_all
 from ...sensing.built_cord import CordReading
-from ...sensing.layout import LAYOUT, PREDICTION, load_layout, load_prediction
+from ...store.layout import LAYOUT, load_layout, load_prediction, PREDICTION
 from ..scenes.assumptions import assume
 from ..scenes.pose_space import PoseSpace
-from .pose_samples import Ray, find_mixable_poses, pose_axes, corner_rays, draw_rays, single_rays
+from .pose_samples import Ray, corner_rays, draw_rays, find_mixable_poses, pose_axes, single_rays
 
 FOLDER = "twin"
-#: Of what is kept in files: raised when the same input gives other fields.
-_VERSION = 3
-_SEED = 5
-_REACHED = 0.99  # of each pose's amplitude, at least
-_STEP = 12  # rays that are added at once
-_MANY = 64  # states, at most, that are solved before it is looked how well they do
+#: Version of the saved fields: raised when the same input gives other fields.
+FILE_VERSION = 3
+RAY_SEED = 5
+MIN_POSE_LEVEL = 0.99  # of a pose's amplitude that the solver must reach
+RAYS_PER_STEP = 12  # added before the error is estimated again
+MAX_FIRST_STATES = 64  # solved before the error is estimated for the first time
 
 
 @dataclass(frozen=True)
 class MechanicsTraits:
-    """How the shapes are solved."""
+    """Assumptions on the mechanics, and how accurately the states are sampled.
+
+    Attributes:
+        edge: Edge length of the mesh, relative to that of the design.
+        stiffening: c20 / c10 of the Yeoh law.
+        own_law: Whether the material law is that of the design.
+        states: Number of first states for each axis of the pose space, at most 64 in all.
+        max_states: Largest number of states.
+        accuracy: Largest RMS error of states that are left out, at the markers, mm.
+    """
 
     edge: float = assume(
-        0.8, "mechanics", "", "edges of the mesh, relative to those of the design", off=1.0
+        0.8, "mechanics", "", "edge length of the mesh, relative to that of the design", off=1.0
     )
     stiffening: float = assume(
-        0.25, "mechanics", "", "c20 / c10 of the Yeoh law in place of the device's (Mooney-Rivlin"
-        " where the device's is Yeoh), with the same moduli at small strain"
-    )  # fmt: skip
-    own_law: bool = assume(
-        False, "mechanics", "", "whether the law is that of the design", off=True
+        0.25,
+        "mechanics",
+        "",
+        "c20 / c10 of the Yeoh law that replaces the device's law (Mooney-Rivlin replaces Yeoh),"
+        " with the same moduli at small strain",
     )
-    states: int = 16  # for each way to move, to begin with, at most 64
-    most: int = 110
-    accuracy: float = 0.05  # mm RMS at the markers, that states left out are to be known within
+    own_law: bool = assume(
+        False, "mechanics", "", "whether the material law is that of the design", off=True
+    )
+    states: int = 16
+    max_states: int = 110
+    accuracy: float = 0.05
 
 
 @dataclass(frozen=True)
 class DeviceFields:
-    """Displacements `fields` (s, n, 3) mm of the quadratic `mesh` in the states of `space`, over
-    the weights of the `poses` by name; which of those can be taken at once, `together` (d, d);
-    `error` mm RMS at the device's markers and `signal_error` of (R - R0)/R0 of states that are left
-    out; what could not be solved, in `warnings`."""
+    """Displacement fields of a device in s states of d poses.
+
+    Attributes:
+        poses: Names of the poses (d).
+        space: Interpolant of the states over the weights of the poses.
+        mesh: Quadratic mesh of the body, n nodes.
+        fields: Displacements (s, n, 3) mm of the nodes.
+        mixable: Which poses can be mixed (d, d).
+        error: RMS error of states that are left out, at the device's markers, mm.
+        signal_error: RMS error of (R - R0)/R0 of states that are left out.
+        warnings: States that could not be solved, and a low accuracy.
+    """
 
     poses: tuple[str, ...]
     space: PoseSpace
     mesh: QuadraticMesh
     fields: Float
-    together: Bool
+    mixable: Bool
     error: float
     signal_error: float
     warnings: tuple[str, ...]
 
     def displacements(self, points: Float) -> Float:
-        """(s, p, 3) mm of points (p, 3) mm."""
+        """Return the displacements (s, p, 3) mm of points (p, 3) mm."""
         locator = PointLocator(self.mesh)
         return locator.displacement(locator.find(points), self.fields)
 
 
 def solve_fields(
-    device: Device, traits: MechanicsTraits | None = None, progress: Progress = silent,
+    device: Device,
+    traits: MechanicsTraits | None = None,
+    progress: Progress = silent,
     poses: Sequence[Pose] | None = None,
-) -> DeviceFields:  # fmt: skip
-    """Of a built device, from its build's folder where they were solved before. `poses`: others
-    than the device's own. Raises CaptureError for a device that is not built, or of which a
-    pose cannot be solved."""
-    own = traits or MechanicsTraits()
+) -> DeviceFields:
+    """Solve the displacement fields of a built device, or load them if they were solved before.
+
+    They are kept in the folder of the build.
+
+    Args:
+        device: The device.
+        traits: Mesh, material and accuracy.
+        progress: Called with the progress.
+        poses: Poses that replace those of the device.
+
+    Raises:
+        CaptureError: The device is not built, or a pose cannot be solved (`pose-not-reached`).
+    """
+    traits = traits or MechanicsTraits()
     all_poses = tuple(poses or device.poses)
     folder = finished_build(device, LAYOUT, PREDICTION, RECORD)
-    path = folder / FOLDER / f"{_key(device, folder, own, all_poses)}.npz"
-    kept = _load(path) if path.exists() else None
-    found, groups = kept or _solve(device, folder, own, all_poses, progress)
-    if kept is None:
+    path = folder / FOLDER / f"{_cache_key(device, folder, traits, all_poses)}.npz"
+    loaded = _load(path) if path.exists() else None
+    fields, groups = loaded or _solve(device, folder, traits, all_poses, progress)
+    if loaded is None:
         with storage_errors(path):
             path.parent.mkdir(exist_ok=True)
-            _save(path, found, groups)
-    return replace(found, signal_error=_signal_error(device, folder, found, groups))
+            _save(path, fields, groups)
+    return replace(fields, signal_error=_signal_error(device, folder, fields, groups))
 
 
 def share_fields(source: Device, device: Device) -> None:
-    """Give a built device what was solved of another one: of the same body and poses, it is used
-    whatever the cords are. Raises CaptureError for one that is not built, StorageError."""
-    own = finished_build(device, RECORD) / FOLDER
-    with storage_errors(own):
+    """Copy the solved fields of a device to another one with the same body and poses.
+
+    The fields do not depend on the cords.
+
+    Raises:
+        CaptureError: One of the devices is not built.
+        StorageError: The files cannot be copied.
+    """
+    target = finished_build(device, RECORD) / FOLDER
+    with storage_errors(target):
         for path in (finished_build(source, RECORD) / FOLDER).glob("*.npz"):
-            own.mkdir(exist_ok=True)
-            if not (own / path.name).exists():
-                with replace_file(own / path.name) as temporary:
+            target.mkdir(exist_ok=True)
+            if not (target / path.name).exists():
+                with replace_file(target / path.name) as temporary:
                     shutil.copyfile(path, temporary)
 
 
-def _key(device: Device, folder: Path, traits: MechanicsTraits, poses: Sequence[Pose]) -> str:
+def _cache_key(device: Device, folder: Path, traits: MechanicsTraits, poses: Sequence[Pose]) -> str:
     surface = folder / "body" / "surface.npz"
     regions = sorted((k, type(s).__name__, str(vars(s))) for k, s in device.regions.items())
     with storage_errors(folder):
         return digest(
-            _VERSION, traits, repr(poses), regions, repr(device.material), surface, folder / RECORD,
+            FILE_VERSION,
+            traits,
+            repr(poses),
+            regions,
+            repr(device.material),
+            surface,
+            folder / RECORD,
             load_prediction(folder).markers.tolist(),
-        )  # fmt: skip
+        )
 
 
 def choose_material(device: Device, traits: MechanicsTraits) -> Material:
-    """Another one of the device's moduli at small strain, or the device's."""
-    if traits.own_law:
-        return Material.from_spec(device.material)
+    """Return another material law with the device's moduli at small strain, or the device's own."""
     designed = Material.from_spec(device.material)
+    if traits.own_law:
+        return designed
     mu, kappa = designed.shear, designed.bulk
     if device.material.model == "yeoh":
         return split(kappa, mu / 3, c01=mu / 6, model="mooney-rivlin")
@@ -139,115 +186,143 @@ def choose_material(device: Device, traits: MechanicsTraits) -> Material:
 
 
 def _solve(
-    device: Device, folder: Path, traits: MechanicsTraits, poses: tuple[Pose, ...],
+    device: Device,
+    folder: Path,
+    traits: MechanicsTraits,
+    poses: tuple[Pose, ...],
     progress: Progress,
-) -> tuple[DeviceFields, Int]:  # fmt: skip
-    """Without the signals' error; and the states' groups, as `PoseSpace.left_out` takes them."""
+) -> tuple[DeviceFields, Int]:
+    """Return the fields without the error of signals, and the groups for cross-validation."""
     progress("twin", 0.0, "meshing the body more finely")
-    mesh = QuadraticMesh.from_linear(_mesh(device, folder, traits.edge))
-    rng, together = np.random.default_rng(_SEED), find_mixable_poses(poses)
+    mesh = QuadraticMesh.from_linear(_make_mesh(device, folder, traits.edge))
+    rng, mixable = np.random.default_rng(RAY_SEED), find_mixable_poses(poses)
     axes = pose_axes(poses)
-    sampler = _Sampler(device, poses, mesh, choose_material(device, traits), traits.most, progress)
-    rays = [*single_rays(len(poses)), *corner_rays(together)]
-    few = min(traits.states * len(axes), _MANY) - sum(len(r.parts) for r in rays)
+    sampler = _Sampler(device, poses, mesh, choose_material(device, traits), progress)
+    rays = [*single_rays(len(poses)), *corner_rays(mixable)]
+    first_states = min(traits.states * len(axes), MAX_FIRST_STATES)
+    remaining = first_states - sum(len(r.fractions) for r in rays)
     sampler.add(rays)
     sampler.check_singles()
-    sampler.add(draw_rays(together & ~sampler.apart, max(few // 2, _STEP // 2), rng), random=True)
-    together &= ~sampler.apart
+    count = max(remaining // 2, RAYS_PER_STEP // 2)
+    sampler.add(draw_rays(mixable & ~sampler.failed_pairs, count, rng), is_random=True)
+    mixable &= ~sampler.failed_pairs
     markers = load_prediction(folder).markers
     while True:
         space = PoseSpace(axes, np.array(sampler.states))
-        found = DeviceFields(
-            tuple(p.name for p in poses), space, mesh, np.array(sampler.fields), together, 0.0, 0.0,
-            tuple(sampler.warnings),
-        )  # fmt: skip
-        off, _ = space.predict_left_out(found.displacements(markers), np.array(sampler.groups))
-        error = float(np.sqrt((off**2).sum(-1).mean())) if off.size else 0.0
-        room, before = traits.most - len(sampler.states), len(sampler.states)
+        fields = DeviceFields(
+            poses=tuple(p.name for p in poses),
+            space=space,
+            mesh=mesh,
+            fields=np.array(sampler.fields),
+            mixable=mixable,
+            error=0.0,
+            signal_error=0.0,
+            warnings=tuple(sampler.warnings),
+        )
+        errors, _ = space.predict_left_out(fields.displacements(markers), np.array(sampler.groups))
+        error = float(np.sqrt((errors**2).sum(-1).mean())) if errors.size else 0.0
+        solved = len(sampler.states)
+        room = traits.max_states - solved
         if error <= traits.accuracy or room < 1:
             break
-        more = draw_rays(together, min(_STEP, max(room // 2, 1)), rng)
-        sampler.add(more, random=True)
-        if len(sampler.states) == before:  # no more can be solved
+        sampler.add(draw_rays(mixable, min(RAYS_PER_STEP, max(room // 2, 1)), rng), is_random=True)
+        if len(sampler.states) == solved:  # the solver reaches no further state
             break
     if error > traits.accuracy:
         sampler.warnings.append(
-            f"the twin's shapes are known within {error:.2g} mm RMS only, of {before} states that"
-            " could be solved; errors near that are the twin's own"
+            f"the shapes of the twin are interpolated with an error of {error:.2g} mm RMS between"
+            f" the {solved} states that were solved; smaller errors of a model cannot be measured"
         )
     progress("twin", 1.0, "done")
-    found = replace(found, together=together, error=error, warnings=tuple(sampler.warnings))
-    return found, np.array(sampler.groups)
+    fields = replace(fields, mixable=mixable, error=error, warnings=tuple(sampler.warnings))
+    return fields, np.array(sampler.groups)
 
 
-def _mesh(device: Device, folder: Path, edge: float) -> TetMesh:
+def _make_mesh(device: Device, folder: Path, edge: float) -> TetMesh:
     record = load_mesh_record(folder)
     if edge == 1.0 or record.edge_length is None:
         return load_mesh(folder)
-    made = tetrahedralize(load_surface(folder), edge * record.edge_length).mesh
-    return conform(made, list(device.regions.values()))
+    mesh = tetrahedralize(load_surface(folder), edge * record.edge_length).mesh
+    return conform(mesh, list(device.regions.values()))
 
 
 class _Sampler:
-    """Solves states, and gathers what was reached."""
+    """Solves states and collects those that were reached.
+
+    Attributes:
+        states: Weights of the poses (d,) of each state.
+        fields: Displacements (n, 3) mm of the nodes in each state.
+        groups: Groups of the states for `PoseSpace.predict_left_out`.
+        warnings: States that could not be solved.
+        failed_pairs: Pairs of poses (d, d) whose mixtures could not be solved.
+    """
 
     def __init__(
-        self, device: Device, poses: tuple[Pose, ...], mesh: QuadraticMesh, material: Material,
-        most: int, progress: Progress,
-    ) -> None:  # fmt: skip
+        self,
+        device: Device,
+        poses: tuple[Pose, ...],
+        mesh: QuadraticMesh,
+        material: Material,
+        progress: Progress,
+    ) -> None:
         self._device, self._poses, self._mesh, self._material = device, poses, mesh, material
-        self._most, self._progress, self._lock = most, progress, threading.Lock()
+        self._progress, self._lock = progress, threading.Lock()
         self.states: list[Float] = []
         self.fields: list[Float] = []
-        self.groups: list[int] = []  # as `PoseSpace.left_out` takes them
+        self.groups: list[int] = []
         self.warnings: list[str] = []
-        self.apart = np.zeros((len(poses), len(poses)), bool)  # pairs that could not be solved
+        self.failed_pairs = np.zeros((len(poses), len(poses)), bool)
 
-    def add(self, rays: Sequence[Ray], *, random: bool = False) -> None:
-        """Solve what these pass through; `random` ones are left out as a whole to see how well the
-        others know them, of others all but their ends, each by itself."""
-        jobs, kept = [], []
+    def add(self, rays: Sequence[Ray], *, is_random: bool = False) -> None:
+        """Solve the states of rays.
+
+        In cross-validation, random rays are left out as a whole. Of other rays each state but the
+        last is left out on its own.
+        """
+        jobs, solvable = [], []
         for ray in rays:
             try:
-                jobs.append(Job(self._conditions(ray), ray.parts))
+                jobs.append(Job(self._conditions(ray), ray.fractions))
             except DeviceError as error:
-                self._fails(ray, str(error))
+                self._record_failure(ray, str(error))
                 continue
-            kept.append(ray)
-        reached, before = [0.0] * len(jobs), len(self.states)
+            solvable.append(ray)
+        reached = [0.0] * len(jobs)
+        count = len(self.states) + sum(len(r.fractions) for r in solvable)
 
-        def show(job: int, at: float) -> None:
+        def report(job: int, fraction: float) -> None:
             with self._lock:
-                reached[job] = at
+                reached[job] = fraction
                 done = sum(reached) / len(reached)
-                count = before + sum(len(r.parts) for r in kept)
                 self._progress("twin", 0.95 * done, f"solving {count} states of the device's twin")
 
-        for ray, results in zip(
-            kept, solve_all(self._mesh, self._material, jobs, show), strict=True
-        ):
-            for part, result in zip(ray.parts, results, strict=False):
+        solutions = solve_all(self._mesh, self._material, jobs, report)
+        for ray, results in zip(solvable, solutions, strict=True):
+            for fraction, result in zip(ray.fractions, results, strict=False):
                 if result.u is None or result.problem is not None:
-                    self._fails(ray, result.problem or "it did not converge")
+                    self._record_failure(ray, result.problem or "it did not converge")
                     break
                 new = max(self.groups, default=-1) + 1
-                if random:
-                    self.groups.append(new if part == ray.parts[0] else new - 1)
+                if is_random:
+                    self.groups.append(new if fraction == ray.fractions[0] else new - 1)
                 else:
-                    self.groups.append(-1 if part == ray.parts[-1] else new)
-                self.states.append(part * ray.end)
+                    self.groups.append(-1 if fraction == ray.fractions[-1] else new)
+                self.states.append(fraction * ray.end)
                 self.fields.append(np.asarray(result.u, np.float32).astype(float))
 
     def check_singles(self) -> None:
-        """Raises CaptureError for a pose that was not reached: a hand would show another shape."""
+        """Raise CaptureError if a pose was not reached: the twin would show another shape."""
         for k, pose in enumerate(self._poses):
-            alone = [w[k] for w in self.states if w[k] and np.count_nonzero(w) == 1]
-            reached = max(alone, default=0.0)
-            if reached < _REACHED:
+            levels = [w[k] for w in self.states if w[k] and np.count_nonzero(w) == 1]
+            reached = max(levels, default=0.0)
+            if reached < MIN_POSE_LEVEL:
                 raise CaptureError(
-                    f"{self._device.source}: the twin's solver reaches {reached:.0%} of the pose"
-                    f" {pose.name}; give --off mechanics, which solves it as the design"
-                    " does"
+                    f"the solver of the twin reaches {reached:.0%} of the pose {pose.name}",
+                    code="pose-not-reached",
+                    where=self._device.source,
+                    action="Disable the trait 'mechanics' to solve it as the design does",
+                    pose=pose.name,
+                    reached=float(reached),
                 )
 
     def _conditions(self, ray: Ray) -> BoundaryConditions:
@@ -255,48 +330,58 @@ class _Sampler:
         weights = {p.name: float(w) for p, w in zip(self._poses, ray.end, strict=True) if w}
         return mix_poses(self._poses, weights, d.regions, self._mesh, d.material.density)
 
-    def _fails(self, ray: Ray, why: str) -> None:
+    def _record_failure(self, ray: Ray, reason: str) -> None:
         names = [f"{w:.2g} {p.name}" for p, w in zip(self._poses, ray.end, strict=True) if w]
-        self.warnings.append(f"the twin's {' + '.join(names)}: {why}")
-        moved = np.flatnonzero(ray.end)
-        if len(moved) > 1:
-            self.apart[np.ix_(moved, moved)] = True
+        self.warnings.append(f"the twin's {' + '.join(names)}: {reason}")
+        mixed = np.flatnonzero(ray.end)
+        if len(mixed) > 1:
+            self.failed_pairs[np.ix_(mixed, mixed)] = True
 
 
-def _signal_error(device: Device, folder: Path, found: DeviceFields, groups: Int) -> float:
-    """RMS of (R - R0)/R0 of the cords as designed, in states that are left out."""
-    reading, errors = CordReading.of(device), []
+def _signal_error(device: Device, folder: Path, fields: DeviceFields, groups: Int) -> float:
+    """Return the RMS error of (R - R0)/R0 of the cords as designed, in states left out."""
+    reading, errors = CordReading.from_device(device), []
     for record in load_layout(folder).by_channel():
         cord = record.built
-        moved = found.displacements(cord.path)
-        off, which = found.space.predict_left_out(moved, groups)
-        if len(which):
-            told = reading.signals(cord, cord.path + moved[which] + off)
-            errors.append(told - reading.signals(cord, cord.path + moved[which]))
+        displacements = fields.displacements(cord.path)
+        difference, indices = fields.space.predict_left_out(displacements, groups)
+        if len(indices):
+            predicted = reading.signals(cord, cord.path + displacements[indices] + difference)
+            errors.append(predicted - reading.signals(cord, cord.path + displacements[indices]))
     return float(np.sqrt((np.array(errors) ** 2).mean())) if errors else 0.0
 
 
-def _save(path: Path, found: DeviceFields, groups: Int) -> None:
+def _save(path: Path, fields: DeviceFields, groups: Int) -> None:
     with replace_file(path) as temporary, temporary.open("wb") as file:
         np.savez(
-            file, poses=np.array(found.poses), axes=found.space.axes, states=found.space.states,
-            nodes=found.mesh.nodes[: found.mesh.cells[:, :4].max() + 1],
-            tets=found.mesh.cells[:, :4], fields=found.fields.astype(np.float32),
-            together=found.together, error=found.error, groups=groups,
-            warnings=np.array(found.warnings, str),
-        )  # fmt: skip
+            file,
+            poses=np.array(fields.poses),
+            axes=fields.space.axes,
+            states=fields.space.states,
+            nodes=fields.mesh.nodes[: fields.mesh.cells[:, :4].max() + 1],
+            tets=fields.mesh.cells[:, :4],
+            fields=fields.fields.astype(np.float32),
+            together=fields.mixable,
+            error=fields.error,
+            groups=groups,
+            warnings=np.array(fields.warnings, str),
+        )
 
 
 def _load(path: Path) -> tuple[DeviceFields, Int] | None:
-    """As `_solve` gives them; None for a file that is damaged: it is made anew."""
+    """Return the results of `_solve`; None for a damaged file, which is then solved again."""
     try:
         with path.open("rb") as file, np.load(file) as data:
-            found = DeviceFields(
-                tuple(data["poses"].tolist()), PoseSpace(data["axes"], data["states"]),
-                QuadraticMesh.from_linear(TetMesh(data["nodes"], data["tets"])),
-                data["fields"].astype(float), data["together"], float(data["error"]), 0.0,
-                tuple(data["warnings"].tolist()),
-            )  # fmt: skip
-            return found, data["groups"]
+            fields = DeviceFields(
+                poses=tuple(data["poses"].tolist()),
+                space=PoseSpace(data["axes"], data["states"]),
+                mesh=QuadraticMesh.from_linear(TetMesh(data["nodes"], data["tets"])),
+                fields=data["fields"].astype(float),
+                mixable=data["together"],
+                error=float(data["error"]),
+                signal_error=0.0,
+                warnings=tuple(data["warnings"].tolist()),
+            )
+            return fields, data["groups"]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

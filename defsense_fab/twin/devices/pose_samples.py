@@ -13,7 +13,7 @@ from ...core.arrays import Bool, Float
 from ...core.device.device import Device, PointDrag, Pose
 from ...core.device.states import are_opposite, can_mix, pose_actions
 from ...core.errors import CaptureError
-from ...geometry.bodies.body_record import load_surface
+from ...store.body import load_surface
 from ..scenes.hand_walk import MIXTURE_LIMITS
 
 #: Largest level of a pose that is simulated.

@@ -11,12 +11,12 @@ from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.mesh import Surface
 from ...core.device.build_folder import finished_build
-from ...geometry.bodies.meshing.mesh_file import load_mesh
+from ...store.mesh import load_mesh
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
-from ...mechanics.solver.field_files import INDEX, load_fields
+from ...store.fields import INDEX, load_fields
 from ...sensing.built_cord import BuiltCord, CordReading
-from ...sensing.layout import LAYOUT, load_layout
+from ...store.layout import LAYOUT, load_layout
 from ..scenes.device_motion import Ramp
 
 
@@ -84,7 +84,7 @@ def load_simulated_device(device: Device, points: Float) -> SimulatedDevice:
 
     records = load_layout(folder).by_channel()
     cords = tuple(r.built for r in records)
-    reading = CordReading.of(device)
+    reading = CordReading.from_device(device)
     return SimulatedDevice(
         rest=surface,
         skin=displacements(surface.vertices),

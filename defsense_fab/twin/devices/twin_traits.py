@@ -1,4 +1,4 @@
-"""Everything that a device's twin takes for granted, by traits that can be switched off."""
+"""All assumptions of a device's twin, by traits that can be disabled."""
 
 from __future__ import annotations
 
@@ -17,47 +17,80 @@ from ..scenes.marker_measurement import MarkerTraits
 from .built_unit import BuildingTraits
 from .device_fields import MechanicsTraits
 
-# What is taken for granted of the cameras that film a twin.
+#: Traits that cannot be disabled; their numbers can be changed.
+PERMANENT_TRAITS = ("read-out board", "cameras", "hand", "time")
+
+
+def unknown_camera_kind(kind: str) -> CaptureError:
+    """Return the error for a kind of cameras that does not exist."""
+    return CaptureError(
+        f"there is no kind of cameras {kind!r}",
+        code="unknown-camera-kind",
+        where="twin",
+        action=f"Use one of {', '.join(CAMERA_KINDS)}",
+        kind=kind,
+    )
 
 
 @dataclass(frozen=True)
 class FilmTraits:
-    """The cameras: `count` of a `kind` (`camera_kinds.py`), `rate` pictures a second; how far off
-    their calibration is; how steadily the hand holds the device."""
+    """Assumptions on the cameras that film a twin.
+
+    Attributes:
+        kind: Kind of the cameras, a key of `CAMERA_KINDS`.
+        count: Number of cameras.
+        rate: Frame rate, Hz.
+        focal: Standard deviation of the error of calibrated focal lengths, relative.
+        center: Standard deviation of the error of calibrated principal points, px.
+        turn: Standard deviation of the error of calibrated orientations, degrees.
+        shift: Standard deviation of the error of calibrated positions, mm.
+        steady: Extent of the sway of the hand, mm and degrees.
+
+    Raises:
+        CaptureError: There is no such kind of cameras (`unknown-camera-kind`).
+    """
 
     kind: str = DEFAULT_CAMERA_KIND
     count: int = 2
-    rate: float = assume(15.0, "cameras", "Hz", "pictures", off=15.0)
+    rate: float = assume(15.0, "cameras", "Hz", "frame rate", off=15.0)
     focal: float = assume(
-        5e-4, "calibration", "1", "error of the focal lengths, standard deviation",
+        5e-4,
+        "calibration",
+        "1",
+        "error of the focal lengths, standard deviation",
         "the twin's own boards, calibrated (docs/capture.md)",
-    )  # fmt: skip
+    )
     center: float = assume(
         1.0, "calibration", "px", "error of the principal points, standard deviation"
     )
     turn: float = assume(
-        0.02, "calibration", "degrees", "error of how cameras look, standard deviation"
+        0.02, "calibration", "degrees", "error of the orientations, standard deviation"
     )
-    shift: float = assume(0.2, "calibration", "mm", "error of where they are")
+    shift: float = assume(0.2, "calibration", "mm", "error of the positions, standard deviation")
     steady: float = assume(
-        3.0, "cameras", "mm and degrees", "how far the hand that holds the device sways", off=3.0
+        3.0, "cameras", "mm and degrees", "sway of the hand that holds the device", off=3.0
     )
 
     def __post_init__(self) -> None:
         if self.kind not in CAMERA_KINDS:
-            raise CaptureError(
-                f"twin: no cameras are called {self.kind}; there are {', '.join(CAMERA_KINDS)}"
-            )
-
-
-#: Always there: what is told of them can be changed, not left out.
-_STAY = ("read-out board", "cameras", "hand", "time")
+            raise unknown_camera_kind(self.kind)
 
 
 @dataclass(frozen=True)
 class TwinTraits:
-    """How the device is solved, built and moved, what its cords, its read-out board and the cameras
-    do: make of markers what `markers` says, or see them on a `film`."""
+    """All assumptions of a twin.
+
+    Attributes:
+        mechanics: How the device is simulated.
+        building: Tolerances of its maker.
+        rubber: Properties of its cords.
+        board: Properties of its read-out board.
+        markers: How cameras measure markers, if no film is rendered.
+        hand: How the hand moves.
+        film: The cameras that film the device; None for measured markers.
+        age: Age of the device at its first session, days.
+        between: Time between sessions, h.
+    """
 
     mechanics: MechanicsTraits = field(default_factory=MechanicsTraits)
     building: BuildingTraits = field(default_factory=BuildingTraits)
@@ -66,40 +99,52 @@ class TwinTraits:
     markers: MarkerTraits = field(default_factory=MarkerTraits)
     hand: WalkTraits = field(default_factory=WalkTraits)
     film: FilmTraits | None = None
-    age: float = assume(3.0, "time", "days", "of the device at its first session")
-    between: float = assume(20.0, "time", "h", "between sessions")
+    age: float = assume(3.0, "time", "days", "age of the device at its first session")
+    between: float = assume(20.0, "time", "h", "time between sessions")
 
     @classmethod
-    def of(cls, device: Device) -> TwinTraits:
-        """With the noise and the joints of the device's cord."""
+    def for_device(cls, device: Device) -> TwinTraits:
+        """Return the traits with the noise and the joints of the device's cord."""
         cord = device.cord
         return cls(rubber=RubberTraits(noise=cord.noise, contact=cord.contact))
 
     @property
     def _parts(self) -> dict[str, Any]:
+        cameras = {"film": self.film} if self.film is not None else {"markers": self.markers}
         return {
-            "mechanics": self.mechanics, "building": self.building, "rubber": self.rubber,
-            "board": self.board, "hand": self.hand,
-            **({"film": self.film} if self.film is not None else {"markers": self.markers}),
-        }  # fmt: skip
+            "mechanics": self.mechanics,
+            "building": self.building,
+            "rubber": self.rubber,
+            "board": self.board,
+            "hand": self.hand,
+            **cameras,
+        }
 
     @property
-    def told(self) -> list[Assumption]:
-        """Every number with its source."""
+    def assumptions(self) -> list[Assumption]:
+        """Every assumed number with its source."""
         parts = [a for part in self._parts.values() for a in list_assumptions(part)]
         return parts + list_assumptions(self)
 
     @property
     def names(self) -> list[str]:
-        """Of traits that can be switched off."""
-        return list(dict.fromkeys(a.trait for a in self.told if a.trait not in _STAY))
+        """Names of the traits that can be disabled."""
+        traits = (a.trait for a in self.assumptions if a.trait not in PERMANENT_TRAITS)
+        return list(dict.fromkeys(traits))
 
-    def disable_traits(self, off: Sequence[str]) -> TwinTraits:
-        """With these switched off. Raises CaptureError for names of none."""
-        for name in off:
+    def disable_traits(self, names: Sequence[str]) -> TwinTraits:
+        """Return the assumptions with some traits disabled.
+
+        Raises:
+            CaptureError: There is no such trait (`unknown-trait`).
+        """
+        for name in names:
             if name not in self.names:
                 raise CaptureError(
-                    f"twin: there is no trait {name!r} to switch off; there are"
-                    f" {', '.join(self.names)}"
+                    f"there is no trait {name!r} to disable",
+                    code="unknown-trait",
+                    where="twin",
+                    action=f"Use one of {', '.join(self.names)}",
+                    trait=name,
                 )
-        return replace(self, **{k: disable_traits(part, off) for k, part in self._parts.items()})
+        return replace(self, **{k: disable_traits(part, names) for k, part in self._parts.items()})

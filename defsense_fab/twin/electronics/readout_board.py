@@ -13,7 +13,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.device.device import CONVERTERS
-from ...sensing.serial_frames import MOST_COUNT, PROTOCOL, Info, Message, Sample, Text, encode
+from ...sensing.serial_frames import MAX_COUNT, PROTOCOL, Info, Message, Sample, Text, encode
 from ...sensing.voltage_divider import Dividers, conversion_time
 from ..scenes.assumptions import assume
 from .cords import DeviceCords, SpecimenTwin
@@ -256,7 +256,7 @@ class ReadoutTwin:
         averages = self._settings["average"]
         counts = self._dividers.counts(ohm[0])[: self._settings["channels"]]
         if self._converter:  # its range ends below the supply voltage
-            counts = np.minimum(counts, MOST_COUNT)
+            counts = np.minimum(counts, MAX_COUNT)
         sums = np.round(counts * averages).astype(int)
         if self._is_framed:
             # Like the firmware: the time of the middle of the conversions, and the state of the

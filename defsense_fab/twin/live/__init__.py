@@ -1,1 +1,1 @@
-"""A twin in place of a read-out board and cameras, while it is used."""
+"""Twins in real time: in place of a read-out board, of cameras, or of a whole device."""

@@ -25,7 +25,7 @@ from ...core.errors import CaptureError, DefsenseError, DeviceError
 from ...core.markers import Markers
 from ...core.device.build_folder import build_folder
 from ...core.storage.session_manifest import manifest_path
-from ...sensing.layout import LAYOUT, layout_hash, load_layout
+from ...store.layout import LAYOUT, layout_hash, load_layout
 from .live_twin import LiveTwin, write_true_cameras, load_pose_coverage, start_live_twin
 from .sample_sources import open_source
 

@@ -89,7 +89,7 @@ def start_live_twin(
     )
     twin = DeviceTwin(sim.rest, sim.skin, seats)
     puppet = PosePlayer(sim.ramps, seed)
-    reading = CordReading.of(device)
+    reading = CordReading.from_device(device)
 
     def signals_at(seconds: float) -> Float:
         w = puppet.weights(seconds)

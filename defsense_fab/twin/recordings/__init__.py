@@ -1,1 +1,1 @@
-"""Training sessions that a twin gives, with tracks or filmed."""
+"""Simulated training sessions of a device, and boards that replay them."""

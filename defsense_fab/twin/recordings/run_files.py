@@ -1,11 +1,9 @@
-"""What a twin's run leaves as a recording does: the read-out board's samples, the log of the steps,
-and, beside them, the truth."""
+"""Files of a simulated session: samples and log, as a recording writes them, and the truth."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,70 +20,114 @@ TRUTH, RUN_1 = "truth.npz", "run-1"
 
 
 def list_steps(run: TwinRun) -> list[PoseStep]:
-    """What was asked of the hand."""
-    begins = [begin for begin, _ in run.walk.steps]
-    lasts = np.diff([*begins, float(run.walk.times[-1])])
-    return [PoseStep(n, float(s)) for (_, n), s in zip(run.walk.steps, lasts, strict=True)]
+    """Return the steps that were requested of the hand, with their durations, s."""
+    starts = [start for start, _ in run.walk.steps]
+    durations = np.diff([*starts, float(run.walk.times[-1])])
+    return [PoseStep(n, float(s)) for (_, n), s in zip(run.walk.steps, durations, strict=True)]
 
 
-def is_led_on(made: TwinRuns, seconds: float, period: int) -> bool:
-    """Whether the read-out board's LED is on, that toggles every `period` ms of its own clock."""
-    b = made.traits.board
+def is_led_on(runs: TwinRuns, seconds: float, period: int) -> bool:
+    """Return whether the board's LED is on.
+
+    Args:
+        runs: The simulated sessions.
+        seconds: Time, s.
+        period: Time after which the LED toggles, ms of the board's clock.
+    """
+    b = runs.traits.board
     return bool(int((b.offset + (1 + b.drift) * seconds) * 1000 / period) % 2)
 
 
-def write_samples(path: Path, made: TwinRuns, run: TwinRun, converter: str, led: int = 0) -> None:
-    """The samples as the host's reader has them, after a serial line; `led` is the period of the
-    LED, ms, or 0 where it is still. Raises StorageError."""
+def write_samples(path: Path, runs: TwinRuns, run: TwinRun, converter: str, led: int = 0) -> None:
+    """Write the samples as the host receives them over a serial line.
+
+    Args:
+        path: The file.
+        runs: The simulated sessions.
+        run: The session to write.
+        converter: Name of the converter, a key of `CONVERTERS`.
+        led: Time after which the LED toggles, ms; 0 if it is off.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
     with Recorder(path, run.sums.shape[1]) as recorder:
-        recorder.extend(_received(made, run, list(CONVERTERS).index(converter), led))
+        recorder.extend(_received(runs, run, list(CONVERTERS).index(converter), led))
 
 
 def _received(
-    made: TwinRuns, run: TwinRun, number: int, led: int
+    runs: TwinRuns, run: TwinRun, number: int, led: int
 ) -> Iterator[Event | StampedSample]:
-    c, channels = made.converter, run.sums.shape[1]
-    about = Info(
-        PROTOCOL, (1, 0), number, channels, c.averages, round(made.traits.board.rate), led,
-        channels, c.full_scale,
-    )  # fmt: skip
-    yield Event(0, "start", {**vars(about), "version": list(about.version)})
-    # As the firmware has it: the LED as it was when the conversions began.
-    begun = run.truth.sample_time - conversion_time(number, channels, c.averages) / 2
-    sent = [
-        Sample(k, us % (1 << 32), bool(led) and is_led_on(made, at, led), False, c.averages, tuple(sums))
-        for k, (us, sums, at) in enumerate(
-            zip(run.device_us.tolist(), run.sums.tolist(), begun.tolist(), strict=True)
-        )
-    ]
-    if made.traits.board.steps:  # counts of a converter without steps do not go into a frame
-        sent = [m for m in Stream().feed(b"".join(map(encode, sent))) if isinstance(m, Sample)]
-    for host, us, sample in zip(run.host_ns.tolist(), run.device_us.tolist(), sent, strict=True):
+    c, channels = runs.converter, run.sums.shape[1]
+    info = Info(
+        PROTOCOL,
+        (1, 0),
+        number,
+        channels,
+        c.averages,
+        round(runs.traits.board.rate),
+        led,
+        channels,
+        c.full_scale,
+    )
+    yield Event(0, "start", {**vars(info), "version": list(info.version)})
+    # Like the firmware: the state of the LED when the conversions started.
+    starts = run.truth.sample_time - conversion_time(number, channels, c.averages) / 2
+    rows = zip(run.device_us.tolist(), run.sums.tolist(), starts.tolist(), strict=True)
+    samples = []
+    for k, (us, sums, start) in enumerate(rows):
+        is_on = bool(led) and is_led_on(runs, start, led)
+        samples.append(Sample(k, us % (1 << 32), is_on, False, c.averages, tuple(sums)))
+    if runs.traits.board.steps:  # counts of a continuous converter do not fit into a frame
+        data = b"".join(map(encode, samples))
+        samples = [m for m in Stream().feed(data) if isinstance(m, Sample)]
+    stamps = zip(run.host_ns.tolist(), run.device_us.tolist(), samples, strict=True)
+    for host, us, sample in stamps:
         yield StampedSample(host, us, sample)
 
 
 def write_log(path: Path, run: TwinRun) -> None:
-    """When each step was shown. Raises StorageError."""
+    """Write the log of the steps.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
     log = Log(path)
     try:
-        for k, ((begin, _), step) in enumerate(zip(run.walk.steps, list_steps(run), strict=True)):
-            told: dict[str, Any] = {"step": k, "name": step.name, "seconds": step.seconds}
-            log.event("step", **told, host_ns=round(1e9 * begin))
-            log.event("done", step=k, host_ns=round(1e9 * (begin + step.seconds)))
+        for k, ((start, _), step) in enumerate(zip(run.walk.steps, list_steps(run), strict=True)):
+            host_ns = round(1e9 * start)
+            log.event("step", step=k, name=step.name, seconds=step.seconds, host_ns=host_ns)
+            log.event("done", step=k, host_ns=round(1e9 * (start + step.seconds)))
         log.event("end", why="all steps were shown", host_ns=round(1e9 * run.walk.times[-1]))
     finally:
         log.close()
 
 
 def write_truth(
-    path: Path, channels: Sequence[str], made: TwinRuns, truth: Truth, begins: float = 0.0
+    path: Path, channels: Sequence[str], runs: TwinRuns, truth: Truth, start: float = 0.0
 ) -> None:
-    """All of it by the session's clock, which `begins` at so many s of the twin's. Raises
-    StorageError."""
+    """Write the truth, by the session's clock.
+
+    Args:
+        path: The file.
+        channels: Names of the channels (c).
+        runs: The simulated sessions.
+        truth: The truth about the session.
+        start: Time of the twin at which the session's clock is at 0, s.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
     with replace_file(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(
-            file, time=truth.time - begins, ids=made.markers.ids,
-            points=truth.points.astype(np.float32), sample_time=truth.sample_time - begins,
-            poses=np.array(made.fields.poses), weights=truth.weights, channels=np.array(channels),
-            signals=truth.signals, ohm=truth.ohm,
-        )  # fmt: skip
+            file,
+            time=truth.time - start,
+            ids=runs.markers.ids,
+            points=truth.points.astype(np.float32),
+            sample_time=truth.sample_time - start,
+            poses=np.array(runs.fields.poses),
+            weights=truth.weights,
+            channels=np.array(channels),
+            signals=truth.signals,
+            ohm=truth.ohm,
+        )

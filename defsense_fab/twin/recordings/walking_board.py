@@ -1,5 +1,4 @@
-"""A built device that a hand moves, read by its read-out board as fast as time goes: what
-`defsense twin` writes as sessions, alive."""
+"""A read-out board that replays a simulated session of a built device in real time."""
 
 from __future__ import annotations
 
@@ -16,58 +15,115 @@ from .twin_recordings import TwinRuns, simulate_runs
 
 @dataclass(frozen=True)
 class WalkingBoard:
-    """A device's cords, and what was simulated: the run that is played forth and back."""
+    """A device whose simulated session is replayed forwards and backwards.
+
+    Attributes:
+        device: The device.
+        cords: Its cords, which replay the session.
+        runs: The simulated session.
+    """
 
     device: Device
     cords: ReplayedCords
-    made: TwinRuns
+    runs: TwinRuns
 
     def open(self) -> ReadoutTwin:
-        """Its read-out board, switched on now: the run begins, with a rest."""
-        b = self.made.traits.board
+        """Switch the read-out board on: the session starts, with a rest."""
+        b = self.runs.traits.board
         return ReadoutTwin(
-            self.cords, self.made.converter.reference, offset=b.offset, drift=b.drift,
+            self.cords,
+            self.runs.converter.reference,
+            offset=b.offset,
+            drift=b.drift,
             converter=self.device.converter,
-        )  # fmt: skip
+        )
 
 
 def simulate_walking_board(
-    device: Device, *, unit: int = 1, seed: int = 101, seconds: float = 300.0,
-    faults: Sequence[CordFault] = (), off: Sequence[str] = (), progress: Progress = silent,
-) -> WalkingBoard:  # fmt: skip
-    """Of the built device of the number `unit`, moved by the hand of this `seed`. The device's
-    shapes are solved the first time, which takes minutes. Raises CaptureError."""
-    made = simulate_runs(device, seconds=seconds, seed=seed, unit=unit, off=off, progress=progress)
-    truth = made.runs[0].truth
-    cords = ReplayedCords(made.dataset.channels, truth.sample_time, truth.ohm, tuple(faults))
-    return WalkingBoard(device, cords, made)
+    device: Device,
+    *,
+    unit: int = 1,
+    seed: int = 101,
+    seconds: float = 300.0,
+    faults: Sequence[CordFault] = (),
+    off: Sequence[str] = (),
+    progress: Progress = silent,
+) -> WalkingBoard:
+    """Simulate a session of a built device for replay.
+
+    The first call solves the displacement fields of the device, which takes minutes.
+
+    Args:
+        device: The device.
+        unit: Number of the built device (see `build_unit`).
+        seed: Seed of the hand's motion.
+        seconds: Duration of the session, s.
+        faults: Faults of cords and plugs.
+        off: Names of traits to disable.
+        progress: Called with the progress.
+
+    Raises:
+        CaptureError: The device is not built, or there is no such trait.
+    """
+    runs = simulate_runs(device, seconds=seconds, seed=seed, unit=unit, off=off, progress=progress)
+    truth = runs.runs[0].truth
+    cords = ReplayedCords(runs.dataset.channels, truth.sample_time, truth.ohm, tuple(faults))
+    return WalkingBoard(device, cords, runs)
 
 
 def parse_faults(channels: Sequence[str], words: Sequence[str]) -> tuple[CordFault, ...]:
-    """Of cut=left@20-30, swap=left+right@40, ...: what, which, from and to which second. Raises
-    CaptureError."""
-    out = []
-    for word in words:
-        kind, equals, rest = word.partition("=")
-        names, at, when = rest.partition("@")
-        begin, _, end = when.partition("-")
-        which = [n for n in names.split("+") if n]
-        if not equals or not at or kind not in FAULT_KINDS:
-            raise CaptureError(f"twin:{word}: write {', '.join(FAULT_KINDS)} as in cut=left@20-30")
-        unknown = [n for n in which if n not in channels]
-        if unknown or len(which) != (2 if kind == SWAP else 1):
-            raise CaptureError(
-                f"twin:{word}: name {'two channels' if kind == SWAP else 'a channel'} of"
-                f" {', '.join(channels)}" + (" with + between" if kind == SWAP else "")
-            )
-        try:
-            span = float(begin), float(end) if end else float("inf")
-        except ValueError:
-            raise CaptureError(f"twin:{word}: write seconds, as in @20-30") from None
-        if not 0 <= span[0] < span[1]:
-            raise CaptureError(
-                f"twin:{word}: ends before it begins; write the second at which it begins, from 0"
-                " on, and a later one at which it ends, as in @20-30"
-            )
-        out.append(CordFault(kind, tuple(channels.index(n) for n in which), *span))
-    return tuple(out)
+    """Parse faults such as `cut=left@20-30` and `swap=left+right@40`.
+
+    Args:
+        channels: Names of the channels.
+        words: One fault each: kind, channels, and the seconds from which to which it lasts.
+
+    Raises:
+        CaptureError: A fault has another form (`invalid-fault`), names channels that do not exist
+            (`unknown-channel`), or ends before it starts (`fault-ends-early`).
+    """
+    return tuple(_parse_fault(channels, word) for word in words)
+
+
+def _parse_fault(channels: Sequence[str], word: str) -> CordFault:
+    where = f"twin:{word}"
+    kind, equals, rest = word.partition("=")
+    names, at, when = rest.partition("@")
+    begin, _, end = when.partition("-")
+    affected = [n for n in names.split("+") if n]
+    if not equals or not at or kind not in FAULT_KINDS:
+        raise CaptureError(
+            "is not a valid fault",
+            code="invalid-fault",
+            where=where,
+            action=f"Write {', '.join(FAULT_KINDS)} as in cut=left@20-30",
+        )
+    unknown = [n for n in affected if n not in channels]
+    if unknown or len(affected) != (2 if kind == SWAP else 1):
+        raise CaptureError(
+            f"does not name {'two channels' if kind == SWAP else 'one channel'} of the device",
+            code="unknown-channel",
+            where=where,
+            action=(
+                f"Name {'two' if kind == SWAP else 'one'} of {', '.join(channels)}"
+                + (", with + between them" if kind == SWAP else "")
+            ),
+            channels=tuple(affected),
+        )
+    try:
+        start, stop = float(begin), float(end) if end else float("inf")
+    except ValueError:
+        raise CaptureError(
+            "does not say from which second the fault lasts",
+            code="invalid-fault",
+            where=where,
+            action="Write seconds as in @20-30",
+        ) from None
+    if not 0 <= start < stop:
+        raise CaptureError(
+            "ends before it starts",
+            code="fault-ends-early",
+            where=where,
+            action="Write the second of its start, at least 0, and a later one, as in @20-30",
+        )
+    return CordFault(kind, tuple(channels.index(n) for n in affected), start, stop)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.sensing.layout import load_prediction
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
+from defsense_fab.store.layout import load_prediction
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.twin.devices.device_fields import solve_fields, choose_material, MechanicsTraits
 from defsense_fab.twin.devices.pose_samples import find_mixable_poses, pose_axes, add_grips, place_grips
 

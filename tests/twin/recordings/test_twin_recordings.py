@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.sensing.layout import layout_hash, load_layout, load_prediction
+from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
 from defsense_fab.workflow.sessions.processing import process_session
 from defsense_fab.capture.sessions.session import finished, load
 from defsense_fab.training.models.model_file import load_model
@@ -55,13 +55,13 @@ def test_the_data_set_is_whole(device, made):
 
 
 def test_with_everything_off_cords_answer_as_the_design_says(device):
-    names = TwinTraits.of(device).names
+    names = TwinTraits.for_device(device).names
     made = simulate_runs(device, seconds=SECONDS, off=[n for n in names if n != "mechanics"])
     run, truth = made.dataset.recordings[0], made.runs[0].truth
     assert run.signals == pytest.approx(truth.signals, abs=1e-5)
     assert run.sample_time == pytest.approx(truth.sample_time, abs=1e-6)
     assert np.array_equal(run.points, truth.points)
-    reading, weights = CordReading.of(device), made.fields.space(truth.weights)
+    reading, weights = CordReading.from_device(device), made.fields.space(truth.weights)
     for c, record in enumerate(load_layout(device.source / "build").by_channel()):
         moved = np.tensordot(weights, made.fields.displacements(record.stretch), 1)
         ideal = reading.signals(record.built, record.stretch + moved)
@@ -100,7 +100,7 @@ def test_switching_one_trait_off_leaves_the_others(device, made):
 
 
 def test_later_sessions_of_a_unit_are_older_and_softened(device):
-    traits = TwinTraits.of(device)
+    traits = TwinTraits.for_device(device)
     traits = replace(traits, between=240.0, hand=replace(traits.hand, rest=6.0))
     off = [n for n in traits.names if n not in ("ageing", "mechanics")]
     two = simulate_recordings(device, seconds=SECONDS, sessions=2, traits=traits, off=off)
@@ -110,11 +110,11 @@ def test_later_sessions_of_a_unit_are_older_and_softened(device):
 
 
 def test_traits_have_names_and_all_that_is_assumed_is_told(device):
-    traits = TwinTraits.of(device)
+    traits = TwinTraits.for_device(device)
     assert {"hysteresis", "relaxation", "mullins", "drift", "temperature", "ageing", "spread",
             "contact", "noise", "quantisation", "placement", "prestretch", "marker-noise", "gaps",
             "wrong-markers", "sync", "mechanics", "tremor"} <= set(traits.names)  # fmt: skip
-    assert all(a.source and a.meaning for a in traits.told)
+    assert all(a.source and a.meaning for a in traits.assumptions)
     with pytest.raises(CaptureError, match="no trait 'hysterisis' to switch off; there are mech"):
         traits.disable_traits(["hysterisis"])
 
@@ -169,7 +169,7 @@ def test_quality_says_that_it_is_a_twin(written, made):
         assert truth["points"] == pytest.approx(made.runs[0].truth.points, abs=1e-4)
         assert truth["signals"] == pytest.approx(made.runs[0].truth.signals)
     page = (written / "assumptions.md").read_text(encoding="utf-8")
-    assert all(a.meaning in page for a in made.traits.told)
+    assert all(a.meaning in page for a in made.traits.assumptions)
     assert "| mullins | recovery | 6.0 | h |" in page
 
 
