@@ -1,1 +1,1 @@
-"""Cords as they are built in, and how they answer to strain."""
+"""Cords as they are built into a device, their signals, and the read-out board's serial frames."""

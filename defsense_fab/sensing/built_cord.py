@@ -1,11 +1,12 @@
-"""A cord as it is built in: how much of it is stretched, how, and how finely that can be read.
+"""Cords as they are built into a device: what stretches them, and how precisely they are read.
 
-Two ways to build it in (ASSEMBLIES of a device). *Bonded*, glued into its groove all along,
-as the paper does it (DefSense, CHI 2016, section 5: secured with adhesives), it follows the body's
-local strain, compression too. *Held* at its ends alone it slides in its channel and is strained
-evenly, by how far its ends' way through the body becomes longer; it cannot push: below its own rest
-length it is slack. Stretched by p as it is laid, it has a strain of (1 + p)(1 + e) - 1 where the
-body's mean strain is e, and stays taut down to e = 1/(1 + p) - 1.
+A cord is built in one of two ways (ASSEMBLIES of a device). A bonded cord is glued into its groove
+along its whole length, as in the paper (DefSense, CHI 2016, section 5: secured with adhesives). It
+follows the body's local strain, compression included. A held cord is fixed at its ends and slides
+in its channel. Its strain is uniform and follows from the length of its path through the body. It
+cannot push: below its own rest length it is slack. Stretched by p during assembly, its strain is
+(1 + p)(1 + e) - 1 where the body's mean strain along it is e, and it stays taut down to
+e = 1/(1 + p) - 1.
 """
 
 from __future__ import annotations
@@ -17,21 +18,25 @@ import numpy as np
 from ..core.arrays import Float
 from ..core.curve import arc_lengths
 from ..core.device.device import CONVERTERS, Device
-from .response import Response, mean_strain, response_of, signals
+from .response import Response, build_response, cord_signals, mean_strain
 
-#: Standard deviation of what a held cord is stretched by as it is laid by hand, a strain.
+#: Standard deviation of the strain by which a held cord is stretched by hand during assembly.
 PRESTRETCH_SPREAD = 0.01
-#: It is stretched for poses that are taken so much further than they were solved, and by so many
-#: standard deviations more: a cord that is laid with less is slack in some state, and senses
-#: nothing there.
-_FURTHER, _SURE = 1.1, 2
+#: A held cord with too little prestretch is slack in some state, and senses nothing there. So it is
+#: stretched for states that go further than the simulated ones by this factor, and by this number
+#: of standard deviations more.
+_STATE_MARGIN, _PRESTRETCH_SIGMAS = 1.1, 2
 
 
 @dataclass(frozen=True)
 class BuiltCord:
-    """The cord's `path` (p, 3) mm between its ends, which the body stretches; cord in `series`
-    before and behind, mm, that conducts and is not stretched; by how much it is stretched as it is
-    laid, or None for a bonded one."""
+    """A cord in a device.
+
+    Attributes:
+        path: Path (p, 3) between its ends, which the body stretches, mm.
+        series: Length of cord before and after the path, which conducts and is not stretched, mm.
+        prestretch: Strain at assembly; None for a bonded cord.
+    """
 
     path: Float
     series: float
@@ -39,14 +44,20 @@ class BuiltCord:
 
     @property
     def length(self) -> float:
-        """Of the path, mm."""
+        """Length of the path, mm."""
         return float(arc_lengths(self.path)[-1])
 
 
 @dataclass(frozen=True)
 class CordReading:
-    """How cords of one kind are read: `response` to the cord's own strain, `ohm_per_mm`, standard
-    deviations: `relative` of (R - R0)/R0 however long the cord, `contact` of each joint, ohm."""
+    """How cords of one kind are read.
+
+    Attributes:
+        response: Response to the cord's own strain.
+        ohm_per_mm: Resistance per length of loose cord, ohm/mm.
+        relative: Standard deviation of (R - R0)/R0, whatever the cord's length.
+        contact: Standard deviation of the resistance of each joint, ohm.
+    """
 
     response: Response
     ohm_per_mm: float
@@ -54,104 +65,147 @@ class CordReading:
     contact: float
 
     @classmethod
-    def of(cls, device: Device) -> CordReading:
-        """Of the device's cord and converter."""
+    def from_device(cls, device: Device) -> CordReading:
+        """Create the readings of a device's cord by its converter."""
         cord = device.cord
-        relative = float(np.hypot(cord.noise, steps(device.converter)))
-        return cls(response_of(cord.response), cord.ohm_per_mm, relative, cord.contact)
+        relative = float(np.hypot(cord.noise, quantization_noise(device.converter)))
+        return cls(build_response(cord.response), cord.ohm_per_mm, relative, cord.contact)
 
     def resistance(self, cord: BuiltCord) -> float:
-        """Between the joints at rest, ohm."""
-        return self.ohm_per_mm * (self.conducting(cord.length, cord.prestretch) + cord.series)
+        """Return the resistance between the joints at rest, ohm."""
+        return self.ohm_per_mm * (
+            self.conducting_length(cord.length, cord.prestretch) + cord.series
+        )
 
-    def conducting(self, length: float, prestretch: float | None) -> float:
-        """Loose cord, mm, that has the resistance of one that is stretched over a `length`."""
+    def conducting_length(self, length: float, prestretch: float | None) -> float:
+        """Return the length of loose cord with the resistance of a stretched one.
+
+        Args:
+            length: Length of the stretched cord, mm.
+            prestretch: Its strain; None for a bonded cord.
+
+        Returns:
+            The length of loose cord, mm.
+        """
         p = prestretch or 0.0
         return length / (1 + p) * (1 + float(self.response(np.array(p))))
 
     def signals(self, cord: BuiltCord, deformed: Float) -> Float:
-        """(R - R0)/R0 (s,) with the path at `deformed` (s, p, 3) mm."""
+        """Return the signals of a cord in deformed states.
+
+        Args:
+            cord: The cord.
+            deformed: Its path in each state (s, p, 3), mm.
+
+        Returns:
+            (R - R0)/R0 in each state (s,).
+        """
         if cord.prestretch is None:
-            found = signals(cord.path, deformed, self.response)
+            signals = cord_signals(cord.path, deformed, self.response)
         else:
-            answer = held(self.response, cord.prestretch)
-            found = answer(mean_strain(cord.path, deformed))
-        rest = self.conducting(cord.length, cord.prestretch)
-        return np.asarray(found * rest / (rest + cord.series))
+            response = held_response(self.response, cord.prestretch)
+            signals = response(mean_strain(cord.path, deformed))
+        rest = self.conducting_length(cord.length, cord.prestretch)
+        return np.asarray(signals * rest / (rest + cord.series))
 
     def noise(self, cord: BuiltCord) -> float:
-        """Standard deviation of (R - R0)/R0: what a joint adds to it, a short cord feels most."""
-        return float(self.noise_of(np.array(self.resistance(cord))))
+        """Return the standard deviation of (R - R0)/R0; joints affect short cords most."""
+        return float(self.noise_at(np.array(self.resistance(cord))))
 
-    def noise_of(self, resistance: Float) -> Float:
-        """The same (...) for cords of these resistances (...) at rest, ohm."""
+    def noise_at(self, resistance: Float) -> Float:
+        """Return the standard deviations (...) for cords of rest resistances (...) in ohm."""
         return np.asarray(np.hypot(self.relative, np.sqrt(2) * self.contact / resistance))
 
-    def gauge_spread(self, factor: float, compression: float = 1.0) -> CordReading:
-        """The same for a cord whose response is `factor` times as large, and in compression
-        `compression` times that."""
-        return replace(self, response=scaled(self.response, factor, compression))
+    def scale_gauge_factor(self, factor: float, compression: float = 1.0) -> CordReading:
+        """Return the readings of a cord with another gauge factor.
+
+        Args:
+            factor: Factor of the response.
+            compression: Additional factor of the response below zero strain.
+        """
+        return replace(self, response=scale_response(self.response, factor, compression))
 
 
-def steps(converter: str) -> float:
-    """Standard deviation of (R - R0)/R0 by the steps of a converter, in a divider whose reference
-    resistor equals the cord (4/N a count, see `voltage_divider`), averaged over a sample."""
+def quantization_noise(converter: str) -> float:
+    """Return the standard deviation of (R - R0)/R0 that comes from a converter's steps.
+
+    The divider's reference resistor is assumed to equal the cord (4/N per count, see
+    `voltage_divider`), and a sample is an average.
+
+    Args:
+        converter: A name in CONVERTERS.
+    """
     full_scale, averages = CONVERTERS[converter]
     return 4 / full_scale / float(np.sqrt(12 * averages))
 
 
-def held(response: Response, prestretch: float) -> Response:
-    """What a held cord answers to the body's mean strain e, relative to its resistance as laid:
-    (w(eps) - w(p)) / (1 + w(p)) with eps = max((1 + p)(1 + e) - 1, 0)."""
-    return _laid(_taut(response), prestretch)
+def held_response(response: Response, prestretch: float) -> Response:
+    """Return the response of a held cord to the body's mean strain e along it.
+
+    It is relative to the resistance after assembly: (w(eps) - w(p)) / (1 + w(p)) with
+    eps = max((1 + p)(1 + e) - 1, 0).
+
+    Args:
+        response: Response w to the cord's own strain.
+        prestretch: Strain p at assembly.
+    """
+    return _shift_to_body_strain(_zero_below_rest(response), prestretch)
 
 
-def held_taut(response: Response, prestretch: float) -> Response:
-    """The same for a cord that is stretched so far that no state leaves it slack: below zero strain
-    the response goes on along its tangent there."""
-    return _laid(_from_rest(response), prestretch)
+def taut_response(response: Response, prestretch: float) -> Response:
+    """Return the response of a held cord that no state leaves slack.
+
+    As `held_response`, but below zero strain the response continues along its tangent there.
+    """
+    return _shift_to_body_strain(_extend_below_rest(response), prestretch)
 
 
-def needed_prestretch(least_strain: float) -> float:
-    """How far to stretch a cord that it stays taut down to the body's mean strain `least_strain`
-    along it, though it is not laid exactly so: in whole per cents."""
-    needed = max(1 / (1 + _FURTHER * least_strain) - 1, 0.0)
-    return round(float(np.ceil(100 * needed - 1e-6)) / 100 + _SURE * PRESTRETCH_SPREAD, 2)
+def required_prestretch(min_strain: float) -> float:
+    """Return the prestretch that keeps a held cord taut, although assembly is not exact.
+
+    Args:
+        min_strain: Smallest mean strain of the body along the cord, over all states.
+
+    Returns:
+        A strain in whole percent.
+    """
+    exact = max(1 / (1 + _STATE_MARGIN * min_strain) - 1, 0.0)
+    percent = float(np.ceil(100 * exact - 1e-6))
+    return round(percent / 100 + _PRESTRETCH_SIGMAS * PRESTRETCH_SPREAD, 2)
 
 
-def scaled(response: Response, factor: float, compression: float) -> Response:
-    """`factor` times the response, and `compression` times that below zero strain."""
+def scale_response(response: Response, factor: float, compression: float) -> Response:
+    """Return a response times `factor`, and times `compression` below zero strain."""
     if compression == 1:
         return replace(response, pieces=factor * response.pieces)
-    split = _with_break(response, 0.0)
+    split = _insert_break(response, 0.0)
     below = np.append(split.breaks, np.inf) <= 0
     return replace(split, pieces=factor * np.where(below[:, None], compression, 1.0) * split.pieces)
 
 
-def _with_break(response: Response, at: float) -> Response:
-    """The same with a break there."""
-    if at in response.breaks:
+def _insert_break(response: Response, strain: float) -> Response:
+    """Return an equal response with a break at a strain."""
+    if strain in response.breaks:
         return response
-    i = int(np.searchsorted(response.breaks, at))
+    i = int(np.searchsorted(response.breaks, strain))
     return Response(
-        np.insert(response.breaks, i, at),
+        np.insert(response.breaks, i, strain),
         np.insert(response.origins, i, response.origins[i]),
         np.insert(response.pieces, i, response.pieces[i], axis=0),
     )
 
 
-def _taut(response: Response) -> Response:
-    """Zero below zero strain."""
-    split = _with_break(response, 0.0)
+def _zero_below_rest(response: Response) -> Response:
+    split = _insert_break(response, 0.0)
     below = np.append(split.breaks, np.inf) <= 0
     return replace(split, pieces=np.where(below[:, None], 0.0, split.pieces))
 
 
-def _from_rest(response: Response) -> Response:
-    """Above zero strain as it is; below, along the tangent there."""
-    if response.slope_everywhere is not None:
+def _extend_below_rest(response: Response) -> Response:
+    """Return a response that follows its tangent at zero strain below that."""
+    if response.linear_slope is not None:
         return response
-    split = _with_break(response, 0.0)
+    split = _insert_break(response, 0.0)
     i = int(np.searchsorted(split.breaks, 0.0)) + 1
     shift = -split.origins[i]
     _, b, c, d = split.pieces[i]
@@ -163,11 +217,13 @@ def _from_rest(response: Response) -> Response:
     )
 
 
-def _laid(response: Response, p: float) -> Response:
-    """As a function of e, the cord's strain being (1 + p)(1 + e) - 1 = (1 + p)(e - e0) with
-    e0 = 1/(1 + p) - 1, and relative to the resistance at e = 0."""
+def _shift_to_body_strain(response: Response, p: float) -> Response:
+    """Return a response as a function of the body's strain e, relative to the resistance at e = 0.
+
+    The cord's strain is (1 + p)(1 + e) - 1 = (1 + p)(e - e0) with e0 = 1/(1 + p) - 1.
+    """
     before = float(response(np.array(p)))
-    slope = response.slope_everywhere
+    slope = response.linear_slope
     if slope is not None:
         return Response.line(slope * (1 + p) / (1 + before))
     pieces = response.pieces * (1 + p) ** np.arange(4)

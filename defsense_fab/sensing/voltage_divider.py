@@ -1,7 +1,7 @@
-"""The voltage divider: counts of a converter, resistances, and how finely they are told apart.
+"""Voltage dividers: counts of a converter, resistances, and the resolution of readings.
 
-A reference resistor lies between the supply and the pin, the cord between the pin and ground. With
-N counts at the supply's voltage a cord of R ohm gives c = N R / (R + Rref) counts.
+A reference resistor connects the supply and the pin, the cord connects the pin and ground. With N
+counts at the supply's voltage, a cord of R ohm gives c = N R / (R + Rref) counts.
 """
 
 from __future__ import annotations
@@ -13,22 +13,31 @@ import numpy as np
 from ..core.arrays import Bool, Float
 from ..core.errors import CaptureError
 
-#: Counts from either end of the converter's range at which a circuit is shorted or open.
-_EDGE = 0.002
+#: Share of the converter's range, at either end, in which a circuit is shorted or open.
+_SATURATION_MARGIN = 0.002
 #: Preferred values of a decade (IEC 60063, E24).
 E24 = (
-    1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 3.0,
-    3.3, 3.6, 3.9, 4.3, 4.7, 5.1, 5.6, 6.2, 6.8, 7.5, 8.2, 9.1,
-)  # fmt: skip
-_CONVERSION = (0.124e-3, 1.84e-3)  # s, of the converters 0 and 1, with what goes on between two
-_INPUTS = 4  # of a chip of converter 1; chips convert at the same time
-_MORE_CHIPS = 0.37e-3  # s that every further chip adds to a conversion
+    *(1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 3.0),
+    *(3.3, 3.6, 3.9, 4.3, 4.7, 5.1, 5.6, 6.2, 6.8, 7.5, 8.2, 9.1),
+)
+#: Time of a conversion by the converters 0 and 1, including the work between two, s. Measured with
+#: the firmware in simulation (16 MHz).
+_CONVERSION_S = (0.124e-3, 1.84e-3)
+_INPUTS_PER_CHIP = 4  # of converter 1; its chips convert at the same time
+_ADDED_CHIP_S = 0.37e-3  # that every further chip adds to a conversion
 
 
 @dataclass(frozen=True)
 class Dividers:
-    """Reference resistors `reference` (c,) ohm, and `full_scale`: counts of one conversion at the
-    supply's voltage, (c,) or one for all channels. Raises CaptureError for what cannot be."""
+    """Voltage dividers of a read-out board's channels.
+
+    Attributes:
+        reference: Reference resistors (c,), ohm.
+        full_scale: Counts of one conversion at the supply's voltage, (c,) or one for all channels.
+
+    Raises:
+        CaptureError: A value is not positive.
+    """
 
     reference: Float
     full_scale: Float | float
@@ -38,67 +47,104 @@ class Dividers:
             values = np.asarray(getattr(self, name), float)
             if not (np.isfinite(values) & (values > 0)).all():
                 raise CaptureError(
-                    f"dividers: {name} must be above zero, not {values.tolist()}",
+                    f"{name} is {values.tolist()}",
                     code="not-positive",
+                    where="dividers",
+                    action="Give values above zero",
                     field=name,
                 )
 
     def resistance(self, counts: Float) -> Float:
-        """Ohm (..., c) for mean counts (..., c): 0 for a short circuit, inf for an open one, NaN
-        where the counts are."""
+        """Convert counts to resistances.
+
+        Args:
+            counts: Mean counts (..., c).
+
+        Returns:
+            Resistances (..., c), ohm: 0 for a short circuit, inf for an open one, NaN where the
+            counts are NaN.
+        """
         share = np.asarray(counts, float) / self.full_scale
         with np.errstate(divide="ignore", invalid="ignore"):
             ohm = self.reference * share / (1 - share)
-        ohm = np.where(share <= _EDGE, 0.0, ohm)
-        return np.asarray(np.where(share >= 1 - _EDGE, np.inf, ohm))
+        ohm = np.where(share <= _SATURATION_MARGIN, 0.0, ohm)
+        return np.asarray(np.where(share >= 1 - _SATURATION_MARGIN, np.inf, ohm))
 
     def counts(self, resistance: Float) -> Float:
-        """Mean counts (..., c) that resistances (..., c) ohm give."""
+        """Return the mean counts (..., c) of resistances (..., c) in ohm."""
         return np.asarray(self.full_scale * resistance / (resistance + self.reference))
 
     def resolution(self, resistance: Float) -> Float:
-        """Ohm per count (..., c) at resistances (..., c): (R + Rref)^2 / (N Rref)."""
+        """Return the ohms per count (..., c) at resistances (..., c): (R + Rref)^2 / (N Rref)."""
         total = np.asarray(resistance) + self.reference
         return np.asarray(total**2 / (self.full_scale * self.reference))
 
 
-def saturated(counts: Float, full_scale: Float | float) -> Bool:
-    """Which counts (..., c) lie at an end of the converter's range."""
+def is_saturated(counts: Float, full_scale: Float | float) -> Bool:
+    """Return whether counts (..., c) are at an end of the converter's range."""
     share = np.asarray(counts, float) / full_scale
-    return np.asarray((share <= _EDGE) | (share >= 1 - _EDGE))
+    return np.asarray((share <= _SATURATION_MARGIN) | (share >= 1 - _SATURATION_MARGIN))
 
 
-def reference(low: float, high: float) -> float:
-    """The E24 resistor (ohm) next to the geometric mean of a range of resistances.
+def choose_reference(low: float, high: float) -> float:
+    """Choose the E24 resistor for a range of resistances.
 
-    In a divider that gives the largest swing of voltage over the range: its derivative by the
-    reference vanishes where that is sqrt(low * high).
+    It is the one next to the geometric mean, where a divider's voltage changes most over the range:
+    the derivative of the change by the reference vanishes at sqrt(low * high).
+
+    Args:
+        low: Smallest resistance, ohm.
+        high: Largest resistance, ohm.
+
+    Returns:
+        The reference resistor, ohm.
     """
-    wanted = float(np.sqrt(low * high))
-    decade = 10.0 ** np.floor(np.log10(wanted))
+    mean = float(np.sqrt(low * high))
+    decade = 10.0 ** np.floor(np.log10(mean))
     values = np.array([v * d for d in (decade / 10, decade, decade * 10) for v in E24])
-    return float(values[np.abs(np.log(values / wanted)).argmin()])
+    return float(values[np.abs(np.log(values / mean)).argmin()])
 
 
-def measured_reference(counts: Float, known: float, full_scale: Float | float) -> Float:
-    """Reference resistors (c,) ohm from mean counts (c,) with a known resistor in the cords' place.
-    Raises CaptureError where a channel has none."""
-    if saturated(counts, full_scale).any() or not np.isfinite(counts).all():
-        bad = np.flatnonzero(saturated(counts, full_scale) | ~np.isfinite(counts))
+def measure_reference(counts: Float, known: float, full_scale: Float | float) -> Float:
+    """Measure the reference resistors with a known resistor in place of each cord.
+
+    Args:
+        counts: Mean counts (c,).
+        known: The known resistor, ohm.
+        full_scale: Counts at the supply's voltage, (c,) or one for all channels.
+
+    Returns:
+        The reference resistors (c,), ohm.
+
+    Raises:
+        CaptureError: A channel is open or shorted.
+    """
+    if is_saturated(counts, full_scale).any() or not np.isfinite(counts).all():
+        bad = np.flatnonzero(is_saturated(counts, full_scale) | ~np.isfinite(counts))
+        channels = [int(i) + 1 for i in bad]
         raise CaptureError(
-            f"channels {', '.join(str(i + 1) for i in bad)} are open or shorted; put the known"
-            " resistor in the place of every cord",
+            f"channels {', '.join(map(str, channels))} are open or shorted",
             code="channels-unreadable",
-            channels=[int(i) + 1 for i in bad],
+            where="reference resistors",
+            action="Connect the known resistor in place of every cord",
+            channels=channels,
         )
     return np.asarray(known * (full_scale / counts - 1))
 
 
 def conversion_time(converter: int, channels: int, averages: int) -> float:
-    """How long the conversions of a sample take, s, by what `Info` tells of the read-out board:
-    measured with the firmware in simulation (16 MHz), for its `converter` 0 or 1."""
+    """Return how long the conversions of a sample take.
+
+    Args:
+        converter: Converter of the read-out board, 0 or 1, as in `Info`.
+        channels: Number of channels.
+        averages: Conversions per channel.
+
+    Returns:
+        Time, s.
+    """
     if converter == 0:
-        return _CONVERSION[0] * channels * averages
-    chips = -(-channels // _INPUTS)
-    each = _CONVERSION[1] + _MORE_CHIPS * (chips - 1)
-    return each * min(channels, _INPUTS) * averages
+        return _CONVERSION_S[0] * channels * averages
+    chips = -(-channels // _INPUTS_PER_CHIP)
+    each = _CONVERSION_S[1] + _ADDED_CHIP_S * (chips - 1)
+    return each * min(channels, _INPUTS_PER_CHIP) * averages

@@ -10,13 +10,13 @@ from defsense_fab.sensing.built_cord import (
     PRESTRETCH_SPREAD,
     BuiltCord,
     CordReading,
-    held,
-    held_taut,
-    needed_prestretch,
-    scaled,
-    steps,
+    held_response,
+    quantization_noise,
+    required_prestretch,
+    scale_response,
+    taut_response,
 )
-from defsense_fab.sensing.response import Response, response_of
+from defsense_fab.sensing.response import Response, build_response
 
 PATH = np.linspace([0.0, 0, 0], [100, 0, 0], 51)
 MODELS = {
@@ -29,7 +29,7 @@ MODELS = {
 
 @pytest.fixture(params=MODELS)
 def response(request):
-    return response_of(ResponseSpec(request.param, MODELS[request.param], (-0.1, 0.4)))
+    return build_response(ResponseSpec(request.param, MODELS[request.param], (-0.1, 0.4)))
 
 
 def ohm(response, rest, strain, per_mm=14.5):
@@ -53,7 +53,7 @@ def test_a_held_cord_is_a_loose_one_stretched_twice(response, p):
 def test_the_slack_goes_on_along_the_tangent_where_a_cord_will_be_stretched(response):
     """Above its own zero strain the same, and without a kink there."""
     e, start = np.linspace(-0.3, 0.4, 71), 1 / 1.1 - 1
-    taut, real = held_taut(response, 0.1), held(response, 0.1)
+    taut, real = taut_response(response, 0.1), held_response(response, 0.1)
     assert taut(e[e > start]) == pytest.approx(real(e[e > start]), abs=1e-12)
     below = e[e < start]
     slope = taut.slope(np.array(start + 1e-9))
@@ -87,14 +87,14 @@ def test_free_ends_dilute_and_short_cords_are_noisy():
 
 @pytest.mark.parametrize("least", [0.03, 0.0, -0.002, -0.01, -0.1, -0.4])
 def test_needed_prestretch_keeps_the_cord_taut_though_it_is_not_laid_exactly(least):
-    p, spare = needed_prestretch(least), 2 * PRESTRETCH_SPREAD
+    p, spare = required_prestretch(least), 2 * PRESTRETCH_SPREAD
     assert (1 + p - spare) * (1 + 1.1 * min(least, 0.0)) - 1 >= -1e-9
     assert 0 <= p - spare <= 1 / (1 + 1.1 * min(least, 0.0)) - 1 + 0.01
     assert 100 * p == pytest.approx(round(100 * p))
 
 
 def test_another_slope_below_zero(response):
-    other = scaled(response, 1.1, 0.5)
+    other = scale_response(response, 1.1, 0.5)
     e = np.linspace(-0.2, 0.3, 51)
     expected = 1.1 * response(e) * np.where(e < 0, 0.5, 1.0)
     assert other(e) == pytest.approx(expected, abs=1e-12)
@@ -108,5 +108,5 @@ def test_steps_of_converters_by_chance():
     one = np.round(share[:, None] * 1023 + rng.uniform(-0.5, 0.5, (5000, 16))).mean(1) / 1023
     off = 1000 * one / (1 - one) / true - 1
     # The dither itself adds as much again as the steps do.
-    assert off.std() == pytest.approx(np.sqrt(2) * steps("arduino"), rel=0.05)
-    assert steps("ads1115") < steps("arduino") / 5
+    assert off.std() == pytest.approx(np.sqrt(2) * quantization_noise("arduino"), rel=0.05)
+    assert quantization_noise("ads1115") < quantization_noise("arduino") / 5

@@ -12,7 +12,13 @@ from defsense_fab.core.response import ResponseSpec, read_response
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.sensing.response import Response, relative_change, respond, response_of, signals
+from defsense_fab.sensing.response import (
+    Response,
+    build_response,
+    cord_signals,
+    evaluate_response,
+    relative_change,
+)
 
 from ..errors import raises
 from .reference import signal_gradient
@@ -53,7 +59,7 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
     y = y[:, 0] + y[:, 1] * waves[0] + 0.3 * y[:, 2] * waves[1]
     z = z[:, 0] + 0.7 * z[:, 1] * waves[0] + 0.2 * z[:, 2] * waves[2]
     paths = np.stack([np.broadcast_to(2 + 146 * t, y.shape), y, z], axis=-1)
-    exact = signals(paths, field(paths)[None], Response.line(1.0))[0]
+    exact = cord_signals(paths, field(paths)[None], Response.line(1.0))[0]
     sizes, errors = [], []
     for edge_length in (12.0, 8.5, 6.0, 4.25):
         mesh = tetrahedralize(bar, edge_length).mesh
@@ -61,7 +67,7 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
         locator = PointLocator(quadratic)
         u = (field(quadratic.nodes) - quadratic.nodes)[None]
         found = locator.displacement(locator.find(paths.reshape(-1, 3)), u).reshape(paths.shape)
-        got = signals(paths, (paths + found)[None], Response.line(1.0))[0]
+        got = cord_signals(paths, (paths + found)[None], Response.line(1.0))[0]
         off = np.sqrt(((field(paths) - paths - found) ** 2).sum(-1).mean())
         sizes.append(np.cbrt(mesh.volumes.mean()))
         errors.append([off, np.sqrt(((got - exact) ** 2).sum() / (exact**2).sum())])
@@ -74,7 +80,9 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
 
 def test_straight_cords_cannot_tell_the_sense_of_a_twist():
     path = np.stack([np.linspace(2, 148, 200), np.full(200, 6.0), np.full(200, 3.0)], axis=1)
-    left, right = signals(path, np.stack([twist(path, 0.7), twist(path, -0.7)]), Response.line(2.0))
+    left, right = cord_signals(
+        path, np.stack([twist(path, 0.7), twist(path, -0.7)]), Response.line(2.0)
+    )
     assert left > 0
     assert left == pytest.approx(right, rel=1e-9)
 
@@ -82,12 +90,12 @@ def test_straight_cords_cannot_tell_the_sense_of_a_twist():
 def test_rigid_motion_gives_no_signal():
     path = wavy(100)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    assert np.abs(signals(path, (path @ turn + 5)[None], Response.line(2.0))).max() < 1e-12
+    assert np.abs(cord_signals(path, (path @ turn + 5)[None], Response.line(2.0))).max() < 1e-12
 
 
 def test_uniform_stretch_gives_gauge_factor_times_strain():
     path = wavy(50)
-    assert signals(path, 1.1 * path[None], Response.line(2.0))[0] == pytest.approx(0.2)
+    assert cord_signals(path, 1.1 * path[None], Response.line(2.0))[0] == pytest.approx(0.2)
 
 
 def test_gradient_by_finite_differences():
@@ -102,7 +110,7 @@ def test_gradient_by_finite_differences():
             e = np.zeros_like(path)
             e[p, d] = h
             high, low = (
-                signals(path + s * e, ((path + s * e) @ F.T)[None], Response.line(2.0))
+                cord_signals(path + s * e, ((path + s * e) @ F.T)[None], Response.line(2.0))
                 for s in (1, -1)
             )
             assert analytic[0, p, d] == pytest.approx((high - low)[0] / (2 * h), abs=1e-8)
@@ -130,7 +138,7 @@ SPECS = {
 
 @pytest.fixture(params=SPECS)
 def response(request):
-    return response_of(SPECS[request.param])
+    return build_response(SPECS[request.param])
 
 
 def test_slope_is_the_derivative(response):
@@ -146,25 +154,25 @@ def test_slope_is_the_derivative(response):
 def test_loops_see_the_same(response):
     e = np.linspace(-0.2, 0.2, 81) + 1e-4
     where = response.breaks, response.origins, response.pieces
-    got = np.array([respond(x, *where) for x in e])
+    got = np.array([evaluate_response(x, *where) for x in e])
     assert got[:, 0] == pytest.approx(response(e), abs=1e-15)
     assert got[:, 1] == pytest.approx(response.slope(e), abs=1e-15)
 
 
 def test_values():
     e = np.array([-0.05, 0.05])
-    assert response_of(SPECS["line"])(e) == pytest.approx(1.8 * e)
-    assert response_of(SPECS["two-slopes"])(e) == pytest.approx([-0.07, 0.11])
-    assert response_of(SPECS["quadratic"])(e) == pytest.approx(2 * e + 9 * e**2)
+    assert build_response(SPECS["line"])(e) == pytest.approx(1.8 * e)
+    assert build_response(SPECS["two-slopes"])(e) == pytest.approx([-0.07, 0.11])
+    assert build_response(SPECS["quadratic"])(e) == pytest.approx(2 * e + 9 * e**2)
     knots = SPECS["piecewise"].coefficients
-    assert response_of(SPECS["piecewise"])(np.array(knots["strains"])) == pytest.approx(
+    assert build_response(SPECS["piecewise"])(np.array(knots["strains"])) == pytest.approx(
         knots["changes"]
     )
 
 
 def test_a_quadratic_goes_on_along_its_tangent():
     """By itself this one would fall below -11 %."""
-    response = response_of(SPECS["quadratic"])
+    response = build_response(SPECS["quadratic"])
     edge = np.array(-0.067)
     assert response(edge - 0.3) == pytest.approx(response(edge) - 0.3 * response.slope(edge))
 
@@ -174,9 +182,9 @@ def test_signal_is_the_mean_response():
     rest = np.array([[0.0, 0, 0], [10, 0, 0], [30, 0, 0]])
     moved = np.array([[0.0, 0, 0], [10.4, 0, 0], [30, 0, 0]])
     moved[2, 0] = 10.4 + 19.6
-    response = response_of(SPECS["quadratic"])
+    response = build_response(SPECS["quadratic"])
     expected = (10 * response(np.array(0.04)) + 20 * response(np.array(-0.02))) / 30
-    assert signals(rest, moved[None], response)[0] == pytest.approx(expected)
+    assert cord_signals(rest, moved[None], response)[0] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -204,7 +212,7 @@ def test_a_curve_has_rest_in_its_range(coefficients):
     model = "cubic" if "c" in coefficients else "quadratic"
     with raises(CalibrationError, "rest-outside-range"):
         ResponseSpec(model, coefficients, (0.021, 0.067))
-    assert response_of(ResponseSpec(model, coefficients, (0.0, 0.067)))(np.zeros(1)) == 0
+    assert build_response(ResponseSpec(model, coefficients, (0.0, 0.067)))(np.zeros(1)) == 0
 
 
 def test_files(tmp_path):
@@ -228,5 +236,5 @@ def test_files(tmp_path):
 
 
 def test_a_line_has_one_slope():
-    assert Response.line(2.0).slope_everywhere == 2.0
-    assert response_of(SPECS["two-slopes"]).slope_everywhere is None
+    assert Response.line(2.0).linear_slope == 2.0
+    assert build_response(SPECS["two-slopes"]).linear_slope is None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.sensing.voltage_divider import Dividers, measured_reference, reference
+from defsense_fab.sensing.voltage_divider import Dividers, choose_reference, measure_reference
 from tests.errors import raises
 from tests.places import FIRMWARE
 
@@ -41,8 +41,8 @@ def test_the_best_reference_is_the_cord_itself():
     finest = refs[[Dividers(np.array([r]), 1024).resolution(2200.0)[0] for r in refs].index(
         min(Dividers(np.array([r]), 1024).resolution(2200.0)[0] for r in refs))]  # fmt: skip
     assert finest == pytest.approx(2200, rel=0.02)
-    assert reference(2200, 2200) == 2200
-    assert reference(2000, 2600) == 2200
+    assert choose_reference(2200, 2200) == 2200
+    assert choose_reference(2000, 2600) == 2200
 
 
 def test_the_page_prints_what_is_computed():
@@ -62,9 +62,9 @@ def test_the_page_prints_what_is_computed():
 def test_references_are_measured_with_a_known_resistor():
     true = np.array([2150.0, 2203, 2248])
     counts = Dividers(true, 1024).counts(np.full(3, 2000.0))
-    assert measured_reference(counts, 2000, 1024) == pytest.approx(true)
+    assert measure_reference(counts, 2000, 1024) == pytest.approx(true)
     counts[1] = 1023.9
     with raises(CaptureError, "channels-unreadable", channels=[2]):
-        measured_reference(counts, 2000, 1024)
+        measure_reference(counts, 2000, 1024)
     with raises(CaptureError, "not-positive", field="reference"):
         Dividers(np.array([0.0]), 1024)

@@ -3,12 +3,17 @@
 import subprocess
 
 import pytest
-from defsense_fab.mechanics.solver.field_files import field_path
-from defsense_fab.workflow.build.export import export_name
 
 from defsense_fab.core.device.device_file import load_device, parse_device
 from defsense_fab.core.errors import DeviceError, StorageError
-from defsense_fab.core.storage.file_names import check_folder_name, fold_name, name_problem, safe_name
+from defsense_fab.core.storage.file_names import (
+    check_folder_name,
+    fold_name,
+    name_problem,
+    safe_name,
+)
+from defsense_fab.store.fields import field_path
+from defsense_fab.workflow.build.export import export_name
 from tests.errors import raises
 from tests.places import BAR, ROOT
 

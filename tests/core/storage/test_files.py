@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.core.storage.files import check_folder, unused_path, file_lock, replace_folder
+from defsense_fab.core.storage.files import check_folder, file_lock, replace_folder, unused_path
 
 from ...errors import raises
 
