@@ -36,9 +36,9 @@ from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions
 from defsense_fab.training.models.prepare import prepare
 from defsense_fab.training.models.train_device import train_dataset
-from defsense_fab.training.recordings.data_files import DataFiles
+from defsense_fab.training.recordings.datasets import DataFiles
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
-from tests.training.models.data.xdf_writer import stream, write_xdf
+from tests.training.recordings.xdf_writer import stream, write_xdf
 
 SESSION, PLAIN = "session", "session without sigma"
 _TEST = 0.3

@@ -26,20 +26,19 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Float
+from defsense_fab.core.device.build_folder import build_folder
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.core.device.build_folder import build_folder
 from defsense_fab.decoding.trained_model import TrainedModel
-from defsense_fab.sensing.layout import LayoutRecord, load_layout
+from defsense_fab.store.layout import LayoutRecord, load_layout
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
-from defsense_fab.training.evaluation.predicted_error import predicted_error
-from defsense_fab.training.evaluation.prediction import promised
+from defsense_fab.training.evaluation.predicted_error import design_prediction, predict_error
 from defsense_fab.training.fitting.pose_signals import list_pose_samples
 from defsense_fab.training.fitting.recalibration import recalibrate
 from defsense_fab.training.fitting.train_model import Training, TrainingOptions, train
-from defsense_fab.training.models.simulated_prior import simulated_prior
+from defsense_fab.training.models.prepare import simulated_prior
 from defsense_fab.training.regression.simulated_decoder import fit_simulated_model
 from defsense_fab.twin.recordings.twin_recordings import simulate_runs
 from defsense_fab.workflow.build.build import build
@@ -133,11 +132,11 @@ def foretold(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
             print(f"    {found.selected}: no shape is shown twice")
             continue
         frames = decode_frames(found.model, whole, _TEST)
-        p = predicted_error(found.repeatability, frames, promised(layout, found.selected))
+        p = predict_error(found.repeatability, frames, design_prediction(layout, found.selected))
         parts = ", ".join(f"{cause} {square:.3f}" for cause, square in p.shares.items())
         print(
             f"    {found.selected}: predicted {p.predicted:.2f}, measured {p.measured:.2f}, ratio"
-            f" {p.ratio:.2f} (the promise alone {p.promised_ratio:.2f}): {parts}",
+            f" {p.ratio:.2f} (the promise alone {p.design_ratio:.2f}): {parts}",
             flush=True,
         )
 

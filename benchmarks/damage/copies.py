@@ -18,7 +18,7 @@ from defsense_fab.capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES
 from defsense_fab.cli.main import main as defsense
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.markers import Tracks
-from defsense_fab.training.recordings.tables import read_table
+from defsense_fab.training.recordings.series import read_table
 
 REFUSED, TOLD, SILENT = "refused", "told", "no one"
 QUICK = ("--decoder", "affine", "--no-memory")

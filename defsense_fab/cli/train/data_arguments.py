@@ -12,7 +12,7 @@ from ...core.errors import TrainingError
 from ..device import device_folder
 
 if TYPE_CHECKING:
-    from ...training.recordings.data_files import DataFiles
+    from ...training.recordings.datasets import DataFiles
 
 
 def data_arguments(sub: argparse.ArgumentParser) -> None:
@@ -35,7 +35,7 @@ def data_arguments(sub: argparse.ArgumentParser) -> None:
 def data_given(options: argparse.Namespace) -> DataFiles | None:
     """None where there is no data among the options. Raises TrainingError for half of a pair, and
     for times that are none."""
-    from ...training.recordings.data_files import DataFiles
+    from ...training.recordings.datasets import DataFiles
 
     if (options.signals is None) != (options.tracks is None):
         raise TrainingError("--signals and --tracks go together: give both, or sessions")

@@ -15,7 +15,7 @@ from ..output import progress_bars, results, say
 from .data_arguments import data_arguments, data_given
 
 if TYPE_CHECKING:
-    from ...training.models.export_dataset import Exported
+    from ...training.models.prepare import Exported
     from ..options import Commands
 
 
@@ -57,7 +57,7 @@ def _dataset(options: argparse.Namespace) -> int:
             raise TrainingError("--rate is of --lerobot alone: Parquet has the times as they are")
         within("--rate", options.rate, 1, 1000)
     from ...core.device.device_file import load_device
-    from ...training.models.export_dataset import export_dataset
+    from ...training.models.prepare import export_dataset
 
     device = load_device(options.device) if options.device else None
     with progress_bars(options) as progress:

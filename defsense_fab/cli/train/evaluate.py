@@ -117,7 +117,7 @@ def _show(found: SessionEvaluation, folder: Path) -> None:
                          if abs(s) >= 0.005 * budget.total)  # fmt: skip
         lines.append(f"squared error by cause: {told}")
     if (p := first.predicted) is not None:
-        promise = "" if p.promise is None else f"; the design alone, {p.promise.rmse:.2f} mm"
+        promise = "" if p.design is None else f"; the design alone, {p.design.rmse:.2f} mm"
         lines.append(
             f"predicted {p.predicted:.2f} mm, measured {p.measured:.2f} mm: ratio {p.ratio:.2f}"
             f"{promise}"

@@ -73,7 +73,7 @@ def _train(options: argparse.Namespace) -> int:
             )
         return _simulated(options, device)
     from ...training.fitting.train_model import TrainingOptions
-    from ...training.models.train_files import train_files
+    from ...training.models.train_device import train_files
 
     how = TrainingOptions(
         options.decoder, not options.no_memory, not options.unweighted, options.test_share,

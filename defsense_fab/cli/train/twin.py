@@ -82,7 +82,7 @@ def _twin(options: argparse.Namespace) -> int:
     from ...twin.devices.twin_traits import TwinTraits
 
     off = [name.strip() for name in options.off.split(",") if name.strip()]
-    traits = TwinTraits.of(device)
+    traits = TwinTraits.for_device(device)
     if options.wrong is not None:
         within("--wrong", options.wrong, 0, 0.5)
         traits = replace(traits, markers=replace(traits.markers, wrong=options.wrong))
@@ -145,14 +145,14 @@ def _twin(options: argparse.Namespace) -> int:
 def _list(traits: TwinTraits, options: argparse.Namespace) -> int:
     with results():
         if options.json:
-            sys.stdout.write(json.dumps([vars(a) for a in traits.told], indent=1) + "\n")
+            sys.stdout.write(json.dumps([vars(a) for a in traits.assumptions], indent=1) + "\n")
             return 0
         from rich.table import Table
 
         table = Table(title=f"--off takes {', '.join(traits.names)}")
         for column in ("trait", "number", "value", "unit", "meaning", "source"):
             table.add_column(column)
-        for a in traits.told:
+        for a in traits.assumptions:
             table.add_row(a.trait, a.name, str(a.value), a.unit, a.meaning, a.source)
         console().print(table)
     return 0

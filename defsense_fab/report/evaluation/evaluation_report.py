@@ -12,7 +12,12 @@ from ...core.storage.files import replace_folder, write_text
 from ...core.version import __version__
 from ...training.evaluation.error_budget import ErrorBudget
 from ...training.evaluation.evaluate_models import SessionEvaluation
-from ...training.evaluation.model_comparison import LEVEL, Analysis, Comparison, Statistic
+from ...training.evaluation.model_comparison import (
+    SIGNIFICANCE_LEVEL,
+    Analysis,
+    Comparison,
+    Statistic,
+)
 from ..html import write_page
 from .figures import svg_figures
 from .tables import PAPER, SOURCE, as_data, csv_files
@@ -100,7 +105,7 @@ def _causes(budget: ErrorBudget) -> list[tuple[str, float, float]]:
 def _comparison(c: Comparison) -> dict[str, Any]:
     rows = [("frames, as if independent", c.by_frame)]
     if c.by_block is not None:
-        rows.append((f"blocks of {c.length} frames", c.by_block))
+        rows.append((f"blocks of {c.block_frames} frames", c.by_block))
     tests = [(what, name, *line) for what, a in rows for name, line in _tests(a)]
     return {"tests": tests, "verdict": verdict(c), "data": c}
 
@@ -132,21 +137,21 @@ def verdict(c: Comparison) -> str:
     """What the test that holds says, in a sentence."""
     if c.by_block is None and not c.paired:
         return (
-            f"Errors go on for so long (blocks of {c.length} frames) that nothing can be said;"
+            f"Errors go on for so long (blocks of {c.block_frames} frames) that nothing can be said;"
             " record for longer."
         )
     best = c.names[int(c.means.argmin())]
     if c.paired:
         others = [t for t in c.paired if best in (t.first, t.second)]
-        better = sum(t.p < LEVEL for t in others)
+        better = sum(t.p < SIGNIFICANCE_LEVEL for t in others)
         how = "paired by blocks of the same frames"
         if len(others) == len(c.names) - 1 and better == len(others):
             p = max(t.p for t in others)
             return f"{best} has smaller errors than any other ({how}, {probability(p)})."
         return f"{best} has the smallest mean error, but not demonstrably than all others ({how})."
     assert c.by_block is not None
-    told = c.by_block.told
+    told = c.by_block.valid_test
     how = f"{'Welch' if c.by_block.variances_differ else 'analysis of variance'} of block means"
-    if told.p < LEVEL:
+    if told.p < SIGNIFICANCE_LEVEL:
         return f"The models' errors differ ({how}, {probability(told.p)}); {best} has the smallest."
     return f"The models' errors do not differ demonstrably ({how}, {probability(told.p)})."

@@ -64,7 +64,7 @@ def _paths(figure: Any, found: Evaluated) -> None:
     e = found.evaluation
     f = e.frames
     axes = figure.subplots(3, 1, sharex=True)
-    shown = _around_the_largest(f.elapsed, f.per_frame)
+    shown = _around_the_largest(f.elapsed, f.frame_error)
     chosen = _chosen(f.measured - found.model.rest_points, e.marker_rmse)
     for ax, m in zip(axes, chosen, strict=False):
         rest = found.model.rest_points[m]
@@ -96,10 +96,10 @@ def _over_time(figure: Any, found: Evaluated) -> None:
     radius = np.where(f.visible, f.radius, 0).sum(1) / f.visible.sum(1)
     if np.isfinite(radius).any():
         ax.fill_between(f.elapsed[some], 0, radius[some], color=_BAND, lw=0, label=_interval(found))
-    ax.plot(*_broken(f.elapsed[some], f.per_frame[some]), color=_BLUE, lw=0.5, label="frame")
+    ax.plot(*_broken(f.elapsed[some], f.frame_error[some]), color=_BLUE, lw=0.5, label="frame")
     edges = np.linspace(0, len(f.elapsed), min(len(f.elapsed), 40) + 1).astype(int)
     middle = [float(f.elapsed[a:b].mean()) for a, b in pairwise(edges)]
-    median = [float(np.median(f.per_frame[a:b])) for a, b in pairwise(edges)]
+    median = [float(np.median(f.frame_error[a:b])) for a, b in pairwise(edges)]
     ax.plot(middle, median, color=_DARK, lw=1.2, label="median")
     ax.set_ylim(0, None)
     ax.margins(x=0)

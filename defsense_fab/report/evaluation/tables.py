@@ -174,8 +174,8 @@ def _budget(models: Sequence[Evaluated]) -> Rows:
 def _foretold(p: PredictedError) -> dict[str, Any]:
     return {
         "rmse": p.predicted, "measured": p.measured, "ratio": p.ratio,
-        "promised_ratio": p.promised_ratio, "mean_squares": p.shares,
-        "promise": None if p.promise is None else asdict(p.promise), "shapes_shown_again": p.share,
+        "promised_ratio": p.design_ratio, "mean_squares": p.shares,
+        "promise": None if p.design is None else asdict(p.design), "shapes_shown_again": p.repeated_share,
     }  # fmt: skip
 
 
@@ -187,9 +187,9 @@ def _predicted(models: Sequence[Evaluated]) -> Rows:
             continue
         rows += [[m.name, cause, square, None, None] for cause, square in p.shares.items()]
         rows.append([m.name, "predicted", p.predicted**2, p.predicted, p.ratio])
-        if p.promise is not None:
-            promise = p.promise.rmse
-            rows.append([m.name, "promised", promise**2, promise, p.promised_ratio])
+        if p.design is not None:
+            promise = p.design.rmse
+            rows.append([m.name, "promised", promise**2, promise, p.design_ratio])
         rows.append([m.name, "measured", p.measured**2, p.measured, 1.0])
     return rows
 
@@ -200,9 +200,9 @@ def _frames(models: Sequence[Evaluated]) -> Rows:
     for m in models:
         e: Evaluation = m.evaluation
         f = e.frames
-        largest = np.nanmax(f.miss, axis=1)
+        largest = np.nanmax(f.marker_error, axis=1)
         radius = np.where(f.visible, f.radius, 0).sum(1) / f.visible.sum(1)
-        columns = zip(f.run, f.pose, f.time, f.per_frame, largest, radius, e.speed, e.too_far,
+        columns = zip(f.run, f.pose, f.time, f.frame_error, largest, radius, e.speed, e.too_far,
                       f.distance, strict=True)  # fmt: skip
         rows += [[m.name, f.runs[run], f.poses[pose], *row] for run, pose, *row in columns]
     return rows

@@ -1,4 +1,12 @@
-"""What a gain and an offset for each channel, and offsets that drift, would gain on test frames."""
+"""How much corrections would reduce errors on frames that they were not fitted to.
+
+A correction with many coefficients fits any errors. So each is fitted to four fifths of the frames,
+in blocks that are long compared with the errors' autocorrelation time, and applied to the remaining
+fifth, in turn. If this does not help, there is nothing to correct.
+
+Corrections are linear functions of features, or changes of the signals: a gain and an offset of
+each channel, and offsets that drift.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +15,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import Float, Int
+from ...core.arrays import Bool, Float, Int
 from ...decoding.trained_model import Decoded, TrainedModel
 from ..data.dataset import Dataset
 from .decoded_frames import DecodedFrames, decode_signals
 from .independent_blocks import autocorrelation_time, block_length
 
-# By how much a correction would lessen errors that it was not fitted to.
-#
-# A correction with many coefficients fits whatever errors it is shown. Here it is fitted to four
-# fifths of the frames, in blocks that are long beside the errors' autocorrelation time, and applied
-# to the fifth that is left out, in turn; where that does not help, there is nothing to correct.
+#: Ridges to try, for features with a standard deviation of 1.
+RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)
+
+#: Function of a run's index, sample times (n,) s and signals (n, c) that returns changed signals.
+SignalChange = Callable[[int, Float, Float], Float]
 
 _FOLDS = 5
-_ENOUGH = 0.2  # share of the frames
-_LEAST_BLOCKS = 2 * _FOLDS
-RIDGES = (1e-4, 1e-3, 1e-2, 1e-1)  # of features of unit spread, tried
+_MIN_INSIDE_SHARE = 0.2  # of the frames within the trained range, to fit to those alone
+_MIN_BLOCKS = 2 * _FOLDS
+_NEWTON_ROUNDS = 3  # of Gauss-Newton
+_GAIN_STEP, _OFFSET_STEP = 1e-3, 1e-4  # of finite differences
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Errors (t, m, 3) mm, 0 in gaps, with the weights (t, m) of their squares, those that
-    corrections are fitted with, `fitting` (t, m), and the fold (t,) that each frame belongs to."""
+    """Remaining errors of frames.
+
+    Attributes:
+        error: Errors, shape (t, m, 3), mm; 0 in gaps.
+        weights: Weights of the squared errors, shape (t, m).
+        fitting: Weights with which corrections are fitted, shape (t, m).
+        fold: Fold of each frame, shape (t,).
+    """
 
     error: Float
     weights: Float
@@ -37,69 +52,114 @@ class Residual:
 
     @property
     def square(self) -> float:
-        """Mean square, mm^2."""
+        """Mean square error, mm^2."""
         return float((self.weights * (self.error**2).sum(axis=2)).sum())
 
-    def less(self, correction: Float) -> Residual:
-        """After a correction (t, m, 3) mm is taken out; itself where that is no better."""
+    def reduced_by(self, correction: Float) -> Residual:
+        """Subtract a correction (t, m, 3) mm; return this residual if that is no better."""
         error = np.where(self.weights[..., None] > 0, self.error - correction, 0.0)
-        better = replace(self, error=error)
-        return better if better.square < self.square else self
+        reduced = replace(self, error=error)
+        return reduced if reduced.square < self.square else self
 
 
 def residual_of(frames: DecodedFrames) -> Residual:
-    """The errors of decoded frames. Corrections are fitted to those within the trained range, where
-    they are enough: beyond it, they would take for theirs what the decoder never saw."""
-    within = frames.distance <= 1
-    enough = within.mean() >= _ENOUGH
-    fitting = frames.weights * within[:, None] if enough else frames.weights
-    return Residual(np.nan_to_num(frames.error), frames.weights, fitting, folds(frames))
+    """Return the errors of decoded frames, with folds and weights.
+
+    Corrections are fitted to frames within the trained range, if there are enough. Beyond it, they
+    would explain poses that the decoder was never trained on.
+
+    Args:
+        frames: The decoded frames.
+
+    Returns:
+        The residual.
+    """
+    is_inside = frames.distance <= 1
+    has_enough = is_inside.mean() >= _MIN_INSIDE_SHARE
+    fitting = frames.weights * is_inside[:, None] if has_enough else frames.weights
+    return Residual(
+        np.nan_to_num(frames.error), frames.weights, fitting, assign_block_folds(frames)
+    )
 
 
-def folds(frames: DecodedFrames) -> Int:
-    """(t,) from 0 to 4, in turn in blocks of frames."""
+def assign_block_folds(frames: DecodedFrames) -> Int:
+    """Return the fold (t,) of each frame, from 0 to 4, in turn in blocks of frames."""
     count = len(frames.time)
-    wanted = block_length(autocorrelation_time(frames.per_frame, frames.run))
-    length = max(min(wanted, count // _LEAST_BLOCKS), 1)
+    independent = block_length(autocorrelation_time(frames.frame_error, frames.run))
+    length = max(min(independent, count // _MIN_BLOCKS), 1)
     return np.asarray(np.arange(count) // length % _FOLDS)
 
 
-def by_parameters(residual: Residual, slopes: Float) -> tuple[Float, Float]:
-    """The correction (t, m, 3) mm that parameters (p,) of all markers together, with `slopes`
-    (t, m, 3, p), give of frames left out; and the parameters of all frames."""
+def fit_parameters(residual: Residual, slopes: Float) -> tuple[Float, Float]:
+    """Fit parameters that all markers share.
+
+    Args:
+        residual: The errors to explain.
+        slopes: Slopes of the positions by the p parameters, shape (t, m, 3, p).
+
+    Returns:
+        The correction of each fold by the parameters of the others, shape (t, m, 3), mm, and the
+        parameters of all frames, shape (p,).
+    """
     p = slopes.shape[3]
     normal = np.zeros((_FOLDS, p, p))
     right = np.zeros((_FOLDS, p))
     for k in range(_FOLDS):
-        own = residual.fold == k
-        here = slopes[own]
-        a = (here * residual.fitting[own][..., None, None]).reshape(-1, p)
-        normal[k] = a.T @ here.reshape(-1, p)
-        right[k] = a.T @ residual.error[own].ravel()
+        test = residual.fold == k
+        fold_slopes = slopes[test]
+        a = (fold_slopes * residual.fitting[test][..., None, None]).reshape(-1, p)
+        normal[k] = a.T @ fold_slopes.reshape(-1, p)
+        right[k] = a.T @ residual.error[test].ravel()
     correction = np.zeros_like(residual.error)
     for k in range(_FOLDS):
-        own = residual.fold == k
-        correction[own] = slopes[own] @ _solved(normal.sum(0) - normal[k], right.sum(0) - right[k])
-    return correction, _solved(normal.sum(0), right.sum(0))
+        test = residual.fold == k
+        parameters = _solve(normal.sum(0) - normal[k], right.sum(0) - right[k])
+        correction[test] = slopes[test] @ parameters
+    return correction, _solve(normal.sum(0), right.sum(0))
 
 
-def by_features(residual: Residual, features: Float, ridge: float) -> Float:
-    """The correction (t, m, 3) mm of frames left out, linear in features (t, f), with coefficients
-    for each marker. Features are brought to unit spread; none is a constant."""
-    return fitted_elsewhere(residual, residual, features, features, ridge, same=True)
+def fit_features(residual: Residual, features: Float, ridge: float) -> Float:
+    """Fit a linear function of features for each marker.
+
+    Args:
+        residual: The errors to explain.
+        features: Features of the frames, shape (t, f), none of them constant.
+        ridge: Ridge, for features scaled to a standard deviation of 1.
+
+    Returns:
+        The correction of each fold by the fit to the others, shape (t, m, 3), mm.
+    """
+    return fit_features_to(residual, residual, features, features, ridge, is_same=True)
 
 
-def fitted_elsewhere(
-    residual: Residual, training: Residual, features: Float, trained: Float, ridge: float,
-    same: bool = False,
-) -> Float:  # fmt: skip
-    """As `by_features`, fitted to all of a training residual with features (n, f) `trained`; with
-    `same`, both are the same frames, and each fold is left out in turn."""
-    middle, spread = trained.mean(0), trained.std(0)
-    spread[spread <= 1e-12 * (1 + np.abs(middle))] = np.inf
-    x, z = (features - middle) / spread, (trained - middle) / spread
+def fit_features_to(
+    residual: Residual,
+    training: Residual,
+    features: Float,
+    training_features: Float,
+    ridge: float,
+    is_same: bool = False,
+) -> Float:
+    """Fit a linear function of features for each marker to other errors.
+
+    Args:
+        residual: The errors to explain.
+        training: The errors to fit.
+        features: Features of the frames of `residual`, shape (t, f).
+        training_features: Features of the frames of `training`, shape (n, f).
+        ridge: Ridge, for features scaled to a standard deviation of 1.
+        is_same: Whether both are the same frames; then each fold is left out in turn.
+
+    Returns:
+        The correction, shape (t, m, 3), mm.
+    """
+    center, spread = training_features.mean(0), training_features.std(0)
+    spread[spread <= 1e-12 * (1 + np.abs(center))] = np.inf
+    x, z = (features - center) / spread, (training_features - center) / spread
     correction = np.zeros_like(residual.error)
-    parts = [training.fold == k for k in range(_FOLDS)] if same else [np.ones(len(z), bool)]
+    parts: list[Bool] = [np.ones(len(z), bool)]
+    if is_same:
+        parts = [np.asarray(training.fold == k) for k in range(_FOLDS)]
     for m in range(correction.shape[1]):
         w = training.fitting[:, m]
         weighted = z * w[:, None]
@@ -107,137 +167,157 @@ def fitted_elsewhere(
         right = np.array([weighted[p].T @ training.error[p, m] for p in parts])
         weight = np.array([w[p].sum() for p in parts])
         for k in range(len(parts)):
-            own = parts[k] if same else np.ones(len(x), bool)
-            N, r, W = (v.sum(0) - v[k] if same else v[0] for v in (normal, right, weight))
+            test = parts[k] if is_same else np.ones(len(x), bool)
+            N, r, W = (v.sum(0) - v[k] if is_same else v[0] for v in (normal, right, weight))
             if W > 0:
                 beta = np.linalg.solve(N + ridge * W * np.eye(x.shape[1]), r)
-                correction[own, m] = x[own] @ beta
+                correction[test, m] = x[test] @ beta
     return correction
 
 
-def _solved(normal: Float, right: Float) -> Float:
-    """Of least squares, where some parameters may tell nothing."""
+def _solve(normal: Float, right: Float) -> Float:
+    """Solve least squares in which some parameters may have no effect."""
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(scale, scale) + 1e-9 * np.eye(len(normal))
     return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
 
 
-_ROUNDS = 3  # of Gauss and Newton
-_GAIN, _OFFSET = 1e-3, 1e-4  # steps of differences
-
-#: Signals (n, c) of a run, by index and times (n,) s, to others.
-Change = Callable[[int, Float, Float], Float]
-
-
-def decoded_again(
-    model: TrainedModel, data: Dataset, frames: DecodedFrames, change: Change
+def decode_changed(
+    model: TrainedModel, data: Dataset, frames: DecodedFrames, change: SignalChange
 ) -> Decoded:
-    """What the model makes of changed signals at the frames."""
+    """Decode changed signals at frames.
+
+    Args:
+        model: The model.
+        data: The dataset, matched to the model.
+        frames: The frames.
+        change: The change of the signals.
+
+    Returns:
+        Positions, intervals and distances at the frames.
+    """
     points, radius = np.empty_like(frames.predicted), np.empty_like(frames.radius)
     distance = np.empty_like(frames.distance)
     for k, r in enumerate(data.recordings):
-        own = frames.run == k
-        if own.any():
+        is_in_run = frames.run == k
+        if is_in_run.any():
             signals = change(k, r.sample_time, r.signals)
-            said = decode_signals(model, r.sample_time, signals, frames.time[own])
-            points[own], radius[own], distance[own] = said.points, said.radius, said.distance
+            output = decode_signals(model, r.sample_time, signals, frames.time[is_in_run])
+            points[is_in_run], radius[is_in_run] = output.points, output.radius
+            distance[is_in_run] = output.distance
     return Decoded(points, radius, distance)
 
 
 @dataclass
 class ChannelCorrection:
-    """Of decoded frames of a dataset that is matched to the model. First `placed`, then `drifted`,
-    which starts from the gains and offsets found."""
+    """Correction of gains, offsets and drift of the channels.
+
+    Call `correct_gains` first, then `correct_drift`, which starts from the gains and offsets found.
+
+    Attributes:
+        model: The model.
+        data: The dataset, matched to the model.
+        frames: Its decoded frames.
+    """
 
     model: TrainedModel
     data: Dataset
     frames: DecodedFrames
 
     def __post_init__(self) -> None:
-        self._found = np.zeros(2 * len(self.model.channels))
-        self._before: Residual | None = None
+        self._parameters = np.zeros(2 * len(self.model.channels))  # gains - 1, then offsets
+        self._initial: Residual | None = None
         self._drift = np.zeros(0)
 
-    def placed(self, residual: Residual) -> Float:
-        """The correction (t, m, 3) mm of signals times a gain and with an offset each."""
-        self._before = residual
-        for _ in range(_ROUNDS):
-            here = self._decoded(self._found)
-            start = self._from(here)
-            change, more = by_parameters(start, self._slopes(here))
-            correction = change - (here - self.frames.predicted)
-            self._found = self._found - more
+    def correct_gains(self, residual: Residual) -> Float:
+        """Fit a gain and an offset of each channel; return the correction (t, m, 3) mm."""
+        self._initial = residual
+        for _ in range(_NEWTON_ROUNDS):
+            points = self._decode(self._parameters)
+            start = self._residual_at(points)
+            change, step = fit_parameters(start, self._slopes(points))
+            correction = change - (points - self.frames.predicted)
+            self._parameters = self._parameters - step
         return np.asarray(correction)
 
-    def drifted(self, residual: Residual) -> Float:
-        """The correction beyond that of `placed`, of all together with offsets of each run, and
-        their change in time; to first order."""
-        assert self._before is not None
-        here = self._decoded(self._found)
-        slopes = np.concatenate([self._slopes(here), self._drifts(here)], axis=-1)
-        change, more = by_parameters(self._from(here), slopes)
-        placed, self._drift = np.split(-more, [len(self._found)])
-        self._found = self._found + placed
-        both = change - (here - self.frames.predicted)
-        return np.asarray(both - (self._before.error - residual.error))
+    def correct_drift(self, residual: Residual) -> Float:
+        """Fit gains and offsets with offsets of each run that change linearly in time.
+
+        The fit is to first order. Returns the correction (t, m, 3) mm beyond that of
+        `correct_gains`.
+        """
+        assert self._initial is not None
+        points = self._decode(self._parameters)
+        slopes = np.concatenate([self._slopes(points), self._drift_slopes(points)], axis=-1)
+        change, step = fit_parameters(self._residual_at(points), slopes)
+        gains, self._drift = np.split(-step, [len(self._parameters)])
+        self._parameters = self._parameters + gains
+        both = change - (points - self.frames.predicted)
+        return np.asarray(both - (self._initial.error - residual.error))
 
     @property
     def gains(self) -> Float:
-        """By how much (c,) the gains that were found differ from 1."""
-        return np.asarray(self._found[: len(self.model.channels)])
+        """Differences of the fitted gains from 1, shape (c,)."""
+        return np.asarray(self._parameters[: len(self.model.channels)])
 
     def distance(self) -> Float:
-        """Of the corrected signals (t,) from the trained range."""
-        channels, used = len(self.model.channels), np.unique(self.frames.run).tolist()
-        drift = self._drift.reshape(channels, 2, len(used))
+        """Return the distance (t,) of the corrected signals from the trained range."""
+        channels, runs = len(self.model.channels), np.unique(self.frames.run).tolist()
+        drift = self._drift.reshape(channels, 2, len(runs))
 
-        def corrected(k: int, time: Float, s: Float) -> Float:
-            if k not in used:
-                return s
-            constant, line = drift[:, :, used.index(k)].T
-            moved = constant + self._course(k, time)[:, None] * line
-            return np.asarray(self._placed(self._found, s) + moved)
+        def correct(k: int, time: Float, signals: Float) -> Float:
+            if k not in runs:
+                return signals
+            constant, line = drift[:, :, runs.index(k)].T
+            offset = constant + self._run_progress(k, time)[:, None] * line
+            return np.asarray(self._apply(self._parameters, signals) + offset)
 
-        return decoded_again(self.model, self.data, self.frames, corrected).distance
+        return decode_changed(self.model, self.data, self.frames, correct).distance
 
-    def _course(self, run: int, time: Float) -> Float:
-        """From -0.5 to 0.5 over the tested time of a run."""
+    def _run_progress(self, run: int, time: Float) -> Float:
+        """Return the position of times in the tested part of a run, from -0.5 to 0.5."""
         first, last = self.frames.time[self.frames.run == run][[0, -1]]
         return np.asarray((time - (first + last) / 2) / max(last - first, 1e-9))
 
-    def _from(self, here: Float) -> Residual:
-        assert self._before is not None
-        return replace(self._before, error=self._before.error + here - self.frames.predicted)
+    def _residual_at(self, points: Float) -> Residual:
+        assert self._initial is not None
+        error = self._initial.error + points - self.frames.predicted
+        return replace(self._initial, error=error)
 
-    def _placed(self, parameters: Float, signals: Float) -> Float:
+    def _apply(self, parameters: Float, signals: Float) -> Float:
         gain, offset = np.split(parameters, 2)
         return np.asarray(signals * (1 + gain) + offset)
 
-    def _decoded(self, parameters: Float) -> Float:
-        return decoded_again(
-            self.model, self.data, self.frames, lambda _, __, s: self._placed(parameters, s)
+    def _decode(self, parameters: Float) -> Float:
+        return decode_changed(
+            self.model, self.data, self.frames, lambda _, __, s: self._apply(parameters, s)
         ).points
 
-    def _slopes(self, here: Float) -> Float:
-        steps = np.repeat([_GAIN, _OFFSET], len(self.model.channels))
+    def _slopes(self, points: Float) -> Float:
+        """Return slopes of the positions by gains and offsets, by finite differences."""
+        steps = np.repeat([_GAIN_STEP, _OFFSET_STEP], len(self.model.channels))
         return np.stack(
-            [(self._decoded(self._found + step) - here) / step.sum() for step in np.diag(steps)],
+            [
+                (self._decode(self._parameters + step) - points) / step.sum()
+                for step in np.diag(steps)
+            ],
             axis=-1,
         )
 
-    def _drifts(self, here: Float) -> Float:
+    def _drift_slopes(self, points: Float) -> Float:
+        """Return slopes of the positions by constant and linear offsets of each run."""
         frames, channels = self.frames, len(self.model.channels)
         slopes = []
-        for one in _OFFSET * np.eye(channels):
+        for step in _OFFSET_STEP * np.eye(channels):
             for order in (0, 1):
 
-                def moved(
-                    k: int, time: Float, s: Float, one: Float = one, order: int = order
+                def shift(
+                    k: int, time: Float, s: Float, step: Float = step, order: int = order
                 ) -> Float:
-                    course = self._course(k, time)[:, None] ** order
-                    return np.asarray(self._placed(self._found, s) + course * one)
+                    factor = self._run_progress(k, time)[:, None] ** order
+                    return np.asarray(self._apply(self._parameters, s) + factor * step)
 
-                there = decoded_again(self.model, self.data, frames, moved).points
-                slope = (there - here) / _OFFSET
+                shifted = decode_changed(self.model, self.data, frames, shift).points
+                slope = (shifted - points) / _OFFSET_STEP
                 slopes += [slope * (frames.run == k)[:, None, None] for k in np.unique(frames.run)]
         return np.stack(slopes, axis=-1)

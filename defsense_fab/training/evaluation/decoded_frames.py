@@ -1,4 +1,4 @@
-"""What a trained model says of the pictures that it is tested on, beside what the cameras saw."""
+"""Decode the frames that a trained model is tested on, for comparison with measured positions."""
 
 from __future__ import annotations
 
@@ -13,21 +13,32 @@ from ...decoding.signal_history import at_times
 from ...decoding.trained_model import Decoded, TrainedModel, decoded
 from ..data.dataset import Dataset, Recording
 
-ALL, BEFORE = "all", "before the first pose"
-_AT_ONCE = 1000  # frames: features of more would take much memory
+ALL_FRAMES, BEFORE_FIRST_POSE = "all", "before the first pose"
 
-
-_MOVED = 5.0  # mm, by which a marker at rest may be elsewhere: pairs of files know it by its tracks
+_BATCH_FRAMES = 1000  # features of more frames at once would take much memory
+# Rest positions from pairs of files are estimated from their tracks, and so inexact.
+_MAX_REST_DISTANCE_MM = 5.0
 
 
 @dataclass(frozen=True)
 class DecodedFrames:
-    """The t pictures of all `runs` (names) in which markers were seen and there were samples, one
-    run after another. `run` (t,) and `pose` (t,) are indices into `runs` and `poses`; `time` (t,) s
-    on each run's clock, `elapsed` (t,) s of the tested time, runs laid end to end. `predicted` and
-    `measured` (t, m, 3) mm, NaN where a marker was not seen; `sigma` (t, m, 3) mm; `radius` (t, m)
-    mm of the intervals and the `distance` (t,) from the trained range. Of the pictures,
-    `without_samples` and `without_markers` were left out."""
+    """The t frames of all runs that have visible markers and samples, one run after another.
+
+    Attributes:
+        runs: Names of the runs.
+        poses: Names of the requested poses.
+        run: Index of each frame's run, shape (t,).
+        pose: Index of each frame's pose, shape (t,).
+        time: Times on each run's clock, shape (t,), s.
+        elapsed: Tested time, without the time between runs, shape (t,), s.
+        predicted: Decoded marker positions, shape (t, m, 3), mm, rest frame.
+        measured: Measured marker positions, shape (t, m, 3), mm; NaN where not visible.
+        sigma: Standard deviations of the measured positions, shape (t, m, 3), mm.
+        radius: Radius of the intervals, shape (t, m), mm.
+        distance: Distance of the inputs from the trained range, shape (t,).
+        without_samples: Number of frames left out for missing samples.
+        without_markers: Number of frames left out for missing markers.
+    """
 
     runs: tuple[str, ...]
     poses: tuple[str, ...]
@@ -45,144 +56,201 @@ class DecodedFrames:
 
     @cached_property
     def error(self) -> Float:
-        """Predicted less measured (t, m, 3) mm; NaN in gaps."""
+        """Predicted minus measured positions, shape (t, m, 3), mm; NaN in gaps."""
         return np.asarray(self.predicted - self.measured)
 
     @cached_property
     def visible(self) -> Bool:
-        """(t, m)."""
+        """Whether each marker is visible in each frame, shape (t, m)."""
         return np.asarray(np.isfinite(self.measured).all(axis=2))
 
     @cached_property
-    def miss(self) -> Float:
-        """Distance (t, m) mm of each marker from where it was said to be; NaN in gaps."""
+    def marker_error(self) -> Float:
+        """Distance of each marker from its predicted position, shape (t, m), mm; NaN in gaps."""
         return np.asarray(np.linalg.norm(self.error, axis=2))
 
     @cached_property
-    def weights(self) -> Float:
-        """(t, m), 0 in gaps, their sum 1: frames count alike, and the markers seen in a frame."""
-        return np.asarray(
-            self.visible / self.visible.sum(axis=1, keepdims=True) / len(self.visible)
-        )
-
-    def mean(self, squares: Float) -> float:
-        """Mean of squares (t, m) over frames and their markers; those that are NaN count as 0."""
-        return float((self.weights * np.where(self.visible, np.nan_to_num(squares), 0.0)).sum())
+    def frame_error(self) -> Float:
+        """Root mean square error over the visible markers of each frame, shape (t,), mm."""
+        return np.asarray(np.sqrt(np.nanmean(self.marker_error**2, axis=1)))
 
     @cached_property
-    def per_frame(self) -> Float:
-        """Root mean square (t,) mm over the markers seen in each frame."""
-        return np.asarray(np.sqrt(np.nanmean(self.miss**2, axis=1)))
+    def weights(self) -> Float:
+        """Weights of the markers, shape (t, m), with sum 1 and 0 in gaps.
+
+        All frames count alike, and so do the visible markers of a frame.
+        """
+        visible = self.visible
+        return np.asarray(visible / visible.sum(axis=1, keepdims=True) / len(visible))
+
+    def mean(self, squares: Float) -> float:
+        """Return the weighted mean of squares (t, m); NaN counts as 0."""
+        return float((self.weights * np.where(self.visible, np.nan_to_num(squares), 0.0)).sum())
+
+    def select(self, which: Bool) -> DecodedFrames:
+        """Return the frames of a mask (t,)."""
+        return replace(
+            self,
+            run=self.run[which],
+            pose=self.pose[which],
+            time=self.time[which],
+            elapsed=self.elapsed[which],
+            predicted=self.predicted[which],
+            measured=self.measured[which],
+            sigma=self.sigma[which],
+            radius=self.radius[which],
+            distance=self.distance[which],
+        )
 
 
 def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float) -> DecodedFrames:
-    """What `model` says of the last share of all pictures that can be tested, one run after another
-    as they are divided for training (`splits.py`). Raises TrainingError where the model is not of
-    this device's layout, or nothing can be tested."""
+    """Decode the last frames of a dataset.
+
+    Args:
+        model: The model.
+        dataset: The dataset, of the model's device and layout.
+        last_share: Share of the usable frames to decode, at the end of all runs, above 0 to 1;
+            frames are divided as for training (`regression/frames.py`).
+
+    Returns:
+        The decoded frames.
+
+    Raises:
+        TrainingError: If the model does not match the dataset, or no frame can be tested.
+    """
     if not 0 < last_share <= 1:
         raise TrainingError(
-            f"the last {last_share:g} of the frames: give a share above 0, up to 1",
+            f"must be above 0 and at most 1, not {last_share:g}",
             code="share-out-of-range",
+            where="last_share",
             share=last_share,
         )
-    data = matched(model, dataset)
+    data = match_to_model(model, dataset)
     runs = data.recordings
-    told = [decode_signals(model, r.sample_time, r.signals, r.time) for r in runs]
-    points = [_whole(r.points) for r in runs]
+    outputs = [decode_signals(model, r.sample_time, r.signals, r.time) for r in runs]
     run = np.repeat(np.arange(len(runs)), [len(r.time) for r in runs])
     time = np.concatenate([r.time for r in runs])
-    measured = np.concatenate(points)
-    predicted = np.concatenate([d.points for d in told])
-    seen = np.asarray(np.isfinite(measured).any(axis=(1, 2)))
-    known = np.asarray(np.isfinite(predicted).all(axis=(1, 2)))
-    own = np.flatnonzero(seen & known)
-    own = own[len(own) - round(last_share * len(own)) :]
-    if not len(own):
+    measured = np.concatenate([_drop_partial(r.points) for r in runs])
+    predicted = np.concatenate([d.points for d in outputs])
+    has_markers = np.asarray(np.isfinite(measured).any(axis=(1, 2)))
+    has_samples = np.asarray(np.isfinite(predicted).all(axis=(1, 2)))
+    index = np.flatnonzero(has_markers & has_samples)
+    index = index[len(index) - round(last_share * len(index)) :]
+    if not len(index):
         raise TrainingError(
-            f"{data.device}: none of {len(time)} pictures has both markers and samples of all"
-            " channels; record the session again, or test on another",
+            f"none of {len(time)} frames has both markers and samples of all channels",
             code="no-frames",
+            where=data.device,
+            action="Record the session again, or test on another",
             count=len(time),
         )
-    names = [_pose(runs[k], t) for k, t in zip(run[own], time[own], strict=True)]
+    names = [_pose_at(runs[k], t) for k, t in zip(run[index], time[index], strict=True)]
     poses = tuple(dict.fromkeys(names))
-    first = 0 if last_share == 1 else int(own[0])
+    first = 0 if last_share == 1 else int(index[0])
     return DecodedFrames(
         runs=tuple(r.name for r in runs),
         poses=poses,
-        run=run[own],
+        run=run[index],
         pose=np.array([poses.index(name) for name in names], int),
-        time=time[own],
-        elapsed=_laid_end_to_end([time[own][run[own] == k] for k in range(len(runs))]),
-        predicted=predicted[own],
-        measured=measured[own],
-        sigma=np.concatenate([r.sigma for r in runs])[own],
-        radius=np.concatenate([d.radius for d in told])[own],
-        distance=np.concatenate([d.distance for d in told])[own],
-        without_samples=int((seen & ~known)[first:].sum()),
-        without_markers=int((~seen)[first:].sum()),
+        time=time[index],
+        elapsed=_elapsed([time[index][run[index] == k] for k in range(len(runs))]),
+        predicted=predicted[index],
+        measured=measured[index],
+        sigma=np.concatenate([r.sigma for r in runs])[index],
+        radius=np.concatenate([d.radius for d in outputs])[index],
+        distance=np.concatenate([d.distance for d in outputs])[index],
+        without_samples=int((has_markers & ~has_samples)[first:].sum()),
+        without_markers=int((~has_markers)[first:].sum()),
     )
 
 
-def matched(model: TrainedModel, dataset: Dataset) -> Dataset:
-    """The dataset with the model's channels and markers, in the model's order. Raises
-    TrainingError where it lacks some, or is of another layout."""
+def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
+    """Select the model's channels and markers, in the model's order.
+
+    Args:
+        model: The model.
+        dataset: The dataset.
+
+    Returns:
+        The dataset with the model's channels and markers only.
+
+    Raises:
+        TrainingError: If the dataset is of another device or layout, lacks a channel or marker, or
+            has a marker at another rest position.
+    """
     if model.layout and dataset.layout and model.layout != dataset.layout:
         raise TrainingError(
-            f"{dataset.device}: recorded with the layout {dataset.layout}, and the model was"
-            f" trained on {model.layout}; test it on a device with its own cords",
+            f"was recorded with the layout {dataset.layout}, but the model was trained on"
+            f" {model.layout}",
             code="layouts-differ",
+            where=dataset.device,
+            action="Test the model on a device with the same layout of cords",
             layouts=(model.layout, dataset.layout),
         )
     if model.device != dataset.device:
         raise TrainingError(
-            f"the recordings are of {dataset.device}, and the model is of {model.device}; test it"
-            " on its own device",
+            f"the recordings are of {dataset.device}, but the model is of {model.device}",
             code="devices-differ",
+            action="Test the model on its own device",
             devices=(model.device, dataset.device),
         )
-    lacking = [c for c in model.channels if c not in dataset.channels]
-    lacking += [f"marker {i}" for i in model.ids if i not in dataset.ids]
-    if lacking:
+    missing = [c for c in model.channels if c not in dataset.channels]
+    missing += [f"marker {i}" for i in model.ids if i not in dataset.ids]
+    if missing:
         raise TrainingError(
-            f"{dataset.device}: the recordings have no {', '.join(lacking)}, which the model was"
-            " trained on; record them, or train on what there is",
+            f"the recordings have no {', '.join(missing)}, which the model was trained on",
             code="channels-or-markers-missing",
-            missing=tuple(lacking),
+            where=dataset.device,
+            action="Record them, or train on what the recordings have",
+            missing=tuple(missing),
         )
     c = [dataset.channels.index(name) for name in model.channels]
     m = np.array([int(np.flatnonzero(dataset.ids == i)[0]) for i in model.ids], int)
-    off = np.linalg.norm(dataset.rest_points[m] - model.rest_points, axis=1)
-    if off.max() > _MOVED:
-        k = int(off.argmax())
+    distance = np.linalg.norm(dataset.rest_points[m] - model.rest_points, axis=1)
+    if distance.max() > _MAX_REST_DISTANCE_MM:
+        k = int(distance.argmax())
         raise TrainingError(
-            f"{dataset.device}: marker {model.ids[k]} is {off[k]:.1f} mm from where the model has"
-            " it at rest; the tracks are in another frame, or the markers are glued elsewhere",
+            f"the rest position of marker {model.ids[k]} is {distance[k]:.1f} mm from the model's",
             code="markers-moved",
+            where=dataset.device,
+            action="Check the frame of the tracks, and whether markers were glued elsewhere",
             marker=int(model.ids[k]),
-            distance_mm=float(off[k]),
+            distance_mm=float(distance[k]),
         )
     recordings = tuple(
         replace(r, ohm=r.ohm[:, c], rest=r.rest[c], points=r.points[:, m], sigma=r.sigma[:, m])
         for r in dataset.recordings
     )
     return replace(
-        dataset, channels=model.channels, ids=dataset.ids[m], rest_points=dataset.rest_points[m],
+        dataset,
+        channels=model.channels,
+        ids=dataset.ids[m],
+        rest_points=dataset.rest_points[m],
         recordings=recordings,
-    )  # fmt: skip
+    )
 
 
 def decode_signals(model: TrainedModel, time: Float, signals: Float, at: Float) -> Decoded:
-    """What `model.decode` gives, with the memory that some frames need at a time."""
+    """Decode signals as `model.decode` does, with the memory of few frames at once.
+
+    Args:
+        model: The model.
+        time: Times of the samples, shape (n,), s.
+        signals: Signals (R - R0)/R0, shape (n, c).
+        at: Times to decode at, shape (t,), s.
+
+    Returns:
+        Positions, intervals and distances at these times.
+    """
     z = at_times(at, time, model.main.inputs(time, model.corrected(signals)))
     return decode_inputs(model, z)
 
 
 def decode_inputs(model: TrainedModel, inputs: Float) -> Decoded:
-    """Of inputs (t, d) of the main branch."""
+    """Decode inputs (t, d) of the model's main branch, in batches."""
     parts = [
-        decoded(model.main, inputs[k : k + _AT_ONCE], len(model.ids))
-        for k in range(0, max(len(inputs), 1), _AT_ONCE)
+        decoded(model.main, inputs[k : k + _BATCH_FRAMES], len(model.ids))
+        for k in range(0, max(len(inputs), 1), _BATCH_FRAMES)
     ]
     return Decoded(
         np.concatenate([p.points for p in parts]),
@@ -191,22 +259,24 @@ def decode_inputs(model: TrainedModel, inputs: Float) -> Decoded:
     )
 
 
-def _pose(recording: Recording, time: float) -> str:
+def _pose_at(recording: Recording, time: float) -> str:
     if not recording.poses:
-        return ALL
-    return next((name for since, name in reversed(recording.poses) if since <= time), BEFORE)
+        return ALL_FRAMES
+    return next(
+        (name for start, name in reversed(recording.poses) if start <= time), BEFORE_FIRST_POSE
+    )
 
 
-def _whole(points: Float) -> Float:
-    """A marker of which any coordinate is missing was not seen."""
+def _drop_partial(points: Float) -> Float:
+    """Set markers to NaN of which any coordinate is missing."""
     return np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
 
 
-def _laid_end_to_end(times: list[Float]) -> Float:
-    """Seconds since the first, without the time between runs."""
-    out, since = [], 0.0
+def _elapsed(times: list[Float]) -> Float:
+    """Return seconds since the first frame, without the time between runs."""
+    parts, start = [], 0.0
     for time in filter(len, times):
         step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-        out.append(since + time - time[0])
-        since = float(out[-1][-1]) + step
-    return np.concatenate(out)
+        parts.append(start + time - time[0])
+        start = float(parts[-1][-1]) + step
+    return np.concatenate(parts)

@@ -1,8 +1,8 @@
-"""How good a trained model is on frames that it is tested on: DefSense's Table 1, and where, when
-and in which motion the errors are.
+"""Errors of a trained model on test frames: in total, and by marker, pose, speed and time.
 
-The error of a marker is its distance from where it was said to be; that of a frame is the root
-mean square over the markers that were seen in it. Gaps never count.
+The measures are those of DefSense's Table 1.
+The error of a marker is its distance from the predicted position; that of a frame is the root mean
+square over its visible markers. Gaps never count.
 """
 
 from __future__ import annotations
@@ -15,19 +15,25 @@ from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Dataset
-from .decoded_frames import DecodedFrames, decode_frames, matched
-from .marker_motion import outwards, rms, velocities
+from .decoded_frames import DecodedFrames, decode_frames, match_to_model
+from .marker_motion import outward_component, rms_length, velocities
 
-_BINS = 12  # of speed, half of them for either direction
-_FEWEST = 5  # frames that a bin must have
+_SPEED_BINS = 12  # half of them for either direction
+_MIN_BIN_FRAMES = 5
 _TENTHS = 10
 
 
 @dataclass(frozen=True)
 class Measures:
-    """As in DefSense's Table 1, mm: `rmse` over `frames`, the standard deviation of the frames'
-    errors (`deviation`), the largest error of any marker (`peak`), and the mean over frames of
-    each one's largest (`average_peak`)."""
+    """Error measures of DefSense's Table 1.
+
+    Attributes:
+        rmse: Root mean square error over the frames, mm.
+        deviation: Standard deviation of the frames' errors, mm.
+        peak: Largest error of any marker, mm.
+        average_peak: Mean over the frames of each one's largest marker error, mm.
+        frames: Number of frames.
+    """
 
     rmse: float
     deviation: float
@@ -38,10 +44,15 @@ class Measures:
 
 @dataclass(frozen=True)
 class SpeedBins:
-    """Frames by the speed of their markers (root mean square, mm/s), less than 0 where the device
-    comes back to rest: `edges` (b + 1,), the first and last bin taking all beyond; of each bin the
-    number of `frames` (b,), `rmse` (b,) mm, and by how much it is said to be too far out, `too_far`
-    (b,) mm, which hysteresis sets apart in both directions. NaN in bins of few frames."""
+    """Errors by the speed of the markers, which is negative when the device returns to rest.
+
+    Attributes:
+        edges: Edges of the bins, shape (b + 1,), mm/s; the first and last bins include all beyond.
+        frames: Number of frames in each bin, shape (b,).
+        rmse: Root mean square error, shape (b,), mm; NaN in bins with few frames.
+        too_far: Mean outward component of the error, shape (b,), mm. Hysteresis gives it opposite
+            signs in the two directions.
+    """
 
     edges: Float
     frames: Int
@@ -50,12 +61,18 @@ class SpeedBins:
 
 
 @dataclass(frozen=True)
-class Coverage:
-    """Shares of marker positions that were inside of their intervals, which ought to be `level`: of
-    all, of each pose (p,), and of each tenth of the tested time (10,); NaN where there was nothing.
-    `by_pose_error` (p,) are the standard errors of the poses' shares, from one show to another,
-    NaN of a pose that was shown once: neighbouring pictures are not independent. `radius` is the
-    mean half width, mm."""
+class IntervalCoverage:
+    """Shares of marker positions inside their intervals.
+
+    Attributes:
+        level: The share that is intended.
+        share: Share of all positions.
+        by_pose: Share for each pose, shape (p,).
+        by_pose_error: Standard errors of these shares between repetitions, shape (p,), since
+            neighboring frames are not independent; NaN for a pose that was shown once.
+        by_tenth: Share in each tenth of the tested time, shape (10,); NaN without frames.
+        radius: Mean radius of the intervals, mm.
+    """
 
     level: float
     share: float
@@ -67,13 +84,25 @@ class Coverage:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Of the tested `frames`: `total` and `by_pose` (p); per marker (m,) mm its root mean square
-    `marker_rmse` and largest error `marker_peak`, NaN of one that was never seen. `speed` (t,) mm/s
-    is less than 0 where the device comes back, and `too_far` (t,) mm how much too far out it is
-    said to be. `inside` and `outside` are frames at distances up to 1 from the trained range, and
-    beyond, None where there are none. `camera_noise` mm is the root mean square of the cameras'
-    own standard deviations where they are known, None where they are not; `rmse_without_noise` is
-    sqrt(rmse^2 - camera_noise^2), 0 where that is less than nothing."""
+    """Errors of a model on test frames.
+
+    Attributes:
+        frames: The decoded frames.
+        total: Errors over all frames.
+        by_pose: Errors for each of the p poses.
+        marker_rmse: Root mean square error of each marker, shape (m,), mm; NaN if never visible.
+        marker_peak: Largest error of each marker, shape (m,), mm; NaN if never visible.
+        speed: Root mean square speed of the markers, shape (t,), mm/s; negative when the device
+            returns to rest.
+        too_far: Outward component of each frame's error, shape (t,), mm.
+        by_speed: Errors by speed.
+        coverage: Coverage of the intervals; None if the model has none.
+        inside: Errors within the trained range; None without such frames.
+        outside: Errors beyond the trained range; None without such frames.
+        camera_noise: Root mean square of the stated standard deviations of the marker positions,
+            mm; None if unknown.
+        rmse_without_noise: sqrt(rmse^2 - camera_noise^2), mm; at least 0.
+    """
 
     frames: DecodedFrames
     total: Measures
@@ -83,7 +112,7 @@ class Evaluation:
     speed: Float
     too_far: Float
     by_speed: SpeedBins
-    coverage: Coverage | None
+    coverage: IntervalCoverage | None
     inside: Measures | None
     outside: Measures | None
     camera_noise: float | None
@@ -91,34 +120,47 @@ class Evaluation:
 
 
 def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> Evaluation:
-    """The model's errors on the last share of the pictures. Raises TrainingError where
-    they do not go together, or nothing can be tested."""
+    """Evaluate a model on the last frames of a dataset.
+
+    Args:
+        model: The model.
+        dataset: The dataset, of the model's device and layout.
+        last_share: Share of the frames to test on, at the end of all runs.
+
+    Returns:
+        The errors.
+
+    Raises:
+        TrainingError: If the model does not match the dataset, or no frame can be tested.
+    """
     frames = decode_frames(model, dataset, last_share)
-    rest = matched(model, dataset).rest_points
-    total = measures(frames)
-    moved = frames.measured - rest
+    rest_points = match_to_model(model, dataset).rest_points
+    total = measure_frames(frames)
+    displacements = frames.measured - rest_points
     velocity = velocities(frames.time, frames.measured, frames.run)
     with np.errstate(invalid="ignore"):
-        speed = rms(velocity) * np.where(outwards(velocity, moved) < 0, -1.0, 1.0)
-    too_far = outwards(frames.error, moved)
-    noise = camera_noise(frames)
-    near = np.asarray(frames.distance <= 1)
+        is_returning = outward_component(velocity, displacements) < 0
+        speed = rms_length(velocity) * np.where(is_returning, -1.0, 1.0)
+    too_far = outward_component(frames.error, displacements)
+    noise = measure_camera_noise(frames)
+    is_inside = np.asarray(frames.distance <= 1)
+    squares = np.where(frames.visible, frames.marker_error**2, 0.0).sum(0)
     with np.errstate(all="ignore"):
-        sums = np.where(frames.visible, frames.miss**2, 0.0).sum(0) / frames.visible.sum(0)
-    peak = np.where(frames.visible, frames.miss, -1.0).max(axis=0)
+        mean_squares = squares / frames.visible.sum(0)
+    peak = np.where(frames.visible, frames.marker_error, -1.0).max(axis=0)
     level = model.main.intervals.level if model.main.intervals else None
     return Evaluation(
         frames=frames,
         total=total,
-        by_pose=tuple(measures(frames, frames.pose == k) for k in range(len(frames.poses))),
-        marker_rmse=np.sqrt(sums),
+        by_pose=tuple(measure_frames(frames, frames.pose == k) for k in range(len(frames.poses))),
+        marker_rmse=np.sqrt(mean_squares),
         marker_peak=np.where(peak < 0, np.nan, peak),
         speed=speed,
         too_far=too_far,
-        by_speed=_by_speed(speed, frames.per_frame, too_far),
-        coverage=None if level is None else _coverage(frames, level),
-        inside=measures(frames, near) if near.any() else None,
-        outside=measures(frames, ~near) if (~near).any() else None,
+        by_speed=_group_by_speed(speed, frames.frame_error, too_far),
+        coverage=None if level is None else _measure_coverage(frames, level),
+        inside=measure_frames(frames, is_inside) if is_inside.any() else None,
+        outside=measure_frames(frames, ~is_inside) if (~is_inside).any() else None,
         camera_noise=noise,
         rmse_without_noise=(
             None if noise is None else float(np.sqrt(max(total.rmse**2 - noise**2, 0.0)))
@@ -126,77 +168,90 @@ def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> 
     )
 
 
-def measures(frames: DecodedFrames, which: Bool | None = None) -> Measures:
-    """Of all frames, or of those of a mask (t,). Raises TrainingError where there are none."""
-    own = np.ones(len(frames.time), bool) if which is None else which
-    if not own.any():
+def measure_frames(frames: DecodedFrames, which: Bool | None = None) -> Measures:
+    """Measure the errors of frames.
+
+    Args:
+        frames: The decoded frames.
+        which: Mask of the frames to use, shape (t,); None for all.
+
+    Returns:
+        The errors.
+
+    Raises:
+        TrainingError: If there are no frames.
+    """
+    is_used = np.ones(len(frames.time), bool) if which is None else which
+    if not is_used.any():
         raise TrainingError("there are no frames to measure errors of", code="no-frames")
-    errors = frames.per_frame[own]
-    largest = np.nanmax(frames.miss[own], axis=1)
+    errors = frames.frame_error[is_used]
+    largest = np.nanmax(frames.marker_error[is_used], axis=1)
     return Measures(
         rmse=float(np.sqrt((errors**2).mean())),
         deviation=float(errors.std()),
         peak=float(largest.max()),
         average_peak=float(largest.mean()),
-        frames=int(own.sum()),
+        frames=int(is_used.sum()),
     )
 
 
-def camera_noise(frames: DecodedFrames) -> float | None:
-    """Root mean square, mm, of the standard deviations of markers' positions, all axes together;
-    over those that are known, None where none are."""
+def measure_camera_noise(frames: DecodedFrames) -> float | None:
+    """Return the root mean square standard deviation of the marker positions, mm.
+
+    All axes are taken together; the result is None if no standard deviation is known.
+    """
     variance = (frames.sigma**2).sum(axis=2)
-    known = frames.visible & np.isfinite(variance)
-    weight = np.where(known, frames.weights, 0.0)
+    is_known = frames.visible & np.isfinite(variance)
+    weight = np.where(is_known, frames.weights, 0.0)
     if not weight.any():
         return None
-    return float(np.sqrt((weight * np.where(known, variance, 0.0)).sum() / weight.sum()))
+    return float(np.sqrt((weight * np.where(is_known, variance, 0.0)).sum() / weight.sum()))
 
 
-def _by_speed(speed: Float, errors: Float, too_far: Float) -> SpeedBins:
-    known = np.isfinite(speed)
-    most = float(np.quantile(np.abs(speed[known]), 0.98)) if known.any() else 0.0
-    edges = np.linspace(-1, 1, _BINS + 1) * (most or 1.0)
+def _group_by_speed(speed: Float, errors: Float, too_far: Float) -> SpeedBins:
+    is_known = np.isfinite(speed)
+    largest = float(np.quantile(np.abs(speed[is_known]), 0.98)) if is_known.any() else 0.0
+    edges = np.linspace(-1, 1, _SPEED_BINS + 1) * (largest or 1.0)
     bins = np.digitize(speed, edges[1:-1])
-    frames = np.array([int((known & (bins == k)).sum()) for k in range(_BINS)])
-    rmse, far = np.full(_BINS, np.nan), np.full(_BINS, np.nan)
-    for k in np.flatnonzero(frames >= _FEWEST):
-        own = known & (bins == k)
-        rmse[k] = np.sqrt((errors[own] ** 2).mean())
-        apart = too_far[own & np.isfinite(too_far)]
-        far[k] = apart.mean() if len(apart) else np.nan  # none of a device that is exactly at rest
-    return SpeedBins(edges, frames, rmse, far)
+    frames = np.array([int((is_known & (bins == k)).sum()) for k in range(_SPEED_BINS)])
+    rmse, outward = np.full(_SPEED_BINS, np.nan), np.full(_SPEED_BINS, np.nan)
+    for k in np.flatnonzero(frames >= _MIN_BIN_FRAMES):
+        is_in_bin = is_known & (bins == k)
+        rmse[k] = np.sqrt((errors[is_in_bin] ** 2).mean())
+        components = too_far[is_in_bin & np.isfinite(too_far)]
+        # There are no components for a device that is exactly at rest.
+        outward[k] = components.mean() if len(components) else np.nan
+    return SpeedBins(edges, frames, rmse, outward)
 
 
-def _coverage(frames: DecodedFrames, level: float) -> Coverage:
-    covered = frames.miss <= frames.radius
+def _measure_coverage(frames: DecodedFrames, level: float) -> IntervalCoverage:
+    is_covered = frames.marker_error <= frames.radius
     tenth = np.minimum((_TENTHS * frames.elapsed / (frames.elapsed[-1] or 1)).astype(int), 9)
+    poses = range(len(frames.poses))
 
-    def share(of: Bool) -> float:
-        seen = frames.visible[of]
-        return float(covered[of][seen].mean()) if seen.any() else np.nan
+    def share_of(which: Bool) -> float:
+        visible = frames.visible[which]
+        return float(is_covered[which][visible].mean()) if visible.any() else np.nan
 
-    return Coverage(
+    return IntervalCoverage(
         level=level,
-        share=share(np.ones(len(tenth), bool)),
-        by_pose=np.array([share(frames.pose == k) for k in range(len(frames.poses))]),
-        by_pose_error=np.array(
-            [_between_shows(frames, covered, k) for k in range(len(frames.poses))]
-        ),
-        by_tenth=np.array([share(tenth == k) for k in range(_TENTHS)]),
+        share=share_of(np.ones(len(tenth), bool)),
+        by_pose=np.array([share_of(frames.pose == k) for k in poses]),
+        by_pose_error=np.array([_coverage_error(frames, is_covered, k) for k in poses]),
+        by_tenth=np.array([share_of(tenth == k) for k in range(_TENTHS)]),
         radius=float(frames.radius[frames.visible].mean()),
     )
 
 
-def _between_shows(frames: DecodedFrames, covered: Bool, pose: int) -> float:
-    """Standard error of a pose's share inside (t, m), from shows that follow each other."""
-    own = np.flatnonzero(frames.pose == pose)
-    ends = np.flatnonzero((np.diff(own) > 1) | (np.diff(frames.run[own]) != 0)) + 1
-    shows = np.split(own, ends)
-    seen = np.array([frames.visible[s].sum() for s in shows], float)
-    inside = np.array([covered[s][frames.visible[s]].sum() for s in shows], float)
-    n = len(shows)
+def _coverage_error(frames: DecodedFrames, is_covered: Bool, pose: int) -> float:
+    """Return the standard error of a pose's coverage (t, m) between its repetitions."""
+    index = np.flatnonzero(frames.pose == pose)
+    ends = np.flatnonzero((np.diff(index) > 1) | (np.diff(frames.run[index]) != 0)) + 1
+    repetitions = np.split(index, ends)
+    visible = np.array([frames.visible[s].sum() for s in repetitions], float)
+    inside = np.array([is_covered[s][frames.visible[s]].sum() for s in repetitions], float)
+    n = len(repetitions)
     if n < 2:
         return np.nan
-    off = inside - seen * inside.sum() / seen.sum()
-    return float(np.sqrt(n / (n - 1) * (off**2).sum()) / seen.sum())
+    deviation = inside - visible * inside.sum() / visible.sum()
+    return float(np.sqrt(n / (n - 1) * (deviation**2).sum()) / visible.sum())

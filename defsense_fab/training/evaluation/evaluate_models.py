@@ -15,19 +15,51 @@ from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
 from ...core.storage.files import digest
 from ...decoding.trained_model import TrainedModel
-from ...sensing.layout import LayoutRecord
+from ...store.layout import LayoutRecord
 from ..data.dataset import Dataset, Recording, is_same_recording, recording_fingerprint
 from ..data.dataset_assembly import exclude_uncertain_positions
 from ..data.dataset_checks import check_dataset
-from ..recordings.data_files import DataFiles, told_files
+from ..recordings.datasets import DataFiles, told_files
 from ..recordings.session_dataset import device_layout
 from .error_budget import ErrorBudget, error_budget
 from .evaluate import Evaluation, evaluate
 from .model_comparison import Comparison, FrameErrors, compare
-from .other_cords import other_cords
-from .predicted_error import PredictedError
-from .prediction import predicted
+from .predicted_error import PredictedError, predict_model_error
 from .twin_truth import budget_of_truth
+
+# Whether a device has the cords that a model was trained on, by their resistances at rest.
+
+_DRIFT = 0.15  # of R0, by which a cord that is the same changes at most
+
+
+def other_cords(name: str, model: TrainedModel, dataset: Dataset) -> list[str]:
+    """Notes on channels whose R0 has changed since the model's training by more than the others'.
+    Nothing is said of models of more than one built device, of other ones, or where an R0 is not
+    known: signals without resistances are in units of R0."""
+    before = np.array([r for r in model.told.get("R0", {}).values() if None not in r], float)
+    if before.ndim != 2 or before.shape[1] != len(model.channels) or (before == 1).all():
+        return []
+    units = model.told.get("units_trained", [])
+    out = []
+    for session in dict.fromkeys(r.session for r in dataset.recordings):
+        own = [r for r in dataset.recordings if r.session == session]
+        if set(dataset.channels) != set(model.channels) or {r.unit for r in own} != set(units):
+            continue
+        order = [dataset.channels.index(c) for c in model.channels]
+        R0 = np.median([r.rest[order] for r in own], axis=0)
+        if not np.isfinite(R0).all() or (R0 <= 0).any() or (R0 == 1).all():
+            continue
+        change = np.log(R0) - np.log(np.median(before, axis=0))
+        change -= np.median(change)
+        for channel, off in zip(model.channels, change.tolist(), strict=True):
+            if abs(off) > np.log1p(_DRIFT):
+                out.append(
+                    f"{session}: R0 of {channel} is {np.exp(off):.2f} times that which {name} was"
+                    " trained with: was the cord replaced? 'defsense recalibrate' corrects the"
+                    " model, or train again"
+                )
+    return out
+
 
 _FEW = 200  # frames
 #: Problems of data that is to be trained on, which say nothing of a test.
@@ -117,7 +149,7 @@ def evaluate_models(
         result = evaluate(model, dataset, share)
         progress("evaluate", (k + 0.4) / len(models), f"{name}: causes of errors")
         budget = error_budget(model, dataset, share)
-        told_of = predicted(model, result.frames, layout)
+        told_of = predict_model_error(model, result.frames, layout)
         truth = budget_of_truth(model, dataset, share)
         found.append(Evaluated(name, model, result, budget, told_of, truth))
     notes += _notes(found[0].evaluation)
@@ -130,7 +162,7 @@ def evaluate_models(
             notes.append(str(problem))
     if comparison is not None and comparison.by_block is None and not comparison.paired:
         notes.append(
-            f"errors go on for so long (blocks of {comparison.length} frames) that these sessions"
+            f"errors go on for so long (blocks of {comparison.block_frames} frames) that these sessions"
             " are too short to tell the models apart; record for longer"
         )
     progress("evaluate", 1.0, "done")
@@ -173,7 +205,7 @@ def _not_trained_on(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset
 def _frame_errors(found: Evaluated) -> FrameErrors:
     frames = found.evaluation.frames
     test = digest(frames.run.tolist(), frames.time.tolist())
-    return FrameErrors(found.name, frames.per_frame, frames.run, test)
+    return FrameErrors(found.name, frames.frame_error, frames.run, test)
 
 
 def _notes(found: Evaluation) -> list[str]:

@@ -1,9 +1,9 @@
-"""Whether one model's errors are smaller than another's, or only happened to be.
+"""Test whether one model's errors are smaller than another's, or only by chance.
 
-One-way analysis of variance of the frames' errors, as DefSense has it, and what it leaves out:
-frames are not independent. Both are given: `by_frame` takes each frame for a sample of its own,
-`by_block` the means of blocks that are long beside the errors' autocorrelation time. The second
-is the one to believe.
+One-way analysis of variance of the frames' errors, as in DefSense, takes frames to be independent,
+which they are not. So two analyses are made: `by_frame` takes each frame as a sample; `by_block`
+uses means of blocks that are long compared with the errors' autocorrelation time. The second one
+is valid.
 """
 
 from __future__ import annotations
@@ -18,15 +18,25 @@ from ...core.arrays import Float, Int
 from ...core.errors import TrainingError
 from .independent_blocks import autocorrelation_time, block_length, block_means
 
-#: Below this probability of chance something counts as different.
-LEVEL = 0.05
-_FEWEST = 4  # blocks of each model
+#: Probability of chance below which a difference is significant.
+SIGNIFICANCE_LEVEL = 0.05
+
+_MIN_BLOCKS = 4  # of each model
 
 
 @dataclass(frozen=True)
 class FrameErrors:
-    """Errors (t,) mm of a model's or layout's test frames, and the run (t,) each belongs to.
-    `test` names the frames: models with the same were tested on the same."""
+    """Errors of a model or layout on its test frames.
+
+    Attributes:
+        name: Name of the model.
+        errors: Errors of the frames, shape (t,), mm.
+        run: Index of each frame's run, shape (t,).
+        test: Identifier of the test frames; models with the same were tested on the same frames.
+
+    Raises:
+        TrainingError: If there are no errors, or some are not finite.
+    """
 
     name: str
     errors: Float
@@ -36,18 +46,24 @@ class FrameErrors:
     def __post_init__(self) -> None:
         if self.errors.shape != self.run.shape or not len(self.errors):
             raise TrainingError(
-                f"{self.name}: there are no errors of frames to compare", code="no-frames"
+                "there are no frame errors to compare", code="no-frames", where=self.name
             )
         if not np.isfinite(self.errors).all():
             raise TrainingError(
-                f"{self.name}: errors of frames must be numbers", code="not-a-number"
+                "frame errors must be finite numbers", code="not-a-number", where=self.name
             )
 
 
 @dataclass(frozen=True)
 class Statistic:
-    """The value of a test with its degrees of freedom (between, within; NaN where it has none), and
-    the probability `p` of one as large by chance."""
+    """A test statistic.
+
+    Attributes:
+        value: The statistic.
+        between: Degrees of freedom between the models.
+        within: Degrees of freedom within the models; NaN if the test has none.
+        p: Probability of a statistic at least as large by chance.
+    """
 
     value: float
     between: float
@@ -57,9 +73,16 @@ class Statistic:
 
 @dataclass(frozen=True)
 class Pair:
-    """The mean error of `first` less that of `second`, mm, with its 95 % interval and the
-    probability of chance, for all pairs together: Tukey's HSD, or Games and Howell's where
-    variances differ."""
+    """Difference of two models, by Tukey's HSD, or Games-Howell where variances differ.
+
+    Attributes:
+        first: Name of the first model.
+        second: Name of the second model.
+        difference: Mean error of the first minus that of the second, mm.
+        low: Lower end of its 95 % interval, mm; it holds for all pairs together.
+        high: Upper end of its interval, mm.
+        p: Probability of such a difference by chance, for all pairs together.
+    """
 
     first: str
     second: str
@@ -71,8 +94,17 @@ class Pair:
 
 @dataclass(frozen=True)
 class PairedTest:
-    """As a `Pair`, from the differences block by block of models that were tested on the same
-    frames, `samples` of them: paired t tests, p corrected for their number (Holm)."""
+    """Paired t test of two models on the same frames, from block means of their differences.
+
+    Attributes:
+        first: Name of the first model.
+        second: Name of the second model.
+        difference: Mean error of the first minus that of the second, mm.
+        low: Lower end of its 95 % interval, mm.
+        high: Upper end of its interval, mm.
+        p: Probability of such a difference by chance, corrected for the number of tests (Holm).
+        samples: Number of blocks.
+    """
 
     first: str
     second: str
@@ -85,10 +117,17 @@ class PairedTest:
 
 @dataclass(frozen=True)
 class Analysis:
-    """Of `samples` (k,) of each of k models: analysis of variance, whether their variances differ
-    (`levene`), what does not mind (`welch`) and what does not even mind how they are spread
-    (`kruskal`). Effect sizes: `eta_squared`, the share of the variance that is
-    between models, and `omega_squared`, the same without what chance puts there."""
+    """Analysis of variance of k models.
+
+    Attributes:
+        samples: Number of samples of each model.
+        anova: One-way analysis of variance.
+        levene: Test whether the variances differ.
+        welch: Analysis of variance that allows for different variances.
+        kruskal: Test that makes no assumption on the distributions.
+        eta_squared: Share of the variance that is between the models.
+        omega_squared: The same without the part due to chance.
+    """
 
     samples: tuple[int, ...]
     anova: Statistic
@@ -100,25 +139,35 @@ class Analysis:
 
     @property
     def variances_differ(self) -> bool:
-        """So that Welch's test and Games and Howell's pairs hold, and the others do not."""
-        return self.levene.p < LEVEL
+        """Whether variances differ; then Welch's test and Games-Howell's pairs are valid."""
+        return self.levene.p < SIGNIFICANCE_LEVEL
 
     @property
-    def told(self) -> Statistic:
-        """The test that holds."""
+    def valid_test(self) -> Statistic:
+        """Welch's test if variances differ, otherwise the analysis of variance."""
         return self.welch if self.variances_differ else self.anova
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Of models by name with their mean errors (k,) mm; `times` (k,) are the autocorrelation
-    times and `length` that of the blocks, in frames. `by_block` is None, and its pairs empty, where
-    there are too few blocks for any test; `paired` is empty where test frames differ."""
+    """Comparison of k models.
+
+    Attributes:
+        names: Names of the models.
+        means: Mean errors, shape (k,), mm.
+        autocorrelation_times: Autocorrelation times of the errors, shape (k,), frames.
+        block_frames: Length of the blocks, frames.
+        by_frame: Analysis with each frame as a sample.
+        pairs_by_frame: Its pairs.
+        by_block: Analysis of block means; None if there are too few blocks.
+        pairs_by_block: Its pairs.
+        paired: Paired tests; empty if the test frames differ.
+    """
 
     names: tuple[str, ...]
     means: Float
-    times: Float
-    length: int
+    autocorrelation_times: Float
+    block_frames: int
     by_frame: Analysis
     pairs_by_frame: tuple[Pair, ...]
     by_block: Analysis | None
@@ -127,40 +176,62 @@ class Comparison:
 
 
 def compare(models: Sequence[FrameErrors]) -> Comparison:
-    """Two models or more. Raises TrainingError for fewer, or for names that repeat."""
+    """Compare the errors of models.
+
+    Args:
+        models: Errors of two models or more, with different names.
+
+    Returns:
+        The tests.
+
+    Raises:
+        TrainingError: If there are fewer than two models, names repeat, or errors do not vary.
+    """
     names = tuple(m.name for m in models)
     if len(models) < 2:
         raise TrainingError(
-            f"comparing {', '.join(names) or 'nothing'}: give two models or more",
+            f"a comparison needs two models or more, not {', '.join(names) or 'none'}",
             code="too-few-models",
         )
     if len(set(names)) < len(names):
         raise TrainingError(
-            f"comparing {', '.join(names)}: give models of different names",
-            code="duplicate-names",
+            f"the names of compared models repeat: {', '.join(names)}", code="duplicate-names"
         )
     times = np.array([autocorrelation_time(m.errors, m.run) for m in models])
     length = block_length(float(times.max()))
     frames = [m.errors for m in models]
     blocks = [block_means(m.errors, m.run, length) for m in models]
-    by_frame = analyse(names, frames)
-    by_block = analyse(names, blocks) if min(map(len, blocks)) >= _FEWEST else None
-    same = len({m.test for m in models}) == 1 and len({len(m.errors) for m in models}) == 1
+    by_frame = analyze(names, frames)
+    by_block = analyze(names, blocks) if min(map(len, blocks)) >= _MIN_BLOCKS else None
+    is_same = len({m.test for m in models}) == 1 and len({len(m.errors) for m in models}) == 1
     return Comparison(
         names=names,
         means=np.array([m.errors.mean() for m in models]),
-        times=times,
-        length=length,
+        autocorrelation_times=times,
+        block_frames=length,
         by_frame=by_frame,
-        pairs_by_frame=pairs(names, frames, not by_frame.variances_differ),
+        pairs_by_frame=compare_pairs(names, frames, not by_frame.variances_differ),
         by_block=by_block,
-        pairs_by_block=pairs(names, blocks, not by_block.variances_differ) if by_block else (),
-        paired=paired_tests(models) if same else (),
+        pairs_by_block=(
+            compare_pairs(names, blocks, not by_block.variances_differ) if by_block else ()
+        ),
+        paired=compare_paired(models) if is_same else (),
     )
 
 
-def analyse(names: Sequence[str], samples: Sequence[Float]) -> Analysis:
-    """Of independent samples (n_k,) of each of k models."""
+def analyze(names: Sequence[str], samples: Sequence[Float]) -> Analysis:
+    """Analyze the variance of independent samples.
+
+    Args:
+        names: Names of the k models.
+        samples: Samples of each model, shape (n_k,).
+
+    Returns:
+        The tests.
+
+    Raises:
+        TrainingError: If the samples of each model do not vary.
+    """
     from scipy import stats
 
     k, counts = len(samples), np.array([len(x) for x in samples])
@@ -170,29 +241,37 @@ def analyse(names: Sequence[str], samples: Sequence[Float]) -> Analysis:
     within = float(sum(((x - x.mean()) ** 2).sum() for x in samples))
     if within <= 1e-24 * (between + total * grand**2):
         raise TrainingError(
-            f"comparing {', '.join(names)}: the errors of each do not vary at all, which leaves"
-            " nothing to test; were they measured?",
+            f"the errors of each of {', '.join(names)} do not vary, so they cannot be compared",
             code="errors-constant",
+            action="Check whether the errors were measured",
         )
     anova = stats.f_oneway(*samples)
     levene = stats.levene(*samples)  # about medians (Brown and Forsythe)
     kruskal = stats.kruskal(*samples)
     error = within / (total - k)
-    tests = (
-        Statistic(float(anova.statistic), k - 1, total - k, float(anova.pvalue)),
-        Statistic(float(levene.statistic), k - 1, total - k, float(levene.pvalue)),
-        welch(samples),
-        Statistic(float(kruskal.statistic), k - 1, np.nan, float(kruskal.pvalue)),
-    )
     return Analysis(
-        tuple(int(n) for n in counts), *tests,
+        samples=tuple(int(n) for n in counts),
+        anova=Statistic(float(anova.statistic), k - 1, total - k, float(anova.pvalue)),
+        levene=Statistic(float(levene.statistic), k - 1, total - k, float(levene.pvalue)),
+        welch=analyze_welch(samples),
+        kruskal=Statistic(float(kruskal.statistic), k - 1, np.nan, float(kruskal.pvalue)),
         eta_squared=between / (between + within),
         omega_squared=max((between - (k - 1) * error) / (between + within + error), 0.0),
-    )  # fmt: skip
+    )
 
 
-def welch(samples: Sequence[Float]) -> Statistic:
-    """Analysis of variance of samples whose variances differ (Welch 1951)."""
+def analyze_welch(samples: Sequence[Float]) -> Statistic:
+    """Analyze the variance of samples whose variances differ.
+
+    Args:
+        samples: Samples of each of k models, shape (n_k,).
+
+    Returns:
+        The statistic; NaN if a sample does not vary.
+
+    References:
+        Welch 1951, On the comparison of several mean values: an alternative approach.
+    """
     from scipy import stats
 
     n, k = np.array([len(x) for x in samples]), len(samples)
@@ -202,67 +281,92 @@ def welch(samples: Sequence[Float]) -> Statistic:
     if not np.isfinite(w).all():  # one does not vary
         return Statistic(np.nan, k - 1, np.nan, np.nan)
     grand = (w * mean).sum() / w.sum()
-    doubt = ((1 - w / w.sum()) ** 2 / (n - 1)).sum()
+    imbalance = ((1 - w / w.sum()) ** 2 / (n - 1)).sum()
     statistic = (w * (mean - grand) ** 2).sum() / (k - 1)
-    statistic /= 1 + 2 * (k - 2) / (k**2 - 1) * doubt
-    freedom = (k**2 - 1) / (3 * doubt)
+    statistic /= 1 + 2 * (k - 2) / (k**2 - 1) * imbalance
+    freedom = (k**2 - 1) / (3 * imbalance)
     return Statistic(
         float(statistic), k - 1, float(freedom), float(stats.f.sf(statistic, k - 1, freedom))
     )
 
 
-def paired_tests(models: Sequence[FrameErrors]) -> tuple[PairedTest, ...]:
-    """Of models with the same test frames, pair by pair, on means of blocks of their differences;
-    pairs of too few blocks are left out."""
+def compare_paired(models: Sequence[FrameErrors]) -> tuple[PairedTest, ...]:
+    """Compare models with the same test frames pair by pair.
+
+    Args:
+        models: Errors of the models.
+
+    Returns:
+        The tests of all pairs that have enough blocks.
+    """
     from scipy import stats
 
-    found = []
+    tests = []
     for first, second in combinations(models, 2):
-        apart = first.errors - second.errors
-        blocks = block_means(apart, first.run, block_length(autocorrelation_time(apart, first.run)))
-        if len(blocks) < _FEWEST:
+        difference = first.errors - second.errors
+        length = block_length(autocorrelation_time(difference, first.run))
+        blocks = block_means(difference, first.run, length)
+        if len(blocks) < _MIN_BLOCKS:
             continue
         n, mean = len(blocks), float(blocks.mean())
         error = float(blocks.std(ddof=1) / np.sqrt(n))
-        reach = float(stats.t.ppf(1 - LEVEL / 2, n - 1)) * error
+        half_width = float(stats.t.ppf(1 - SIGNIFICANCE_LEVEL / 2, n - 1)) * error
         if error > 0:
             p = float(2 * stats.t.sf(abs(mean) / error, n - 1))
         else:
             p = 1.0 if mean == 0 else 0.0
-        found.append(PairedTest(first.name, second.name, mean, mean - reach, mean + reach, p, n))
-    return _holm(found)
+        tests.append(
+            PairedTest(first.name, second.name, mean, mean - half_width, mean + half_width, p, n)
+        )
+    return _correct_holm(tests)
 
 
-def _holm(found: Sequence[PairedTest]) -> tuple[PairedTest, ...]:
-    """p corrected for the number of tests (Holm 1979)."""
-    corrected, largest = list(found), 0.0
-    for rank, at in enumerate(np.argsort([test.p for test in found])):
-        largest = max(largest, min((len(found) - rank) * found[at].p, 1.0))
-        corrected[at] = replace(found[at], p=largest)
+def _correct_holm(tests: Sequence[PairedTest]) -> tuple[PairedTest, ...]:
+    """Correct p for the number of tests (Holm 1979, A simple sequentially rejective procedure)."""
+    corrected, largest = list(tests), 0.0
+    for rank, index in enumerate(np.argsort([test.p for test in tests])):
+        largest = max(largest, min((len(tests) - rank) * tests[index].p, 1.0))
+        corrected[index] = replace(tests[index], p=largest)
     return tuple(corrected)
 
 
-def pairs(names: Sequence[str], samples: Sequence[Float], alike: bool) -> tuple[Pair, ...]:
-    """Of independent samples, after their analysis; `alike` says whether their variances are. In
-    place of scipy's, which takes nine times as long for three."""
+def compare_pairs(
+    names: Sequence[str], samples: Sequence[Float], has_equal_variances: bool
+) -> tuple[Pair, ...]:
+    """Compare all pairs of independent samples, after their analysis of variance.
+
+    It replaces scipy's `tukey_hsd`, which takes nine times as long for three samples.
+
+    Args:
+        names: Names of the k models.
+        samples: Samples of each model, shape (n_k,).
+        has_equal_variances: Whether to assume equal variances (Tukey), or not (Games-Howell).
+
+    Returns:
+        The pairs.
+    """
     from scipy.stats import studentized_range
 
     k, n = len(samples), np.array([len(x) for x in samples])
     variance = np.array([x.var(ddof=1) for x in samples])
     pooled = float(((n - 1) * variance).sum() / (n.sum() - k))
-    of_mean = (np.full(k, pooled) if alike else variance) / n
-    reach: dict[float, float] = {}
-    out = []
+    mean_variance = (np.full(k, pooled) if has_equal_variances else variance) / n
+    quantiles: dict[float, float] = {}
+    pairs = []
     for i, j in combinations(range(k), 2):
-        a, b = of_mean[i], of_mean[j]
+        a, b = mean_variance[i], mean_variance[j]
         freedom = float(n.sum() - k)
-        if not alike:
+        if not has_equal_variances:
             freedom = float((a + b) ** 2 / (a**2 / (n[i] - 1) + b**2 / (n[j] - 1)))
-        if freedom not in reach:
-            reach[freedom] = float(studentized_range.ppf(1 - LEVEL, k, freedom))
+        if freedom not in quantiles:
+            quantiles[freedom] = float(studentized_range.ppf(1 - SIGNIFICANCE_LEVEL, k, freedom))
         error = float(np.sqrt((a + b) / 2))
-        apart = float(samples[i].mean() - samples[j].mean())
-        p = float(studentized_range.sf(abs(apart) / error, k, freedom))
-        half = reach[freedom] * error
-        out.append(Pair(names[i], names[j], apart, apart - half, apart + half, p))
-    return tuple(out)
+        difference = float(samples[i].mean() - samples[j].mean())
+        p = float(studentized_range.sf(abs(difference) / error, k, freedom))
+        half_width = quantiles[freedom] * error
+        pairs.append(
+            Pair(
+                names[i], names[j], difference, difference - half_width, difference + half_width, p
+            )
+        )
+    return tuple(pairs)

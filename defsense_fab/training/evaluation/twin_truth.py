@@ -18,7 +18,7 @@ from ...core.arrays import Float
 from ...core.errors import TrainingError
 from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Dataset, Recording
-from .error_budget import CAMERAS, CLOCKS, READ_OUT, ErrorBudget, by_substitution
+from .error_budget import CAMERAS, CLOCKS, READ_OUT, ErrorBudget, budget_by_substitution
 
 TRUTH = "truth.npz"
 MEMORY = "memory and drift of the cords"
@@ -44,7 +44,7 @@ def budget_of_truth(model: TrainedModel, dataset: Dataset, last_share: float) ->
         for k, name in enumerate(names)
     ]
     try:
-        return by_substitution(model, made, last_share)
+        return budget_by_substitution(model, made, last_share)
     except TrainingError:  # no picture that is known in all of them
         return None
 

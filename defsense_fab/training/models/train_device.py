@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -12,19 +12,55 @@ from typing import Any
 
 import numpy as np
 
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import TrainingError
+from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
-from ...core.device.build_folder import build_folder
 from ...core.version import __version__
 from ...decoding.trained_model import TrainedModel
-from ...sensing.layout import layout_hash, load_layout, load_prediction
+from ...store.layout import layout_hash, load_layout, load_prediction
 from ..data.dataset import Dataset, Recording, recording_fingerprint
 from ..fitting.pose_signals import first_rest_signals
 from ..fitting.train_model import CandidateResult, Training, TrainingOptions, train
+from ..recordings.datasets import DataFiles
 from ..regression.simulated_decoder import fit_simulated_model
 from ..regression.simulation_prior import Prior
-from .simulated_prior import simulated_prior
+from .model_file import write_model
+from .prepare import AUTO, prepare, simulated_prior
+
+# A model of files, from reading them to writing it.
+
+
+@dataclass(frozen=True)
+class TrainedFiles:
+    """The model's file, the training, and what else is worth a word."""
+
+    path: Path
+    training: Training
+    notes: tuple[str, ...]
+
+
+@one_blas_thread()
+def train_files(
+    files: DataFiles, device: Device | None, how: TrainingOptions, *, out: Path | None = None,
+    wanted: str = AUTO, without: Sequence[int] = (), in_step: bool = False,
+    progress: Progress = silent,
+) -> TrainedFiles:  # fmt: skip
+    """Train on the `files`, `without` some markers, with the device's simulation if it is `wanted`
+    and checked (`in_step` as in `dataset_checks.checked`), and write the model: to `out`, or as
+    model.json of the device or the first session. Raises TrainingError, StorageError, and what the
+    readers raise."""
+    path = model_path(out, device, [p for p in files.sources if p.is_dir()])
+    progress("data", 0.0, "reading")
+    dataset, prior, notes = prepare(
+        files.load(device), device, wanted=wanted, without=without, in_step=in_step,
+        shift=files.shift, progress=progress,
+    )  # fmt: skip
+    training = train_dataset(dataset, how, prior, progress)
+    write_model(path, training.model)
+    return TrainedFiles(path, training, tuple(notes))
+
 
 #: In which units the numbers of a model are.
 UNITS = {

@@ -13,18 +13,18 @@ from ...capture.files.formats import read_tracks
 from ...capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ...capture.sessions.session import CaptureSession, load
 from ...core.arrays import Bool, Float
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import TrainingError
 from ...core.markers import Tracks
 from ...core.storage import typed_json
-from ...core.device.build_folder import build_folder
 from ...core.storage.files import load_json
 from ...core.storage.session_manifest import manifest_path
-from ...sensing.layout import LAYOUT, LayoutRecord, layout_hash, load_layout
 from ...sensing.response import relative_change
+from ...store.layout import LAYOUT, LayoutRecord, layout_hash, load_layout
 from ..data.dataset import Dataset, Recording
 from ..data.dataset_assembly import join_datasets, select_channels
-from .tables import Table, read_table
+from .series import Table, read_table
 
 _KEPT = 0.995  # of the samples: fewer are worth a word
 _ROUNDING = 1e-6  # s, by which times in different files may differ

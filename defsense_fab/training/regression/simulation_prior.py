@@ -127,7 +127,7 @@ def predict_signals(prior: Prior, r: Recording, rest_points: Float) -> Float:
 
 
 @dataclass(frozen=True)
-class PoseCoverage:
+class StateCoverage:
     """Which simulated states a recording shows.
 
     Attributes:
@@ -150,7 +150,7 @@ class PoseCoverage:
         return float(self.is_shown[1:].mean()) if len(self.is_shown) > 1 else 1.0
 
 
-def measure_coverage(frames: Frames, prior: Prior) -> PoseCoverage:
+def measure_coverage(frames: Frames, prior: Prior) -> StateCoverage:
     """Compare the markers of frames with the simulated states.
 
     Args:
@@ -177,7 +177,7 @@ def measure_coverage(frames: Frames, prior: Prior) -> PoseCoverage:
     limit = max(_MIN_DISTANCE_MM, _REST_RATIO * float(state_distance.max()))
     ends_at_rest = bool(np.median(final) <= limit)
     advice = _advise(prior, nearest, is_shown, ends_at_rest)
-    return PoseCoverage(prior.names, nearest, is_shown, ends_at_rest, advice)
+    return StateCoverage(prior.names, nearest, is_shown, ends_at_rest, advice)
 
 
 def _advise(prior: Prior, nearest: Float, is_shown: Bool, ends_at_rest: bool) -> tuple[str, ...]:

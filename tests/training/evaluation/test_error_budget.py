@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.training.evaluation import error_budget as budget
-from defsense_fab.training.evaluation.corrections import RIDGES, by_features, residual_of
+from defsense_fab.training.evaluation.corrections import RIDGES, fit_features, residual_of
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import sample_noise
@@ -147,7 +147,7 @@ def test_noise_is_not_explained(model):
     many = np.random.default_rng(1).normal(size=(len(frames.time), 40))
     residual = residual_of(frames)
     for ridge in RIDGES:
-        assert residual.less(by_features(residual, many, ridge)) is residual
+        assert residual.reduced_by(fit_features(residual, many, ridge)) is residual
 
 
 def test_gaps_and_several_runs(model):
@@ -181,7 +181,7 @@ def test_by_substitution(model):
         ("read-out noise", recorded(drift=0.05)),
         ("drift", recorded()),
     ]
-    out = budget.by_substitution(model, stages)
+    out = budget.budget_by_substitution(model, stages)
     squares = [evaluate(model, data).total.rmse ** 2 for _, data in stages]
     assert out.total == pytest.approx(squares[0])
     assert [out.shares[c] for c, _ in stages[1:]] == pytest.approx(-np.diff(squares))
@@ -195,13 +195,13 @@ def test_by_substitution_on_the_same_frames(model):
     """What a twin knows has no gaps: only what was seen counts."""
     run = bar.recording(20, seed=1, gaps=0.3)
     stages = [("recorded", bar.dataset(run)), ("gaps", bar.dataset(bar.recording(20, seed=1)))]
-    out = budget.by_substitution(model, stages)
+    out = budget.budget_by_substitution(model, stages)
     assert out.shares["gaps"] == pytest.approx(0, abs=1e-12)
     with raises(TrainingError, "too-few-stages"):
-        budget.by_substitution(model, stages[:1])
+        budget.budget_by_substitution(model, stages[:1])
     other = bar.dataset(replace(run, time=run.time + 1e-4))
     with raises(TrainingError, "no-common-frames"):
-        budget.by_substitution(model, [stages[0], ("clock", other)])
+        budget.budget_by_substitution(model, [stages[0], ("clock", other)])
 
 
 def test_noise_of_the_samples():

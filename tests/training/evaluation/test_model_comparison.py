@@ -13,10 +13,10 @@ from defsense_fab.training.evaluation.independent_blocks import (
 )
 from defsense_fab.training.evaluation.model_comparison import (
     FrameErrors,
-    analyse,
+    analyze,
+    analyze_welch,
     compare,
-    pairs,
-    welch,
+    compare_pairs,
 )
 from tests.errors import raises
 
@@ -36,24 +36,24 @@ def frame_errors(name, errors, test="session", run=None):
 def test_by_hand():
     """Means 2, 3 and 7 of three samples each: between 42, within 6, F = 21/1."""
     samples = [np.array([1.0, 2, 3]), np.array([2.0, 3, 4]), np.array([6.0, 7, 8])]
-    found = analyse(NAMES, samples)
+    found = analyze(NAMES, samples)
     assert found.anova.value == pytest.approx(21)
     assert (found.anova.between, found.anova.within) == (2, 6)
     assert found.anova.p == pytest.approx(stats.f.sf(21, 2, 6))
     assert found.eta_squared == pytest.approx(42 / 48)
     assert found.omega_squared == pytest.approx((42 - 2 * 1) / (48 + 1))
-    after = pairs(NAMES, samples, alike=True)
+    after = compare_pairs(NAMES, samples, has_equal_variances=True)
     assert [p.difference for p in after] == pytest.approx([-1, -5, -4])
     q = 5 / np.sqrt(1 / 3)
     assert after[1].p == pytest.approx(stats.studentized_range.sf(q, 3, 6), rel=1e-6)
     assert not found.variances_differ
-    assert found.told is found.anova
+    assert found.valid_test is found.anova
 
 
 def test_two_samples_are_the_t_test():
     rng = np.random.default_rng(0)
     a, b = rng.normal(0, 1, 12), rng.normal(1, 5, 30)
-    found = analyse(NAMES[:2], [a, b])
+    found = analyze(NAMES[:2], [a, b])
     t = stats.ttest_ind(a, b)
     assert found.anova.value == pytest.approx(t.statistic**2)
     assert found.anova.p == pytest.approx(t.pvalue)
@@ -62,7 +62,7 @@ def test_two_samples_are_the_t_test():
     assert found.welch.p == pytest.approx(uneven.pvalue)
     assert found.welch.within == pytest.approx(uneven.df)
     assert found.variances_differ
-    assert found.told is found.welch
+    assert found.valid_test is found.welch
 
 
 @pytest.mark.parametrize("alike", [True, False])
@@ -71,7 +71,9 @@ def test_pairs_are_those_of_the_library(alike):
     samples = [rng.normal(m, s, n) for m, s, n in ((0, 1, 8), (1, 2, 11), (2, 4, 9))]
     library = stats.tukey_hsd(*samples, equal_var=alike)
     interval = library.confidence_interval(0.95)
-    for found, at in zip(pairs(NAMES, samples, alike), ((0, 1), (0, 2), (1, 2)), strict=True):
+    for found, at in zip(
+        compare_pairs(NAMES, samples, alike), ((0, 1), (0, 2), (1, 2)), strict=True
+    ):
         assert found.p == pytest.approx(library.pvalue[at], rel=1e-6)
         assert (found.low, found.high) == pytest.approx((interval.low[at], interval.high[at]))
 
@@ -81,8 +83,8 @@ def test_three_samples_of_different_variance():
     rng = np.random.default_rng(1)
     samples = [rng.normal(0, s, n) for s, n in ((1, 10), (3, 20), (9, 15))]
     expected = stats.f_oneway(*samples, equal_var=False)
-    assert welch(samples).value == pytest.approx(expected.statistic)
-    assert welch(samples).p == pytest.approx(expected.pvalue)
+    assert analyze_welch(samples).value == pytest.approx(expected.statistic)
+    assert analyze_welch(samples).p == pytest.approx(expected.pvalue)
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
@@ -119,7 +121,7 @@ def test_frames_that_go_on_from_each_other_are_no_samples():
         length = block_length(max(autocorrelation_time(x, run) for x in series))
         means = [block_means(x, run, length) for x in series]
         frames += stats.f_oneway(*series).pvalue < 0.05
-        blocks += len(means[0]) >= 4 and analyse(NAMES, means).anova.p < 0.05
+        blocks += len(means[0]) >= 4 and analyze(NAMES, means).anova.p < 0.05
     assert 0.03 <= blocks / trials <= 0.08
     assert frames / trials > 0.7
 
@@ -136,7 +138,7 @@ def test_a_difference_is_found():
         )
     ]
     found = compare(models)
-    assert found.by_block.told.p < 1e-3
+    assert found.by_block.valid_test.p < 1e-3
     assert found.pairs_by_block[1].first == "manual"
     assert found.pairs_by_block[1].low > 1
     assert found.by_block.omega_squared > 0.5

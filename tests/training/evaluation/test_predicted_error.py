@@ -8,8 +8,8 @@ from defsense_fab.training.evaluation.error_budget import CAMERAS, CLOCKS
 from defsense_fab.training.evaluation.predicted_error import (
     DESIGN,
     REPEATABILITY,
-    Promise,
-    predicted_error,
+    DesignPrediction,
+    predict_error,
 )
 from defsense_fab.training.fitting.repeatability import Repeatability
 from tests.training import soft_bar as bar
@@ -24,26 +24,26 @@ def frames():
 
 
 def test_shares_add_up_and_noise_counts_once(frames):
-    found = predicted_error(REPEATS, frames, Promise(0.5, 0.4, 0.45, 0.6))
+    found = predict_error(REPEATS, frames, DesignPrediction(0.5, 0.4, 0.45, 0.6))
     assert sum(found.shares.values()) == pytest.approx(found.predicted**2, rel=1e-12)
     assert found.shares[DESIGN] == pytest.approx(0.25)
     assert found.shares[REPEATABILITY] == pytest.approx(0.30 - 0.02 - 0.16)
     assert found.predicted**2 == pytest.approx(0.25 - 0.16 + 0.30 + 0.05 + 0.04)
-    assert found.measured == pytest.approx(np.sqrt((frames.per_frame**2).mean()))
+    assert found.measured == pytest.approx(np.sqrt((frames.frame_error**2).mean()))
     assert found.ratio == pytest.approx(found.predicted / found.measured)
-    assert found.promised_ratio == pytest.approx(0.5 / found.measured)
+    assert found.design_ratio == pytest.approx(0.5 / found.measured)
 
 
 def test_without_a_design(frames):
-    found = predicted_error(REPEATS, frames)
+    found = predict_error(REPEATS, frames)
     assert DESIGN not in found.shares
-    assert found.promised_ratio is None
+    assert found.design_ratio is None
     assert found.shares[CAMERAS] == 0.04
     assert found.predicted**2 == pytest.approx(0.39)
 
 
 def test_clocks_are_a_part_of_what_differs(frames):
     small = Repeatability(at_once=0.01, drift=0.0, cameras=0.0, clocks=0.02, share=1.0)
-    found = predicted_error(small, frames)
+    found = predict_error(small, frames)
     assert found.shares[CLOCKS] == 0.01
     assert found.shares[REPEATABILITY] == 0

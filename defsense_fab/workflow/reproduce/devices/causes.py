@@ -14,7 +14,7 @@ from ....core.markers import Markers
 from ....core.progress import Progress, silent
 from ....core.storage.files import digest
 from ....training.fitting.train_model import TrainingOptions, train
-from ....training.models.simulated_prior import simulated_prior
+from ....training.models.prepare import simulated_prior
 from ....twin.recordings.twin_recordings import simulate_recordings
 from ..experiments.experiment import Experiment
 from ..results.kept import once

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import tomlkit
 
+from ....store.build import Build
+from ....core.device.build_folder import build_folder, own_files
 from ....core.device.device import Device, Sensor
 from ....core.device.device_file import DEVICE, load_device
 from ....core.progress import Progress
-from ....core.device.build_folder import build_folder
 from ....core.storage.files import replace_folder, storage_errors, write_text
-from ....core.device.build_folder import own_files
 from ....optimize.prediction.design_task import load_task
 from ....optimize.search import baselines
 from ...build.build import build
@@ -127,7 +127,7 @@ def _lay(
 
 
 def _straight(choice: LayoutChoice, simulated: Device) -> Sequence[Sensor]:
-    task = load_task(simulated, build_folder(simulated)).design
+    task = load_task(simulated, Build(build_folder(simulated))).design
     assert choice.count is not None
     if choice.cords == MANUAL:
         return baselines.manual_layout(task, choice.count)

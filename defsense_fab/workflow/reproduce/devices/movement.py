@@ -17,21 +17,21 @@ from pathlib import Path
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.device.device import Device
 from ....core.device.build_folder import build_folder
+from ....core.device.device import Device
 from ....decoding.decoders import fit_decoder
 from ....decoding.trained_model import TrainedModel
-from ....geometry.bodies.meshing.mesh_file import load_mesh
 from ....mechanics.elements.point_location import PointLocator
 from ....mechanics.elements.tet10 import QuadraticMesh
-from ....mechanics.solver.field_files import load_fields
 from ....sensing.built_cord import BuiltCord, CordReading
-from ....sensing.layout import load_layout
+from ....store.fields import load_fields
+from ....store.layout import load_layout
+from ....store.mesh import load_mesh
 from ....training.evaluation.decoded_frames import DecodedFrames
-from ....training.models.simulated_prior import simulated_prior
-from ....training.regression.candidates import parse_form, KERNEL, SIMULATED
-from ....training.regression.simulation_prior import Prior
+from ....training.models.prepare import simulated_prior
+from ....training.regression.candidates import KERNEL, SIMULATED, parse_form
 from ....training.regression.simulated_decoder import fit_simulated_decoder
+from ....training.regression.simulation_prior import Prior
 from ....twin.devices.pose_samples import pose_axes
 from ....twin.scenes.pose_space import PoseSpace
 from .unit_session import true_weights
@@ -66,7 +66,7 @@ class DesignedMovement:
         tested: DecodedFrames,
     ) -> None:  # fmt: skip
         cords = {r.name: r.built for r in load_layout(build_folder(device)).by_channel()}
-        reading = CordReading.of(device)
+        reading = CordReading.from_device(device)
         self._prior = simulated_prior(device, model.channels, model.rest_points)
         self._noise = np.array([reading.noise(cords[name]) for name in model.channels])
         moved = _designed(device, [cords[n] for n in model.channels], reading, self._prior)

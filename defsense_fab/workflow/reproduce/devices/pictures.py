@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float
+from ....core.device.build_folder import build_folder
 from ....core.device.device import Device
 from ....core.mesh import Surface
 from ....core.progress import Progress
-from ....core.device.build_folder import build_folder
 from ....core.storage.files import digest
-from ....geometry.bodies.body_record import load_surface
-from ....geometry.bodies.orientation import standing
-from ....sensing.layout import LAYOUT, load_layout
+from ....geometry.bodies.orientation import viewing_axes
+from ....store.body import load_surface
+from ....store.layout import LAYOUT, load_layout
 from ..experiments.experiment import Experiment
 from ..results.kept import once
 from ..results.picture_files import in_rows, write_pictures
@@ -91,7 +91,7 @@ def _routing(device: Device) -> str:
     folder = build_folder(device)
     surface, layout = load_surface(folder), load_layout(folder)
     cords = [c.points for c in layout.by_channel()]
-    frame = standing(surface)
+    frame = viewing_axes(surface)
     with routing.scene(surface, cords, [], device.cord.diameter / 2) as scene:
         seen = [body_views.Seen(scene, v) for v in (views.three_quarter(frame), views.front(frame))]
         return body_views.picture(seen, width=_WIDTH, height=_HEIGHT, least=1.0)
@@ -107,7 +107,7 @@ def _surface(frame: ShownFrame, rest: Float, faces: Any, scale: Any) -> str:
     with Scene() as scene:
         scene.outline(Surface(frame.truly, faces), _TRUE, 0.35)
         scene.colored(mesh, "error", scale.colors, scale.top)
-        view = views.three_quarter(standing(Surface(rest, faces)))
+        view = views.three_quarter(viewing_axes(Surface(rest, faces)))
         return body_views.picture(
             [body_views.Seen(scene, view)], width=_WIDTH, height=_HEIGHT, least=1.0
         )

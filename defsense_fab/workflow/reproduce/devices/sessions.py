@@ -11,20 +11,19 @@ import numpy as np
 
 from ....capture.files.formats import read_tracks
 from ....capture.sessions.result_files import ALIGNED
+from ....core.device.build_folder import build_folder
 from ....core.device.device import Device
 from ....core.markers import FILE as MARKERS
 from ....core.markers import Markers, read_markers
 from ....core.progress import Progress
-from ....core.device.build_folder import build_folder
 from ....core.storage.files import digest, storage_errors
-from ....geometry.bodies.meshing.mesh_file import RECORD
-from ....sensing.layout import LAYOUT, layout_hash, load_layout
+from ....store.layout import LAYOUT, layout_hash, load_layout
+from ....store.mesh import RECORD
 from ....training.fitting.train_model import TrainingOptions
-from ....training.models.train_files import train_files
-from ....training.recordings.data_files import DataFiles
+from ....training.models.train_device import train_files
+from ....training.recordings.datasets import DataFiles
 from ....twin.devices.device_fields import MechanicsTraits
-from ....twin.devices.twin_traits import FilmTraits
-from ....twin.devices.twin_traits import TwinTraits
+from ....twin.devices.twin_traits import FilmTraits, TwinTraits
 from ....twin.recordings.twin_recordings import simulate_runs
 from ...sessions.twin_sessions import write_sessions
 from ...tags.markers import write_markers
@@ -37,7 +36,7 @@ _SEEN = 0.1
 #: Raised when a test tells other things of the same session.
 _TESTED = 3
 #: Of the twin at a small size: relative edges, states a way to move, at most, and mm.
-_SMALL = MechanicsTraits(edge=1.0, states=8, most=40, accuracy=0.2)
+_SMALL = MechanicsTraits(edge=1.0, states=8, max_states=40, accuracy=0.2)
 
 
 def tags_of(experiment: Experiment, device: Device, out: Path, progress: Progress) -> Markers:
@@ -60,7 +59,7 @@ def tags_of(experiment: Experiment, device: Device, out: Path, progress: Progres
 def traits_of(experiment: Experiment, device: Device) -> TwinTraits:
     """What the twin is taken to be: as `defsense twin` has it, filmed by the session's cameras; at
     a small size on the design's own mesh, with fewer solved states."""
-    traits, plan = TwinTraits.of(device), experiment.session
+    traits, plan = TwinTraits.for_device(device), experiment.session
     if experiment.quick:
         traits = replace(traits, mechanics=_SMALL)
     if plan.cameras:

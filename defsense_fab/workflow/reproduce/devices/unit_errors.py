@@ -16,10 +16,10 @@ from ....runtime.controls.pose_amplitudes import RADIUS_90, PoseAmplitudes
 from ....runtime.live.live_device import live_device
 from ....training.evaluation.decoded_frames import DecodedFrames
 from ....training.evaluation.evaluate_models import evaluate_files
-from ....training.evaluation.predicted_error import Promise, predicted_error
+from ....training.evaluation.predicted_error import DesignPrediction, predict_error
 from ....training.fitting.train_model import Training, measure_errors
 from ....training.models.model_file import load_model
-from ....training.recordings.data_files import DataFiles
+from ....training.recordings.datasets import DataFiles
 from ....training.regression.candidates import AFFINE
 from ....twin.recordings.run_files import TRUTH
 from .movement import DesignedMovement, MovementError
@@ -74,11 +74,11 @@ def _movement_row(
     moved: MovementError, training: Training, frames: DecodedFrames
 ) -> dict[str, Any]:
     """With what the training tells of how well the cords repeat, where it does."""
-    measured = float(np.sqrt((frames.per_frame**2).mean()))
+    measured = float(np.sqrt((frames.frame_error**2).mean()))
     if training.repeatability is None:
         return _as_row(moved, moved.rmse, measured)
-    promise = Promise(moved.rmse, moved.noise, moved.rmse, moved.rmse)
-    p = predicted_error(training.repeatability, frames, promise)
+    promise = DesignPrediction(moved.rmse, moved.noise, moved.rmse, moved.rmse)
+    p = predict_error(training.repeatability, frames, promise)
     return {**_as_row(moved, p.predicted, measured), "mean_squares": p.shares}
 
 

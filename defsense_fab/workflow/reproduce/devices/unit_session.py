@@ -9,7 +9,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.device.device import Device
 from ....training.data.dataset import Recording
-from ....training.recordings.data_files import DataFiles
+from ....training.recordings.datasets import DataFiles
 from ....twin.recordings.run_files import TRUTH
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from defsense_fab.cli.main import main
 from defsense_fab.report.evaluation import evaluation_report
-from defsense_fab.training.evaluation.other_cords import other_cords
+from defsense_fab.training.evaluation.evaluate_models import other_cords
 from defsense_fab.training.fitting.train_model import TrainingOptions
 from defsense_fab.training.models.model_file import write_model
 from defsense_fab.training.models.train_device import train_dataset

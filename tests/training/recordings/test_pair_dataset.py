@@ -13,7 +13,7 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.markers import Tracks
 from defsense_fab.training.data.dataset_checks import check_dataset
 from defsense_fab.training.recordings.pair_dataset import pair_dataset
-from tests.training.models.data.files_of_others import markers, tracks_of, write_csv, write_signals
+from tests.training.recordings.files_of_others import markers, tracks_of, write_csv, write_signals
 from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, recording
 
 

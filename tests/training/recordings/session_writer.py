@@ -10,7 +10,7 @@ import numpy as np
 from defsense_fab.capture.files.formats import write_tracks
 from defsense_fab.capture.sessions.session import PoseStep, create
 from defsense_fab.training.data.dataset import Recording
-from tests.training.models.data.files_of_others import markers, tracks_of, write_csv
+from tests.training.recordings.files_of_others import markers, tracks_of, write_csv
 from tests.training.synthetic import CHANNELS
 
 

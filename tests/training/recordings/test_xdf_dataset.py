@@ -7,8 +7,8 @@ import pytest
 
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.recordings.xdf_dataset import xdf_dataset
-from tests.training.models.data.files_of_others import markers
-from tests.training.models.data.xdf_writer import stream, write_xdf
+from tests.training.recordings.files_of_others import markers
+from tests.training.recordings.xdf_writer import stream, write_xdf
 from tests.training.synthetic import CHANNELS, IDS, R0, recording
 
 START = 5021.25  # s, at which the computer's clock was

@@ -10,11 +10,11 @@ from defsense_fab.core.markers import write_markers_file
 from defsense_fab.training.fitting.train_model import TrainingOptions
 from defsense_fab.training.models.prepare import prepare
 from defsense_fab.training.models.train_device import train_dataset
-from defsense_fab.training.recordings.data_files import DataFiles
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
-from tests.training.models.data.files_of_others import markers, tracks_of
-from tests.training.models.data.session_writer import write_samples, write_session
-from tests.training.models.data.xdf_writer import stream, write_xdf
+from defsense_fab.training.recordings.datasets import DataFiles
+from tests.training.recordings.files_of_others import markers, tracks_of
+from tests.training.recordings.session_writer import write_samples, write_session
+from tests.training.recordings.xdf_writer import stream, write_xdf
 from tests.training.synthetic import CHANNELS, IDS, recording
 
 

@@ -15,7 +15,7 @@ from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.storage import typed_json
-from defsense_fab.sensing.layout import layout_hash
+from defsense_fab.store.layout import layout_hash
 from defsense_fab.training.recordings.session_dataset import session_dataset
 from defsense_fab.workflow.sessions import processing
 from defsense_fab.workflow.sessions.processing import process_session
