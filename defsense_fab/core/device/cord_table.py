@@ -22,7 +22,7 @@ _ROWS = "cords.csv"
 _SHEET_DEFAULT = "the row's; required without a row"
 
 
-class CordTable(Table):
+class CordTable(Table, frozen=True):
     """The conductive cord that senses the deformation."""
 
     name: Annotated[
@@ -233,5 +233,8 @@ def _data_sheet_response(gauge_factor: float, compression: str) -> ResponseSpec:
     """Return the response of a cord of which only the behaviour in tension is known."""
     if COMPRESSION_FACTORS[compression] == 1:
         return ResponseSpec.line(gauge_factor)
-    slopes = {"tension": gauge_factor, "compression": gauge_factor * COMPRESSION_FACTORS[compression]}
+    slopes = {
+        "tension": gauge_factor,
+        "compression": gauge_factor * COMPRESSION_FACTORS[compression],
+    }
     return ResponseSpec("two-slopes", slopes)

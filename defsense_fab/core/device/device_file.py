@@ -32,7 +32,7 @@ from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_stat
 DEVICE = "device.toml"
 
 
-class DeviceFile(Table, kw_only=True):
+class DeviceFile(Table, frozen=True, kw_only=True):
     """All keys of `device.toml`."""
 
     schema: Annotated[Literal[1], key("Version of this format; `docs/device.md` has all keys.")] = 1

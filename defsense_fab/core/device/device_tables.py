@@ -34,7 +34,7 @@ _Accuracy = Annotated[float, Meta(ge=0.0001, le=0.2)]
 _Points = list[tuple[float, float]]
 
 
-class BayTable(Table):
+class BayTable(Table, frozen=True):
     """A recess for a connector, into which wires lead."""
 
     at: Annotated[
@@ -51,7 +51,7 @@ class BayTable(Table):
     ] = (14.0, 7.0, 8.0)
 
 
-class BodyTable(Table):
+class BodyTable(Table, frozen=True):
     """Where the body comes from: exactly one of a script, a STEP file and a mesh."""
 
     script: Annotated[
@@ -142,7 +142,7 @@ class BodyTable(Table):
         )
 
 
-class MeshTable(Table):
+class MeshTable(Table, frozen=True):
     """The tetrahedra: give either their edge length or an accuracy."""
 
     edge_length: Annotated[
@@ -184,14 +184,14 @@ class MeshTable(Table):
         return MeshSpec(self.edge_length, self.accuracy, self.time_limit)
 
 
-class SphereTable(Table):
+class SphereTable(Table, frozen=True):
     """A ball."""
 
     center: Annotated[Vector, key("Center.", unit="mm")]
     radius: Annotated[Positive, key("Radius.", unit="mm")]
 
 
-class HalfSpaceTable(Table):
+class HalfSpaceTable(Table, frozen=True):
     """All points on one side of a plane."""
 
     origin: Annotated[Vector, key("Point of the plane.", unit="mm")]
@@ -200,7 +200,7 @@ class HalfSpaceTable(Table):
     ]
 
 
-class CylinderTable(Table):
+class CylinderTable(Table, frozen=True):
     """A solid cylinder."""
 
     start: Annotated[Vector, key("One end of the axis.", unit="mm")]
@@ -208,7 +208,7 @@ class CylinderTable(Table):
     radius: Annotated[Positive, key("Radius.", unit="mm")]
 
 
-class RegionTable(Table):
+class RegionTable(Table, frozen=True):
     """A named part of the body, by exactly one shape."""
 
     box: Annotated[
@@ -252,7 +252,7 @@ class RegionTable(Table):
         return Cylinder(np.array(c.start), np.array(c.end), c.radius)
 
 
-class OutputsTable(Table):
+class OutputsTable(Table, frozen=True):
     """What is decoded from the cords."""
 
     markers: Annotated[
@@ -279,7 +279,7 @@ class OutputsTable(Table):
         return OutputsSpec(markers, self.anchor)
 
 
-class ReadoutTable(Table):
+class ReadoutTable(Table, frozen=True):
     """What measures the cords."""
 
     converter: Annotated[
@@ -292,7 +292,7 @@ class ReadoutTable(Table):
     ] = next(iter(CONVERTERS))
 
 
-class DesignTable(Table):
+class DesignTable(Table, frozen=True):
     """What is found automatically."""
 
     sensors: Annotated[
@@ -340,7 +340,7 @@ class DesignTable(Table):
     ] = None
 
 
-class PlaneTable(Table):
+class PlaneTable(Table, frozen=True):
     """The plane of a cord, along which the body is cut."""
 
     origin: Annotated[
@@ -361,7 +361,7 @@ class PlaneTable(Table):
         return Plane.from_normal(*map(np.array, (self.origin, self.normal, self.x_axis)))
 
 
-class SensorTable(Table):
+class SensorTable(Table, frozen=True):
     """A cord that is drawn: points in a plane."""
 
     name: Annotated[str, key("Name of the cord, which no other has.")]

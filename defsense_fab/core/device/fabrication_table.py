@@ -19,7 +19,7 @@ _WallLength = Annotated[float, Meta(gt=0, le=1000)]
 _Length = Annotated[float, Meta(ge=0, le=1000)]
 
 
-class FabricationTable(Table):
+class FabricationTable(Table, frozen=True):
     """How the device is made."""
 
     process: Annotated[

@@ -30,7 +30,7 @@ _CONSTANTS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-class MaterialTable(Table):
+class MaterialTable(Table, frozen=True):
     """What the body is made of."""
 
     name: Annotated[

@@ -25,7 +25,7 @@ _Free = Literal["free"]
 _Fraction = Annotated[float, Meta(gt=0, le=1)]
 
 
-class RotationTable(Table):
+class RotationTable(Table, frozen=True):
     """How a handle turns its region."""
 
     axis: Annotated[Vector, key("Direction of the axis, of any length but zero.")]
@@ -57,10 +57,10 @@ class RotationTable(Table):
         """Rotation vector (3,) rad; zero where the angle is free."""
         if isinstance(self.degrees, str):
             return np.zeros(3)
-        return unit_vector(self.axis) * np.deg2rad(self.degrees)
+        return np.asarray(unit_vector(self.axis) * np.deg2rad(self.degrees))
 
 
-class HandleTable(Table):
+class HandleTable(Table, frozen=True):
     """A region that a pose moves rigidly."""
 
     region: Annotated[str, key("Region that moves rigidly.")]
@@ -105,7 +105,7 @@ class HandleTable(Table):
         )
 
 
-class DragTable(Table):
+class DragTable(Table, frozen=True):
     """A spring that pulls at a point."""
 
     at: Annotated[_BoundedVector, key("Point that is pulled.", unit="mm")]
@@ -119,7 +119,7 @@ class DragTable(Table):
     ] = 1.0
 
 
-class PressureTable(Table):
+class PressureTable(Table, frozen=True):
     """A pressure on the surface in a region."""
 
     region: Annotated[str, key("Region whose surface is loaded.")]
@@ -129,7 +129,7 @@ class PressureTable(Table):
     ]
 
 
-class SymmetryTable(Table):
+class SymmetryTable(Table, frozen=True):
     """A region whose nodes stay in their plane."""
 
     region: Annotated[str, key("Flat region whose nodes stay in their plane.")]
@@ -141,7 +141,7 @@ class SymmetryTable(Table):
             yield _zero("normal")
 
 
-class PoseTable(Table):
+class PoseTable(Table, frozen=True):
     """A pose that the device senses: it holds some regions, and moves or loads others."""
 
     name: Annotated[
@@ -229,7 +229,7 @@ class PoseTable(Table):
         )
 
 
-class StatesTable(Table):
+class StatesTable(Table, frozen=True):
     """Fractions and mixtures of the poses that are simulated."""
 
     ramp: Annotated[

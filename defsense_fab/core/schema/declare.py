@@ -2,7 +2,7 @@
 
 A file is declared as nested `Table` structs. Each field is a key of the file:
 
-    class BallTable(Table):
+    class BallTable(Table, frozen=True):
         radius: Annotated[Positive, key("Radius of the ball.", unit="mm")] = 10.0
 
 From such declarations `document.read` checks files, and `reference` makes the pages, JSON Schemas,

@@ -78,8 +78,9 @@ class Document:
         if len(errors) == 1:
             first.data["errors"] = (self._error(ordered[0]),)
             raise first
-        text = "\n".join(map(str, errors))
-        raise self.error(text, code=first.code, **first.data, errors=errors)
+        together = self.error("\n".join(map(str, errors)), code=first.code)
+        together.data = {**first.data, "errors": errors}
+        raise together
 
     def _error(self, problem: Problem) -> DefsenseError:
         dotted = dotted_key(problem.path)
@@ -95,6 +96,12 @@ class Document:
             line=line,
             file=str(self.file),
         )
+
+
+def errors_in(error: DefsenseError) -> tuple[DefsenseError, ...]:
+    """Return an error for each problem of a file, of an error that a document raised."""
+    errors = error.data.get("errors")
+    return errors if isinstance(errors, tuple) else (error,)
 
 
 def dotted_key(path: KeyPath) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
@@ -43,7 +43,8 @@ class Reader:
 
     def read_table(self, kind: type[T], values: object, at: KeyPath = ()) -> T | None:
         """Read the table `kind` that stands at the path `at`; None if there are problems."""
-        table: T | None = self._struct(struct_type(kind), values, at, "a table")
+        declared: Any = kind
+        table: T | None = self._struct(struct_type(declared), values, at, "a table")
         return table
 
     def _struct(self, kind: inspect.StructType, values: object, at: KeyPath, expected: str) -> Any:
@@ -205,7 +206,7 @@ class Reader:
             return self._refuse(at, text, "out-of-range", value=value)
         return int(value) if is_whole else float(value)
 
-    def _is_long_enough(self, kind: inspect.Type, value: list[Any], at: KeyPath) -> bool:
+    def _is_long_enough(self, kind: inspect.Type, value: Sequence[Any], at: KeyPath) -> bool:
         least: int = getattr(kind, "min_length", None) or 0
         if len(value) < least:
             text = f"needs at least {least} item{'s' * (least > 1)}, not {len(value)}"

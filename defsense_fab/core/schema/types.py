@@ -17,7 +17,7 @@ MAX_NUMBER = 1e300
 
 
 @cache
-def struct_type(kind: type) -> inspect.StructType:
+def struct_type(kind: Any) -> inspect.StructType:
     """Return the description of a declared table."""
     described = inspect.type_info(kind)
     if not isinstance(described, inspect.StructType):

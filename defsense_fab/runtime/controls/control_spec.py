@@ -18,7 +18,7 @@ from ...core.schema.reader import validate
 _Share = Annotated[float, Meta(ge=-1, le=1)]
 
 
-class Shaping(Table):
+class Shaping(Table, frozen=True):
     """How a control's value follows from the measured amplitude of its formula.
 
     An amplitude x goes through a One Euro filter first. Then |x| from `dead_zone` to `full` becomes

@@ -28,7 +28,7 @@ from ...core.schema.declare import Problem, Table, key, unknown_choice
 from ...core.schema.document import Document, load_document
 from ...core.schema.fields import table_fields
 from ..controls.control_spec import ControlSpec, Shaping
-from .output import NewestWins, Output
+from .output import LatestFrameSender, Output
 from .settings import (
     KINDS,
     GamepadSettings,
@@ -48,7 +48,7 @@ _CLASSES = {
 }
 
 
-class ControlTable(Shaping):
+class ControlTable(Shaping, frozen=True):
     """A control: its formula, and how its value is shaped."""
 
     formula: Annotated[
@@ -60,7 +60,7 @@ class ControlTable(Shaping):
     ] = None
 
 
-class OutputsTable(Table):
+class OutputsTable(Table, frozen=True):
     """The outputs: a table for each, or a list of tables for several of a kind."""
 
     osc: Annotated[OscSettings | list[OscSettings] | None, key("Open Sound Control.")] = None
@@ -74,7 +74,7 @@ class OutputsTable(Table):
     )
 
 
-class LiveFile(Table):
+class LiveFile(Table, frozen=True):
     """All keys of `live.toml`."""
 
     outputs: Annotated[OutputsTable, key("Where frames go.")] = msgspec.field(
@@ -177,18 +177,18 @@ def parse_output(text: str) -> Settings:
     return settings
 
 
-def open_outputs(settings: Iterable[Settings]) -> list[NewestWins]:
+def open_outputs(settings: Iterable[Settings]) -> list[LatestFrameSender]:
     """Open outputs, each on its own thread.
 
     An output that cannot be opened gives the reason as its `trouble`, and is tried again.
     """
-    opened: list[NewestWins] = []
+    opened: list[LatestFrameSender] = []
     kinds = {kind: name for name, kind in KINDS.items()}
     for one in settings:
         kind = kinds[type(one)]
         count = sum(o.name.split()[0] == kind for o in opened)
         name = f"{kind} {count + 1}" if count else kind
-        opened.append(NewestWins(name, partial(_open, kind, one), one.rate))
+        opened.append(LatestFrameSender(name, partial(_open, kind, one), one.rate))
     return opened
 
 

@@ -25,7 +25,7 @@ _Rate = Annotated[float, Meta(ge=0, le=10_000)]
 _RATE = key("Largest rate of messages; 0 is no limit.", unit="Hz")
 
 
-class OutputSettings(Table):
+class OutputSettings(Table, frozen=True):
     """Base class of the settings of outputs.
 
     Raises:
@@ -36,7 +36,7 @@ class OutputSettings(Table):
         validate(self, OutputError)
 
 
-class OscSettings(OutputSettings):
+class OscSettings(OutputSettings, frozen=True):
     """OSC messages over UDP: bundles with what `send` names go to `port`."""
 
     SENDS: ClassVar = ("controls", "confidence", "markers", "quality", "wekinator", "touchosc")
@@ -64,7 +64,7 @@ class OscSettings(OutputSettings):
         yield from _check_send(self.send, self.SENDS)
 
 
-class WebSocketSettings(OutputSettings):
+class WebSocketSettings(OutputSettings, frozen=True):
     """A WebSocket server for browsers and programs."""
 
     host: Annotated[
@@ -91,7 +91,7 @@ class WebSocketSettings(OutputSettings):
             yield Problem(("token",), text, "token-too-weak", "Use a longer one")
 
 
-class MidiMapping(OutputSettings):
+class MidiMapping(OutputSettings, frozen=True):
     """What a control becomes in MIDI: a control change, or a note."""
 
     control: Annotated[str, key("Name of the control.")]
@@ -131,7 +131,7 @@ class MidiMapping(OutputSettings):
         return f"{what} of channel {self.channel}"
 
 
-class MidiSettings(OutputSettings):
+class MidiSettings(OutputSettings, frozen=True):
     """MIDI to a port or into a file."""
 
     device: Annotated[
@@ -173,7 +173,7 @@ class MidiSettings(OutputSettings):
             yield Problem((), text, "keys-exclusive", "Give one of device, virtual and file")
 
 
-class LslSettings(OutputSettings):
+class LslSettings(OutputSettings, frozen=True):
     """A stream of the Lab Streaming Layer."""
 
     SENDS: ClassVar = ("controls", "confidence", "markers", "signals", "quality")
@@ -189,7 +189,7 @@ class LslSettings(OutputSettings):
         yield from _check_send(self.send, self.SENDS)
 
 
-class GamepadMapping(OutputSettings):
+class GamepadMapping(OutputSettings, frozen=True):
     """What a control moves on a gamepad: an axis, or a button."""
 
     AXES: ClassVar = ("x", "y", "z", "rx", "ry", "rz")
@@ -211,7 +211,7 @@ class GamepadMapping(OutputSettings):
             yield Problem((), text, "keys-exclusive", "Give one of them")
 
 
-class GamepadSettings(OutputSettings):
+class GamepadSettings(OutputSettings, frozen=True):
     """A virtual gamepad (Linux)."""
 
     mapping: Annotated[

@@ -17,7 +17,7 @@ from tests.errors import raises
 Free = Literal["free"]
 
 
-class Wheel(Table):
+class Wheel(Table, frozen=True):
     """A part with a check."""
 
     radius: Annotated[Positive, key("Radius.", unit="mm")]
@@ -31,7 +31,7 @@ class Wheel(Table):
             yield Problem(("width",), "is too wide", "too-wide", "Reduce it")
 
 
-class Cart(Table, kw_only=True):
+class Cart(Table, frozen=True, kw_only=True):
     """A whole file."""
 
     schema: Annotated[Literal[1], key("Version.")] = 1
@@ -164,7 +164,7 @@ def test_values_without_a_text_have_no_lines():
         Document({"name": "x", "load": -1}, Path("cart.toml")).read(Cart)
 
 
-class Checked(Table):
+class Checked(Table, frozen=True):
     """A table that programs make, too."""
 
     share: Annotated[Annotated[float, Meta(ge=0, le=1)], key("Share.")] = 0.0

@@ -42,7 +42,7 @@ _Units = Annotated[int, Meta(ge=1, le=100)]
 _SpecimenLength = Annotated[float, Meta(ge=50, le=400)]
 
 
-class LayoutChoice(Table):
+class LayoutChoice(Table, frozen=True):
     """A layout of cords that an experiment compares."""
 
     name: Annotated[str, key("Name of the layout and of its folder: letters, digits, hyphens.")]
@@ -97,7 +97,7 @@ class LayoutChoice(Table):
             yield Problem(("count",), text, "key-not-applicable", "Remove it")
 
 
-class SessionPlan(Table):
+class SessionPlan(Table, frozen=True):
     """How each built device is recorded."""
 
     #: Share of all frames that are tested, the last ones.
@@ -142,7 +142,7 @@ class SessionPlan(Table):
             yield Problem(("side",), "must not be zero", "zero-vector", action)
 
 
-class QuickPlan(Table):
+class QuickPlan(Table, frozen=True):
     """What a quick run uses instead of the device's mesh and parts of the session."""
 
     edge_length: Annotated[
@@ -170,7 +170,7 @@ class PaperNumber:
     why: str = ""
 
 
-class CordPlan(Table, kw_only=True):
+class CordPlan(Table, frozen=True, kw_only=True):
     """Cords that are bent on specimens, and stretched in a machine."""
 
     lengths: Annotated[

@@ -11,7 +11,7 @@ import msgspec
 from ....core.device.device_file import DEVICE, read_device
 from ....core.errors import DeviceError, ExperimentError
 from ....core.schema.declare import Problem, Table, key, missing, unknown_choice
-from ....core.schema.document import Document, load_document
+from ....core.schema.document import Document, errors_in, load_document
 from ....core.storage.file_names import fold_name
 from .experiment import (
     AFFINE,
@@ -31,7 +31,7 @@ from .experiment import (
 FILE = "experiment.toml"
 
 
-class NumberTable(Table, kw_only=True):
+class NumberTable(Table, frozen=True, kw_only=True):
     """A number that is reported, with the paper's."""
 
     layout: Annotated[
@@ -94,7 +94,7 @@ class NumberTable(Table, kw_only=True):
         )
 
 
-class ExperimentFile(Table, kw_only=True):
+class ExperimentFile(Table, frozen=True, kw_only=True):
     """All keys of `experiment.toml`."""
 
     schema: Annotated[Literal[1], key("Version of this format.")] = 1
@@ -140,6 +140,7 @@ class ExperimentFile(Table, kw_only=True):
     def _check_number(self, number: NumberTable) -> Iterator[Problem]:
         """Yield problems of a number's layout or cord, and of its quantity."""
         names: Sequence[str]
+        quantities: Sequence[str]
         if self.cords is None:
             subject, other = "layout", "cord"
             names, quantities = [layout.name for layout in self.layouts], QUANTITIES
@@ -239,7 +240,7 @@ def _check_design(layout: LayoutChoice, path: Path) -> Iterator[Problem]:
     try:
         read_device(Document(values, path), path.parent, {})
     except DeviceError as error:
-        for one in error.data.get("errors", ()):
-            if str(one.data["key"]).startswith("design"):
+        for one in errors_in(error):
+            if str(one.data.get("key")).startswith("design"):
                 text = f"{one.data['key']}: {one.problem}"
                 yield Problem(("design",), text, one.code, one.action)

@@ -21,7 +21,7 @@ _SIGNIFICANT_DIGITS = 6  # of drawn numbers: as many as a person would still wri
 _Interval = tuple[float, float]
 
 
-class Distribution(Table):
+class Distribution(Table, frozen=True):
     """Values of a parameter that are not listed: exactly one of range, uniform and log_uniform."""
 
     range: Annotated[

@@ -25,7 +25,7 @@ _MAX_RUNS = 100_000
 _DRAWN = "latin-hypercube"
 
 
-class StudyFile(Table, kw_only=True):
+class StudyFile(Table, frozen=True, kw_only=True):
     """All keys of `study.toml`."""
 
     schema: Annotated[Literal[1], key("Version of this format.")] = 1

@@ -90,7 +90,7 @@ def test_errors_name_the_line_and_the_key(tmp_path, old, new, code, key):
         load_experiment(written(tmp_path, GOOD.replace(old, new, 1)))
     line = caught.value.data["line"]
     assert (line is None) == (key in ("title", "layouts"))
-    assert caught.value.where.startswith("experiment.toml")
+    assert str(caught.value).startswith("experiment.toml")
 
 
 @pytest.mark.parametrize(
