@@ -1,4 +1,4 @@
-"""Calibration sessions of a twin, without waiting for them: the same files as recorded ones."""
+"""Simulated calibration sessions, written at once, with the same files as recorded sessions."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration import session as sessions
-from ..core.storage.session_manifest import Criterion
 from ..calibration.protocol import settled
 from ..calibration.readings import Geometry
 from ..calibration.session import CalibrationSession
 from ..capture.readout.recording import Recorder
 from ..capture.readout.source import Event, StampedSample
+from ..core.arrays import Float
 from ..core.response import JIG_RADII_MM
+from ..core.storage.session_manifest import Criterion
 from ..sensing.serial_frames import PROTOCOL, Info, Sample
 from ..sensing.voltage_divider import Dividers
 from .electronics.cords import CordTraits, SpecimenTwin
 from .electronics.readout_board import ReadoutTwin
 
-#: Averages of a converter of ten bits; its steps show in single readings.
-_AVERAGE = 64
-_LOOK = 1.0  # s between looks whether a hold has settled
-_REFERENCE = 2200.0
+AVERAGES = 64  # of a ten-bit converter, whose steps would show in single readings
+CHECK_INTERVAL_S = 1.0  # between checks whether the readings have settled
+REFERENCE_OHM = 2200.0
 
 
 def record_twin(
@@ -40,8 +40,24 @@ def record_twin(
     misplaced: float = 0.0,
     criterion: Criterion | None = None,
 ) -> CalibrationSession:
-    """A whole session on a new specimen of `length` mm with new pieces of a cord of these traits,
-    at `rate` Hz; `misplaced` mm is the standard deviation of the cords' heights."""
+    """Record a whole calibration session on a simulated specimen.
+
+    Args:
+        folder: Folder of the session.
+        traits: Properties of the cord.
+        seed: Seed of the pieces of cord and their noise.
+        length: Length of the specimen, mm.
+        geometry: Geometry of the specimen.
+        radii: Surface radii of the jigs, mm.
+        rounds: Number of rounds through the jigs.
+        faces: Faces of the specimen that are placed down.
+        rate: Sample rate, Hz.
+        misplaced: Standard deviation of the cords' heights, mm.
+        criterion: When readings have settled.
+
+    Returns:
+        The session.
+    """
     geometry = geometry or Geometry()
     rng = np.random.default_rng(seed)
     twin = SpecimenTwin(traits, rng, length, geometry.thickness, geometry.offset, misplaced)
@@ -54,39 +70,53 @@ def record_twin(
         rounds=rounds,
         faces=faces,
         seed=seed,
-        reference=[_REFERENCE] * 3,
+        reference=[REFERENCE_OHM] * 3,
         criterion=criterion or Criterion(),
         rate=rate,
-        average=_AVERAGE,
+        average=AVERAGES,
     )
     dividers = Dividers(np.array(session.reference), ReadoutTwin.full_scale)
-    counter, cords = 0, twin.cords
     with Recorder(session.frames, 3) as recorder:
-
-        def note(kind: str, **data: object) -> None:
-            recorder.add(Event(int(cords.time * 1e9), kind, data))
-
-        about = Info(PROTOCOL, (1, 0), 0, 3, _AVERAGE, rate, 0, 3, ReadoutTwin.full_scale)
-        note("start", **vars(about))
+        board = _Board(twin, dividers, recorder, rate)
+        info = Info(PROTOCOL, (1, 0), 0, 3, AVERAGES, rate, 0, 3, ReadoutTwin.full_scale)
+        board.note("start", **vars(info))
         for n, step in enumerate(session.steps):
             twin.place(step.radius, step.face)
-            note("hold", step=n)
+            board.note("hold", step=n)
             times, ohms = np.zeros(0), np.zeros((0, 3))
             while True:
-                begun = cords.time
-                time, ohm = cords.measure(_LOOK, rate)
-                sums = np.round(dividers.counts(ohm) * _AVERAGE).astype(int)
-                for t, row in zip(begun + time, sums, strict=True):
-                    micros = int(t * 1e6)
-                    sample = Sample(
-                        counter, micros % (1 << 32), False, False, _AVERAGE, tuple(map(int, row))
-                    )
-                    recorder.add(StampedSample(int(t * 1e9), micros, sample))
-                    counter += 1
-                times = np.append(times, begun + time)
-                ohms = np.append(ohms, dividers.resistance(sums / _AVERAGE), axis=0)
-                at = settled(times - times[0], ohms, session.criterion)
-                if at is not None and (at.still or at.over):
+                time, ohm = board.measure(CHECK_INTERVAL_S)
+                times, ohms = np.append(times, time), np.append(ohms, ohm, axis=0)
+                hold = settled(times - times[0], ohms, session.criterion)
+                if hold is not None and (hold.still or hold.over):
                     break
-            note("point", step=n, settled=at.still)
+            board.note("point", step=n, settled=hold.still)
     return session
+
+
+class _Board:
+    """Records the readings of a specimen's cords by their own time."""
+
+    def __init__(
+        self, specimen: SpecimenTwin, dividers: Dividers, recorder: Recorder, rate: int
+    ) -> None:
+        self._cords, self._dividers, self._recorder = specimen.cords, dividers, recorder
+        self._rate, self._counter = rate, 0
+
+    def note(self, kind: str, **data: object) -> None:
+        """Record an event."""
+        self._recorder.add(Event(int(self._cords.time * 1e9), kind, data))
+
+    def measure(self, duration: float) -> tuple[Float, Float]:
+        """Record samples for a duration, s; return times (t,) s and resistances (t, 3) ohm."""
+        start = self._cords.time
+        time, ohm = self._cords.measure(duration, self._rate)
+        times = start + time
+        sums = np.round(self._dividers.counts(ohm) * AVERAGES).astype(int)
+        for t, row in zip(times, sums, strict=True):
+            us = int(t * 1e6)
+            values = tuple(map(int, row))
+            sample = Sample(self._counter, us % (1 << 32), False, False, AVERAGES, values)
+            self._recorder.add(StampedSample(int(t * 1e9), us, sample))
+            self._counter += 1
+        return times, self._dividers.resistance(sums / AVERAGES)

@@ -39,16 +39,12 @@ def place_cameras(body: Surface, markers: Markers, count: int) -> tuple[Camera, 
     longest = np.eye(3)[int((high - low).argmax())]
     asides = longest - (directions @ longest)[:, None] * directions
     is_end_on = np.linalg.norm(asides, axis=1) < 0.3
-    asides[is_end_on] = np.cross(
-        directions[is_end_on], np.eye(3)[int(np.abs(longest).argmin())]
-    )
+    asides[is_end_on] = np.cross(directions[is_end_on], np.eye(3)[int(np.abs(longest).argmin())])
     asides /= np.linalg.norm(asides, axis=1, keepdims=True)
     offsets = (np.arange(count) - (count - 1) / 2) * CAMERA_SPACING
     eyes = middle + distance * (directions + offsets[:, None, None] * asides)
     best = int(_score_views(eyes, markers).argmax())
-    return tuple(
-        _aim_camera(k, eye, middle, asides[best]) for k, eye in enumerate(eyes[:, best])
-    )
+    return tuple(_aim_camera(k, eye, middle, asides[best]) for k, eye in enumerate(eyes[:, best]))
 
 
 def _spread_directions() -> Float:
@@ -78,9 +74,7 @@ def _aim_camera(number: int, eye: Float, target: Float, aside: Float) -> Camera:
     y /= np.linalg.norm(y)
     R = np.stack([np.cross(y, z), y, z])
     focal = FOCAL_PX + 3 * number
-    K = np.array(
-        [[focal, 0, IMAGE_SIZE[0] / 2 + 4], [0, focal, IMAGE_SIZE[1] / 2 - 3], [0, 0, 1]]
-    )
+    K = np.array([[focal, 0, IMAGE_SIZE[0] / 2 + 4], [0, focal, IMAGE_SIZE[1] / 2 - 3], [0, 0, 1]])
     return Camera(f"cam_{number}", IMAGE_SIZE, K, DISTORTIONS, R, -R @ eye)
 
 

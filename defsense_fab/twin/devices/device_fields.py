@@ -22,8 +22,6 @@ from ...core.errors import CaptureError, DeviceError
 from ...core.mesh import TetMesh
 from ...core.progress import Progress, silent
 from ...core.storage.files import digest, replace_file, storage_errors
-from ...store.body import load_surface
-from ...store.mesh import load_mesh, load_mesh_record, RECORD
 from ...geometry.bodies.meshing.region_conforming import conform
 from ...geometry.bodies.meshing.tetrahedra import tetrahedralize
 from ...mechanics.elements.material import Material, split
@@ -33,7 +31,9 @@ from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.batch import Job, solve_all
 from ...sensing.built_cord import CordReading
-from ...store.layout import LAYOUT, load_layout, load_prediction, PREDICTION
+from ...store.body import load_surface
+from ...store.layout import LAYOUT, PREDICTION, load_layout, load_prediction
+from ...store.mesh import RECORD, load_mesh, load_mesh_record
 from ..scenes.assumptions import assume
 from ..scenes.pose_space import PoseSpace
 from .pose_samples import Ray, corner_rays, draw_rays, find_mixable_poses, pose_axes, single_rays

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.build_folder import finished_build
 from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.mesh import Surface
-from ...core.device.build_folder import finished_build
-from ...store.mesh import load_mesh
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
-from ...store.fields import INDEX, load_fields
 from ...sensing.built_cord import BuiltCord, CordReading
+from ...store.fields import INDEX, load_fields
 from ...store.layout import LAYOUT, load_layout
+from ...store.mesh import load_mesh
 from ..scenes.device_motion import Ramp
 
 

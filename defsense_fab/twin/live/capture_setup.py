@@ -1,4 +1,4 @@
-"""A guided recording put together: session, cameras, read-out board, or the twin of all of them."""
+"""Preparation of a guided recording: its session, cameras and read-out board, real or simulated."""
 
 from __future__ import annotations
 
@@ -20,25 +20,39 @@ from ...capture.sessions.pose_coverage import PoseCoverage
 from ...capture.sessions.session import CaptureSession
 from ...capture.tags.tag_patterns import dictionary
 from ...capture.videos.detector_compilation import compile_detector
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import CaptureError, DefsenseError, DeviceError
 from ...core.markers import Markers
-from ...core.device.build_folder import build_folder
 from ...core.storage.session_manifest import manifest_path
 from ...store.layout import LAYOUT, layout_hash, load_layout
-from .live_twin import LiveTwin, write_true_cameras, load_pose_coverage, start_live_twin
+from .live_twin import LiveTwin, load_pose_coverage, start_live_twin, write_true_cameras
 from .sample_sources import open_source
 
 NONE, TWIN = "none", "twin"
-REFERENCE = 2200.0  # ohm, of dividers that nothing tells
+DEFAULT_REFERENCE_OHM = 2200.0  # of dividers whose reference is not known
 
 
 @dataclass(frozen=True)
 class CaptureOptions:
-    """What a recording is asked for: `cameras` by the order of the `calibration`, ("none",), or
-    those of a twin, whose seed, number and kind of cameras are then in `twin`; the `port` of the
-    read-out board, "none" or "twin"; how the poses go round, s; `references` (c,) ohm of the
-    dividers of c channels, None: as usual; of which `unit`, None where nobody said so."""
+    """Options of a guided recording.
+
+    Attributes:
+        cameras: Addresses of the cameras in the order of the calibration, `("none",)`, or any one
+            name for those of a twin.
+        port: Port of the read-out board, `none` or `twin`.
+        calibration: File of the cameras' calibration; None for `cameras.toml`, or for the true
+            cameras of a twin.
+        twin: Seed, number and kind of a twin's cameras; None for real ones.
+        rounds: Number of rounds through the poses.
+        seconds: Time for each pose, s.
+        free: Time for free mixtures in each round, s.
+        rest: Time at rest, s.
+        rate: Sample rate of the board, Hz.
+        references: Returns the reference resistances (c,) ohm of c dividers; None for defaults.
+        unit: Name of the built device; None if it is not given.
+        video: Whether videos are recorded.
+    """
 
     cameras: tuple[str, ...]
     port: str
@@ -56,72 +70,125 @@ class CaptureOptions:
 
 @dataclass(frozen=True)
 class CaptureSetup:
-    """What `GuidedRecording` takes; whether the session was `begun` before."""
+    """A guided recording that is ready to start.
+
+    Attributes:
+        session: The session.
+        openers: Open the cameras.
+        board: The read-out board; None without one.
+        levels: Measures how far each pose was shown; None for a device that is not built.
+        hands: Moves the twin of a device; None for real devices.
+        is_resumed: Whether the session was started before.
+        video: Whether videos are recorded.
+    """
 
     session: CaptureSession
     openers: Sequence[Callable[[], Images]]
     board: Source | None
     levels: PoseCoverage | None
     hands: Hands | None
-    begun: bool
+    is_resumed: bool
     video: bool
 
     def record(self, screen: CaptureScreen, *, auto: bool = False) -> bool:
-        """Whether all steps were shown. A session that could not begin leaves nothing. Raises
-        CaptureError and StorageError."""
+        """Record the session. A new session that cannot start leaves no files.
+
+        Args:
+            screen: Shows the recording.
+            auto: Whether steps start automatically.
+
+        Returns:
+            Whether all steps were shown.
+
+        Raises:
+            CaptureError: A camera or the board fails.
+            StorageError: Files cannot be written.
+        """
         try:
             return GuidedRecording(
-                self.session, self.openers, self.board, screen, self.levels, auto=auto,
-                video=self.video, hands=self.hands,
-            ).run()  # fmt: skip
+                self.session,
+                self.openers,
+                self.board,
+                screen,
+                self.levels,
+                auto=auto,
+                video=self.video,
+                hands=self.hands,
+            ).run()
         except DefsenseError:
-            if not self.begun:
+            if not self.is_resumed:
                 sessions.discard_empty(self.session)
             raise
 
 
 def set_up_capture(
-    device: Device, markers: Markers, folder: Path, options: CaptureOptions, stack: ExitStack,
+    device: Device,
+    markers: Markers,
+    folder: Path,
+    options: CaptureOptions,
+    stack: ExitStack,
     note: Callable[[str], None],
-) -> CaptureSetup:  # fmt: skip
-    """Of the session in a `folder`, begun or to be begun; what is to be closed afterwards goes on
-    the `stack`. Raises DeviceError for what does not go together, CaptureError, StorageError."""
+) -> CaptureSetup:
+    """Prepare a guided recording.
+
+    Args:
+        device: The device.
+        markers: The tags on it.
+        folder: Folder of the session, which is resumed if it exists.
+        options: Options of the recording.
+        stack: Receives what must be closed after the recording.
+        note: Called with what takes time.
+
+    Raises:
+        DeviceError: The options do not fit together (`nothing-to-record`, `twin-incomplete`).
+        CaptureError: The session cannot be resumed, or a source cannot be opened.
+        StorageError: Files cannot be written.
+    """
     if options.cameras == (NONE,) and options.port == NONE:
-        raise DeviceError("--cameras none --port none: there would be nothing to record")
-    twin = _twin(device, markers, options, stack)
-    begun = manifest_path(folder) is not None
+        raise DeviceError(
+            "there are neither cameras nor a read-out board, so that there is nothing to record",
+            code="nothing-to-record",
+            where="recording",
+            action="Choose cameras, a port, or both",
+        )
+    twin = _start_twin(device, markers, options, stack)
+    is_resumed = manifest_path(folder) is not None
     session = (
-        _resumed(device, markers, folder, options)
-        if begun
-        else _begin(device, markers, folder, options, twin)
+        _resume_session(device, markers, folder, options)
+        if is_resumed
+        else _create_session(device, markers, folder, options, twin)
     )
     try:
-        openers = _openers(options.cameras, session, twin)
+        openers = _camera_openers(options.cameras, session, twin)
         board = None
         if options.port != NONE:
-            settings = ReadoutSettings(channels=len(session.channels), rate=options.rate, led=LED_PERIOD_MS)
+            count = len(session.channels)
+            settings = ReadoutSettings(channels=count, rate=options.rate, led=LED_PERIOD_MS)
             port = twin.port() if twin is not None else options.port
             board = open_source(port, settings).source
-        if session.rig.cameras:  # before a screen is there, and the first pictures come
+        if session.rig.cameras:  # compiled before the screen opens and the first frames come
             compile_detector(session.rig.cameras[0], dictionary(session.markers.dictionary), note)
         levels = load_pose_coverage(device, session.markers)
     except DefsenseError:
-        if not begun:
+        if not is_resumed:
             sessions.discard_empty(session)
         raise
     hands = twin.perform if twin is not None else None
-    return CaptureSetup(session, openers, board, levels, hands, begun, options.video)
+    return CaptureSetup(session, openers, board, levels, hands, is_resumed, options.video)
 
 
-def _twin(
+def _start_twin(
     device: Device, markers: Markers, options: CaptureOptions, stack: ExitStack
 ) -> LiveTwin | None:
-    """Raises DeviceError where only one of cameras and read-out board is a twin's."""
+    """Return the twin, if one is requested; reject a twin's cameras with a real board."""
     if options.twin is None and options.port != TWIN:
         return None
     if options.twin is None or len(options.cameras) > 1 or options.port not in (TWIN, NONE):
         raise DeviceError(
-            "a twin has its own cameras and read-out board: give --cameras twin --port twin"
+            "a twin has its own cameras and its own read-out board",
+            code="twin-incomplete",
+            where="recording",
+            action="Choose the twin for both the cameras and the port",
         )
     seed, count, kind = options.twin
     twin = start_live_twin(device, markers, seed, count, kind=kind)
@@ -129,102 +196,126 @@ def _twin(
     return twin
 
 
-def _resumed(
+def _resume_session(
     device: Device, markers: Markers, folder: Path, options: CaptureOptions
 ) -> CaptureSession:
     session = sessions.load(folder)
     if session.device != device.name:
         raise CaptureError(
-            f"{folder}: is a session of {session.device}, not of {device.name}; choose another"
-            " folder with --out"
+            f"is a session of {session.device}, not of {device.name}",
+            code="session-of-another-device",
+            where=folder,
+            action="Choose another folder",
+            device=session.device,
         )
     if options.unit is not None and options.unit != session.unit:
         raise CaptureError(
-            f"{folder}: is a session of the unit {session.unit!r}, not of {options.unit!r};"
-            " choose another folder with --out"
+            f"is a session of the unit {session.unit!r}, not of {options.unit!r}",
+            code="session-of-another-unit",
+            where=folder,
+            action="Choose another folder",
+            unit=session.unit,
         )
     if not np.array_equal(session.markers.ids, markers.ids) or not np.allclose(
         session.markers.centers, markers.centers
     ):
         raise CaptureError(
-            f"{folder}: was begun with other tags than the device has now; begin another"
-            " session with --out"
+            "was started with other tags than the device has now",
+            code="session-tags-differ",
+            where=folder,
+            action="Start another session in another folder",
         )
     if len(sessions.finished(session)) == len(session.steps):
         raise CaptureError(
-            f"{folder}: this session is finished; process it (defsense capture process"
-            f" {folder}), or begin another with --out"
+            "this session is finished",
+            code="session-finished",
+            where=folder,
+            action=f"Process it (defsense capture process {folder}), or choose another folder",
         )
     return session
 
 
-def _begin(
+def _create_session(
     device: Device, markers: Markers, folder: Path, options: CaptureOptions, twin: LiveTwin | None
 ) -> CaptureSession:
-    """A new session."""
-    built = build_folder(device)
-    if (built / LAYOUT).exists():
-        layout = load_layout(built, CaptureError)
+    build = build_folder(device)
+    if (build / LAYOUT).exists():
+        layout = load_layout(build, CaptureError)
         channels: Sequence[str] = [cord.name for cord in layout.by_channel()]
-        known_layout = layout_hash(layout)
+        layout_id = layout_hash(layout)
     else:
-        channels, known_layout = [s.name for s in device.sensors], ""
+        channels, layout_id = [s.name for s in device.sensors], ""
     if options.port == NONE:
         channels = []
     count = max(len(channels), 1)
     if options.references is not None:
-        reference = list(options.references(count))
+        references = list(options.references(count))
     else:
-        usual = REFERENCE if twin is None else float(twin.extra["reference"])
-        reference = [usual] * count
+        references = [DEFAULT_REFERENCE_OHM if twin is None else twin.reference] * count
     calibration: Path | None = options.calibration or Path("cameras.toml")
     if options.cameras == (NONE,):
         calibration = None
     if twin is not None and options.calibration is None:
         calibration = device.source / "twin-cameras.toml"
         write_true_cameras(twin, calibration)
+    poses = [p.name for p in device.poses]
+    steps = sessions.plan(poses, options.rounds, options.seconds, options.free, options.rest)
     return sessions.create(
-        folder, device=device.name,
-        steps=sessions.plan([p.name for p in device.poses], options.rounds, options.seconds,
-                            options.free, options.rest),
-        channels=channels, reference=reference[: len(channels)], calibration=calibration,
-        markers=markers, unit=unit_name(options), layout=known_layout,
-    )  # fmt: skip
+        folder,
+        device=device.name,
+        steps=steps,
+        channels=channels,
+        reference=references[: len(channels)],
+        calibration=calibration,
+        markers=markers,
+        unit=unit_name(options),
+        layout=layout_id,
+    )
 
 
 def unit_name(options: CaptureOptions) -> str:
-    """The name of the built device; a twin's seed makes another one."""
+    """Return the name of the built device; the seed of a twin makes another one."""
     if options.unit is None and options.port == TWIN and options.twin is not None:
         return f"twin-{options.twin[0]}"
     return options.unit or ""
 
 
-def _openers(
-    words: Sequence[str], session: CaptureSession, twin: LiveTwin | None
+def _camera_openers(
+    addresses: Sequence[str], session: CaptureSession, twin: LiveTwin | None
 ) -> list[Callable[[], Images]]:
     cameras = session.rig.cameras
-    if tuple(words) == (NONE,) and not cameras:
+    if tuple(addresses) == (NONE,) and not cameras:
         return []
     if twin is not None:
         if len(twin.sources) != len(cameras):
             raise CaptureError(
-                f"{session.folder}: was begun with {len(cameras)} cameras; give --cameras"
-                f" twin:cameras={len(cameras)}"
+                f"was started with {len(cameras)} cameras; the twin has {len(twin.sources)}",
+                code="camera-count-differs",
+                where=session.folder,
+                action=f"Choose a twin with {len(cameras)} cameras",
+                expected=len(cameras),
+                given=len(twin.sources),
             )
-        return [partial(_given, s) for s in twin.sources]
-    if len(words) != len(cameras):
+        return [partial(_identity, s) for s in twin.sources]
+    if len(addresses) != len(cameras):
         names = ", ".join(c.name for c in cameras)
         raise CaptureError(
-            f"the calibration has {len(cameras)} cameras ({names}), --cameras names {len(words)};"
-            " give one for each, in this order"
+            f"{len(addresses)} cameras are given; the calibration has {len(cameras)} ({names})",
+            code="camera-count-differs",
+            where="cameras",
+            action="Give one camera for each, in this order",
+            expected=len(cameras),
+            given=len(addresses),
         )
     if not session.rig.placed:
         raise CaptureError(
-            "the calibration does not say where the cameras stand; run 'defsense capture camera"
-            " arrange'"
+            "the calibration does not contain the positions of the cameras",
+            code="cameras-not-placed",
+            where="cameras",
+            action="Run 'defsense capture camera arrange'",
         )
-    return [partial(Webcam, w, c.size) for w, c in zip(words, cameras, strict=True)]
+    return [partial(Webcam, w, c.size) for w, c in zip(addresses, cameras, strict=True)]
 
 
-def _given(source: Images) -> Images:
+def _identity(source: Images) -> Images:
     return source

@@ -1,4 +1,4 @@
-"""Where samples come from, by a word: a port, a socket, a recording, or a twin."""
+"""Sources of samples by name: a serial port, a socket, a recorded file, or a simulated board."""
 
 from __future__ import annotations
 
@@ -19,10 +19,18 @@ from ...sensing.response import Response
 from ..electronics.cords import CordTraits, SpecimenTwin
 from ..electronics.readout_board import ReadoutTwin
 
+MAX_SPEED = 100.0  # simulated seconds per second
+
 
 @dataclass(frozen=True)
 class OpenedSource:
-    """A source that is not started yet, and a twin's `hands`."""
+    """A source that is not started yet.
+
+    Attributes:
+        source: The source.
+        hands: Places a simulated specimen on a jig (radius in mm or None, face); None for real
+            boards.
+    """
 
     source: Source
     hands: Callable[[float | None, str], None] | None = None
@@ -31,16 +39,28 @@ class OpenedSource:
 def open_source(
     text: str, settings: ReadoutSettings, geometry: Geometry | None = None, length: float = 150.0
 ) -> OpenedSource:
-    """/dev/ttyUSB0, COM3, socket://host:port, a recording's .csv, or twin, twin:speed=20,k=2,seed=1
-    (a specimen of this geometry and length, mm). Raises CaptureError for words that are none."""
+    """Open a source of samples.
+
+    Args:
+        text: A port such as `/dev/ttyUSB0`, `COM3` or `socket://host:port`, a recorded `.csv`
+            file, or a simulated specimen: `twin` or `twin:speed=20,k=2,seed=1`.
+        settings: Settings of the read-out board.
+        geometry: Geometry of the simulated specimen.
+        length: Length of the simulated specimen, mm.
+
+    Raises:
+        CaptureError: The text is not a valid source (`invalid-source`, `setting-out-of-range`).
+    """
     if text == "twin" or text.startswith("twin:"):
-        return _twin(text, settings, geometry or Geometry(), length)
+        return _open_twin(text, settings, geometry or Geometry(), length)
     if text.endswith(".csv"):
         return OpenedSource(Replay(Path(text)))
     return OpenedSource(Reader(partial(open_port, text), text, settings))
 
 
-def _twin(text: str, settings: ReadoutSettings, geometry: Geometry, length: float) -> OpenedSource:
+def _open_twin(
+    text: str, settings: ReadoutSettings, geometry: Geometry, length: float
+) -> OpenedSource:
     values = {"speed": 1.0, "k": 2.0, "seed": 1.0}
     for pair in filter(None, text.partition(":")[2].split(",")):
         name, equals, number = pair.partition("=")
@@ -49,9 +69,20 @@ def _twin(text: str, settings: ReadoutSettings, geometry: Geometry, length: floa
                 raise ValueError
             values[name] = float(number)
         except ValueError:
-            raise CaptureError(f"{text}: write twin:speed=20,k=2,seed=1, each or none") from None
-    if not 0 < values["speed"] <= 100 or values["seed"] < 0:
-        raise CaptureError(f"{text}: speed is above 0 and at most 100, seed not below 0")
+            raise CaptureError(
+                f"{pair!r} is not a valid setting",
+                code="invalid-source",
+                where=text,
+                action="Write any of the settings in twin:speed=20,k=2,seed=1",
+                setting=pair,
+            ) from None
+    if not 0 < values["speed"] <= MAX_SPEED or values["seed"] < 0:
+        raise CaptureError(
+            f"the speed must be above 0 and at most {MAX_SPEED:g}, and the seed at least 0",
+            code="setting-out-of-range",
+            where=text,
+            record="twin",
+        )
     rng = np.random.default_rng(int(values["seed"]))
     traits = CordTraits(Response.line(values["k"]))
     specimen = SpecimenTwin(traits, rng, length, geometry.thickness, geometry.offset)

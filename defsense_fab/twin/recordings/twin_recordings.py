@@ -1,4 +1,4 @@
-"""Simulated training sessions of a built device: cord readings and marker tracks, with the truth."""
+"""Simulated training sessions of a built device: cord readings, marker tracks and the truth."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from ...core.progress import Progress, silent
 from ...store.body import load_surface
 from ...store.layout import (
     LAYOUT,
-    layout_hash,
+    PREDICTION,
     LayoutRecord,
+    layout_hash,
     load_layout,
     load_prediction,
-    PREDICTION,
 )
 from ...sensing.voltage_divider import choose_reference
 from ...training.data.dataset import Dataset, Recording
@@ -260,7 +260,7 @@ class _Setup:
         cords = zip(self.built.cords, self.built.readings, strict=True)
         nominal = [reading.resistance(cord) for cord, reading in cords]
         low, high = RESISTOR_RANGE
-        resistors = np.array([reference(low * ohm, high * ohm) for ohm in nominal])
+        resistors = np.array([choose_reference(low * ohm, high * ohm) for ohm in nominal])
         return Converter.from_traits(self.traits.board, full_scale, averages, resistors)
 
 
