@@ -44,14 +44,17 @@ class Reader:
     def read_table(self, kind: type[T], values: object, at: KeyPath = ()) -> T | None:
         """Read the table `kind` that stands at the path `at`; None if there are problems."""
         declared: Any = kind
-        table: T | None = self._struct(struct_type(declared), values, at, "a table")
+        described = struct_type(declared)
+        table: T | None = self._struct(described, values, at, described)
         return table
 
-    def _struct(self, kind: inspect.StructType, values: object, at: KeyPath, expected: str) -> Any:
+    def _struct(
+        self, kind: inspect.StructType, values: object, at: KeyPath, whole: inspect.Type
+    ) -> Any:
         if isinstance(values, kind.cls):
             return values
         if not isinstance(values, Mapping):
-            return self._refuse_type(at, expected, values)
+            return self._refuse_type(at, whole, values)
         count = len(self.problems)
         fields = {field.encode_name: field for field in kind.fields}
         self._check_names(fields, values, at)
@@ -112,52 +115,54 @@ class Reader:
         return found
 
     def _typed(self, kind: inspect.Type, value: Any, at: KeyPath) -> Any:
-        options, expected = members(kind), in_words(kind)
+        options = members(kind)
         if len(options) > 1:
             options = tuple(option for option in options if _fits(option, value))
         if not options:
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, kind, value)
         option = options[0]
         if isinstance(option, inspect.StructType):
-            return self._struct(option, value, at, expected)
+            return self._struct(option, value, at, kind)
         if isinstance(option, inspect.DictType):
             if not isinstance(value, Mapping):
-                return self._refuse_type(at, expected, value)
+                return self._refuse_type(at, kind, value)
             return {k: self.read_value(option.value_type, v, (*at, k)) for k, v in value.items()}
         if isinstance(option, inspect.LiteralType):
-            return self._literal(option, value, at, expected)
+            return self._literal(option, value, at, kind)
         shape = number_shape(option)
         if shape == ():
-            return self._number(option, value, at, expected)
+            return self._number(option, value, at, kind)
         if shape is not None:
-            return self._numbers(option, value, at, expected)
+            return self._numbers(option, value, at, kind)
         if item_types(option) is not None:
-            return self._list(option, value, at, expected)
+            return self._list(option, value, at, kind)
         if isinstance(option, inspect.BoolType) and not isinstance(value, bool):
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, kind, value)
         if isinstance(option, inspect.StrType) and not (isinstance(value, str) and value):
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, kind, value)
         return value
 
-    def _literal(self, kind: inspect.LiteralType, value: Any, at: KeyPath, expected: str) -> Any:
+    def _literal(
+        self, kind: inspect.LiteralType, value: Any, at: KeyPath, whole: inspect.Type
+    ) -> Any:
         if any(type(value) is type(v) and value == v for v in kind.values):
             return value
         return self._refuse(
-            at, f"must be {expected}, not {_shown(value)}", "value-choice", value=value
+            at, f"must be {in_words(whole)}, not {_shown(value)}", "value-choice", value=value
         )
 
-    def _list(self, kind: inspect.Type, value: Any, at: KeyPath, expected: str) -> Any:
+    def _list(self, kind: inspect.Type, value: Any, at: KeyPath, whole: inspect.Type) -> Any:
         """Read a list: tables by their own paths, other items by the path of the list."""
         types, length = item_types(kind) or ((), None)
         if not isinstance(value, list | tuple) or length not in (None, len(value)):
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, whole, value)
         has_tables = _is_table(members(types[0])[0])
         by_item = list(types) if length is not None else [types[0]] * len(value)
         if not all(
             any(_fits(option, item) for option in members(item_type))
             for item_type, item in zip(by_item, value, strict=True)
         ):
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, whole, value)
         if not self._is_long_enough(kind, value, at):
             return None
         items, count = [], len(self.problems)
@@ -167,11 +172,11 @@ class Reader:
                 return None  # one problem is enough for a list of plain values
         return items if isinstance(kind, inspect.ListType) else tuple(items)
 
-    def _numbers(self, kind: inspect.Type, value: Any, at: KeyPath, expected: str) -> Any:
+    def _numbers(self, kind: inspect.Type, value: Any, at: KeyPath, whole: inspect.Type) -> Any:
         """Read nested lists of numbers of the declared shape."""
         shape, of = number_shape(kind) or (), number_type(kind)
         if not isinstance(value, list | tuple) or not _every_number(value, _is_numeric):
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, whole, value)
         if not _every_number(value, is_number):
             return self._refuse(at, "each number must be finite", "not-finite")
         try:
@@ -192,15 +197,15 @@ class Reader:
             return self._refuse(at, text, "out-of-range", value=wrong[0])
         return _as_declared(kind, value)
 
-    def _number(self, kind: inspect.Type, value: Any, at: KeyPath, expected: str) -> Any:
+    def _number(self, kind: inspect.Type, value: Any, at: KeyPath, whole: inspect.Type) -> Any:
         of = number_type(kind)
         is_whole = isinstance(of, inspect.IntType)
         if not _is_numeric(value):
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, whole, value)
         if not is_number(value):
             return self._refuse(at, f"must be finite, not {_shown(value)}", "not-finite")
         if is_whole and value != int(value):
-            return self._refuse_type(at, expected, value)
+            return self._refuse_type(at, whole, value)
         if not is_within(of, value):
             text = f"must be {bounds_in_words(of)}, not {value:g}"
             return self._refuse(at, text, "out-of-range", value=value)
@@ -213,8 +218,10 @@ class Reader:
             self._refuse(at, text, "too-few-items", least=least, count=len(value))
         return len(value) >= least
 
-    def _refuse_type(self, at: KeyPath, expected: str, value: object) -> None:
-        self._refuse(at, f"must be {expected}, not {_shown(value)}", "value-type", value=value)
+    def _refuse_type(self, at: KeyPath, whole: inspect.Type, value: object) -> None:
+        """Report a value that is not of the declared type, `whole` with its annotations."""
+        text = f"must be {in_words(whole)}, not {_shown(value)}"
+        self._refuse(at, text, "value-type", value=value)
 
     def _refuse(self, at: KeyPath, text: str, code: str, **data: object) -> None:
         self.problems.append(Problem(at, text, code, data=data))

@@ -8,6 +8,7 @@ of the package.
 from __future__ import annotations
 
 import csv
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -33,6 +34,7 @@ def package_data(name: str) -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / IN_REPOSITORY[name]
 
 
+@cache
 def read_rows(file: str) -> dict[str, dict[str, str]]:
     """Read a table in `data/`: materials, cords, printers. Each row names its source.
 
@@ -40,7 +42,7 @@ def read_rows(file: str) -> dict[str, dict[str, str]]:
         file: Name of a CSV file in `data/`.
 
     Returns:
-        The rows by their `name` column, each with its cells by column.
+        The rows by their `name` column, each with its cells by column; shared, so do not change them.
     """
     text = (files("defsense_fab") / "data" / file).read_text(encoding="utf-8")
     return {row["name"]: row for row in csv.DictReader(text.splitlines())}
