@@ -42,7 +42,7 @@ def read_rows(file: str) -> dict[str, dict[str, str]]:
         file: Name of a CSV file in `data/`.
 
     Returns:
-        The rows by their `name` column, each with its cells by column; shared, so do not change them.
+        The rows by their `name` column, each with its cells by column; do not change them.
     """
     text = (files("defsense_fab") / "data" / file).read_text(encoding="utf-8")
     return {row["name"]: row for row in csv.DictReader(text.splitlines())}
