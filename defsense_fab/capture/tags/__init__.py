@@ -1,1 +1,1 @@
-"""Camera tags and ChArUco boards: patterns, detection, sheets to print."""
+"""Camera tags and ChArUco boards: patterns, detection, and sheets to print."""

@@ -7,7 +7,7 @@ from scipy.special import ndtr
 from benchmarks.pictures import CONDITIONS, measure
 from defsense_fab.capture.tags.detection import Detector
 from defsense_fab.capture.tags.edge_fit import refine
-from defsense_fab.capture.tags.edge_line import FREE, _converge
+from defsense_fab.capture.tags.edge_model import PARAMETERS, converge
 from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
@@ -15,11 +15,11 @@ from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Backdrop, Ellipse, Patch, Scene
 from tests.errors import raises
-from tests.twin.views import STRONG, turn
+from tests.twin.views import STRONG_DISTORTION, turn
 
 FOCAL = 700.0
 MATRIX = np.array([[FOCAL, 0, 322], [0, 1.01 * FOCAL, 237], [0, 0, 1]])
-VIEW = Camera("left", (640, 480), MATRIX, np.array(STRONG), np.eye(3), np.zeros(3))
+VIEW = Camera("left", (640, 480), MATRIX, np.array(STRONG_DISTORTION), np.eye(3), np.zeros(3))
 DETECTORS = {name: Detector(VIEW, dictionary(name)) for name in ("4X4_50", "36H11")}
 
 
@@ -172,10 +172,14 @@ def test_an_edges_fit_goes_on_until_it_has_converged():
     rng = np.random.default_rng(2)
     d, s = rng.uniform(-3, 3, 60), rng.uniform(-6, 6, 60)
     grey = 30 + 170 * ndtr((d - 0.9) / 2.4) + rng.normal(0, 2, 60)
-    rows, A, B = np.empty((FREE + 1, 60)), np.empty((FREE, FREE)), np.empty((FREE + 1, FREE + 1))
+    rows, A, B = (
+        np.empty((PARAMETERS + 1, 60)),
+        np.empty((PARAMETERS, PARAMETERS)),
+        np.empty((PARAMETERS + 1, PARAMETERS + 1)),
+    )
 
     def fit(q, turn):
-        found = _converge(s, d, grey, 60, 0.0, 1.0, 14.0, q, 170, turn, 4.0, 1e9, rows, A, B)
+        found = converge(s, d, grey, 60, 0.0, 1.0, 14.0, q, 170, turn, 4.0, 1e9, rows, A, B)
         return found[2], found[3]
 
     early, late = (np.array([-1.0, 0, 60, 90, 0.4, 0, 0]) for _ in range(2))

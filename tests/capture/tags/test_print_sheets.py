@@ -14,9 +14,9 @@ from hypothesis.extra.numpy import arrays
 from defsense_fab.capture.tags.print_sheets import (
     PAPERS,
     draw_tags,
-    outer,
+    open_pdf,
     outlines,
-    pdf,
+    piece_size,
     write_board,
 )
 from defsense_fab.capture.tags.tag_patterns import (
@@ -127,7 +127,7 @@ def check_board(image, board):
 def printed(tmp_path):
     def make(family, numbers, size, paper):
         path = tmp_path / "tags.pdf"
-        with pdf(path, "tags") as canvas:
+        with open_pdf(path, "tags") as canvas:
             draw_tags(canvas, family, numbers, size, paper, "device")
         return path
 
@@ -273,4 +273,4 @@ def test_what_does_not_fit_is_said(tmp_path, printed):
     with pytest.raises(StorageError):
         write_board(CharucoBoard(), tmp_path / "none" / "b.pdf")
     assert [p.name for p in tmp_path.iterdir()] == ["b.pdf"]
-    assert outer(dictionary("36h11"), 8.0) == pytest.approx(10.0)
+    assert piece_size(dictionary("36h11"), 8.0) == pytest.approx(10.0)
