@@ -19,6 +19,7 @@ from ...core.device.device import CONVERTERS, Device
 from ...core.errors import CaptureError
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
+from ...sensing.voltage_divider import choose_reference
 from ...store.body import load_surface
 from ...store.layout import (
     LAYOUT,
@@ -28,7 +29,6 @@ from ...store.layout import (
     load_layout,
     load_prediction,
 )
-from ...sensing.voltage_divider import choose_reference
 from ...training.data.dataset import Dataset, Recording
 from ..devices.built_unit import BuiltUnit, build_unit
 from ..devices.device_fields import DeviceFields, solve_fields

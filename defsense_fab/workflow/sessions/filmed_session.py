@@ -1,5 +1,4 @@
-"""A twin's session before rendered cameras: recorded as 'defsense capture record' leaves it, as
-fast as pictures are rendered, and processed by the same code as any other."""
+"""Sessions of a twin before rendered cameras, recorded and processed like real sessions."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ from ...capture.cameras.rig_file import write_rig
 from ...capture.clocks.led_schedule import LED_PERIOD_MS
 from ...capture.sessions.camera_recorder import CameraRecorder
 from ...capture.sessions.result_files import QUALITY
-from ...capture.sessions.session import BOARD, CAMERAS, create, load, LOG, Log
+from ...capture.sessions.session import BOARD, CAMERAS, LOG, Log, create, load
 from ...capture.tags.tag_patterns import dictionary
 from ...capture.videos.detector_compilation import compile_detector
 from ...core.camera import Camera
@@ -27,7 +26,6 @@ from ...core.device.device import Device
 from ...core.mesh import TetMesh
 from ...core.progress import Progress
 from ...core.storage.files import storage_errors, write_json
-from .processing import process_session
 from ...twin.devices.camera_places import place_cameras, place_led
 from ...twin.devices.twin_traits import FilmTraits
 from ...twin.filming.camera_kinds import (
@@ -37,55 +35,76 @@ from ...twin.filming.camera_kinds import (
     simulate_passing_finger,
 )
 from ...twin.filming.cameras import RenderedCamera
-from ...twin.scenes.device_motion import draw_sway
-from ...twin.scenes.device_twin import DeviceTwin
-from ...twin.scenes.scene import Backdrop, Led, Patch, Scene
 from ...twin.recordings.run_files import (
-    is_led_on,
     RUN_1,
     TRUTH,
+    is_led_on,
     list_steps,
-    write_samples,
     write_log,
+    write_samples,
     write_truth,
 )
 from ...twin.recordings.twin_recordings import TwinRun, TwinRuns
+from ...twin.scenes.device_motion import draw_sway
+from ...twin.scenes.device_twin import DeviceTwin
+from ...twin.scenes.scene import Backdrop, Led, Patch, Scene
+from .processing import process_session
 
-_LOOK = 0.5  # s between looks at how far the cameras are
-_LATEST = 0.2  # of a picture's time, that its stamp is late at most, so that stamps stay in order
+POLL_S = 0.5  # between checks of the cameras' progress
+MAX_JITTER = 0.2  # of the time between frames, so that time stamps stay in order
+FILM_SEED = 7  # combined with the seed and the number of the session
+LED_RADIUS_MM = 3.0
 
 
 def film_session(
-    folder: Path, device: Device, made: TwinRuns, number: int, film: FilmTraits, progress: Progress
+    folder: Path, device: Device, runs: TwinRuns, number: int, film: FilmTraits, progress: Progress
 ) -> None:
-    """The run of a `number` into an empty `folder`; nothing is processed yet. Raises CaptureError,
-    StorageError."""
-    run, seed = made.runs[number], [int(made.dataset.provenance["seed"]), number, 7]
+    """Record a simulated session with rendered cameras; nothing is processed yet.
+
+    Args:
+        folder: An empty folder.
+        device: The device.
+        runs: The simulated sessions.
+        number: Index of the session.
+        film: The cameras.
+        progress: Called with the progress.
+
+    Raises:
+        CaptureError: A camera fails.
+        StorageError: Files cannot be written.
+    """
+    run, seed = runs.runs[number], [int(runs.dataset.provenance["seed"]), number, FILM_SEED]
     rng = np.random.default_rng(seed)
-    kind, scenes = CAMERA_KINDS[film.kind], _Scenes(made, run, film, rng)
-    cameras = place_cameras(scenes.twin.rest, made.markers, film.count)
-    scenes.led_at = place_led(cameras[0], scenes.twin.rest)
-    write_rig(folder / CAMERAS, [_calibrated(c, film, rng) for c in cameras], {"twin": True})
+    kind, scenes = CAMERA_KINDS[film.kind], _FilmedScenes(runs, run, film, rng)
+    cameras = place_cameras(scenes.twin.rest, runs.markers, film.count)
+    scenes.led_position = place_led(cameras[0], scenes.twin.rest)
+    write_rig(folder / CAMERAS, [_calibrate(c, film, rng) for c in cameras], {"twin": True})
     create(
-        folder, device=device.name, steps=list_steps(run), channels=made.dataset.channels,
-        reference=made.converter.reference.tolist(), calibration=folder / CAMERAS,
-        markers=made.markers, unit=run.recording.unit, layout=made.dataset.layout,
-    )  # fmt: skip
+        folder,
+        device=device.name,
+        steps=list_steps(run),
+        channels=runs.dataset.channels,
+        reference=runs.converter.reference.tolist(),
+        calibration=folder / CAMERAS,
+        markers=runs.markers,
+        unit=run.recording.unit,
+        layout=runs.dataset.layout,
+    )
     session = load(folder)
     with storage_errors(folder):
         (folder / RUN_1).mkdir()
-    write_samples(folder / RUN_1 / BOARD, made, run, device.converter, LED_PERIOD_MS)
+    write_samples(folder / RUN_1 / BOARD, runs, run, device.converter, LED_PERIOD_MS)
     tags = dictionary(session.markers.dictionary)
     compile_detector(session.rig.cameras[0], tags, lambda text: progress("filming", 0.0, text))
-    lasts = float(run.walk.times[-1])
+    duration = float(run.walk.times[-1])
     phases = rng.random(film.count) if kind.free_running else np.zeros(film.count)
     sources = [
         RenderedCamera(
             camera,
-            scenes.at,
+            scenes.scene_at,
             kind.optics,
             np.random.default_rng([*seed, k]),
-            _moments(lasts, film.rate, float(phases[k]), kind, [*seed, k, 1]),
+            _frame_times(duration, film.rate, float(phases[k]), kind, [*seed, k, 1]),
         )
         for k, camera in enumerate(cameras)
     ]
@@ -95,109 +114,127 @@ def film_session(
         stack.enter_context(one_thread_per_call(film.count > 1))
         recorders = []
         for camera, source in zip(session.rig.cameras, sources, strict=True):
-            opener = partial(_given, source)
+            opener = partial(_identity, source)
             recorder = CameraRecorder(opener, camera, tags, folder / RUN_1, log)
             stack.callback(recorder.close)
             recorders.append(recorder)
             recorder.start()
-        _wait(recorders, sources, max(int(lasts * film.rate), 1), progress)
+        _wait(recorders, sources, max(int(duration * film.rate), 1), progress)
     write_log(folder / RUN_1 / LOG, run)
 
 
-def _given(source: RenderedCamera) -> RenderedCamera:
+def _identity(source: RenderedCamera) -> RenderedCamera:
     return source
 
 
 def _wait(
-    recorders: list[CameraRecorder], sources: list[RenderedCamera], pictures: int,
+    recorders: list[CameraRecorder],
+    sources: list[RenderedCamera],
+    frames: int,
     progress: Progress,
-) -> None:  # fmt: skip
-    """Until all pictures are taken. Raises what a camera raised."""
+) -> None:
+    """Wait until all frames are taken; raise the error of a camera that fails."""
     while not all(s.finished.is_set() for s in sources):
-        time.sleep(_LOOK)
+        time.sleep(POLL_S)
         for recorder in recorders:
             if recorder.failure is not None:
                 raise recorder.failure
         done = min(r.frames for r in recorders)
-        progress("filming", min(done / pictures, 1.0), f"{done} of {pictures} pictures")
+        progress("filming", min(done / frames, 1.0), f"{done} of {frames} frames")
 
 
 def process_filmed(
-    folder: Path, made: TwinRuns, run: TwinRun, film: FilmTraits, progress: Progress
+    folder: Path, runs: TwinRuns, run: TwinRun, film: FilmTraits, progress: Progress
 ) -> None:
-    """As 'defsense capture process' does, with what makes the session a twin's, and the truth at
-    the pictures' times. Raises CaptureError."""
+    """Process a filmed session, and write the truth at the times of its frames.
+
+    Args:
+        folder: Folder of the session.
+        runs: The simulated sessions.
+        run: The session.
+        film: The cameras.
+        progress: Called with the progress.
+
+    Raises:
+        CaptureError: The session cannot be processed.
+    """
     result = process_session(folder, progress=progress)
     kind = CAMERA_KINDS[film.kind]
-    late = kind.delay + kind.jitter / 2
-    first = result.quality["runs"][0]["steps"][0][0]  # the session's clock at the walk's beginning
-    at = result.tracks.time - first - late
-    shown = made.fields.displacements(made.markers.centers)
-    moved = made.fields.space(run.walk(at)) @ shown.reshape(len(shown), -1)
-    points = made.markers.centers + moved.reshape(len(at), -1, 3)
-    truth = replace(run.truth, time=at, points=points)
-    write_truth(folder / TRUTH, made.dataset.channels, made, truth, -first - late)
+    delay = kind.delay + kind.jitter / 2
+    start = result.quality["runs"][0]["steps"][0][0]  # of the walk, by the session's clock
+    time = result.tracks.time - start - delay
+    shown = runs.fields.displacements(runs.markers.centers)
+    moved = runs.fields.space(run.walk(time)) @ shown.reshape(len(shown), -1)
+    points = runs.markers.centers + moved.reshape(len(time), -1, 3)
+    truth = replace(run.truth, time=time, points=points)
+    write_truth(folder / TRUTH, runs.dataset.channels, runs, truth, -start - delay)
     quality = json.loads((folder / QUALITY).read_text(encoding="utf-8"))
-    write_json(folder / QUALITY, {**quality, "twin": dict(made.dataset.provenance)})
+    write_json(folder / QUALITY, {**quality, "twin": dict(runs.dataset.provenance)})
 
 
-class _Scenes:
-    """What there is to be seen at a time."""
+class _FilmedScenes:
+    """The scenes of a session by time.
+
+    Attributes:
+        twin: The moving device.
+        led_position: Position of the LED (3,) mm; set before the first scene.
+    """
 
     def __init__(
-        self, made: TwinRuns, run: TwinRun, film: FilmTraits, rng: np.random.Generator
+        self, runs: TwinRuns, run: TwinRun, film: FilmTraits, rng: np.random.Generator
     ) -> None:
-        kind, markers, fields = CAMERA_KINDS[film.kind], made.markers, made.fields
+        kind, markers, fields = CAMERA_KINDS[film.kind], runs.markers, runs.fields
         family = dictionary(markers.dictionary)
-        seats = tuple(
-            print_patch(
-                Patch(int(n), family.pattern(int(n)), c, a, markers.size), kind.ink, kind.curl
-            )
-            for n, c, a in zip(markers.ids, markers.centers, markers.axes, strict=True)
-        )  # fmt: skip
+        tags = [
+            Patch(int(n), family.pattern(int(n)), center, axes, markers.size)
+            for n, center, axes in zip(markers.ids, markers.centers, markers.axes, strict=True)
+        ]
         corners = fields.mesh.cells[:, :4]
         tets = TetMesh(fields.mesh.nodes[: corners.max() + 1], corners)
         skin, nodes = tets.boundary().compact()
-        self.twin = DeviceTwin(skin, fields.fields[:, nodes], seats)
-        self.led_at = np.zeros(3)
-        self._made, self._run = made, run
+        patches = tuple(print_patch(tag, kind.ink, kind.curl) for tag in tags)
+        self.twin = DeviceTwin(skin, fields.fields[:, nodes], patches)
+        self.led_position = np.zeros(3)
+        self._runs, self._run = runs, run
         bounds = skin.bounds
-        self._hand = draw_sway(rng, bounds.mean(axis=0), shift=film.steady, degrees=film.steady)
-        self._around = Scene(backdrop=Backdrop(), gloss=kind.gloss)
-        towards = np.mean(
-            [c.center for c in place_cameras(skin, markers, film.count)], axis=0
-        ) - bounds.mean(axis=0)
-        way = towards / np.linalg.norm(towards)
-        self._passing = simulate_passing_finger(rng, bounds, way) if kind.passing else None
+        middle = bounds.mean(axis=0)
+        self._sway = draw_sway(rng, middle, shift=film.steady, degrees=film.steady)
+        self._surroundings = Scene(backdrop=Backdrop(), gloss=kind.gloss)
+        eyes = [c.center for c in place_cameras(skin, markers, film.count)]
+        towards = np.mean(eyes, axis=0) - middle
+        direction = towards / np.linalg.norm(towards)
+        self._finger_at = simulate_passing_finger(rng, bounds, direction) if kind.passing else None
 
-    def at(self, seconds: float) -> Scene:
-        states = self._made.fields.space(self._run.walk(np.array([seconds])))[0]
-        found = self.twin.scene(states, self._hand.pose_at(seconds), self._around)
-        if self._passing is not None:
-            found = found.replace(occluders=self._passing(seconds))
-        return found.replace(led=Led(self.led_at, is_led_on(self._made, seconds, LED_PERIOD_MS), radius=3.0))
+    def scene_at(self, seconds: float) -> Scene:
+        """Return the scene at a time, s."""
+        weights = self._runs.fields.space(self._run.walk(np.array([seconds])))[0]
+        scene = self.twin.scene(weights, self._sway.pose_at(seconds), self._surroundings)
+        if self._finger_at is not None:
+            scene = scene.replace(occluders=self._finger_at(seconds))
+        is_on = is_led_on(self._runs, seconds, LED_PERIOD_MS)
+        return scene.replace(led=Led(self.led_position, is_on, radius=LED_RADIUS_MM))
 
 
-def _moments(
-    lasts: float, rate: float, phase: float, kind: CameraKind, seed: list[int]
+def _frame_times(
+    duration: float, rate: float, phase: float, kind: CameraKind, seed: list[int]
 ) -> Iterator[tuple[float, int]]:
-    """Times, s, of a camera's pictures, and their stamps, ns."""
+    """Yield the times of a camera's frames, s, and their time stamps, ns."""
     rng = np.random.default_rng(seed)
-    for k in range(int(lasts * rate - phase)):
-        at = (k + phase) / rate
-        late = kind.delay + min(kind.jitter * rng.random(), _LATEST / rate)
-        yield at, round(1e9 * (at + late))
+    for k in range(int(duration * rate - phase)):
+        seconds = (k + phase) / rate
+        delay = kind.delay + min(kind.jitter * rng.random(), MAX_JITTER / rate)
+        yield seconds, round(1e9 * (seconds + delay))
 
 
-def _calibrated(camera: Camera, film: FilmTraits, rng: np.random.Generator) -> Camera:
-    """As a calibration finds it."""
+def _calibrate(camera: Camera, film: FilmTraits, rng: np.random.Generator) -> Camera:
+    """Return a camera with the errors of its calibration."""
     K = camera.matrix.copy()
     K[0, 0] *= 1 + film.focal * rng.normal()
     K[1, 1] *= K[0, 0] / camera.matrix[0, 0]
     K[:2, 2] += film.center * rng.normal(size=2)
     turn = Rotation.from_rotvec(np.radians(film.turn) * rng.normal(size=3)).as_matrix()
     R = turn @ camera.rotation
-    # A principal point that is off is made up for by where the camera is taken to look.
+    # The calibrated orientation makes up for the error of the principal point.
     aside = (K[:2, 2] - camera.matrix[:2, 2]) / np.diag(K)[:2]
     R = Rotation.from_rotvec([aside[1], -aside[0], 0]).as_matrix() @ R
     center = camera.center + film.shift * rng.normal(size=3)
