@@ -17,7 +17,7 @@ from .run_end import ending, tell
 if TYPE_CHECKING:
     from ...core.progress import Progress
     from ...runtime.live.live_run import LiveRun, RunOptions
-    from ...runtime.outputs.several_devices import SeveralDevices
+    from ...runtime.outputs.output_allocation import OutputAllocator
     from ..options import Commands
 
 _VIEW = 8080
@@ -83,7 +83,7 @@ def add(commands: Commands) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from ...core.errors import DeviceError
-    from ...runtime.outputs.several_devices import SeveralDevices
+    from ...runtime.outputs.output_allocation import OutputAllocator
     from ..terminal.live_lines import LiveLines
 
     count = len(options.models)
@@ -98,7 +98,7 @@ def _run(options: argparse.Namespace) -> int:
     runs: list[LiveRun] = []
     with ending(runs, options):
         with progress_bars(options) as progress:
-            several = SeveralDevices()
+            several = OutputAllocator()
             for k in range(count):  # one after another: those before are ended if one fails
                 runs += [_prepare(options, k, progress, several)]
         for run in runs:
@@ -112,7 +112,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _prepare(
-    options: argparse.Namespace, k: int, progress: Progress, several: SeveralDevices
+    options: argparse.Namespace, k: int, progress: Progress, several: OutputAllocator
 ) -> LiveRun:
     from ...runtime.live.live_device import live_device
     from ...runtime.live.live_run import live_run
@@ -120,8 +120,8 @@ def _prepare(
     folder = options.device[k] if options.device else None
     live = live_device(options.models[k], folder)
     asked = _asked(options, k, len(live.wired), live.device.source if live.device else None)
-    live = replace(live, model=replace(live.model, device=several.name(live.model.device)))
-    asked = replace(asked, outputs=several.outputs(asked.outputs))
+    live = replace(live, model=replace(live.model, device=several.unique_name(live.model.device)))
+    asked = replace(asked, outputs=several.allocate(asked.outputs))
     return live_run(live, asked, progress)
 
 

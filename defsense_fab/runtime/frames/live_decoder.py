@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import LiveError
-from ...decoding.trained_model import Decoded, TrainedModel, decoded
+from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
 from ...sensing.response import relative_change
 from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_note
 from .live_frame import LiveFrame, Note, Quality
@@ -181,7 +181,7 @@ class LiveDecoder:
             return
         ratio = np.nan_to_num(former / rest, nan=1.0)
         for stream in self._streams.values():
-            stream.refer(ratio)
+            stream.change_rest(ratio)
 
     def _unswap(self, ohms: Float) -> Float:
         return self._swaps.unswap(ohms) if self._fallback else ohms
@@ -196,7 +196,7 @@ class LiveDecoder:
         inputs = {n: s.inputs(reading.time, signals) for n, s in self._streams.items()}
         lost_channel, quality = self._choose_decoder(notes)
         failed = len(self._faults)
-        now = decoded(model.branch(lost_channel), inputs[lost_channel][None], len(self._ids))
+        now = decode_inputs(model.branch(lost_channel), inputs[lost_channel][None], len(self._ids))
         is_far = not now.distance[0] < _IMPLAUSIBLE_DISTANCE
         # A single implausible cord has a fault; several that can be read have a wrong R0.
         is_implausible = (

@@ -176,7 +176,7 @@ class SwapWatch:
         self._orders = [list(range(count)), *(_swapped_order(count, pair) for pair in self._pairs)]
         # The range of signals alone: after a swap, memories are wrong for a long time in all
         # orders but one.
-        self._model, self._range = model, model.main.range.of_signals()
+        self._model, self._range = model, model.main.range.for_signals()
         self._mean_log_distance = np.zeros(len(self._orders))
         self._averaged_since, self._last_time = np.nan, np.nan
         self._window: deque[Float] = deque(maxlen=2 * _SWAP_SIDE_SAMPLES)
@@ -207,7 +207,7 @@ class SwapWatch:
         dt = time - self._last_time if np.isfinite(self._last_time) else 0.0
         self._last_time = time
         signals = np.array(
-            [self._model.corrected(relative_change(ohms[o], rest)) for o in self._orders]
+            [self._model.correct(relative_change(ohms[o], rest)) for o in self._orders]
         )
         log_distance = np.log(np.maximum(self._range.distance(signals), 1e-6))
         if not np.isfinite(self._averaged_since):

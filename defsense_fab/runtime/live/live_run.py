@@ -259,7 +259,7 @@ def _reference(
     if live.reference is not None:
         return live.reference
     if twin is not None:
-        return twin.made.converter.reference[order]
+        return twin.runs.converter.reference[order]
     notes.append(
         f"the training does not tell the dividers' resistors: {REFERENCE:g} ohm are taken for"
         " each; give --reference"

@@ -13,7 +13,7 @@ from ...core.arrays import Float, Int
 from ...core.device.device import Device
 from ...core.errors import LiveError
 from ...core.storage.session_manifest import manifest_path
-from ...decoding.signal_history import at_times
+from ...decoding.signal_history import interpolate_at
 from ...sensing.serial_frames import NOT_READ, Info, Sample
 from ...sensing.voltage_divider import Dividers
 from ...training.data.dataset import Recording
@@ -61,7 +61,7 @@ class SessionPlay(PacedSamples):
         they did not."""
         r = self._run
         flat = r.points.reshape(len(r.time), -1)
-        at = at_times(np.array([when + r.sample_time[0]]), r.time, flat, _BETWEEN)
+        at = interpolate_at(np.array([when + r.sample_time[0]]), r.time, flat, _BETWEEN)
         seen = at.reshape(-1, 3)
         nowhere = np.full(3, np.nan)
         return np.array([

@@ -1,4 +1,4 @@
-"""A virtual gamepad: games and browsers see controls as sticks and buttons (Linux, uinput)."""
+"""Present controls as a virtual gamepad to games and browsers (Linux, uinput)."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from pathlib import Path
 
 from ...core.errors import OutputError
 from ...core.machine.optional_libraries import optional
-from ..frames.live_frame import LiveFrame
-from .output import controls_known, signals_of, unknown_controls
+from ..frames.live_frame import LiveFrame, Note
+from .output import has_all_controls, mappable_values, unknown_controls_note
 from .settings import GamepadMapping, GamepadSettings
 
 _UINPUT = Path("/dev/uinput")
-_FULL = 32767
-_KEY, _AXIS = 0x01, 0x03  # EV_KEY, EV_ABS of linux/input-event-codes.h
+_AXIS_RANGE = 32767
+_AXIS_FUZZ = 16  # smaller changes are filtered by the kernel
+_EV_KEY, _EV_ABS = 0x01, 0x03  # of linux/input-event-codes.h
 _AXES = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}  # ABS_X ...
 _BUTTONS = {  # BTN_SOUTH ...
     "south": 0x130,
@@ -25,20 +26,30 @@ _BUTTONS = {  # BTN_SOUTH ...
     "select": 0x13A,
     "start": 0x13B,
 }
-_COMPILED = (
+_DEFAULT_AXES = ("x", "y", "rx", "ry", "z", "rz")  # sticks first
+_NEEDS_COMPILER = (
     "it is compiled, and needs a C compiler and the kernel's headers"
     " (apt install gcc linux-libc-dev)"
 )
-_ORDER = ("x", "y", "rx", "ry", "z", "rz")  # sticks first
 
 
 class GamepadOutput:
-    """An `Output` as a gamepad that is plugged in while it is open."""
+    """An `Output` as a gamepad that is plugged in while it is open.
+
+    Args:
+        settings: Name and mapping of the gamepad.
+        device: The device file of uinput.
+
+    Attributes:
+        trouble: A note on mapped controls that the device does not have, or None.
+
+    Raises:
+        OutputError: The machine has no uinput, or the user may not open it.
+    """
 
     name = "gamepad"
 
     def __init__(self, settings: GamepadSettings, device: Path = _UINPUT) -> None:
-        """Raises OutputError where the machine has no uinput, or it is not ours to open."""
         if not device.exists():
             raise OutputError(
                 f"{device} does not exist",
@@ -46,13 +57,15 @@ class GamepadOutput:
                 where="gamepad",
                 action="Load it on Linux (sudo modprobe uinput); elsewhere use osc or midi",
             )
-        with optional(OutputError, "gamepad", package="evdev", otherwise=_COMPILED):
+        with optional(OutputError, "gamepad", package="evdev", otherwise=_NEEDS_COMPILER):
             import evdev
-        axes = [(code, evdev.AbsInfo(0, -_FULL, _FULL, 16, 0, 0)) for code in _AXES.values()]
+        info = evdev.AbsInfo(0, -_AXIS_RANGE, _AXIS_RANGE, _AXIS_FUZZ, 0, 0)
+        capabilities = {
+            _EV_KEY: list(_BUTTONS.values()),
+            _EV_ABS: [(code, info) for code in _AXES.values()],
+        }
         try:
-            self._pad = evdev.UInput(
-                {_KEY: list(_BUTTONS.values()), _AXIS: axes}, name=settings.name
-            )
+            self._pad = evdev.UInput(capabilities, name=settings.name)
         except (OSError, evdev.UInputError) as error:
             raise OutputError(
                 f"{device} cannot be opened ({error})",
@@ -62,42 +75,50 @@ class GamepadOutput:
             ) from None
         self._name = settings.name
         self._mapping: Sequence[GamepadMapping] = settings.mapping
-        self._asked = [one.control for one in settings.mapping]
-        self.trouble: str | None = None
+        self._mapped_controls = [entry.control for entry in settings.mapping]
+        self.trouble: Note | None = None
 
     @property
     def about(self) -> str:
+        """Description of the gamepad."""
         return f"gamepad: {self._name!r} is plugged in"
 
     def send(self, frame: LiveFrame) -> None:
+        """Move the axes and buttons to the values of a frame."""
         if not self._mapping:
             self._mapping = default_mapping(frame)
-        if controls_known(frame):
-            self.trouble = unknown_controls("gamepad", self._asked, frame)
+        if has_all_controls(frame):
+            self.trouble = unknown_controls_note("gamepad", self._mapped_controls, frame)
         for kind, code, value in events(self._mapping, frame):
             self._pad.write(kind, code, value)
         self._pad.syn()
 
     def close(self) -> None:
+        """Unplug the gamepad."""
         self._pad.close()
 
 
 def default_mapping(frame: LiveFrame) -> list[GamepadMapping]:
-    """The controls in their order move the sticks, then the triggers."""
-    return [
-        GamepadMapping(name, axis=axis) for name, axis in zip(frame.controls, _ORDER, strict=False)
-    ]
+    """Map the controls, in their order, to the sticks, then to the triggers."""
+    names = zip(frame.controls, _DEFAULT_AXES, strict=False)
+    return [GamepadMapping(name, axis=axis) for name, axis in names]
 
 
 def events(mapping: Sequence[GamepadMapping], frame: LiveFrame) -> list[tuple[int, int, int]]:
-    """Type, code and value, as the kernel's input events have them."""
-    values, out = signals_of(frame), list[tuple[int, int, int]]()
-    for one in mapping:
-        if one.control not in values:
+    """Return type, code and value of the kernel's input events of a frame.
+
+    Args:
+        mapping: What each control moves.
+        frame: The frame; controls that it does not have are left out.
+    """
+    values, result = mappable_values(frame), list[tuple[int, int, int]]()
+    for entry in mapping:
+        if entry.control not in values:
             continue
-        value = values[one.control]
-        if one.axis:
-            out.append((_AXIS, _AXES[one.axis], round(_FULL * min(max(value, -1.0), 1.0))))
+        value = values[entry.control]
+        if entry.axis:
+            position = round(_AXIS_RANGE * min(max(value, -1.0), 1.0))
+            result.append((_EV_ABS, _AXES[entry.axis], position))
         else:
-            out.append((_KEY, _BUTTONS[one.button], int(value > one.threshold)))
-    return out
+            result.append((_EV_KEY, _BUTTONS[entry.button], int(value > entry.threshold)))
+    return result

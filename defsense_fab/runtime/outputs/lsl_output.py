@@ -1,4 +1,4 @@
-"""A stream of the Lab Streaming Layer: to LabRecorder, OpenViBE, MATLAB and the like."""
+"""Send frames as a stream of the Lab Streaming Layer (LabRecorder, OpenViBE, MATLAB and others)."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from ...core.errors import OutputError
 from ..frames.live_frame import LiveFrame
-from .output import controls_known, finite
+from .output import finite_or_zero, has_all_controls
 from .settings import LslSettings
 
 try:
     import pylsl
-except RuntimeError as problem:  # the package is there, the library that it calls is not
+except RuntimeError as problem:  # the package is installed, the library that it calls is not
     raise OutputError(
         "the library liblsl is not installed",
         code="library-missing",
@@ -25,70 +25,98 @@ except RuntimeError as problem:  # the package is there, the library that it cal
         " https://github.com/sccn/liblsl/releases) and set PYLSL_LIB to its path",
     ) from problem
 
-_CONFIG = "lsl_api.cfg"
+_CONFIG_FILE = "lsl_api.cfg"
+_CLOCK_WINDOW_S = 20.0  # over which clocks are compared
+_MAX_CLOCK_JUMP_S = 5.0  # of a sample; after a larger one the comparison restarts
+
+Channel = tuple[str, str, str]  # label, unit and type
 
 
-def _keep_quiet() -> None:
-    """Only errors are written to the terminal: warnings quote what strangers sent, with all its
-    control characters. Whoever has a configuration of the library decides that there."""
-    places = (Path(), Path.home() / "lsl_api", Path("/etc/lsl_api"))
-    if "LSLAPICFG" not in os.environ and not any((p / _CONFIG).exists() for p in places):
+def silence_warnings() -> None:
+    """Let the library print only errors, unless the user has a configuration of it.
+
+    Its warnings quote data from the network, with all control characters.
+    """
+    folders = (Path(), Path.home() / "lsl_api", Path("/etc/lsl_api"))
+    if "LSLAPICFG" not in os.environ and not any((f / _CONFIG_FILE).exists() for f in folders):
         pylsl.util.set_config_content("[log]\nlevel = -2\n")
 
 
-_keep_quiet()  # the library reads its configuration once, with its first call
-
-_WINDOW = 20.0  # s over which clocks are compared
-_STRANGE = 5.0  # s by which a sample may be off the comparison before it begins anew
+silence_warnings()  # the library reads its configuration once, at its first call
 
 
 class SampleClock:
-    """From the board's clock to this machine's: samples arrive late by a varying time, never early,
-    so that the least difference of the last 20 s is the clocks'."""
+    """Convert times from the board's clock to this machine's.
+
+    Samples arrive late by a varying delay, never early. So the smallest difference of the last 20 s
+    is that of the clocks.
+    """
 
     def __init__(self) -> None:
         self._differences: deque[tuple[float, float]] = deque()
         self._last = -np.inf
 
     def __call__(self, sampled: float, arrived: float) -> float:
-        """When a sample was taken, on the clock of `arrived` (s); never before the one before."""
-        d, queue = arrived - sampled, self._differences
-        if queue and (sampled < queue[-1][0] or abs(d - queue[0][1]) > _STRANGE):
+        """Return when a sample was taken, s, on the clock of `arrived`; it never decreases.
+
+        Args:
+            sampled: Time of the sample on the board's clock, s.
+            arrived: Time of its arrival, s.
+        """
+        difference, queue = arrived - sampled, self._differences
+        has_jumped = queue and abs(difference - queue[0][1]) > _MAX_CLOCK_JUMP_S
+        if queue and (sampled < queue[-1][0] or has_jumped):
             queue.clear()  # the board was reset, or stood still
-        # The queue rises in both: its first is the least of the window.
-        while queue and queue[-1][1] >= d:
+        # The queue increases in both times: its first entry is the smallest of the window.
+        while queue and queue[-1][1] >= difference:
             queue.pop()
-        queue.append((sampled, d))
-        while queue[0][0] < sampled - _WINDOW:
+        queue.append((sampled, difference))
+        while queue[0][0] < sampled - _CLOCK_WINDOW_S:
             queue.popleft()
         self._last = max(self._last, sampled + queue[0][1])
         return self._last
 
 
 class LslOutput:
-    """An `Output` as a stream. Its channels cannot change, and receivers that know it would lose
-    one that begins anew: with controls in it, it begins once they are known."""
+    """An `Output` as a stream.
+
+    The channels of a stream cannot change, and receivers would lose a stream that restarts. So a
+    stream with controls starts only when these are known.
+
+    Args:
+        settings: Name and channels of the stream.
+    """
 
     name, trouble = "lsl", None
 
     def __init__(self, settings: LslSettings) -> None:
         self._settings, self._clock = settings, SampleClock()
         self._outlet: pylsl.StreamOutlet | None = None
-        self._channels: list[tuple[str, str, str]] = []
+        self._channels: list[Channel] = []
         self._stream = settings.stream
 
     @property
     def about(self) -> str:
+        """Description of the stream."""
         if self._outlet is None:
-            return "lsl: the stream begins when the resistances at rest are known"
+            return "lsl: the stream starts when the resistances at rest are known"
         return f"lsl: stream {self._stream!r} of {len(self._channels)} channels"
 
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Label, unit and type of the channels; empty before the stream starts."""
+        return tuple(self._channels)
+
     def send(self, frame: LiveFrame) -> None:
-        """Raises OutputError where the device has nothing of what is to be sent."""
-        waits = not {"controls", "confidence"}.isdisjoint(self._settings.send)
-        if self._outlet is None and waits and not controls_known(frame):
+        """Send a frame.
+
+        Raises:
+            OutputError: The device has none of the selected channels.
+        """
+        needs_controls = not {"controls", "confidence"}.isdisjoint(self._settings.send)
+        if self._outlet is None and needs_controls and not has_all_controls(frame):
             return
-        channels, values = sample(frame, self._settings.send)
+        channels, values = channel_values(frame, self._settings.send)
         if not channels:
             raise OutputError(
                 f"{frame.device} has no {' and no '.join(self._settings.send)}",
@@ -101,39 +129,43 @@ class LslOutput:
             self._open(frame, channels)
         assert self._outlet is not None
         shift = pylsl.local_clock() - time.monotonic()
-        stamp = self._clock(finite(frame.time), frame.arrived + shift)
+        stamp = self._clock(finite_or_zero(frame.time), frame.arrived + shift)
         self._outlet.push_sample(values, stamp)
 
     def close(self) -> None:
-        self._outlet = None  # the library ends the stream with the last reference
+        """End the stream."""
+        self._outlet = None  # the library ends it with the last reference
 
-    def _open(self, frame: LiveFrame, channels: list[tuple[str, str, str]]) -> None:
+    def _open(self, frame: LiveFrame, channels: list[Channel]) -> None:
         self._outlet = None
         self._stream, self._channels = self._settings.stream or frame.device, channels
         info = pylsl.StreamInfo(
             self._stream,
             "Deformation",
             len(channels),
-            pylsl.IRREGULAR_RATE,  # the newest frame wins: some are left out
+            pylsl.IRREGULAR_RATE,  # only the newest frame is sent: some are left out
             pylsl.cf_float32,
             f"defsense-{frame.device}",
         )
-        top = info.desc()
-        top.append_child_value("manufacturer", "defsense-fab")
-        top.append_child_value("device", frame.device)
-        described = top.append_child("channels")
+        description = info.desc()
+        description.append_child_value("manufacturer", "defsense-fab")
+        description.append_child_value("device", frame.device)
+        list_of_channels = description.append_child("channels")
         for label, unit, kind in channels:
-            one = described.append_child("channel")
+            channel = list_of_channels.append_child("channel")
             for key, value in (("label", label), ("unit", unit), ("type", kind)):
-                one.append_child_value(key, value)
+                channel.append_child_value(key, value)
         self._outlet = pylsl.StreamOutlet(info)
 
 
-def sample(
-    frame: LiveFrame, send: tuple[str, ...]
-) -> tuple[list[tuple[str, str, str]], list[float]]:
-    """Channels as label, unit and type, and their values; NaN where there is none."""
-    channels, values = list[tuple[str, str, str]](), list[float]()
+def channel_values(frame: LiveFrame, send: tuple[str, ...]) -> tuple[list[Channel], list[float]]:
+    """Return the channels of a stream and their values in a frame, NaN where unknown.
+
+    Args:
+        frame: The frame.
+        send: Kinds of channels, as in `LslSettings.send`.
+    """
+    channels, values = list[Channel](), list[float]()
     if "controls" in send:
         channels += [(name, "normalized", "control") for name in frame.controls]
         values += map(float, frame.controls.values())

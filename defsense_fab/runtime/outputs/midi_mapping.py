@@ -1,4 +1,4 @@
-"""Controls to MIDI messages: control changes, and notes where a threshold is crossed."""
+"""Map controls to MIDI messages, and learn mappings from the knobs and keys of a MIDI input."""
 
 from __future__ import annotations
 
@@ -9,173 +9,218 @@ from dataclasses import dataclass, field
 
 from ..frames.live_frame import LiveFrame
 from .midi_ports import MidiPorts, find_port
-from .output import signals_of
+from .output import mappable_values
 from .settings import MidiMapping
 
-# Learn mode: move the device, touch the knob or key that it shall play.
+NOTE_OFF, NOTE_ON, CONTROL_CHANGE = 0x80, 0x90, 0xB0
+_FIRST_MODE_MESSAGE = 120  # control changes from here on are mode messages
 
-_WINDOW_MIDI_LEARN = 4.0  # s of movement that count
-_LEAST = 0.2  # of a control's range that has to be moved
-_BELOW = -0.1  # of a control that reaches below: it goes to both sides
+#: Control changes that MIDI leaves undefined, so that no other receiver reacts to them.
+FREE = (*range(20, 32), *range(85, 91), *range(102, 119))
+#: Control change of the quality.
+QUALITY = 119
+
+_SPEED_WINDOW_S = 0.1  # over which the speed of a note is measured
+_MIN_VELOCITY = 40  # 20 dB below the loudest on most synthesizers: slow notes can be heard, too
+_MAX_SPEED = 4.0  # of the range per second, for the loudest note: that of a hand in a hurry
+
+_LEARN_WINDOW_S = 4.0  # of movement that counts
+_MIN_LEARN_RANGE = 0.2  # of a control's range that must be moved
+_MAX_NEGATIVE = -0.1  # controls that go below it are mapped in both directions
 
 
-def most_moved(history: Sequence[Mapping[str, float]]) -> tuple[str, float, float] | None:
-    """Of controls over time, the one that moved most, with its least and greatest value; None where
-    none moved by a fifth of its range."""
+def default_mapping(frame: LiveFrame, channel: int = 1) -> list[MidiMapping]:
+    """Map the controls, in their order, to undefined control changes; the quality comes last.
+
+    Args:
+        frame: A frame with all controls.
+        channel: MIDI channel, 1 to 16.
+    """
+    names = [name for name in frame.controls if name != "quality"]
+    mapping = [
+        MidiMapping(name, cc, channel=channel) for name, cc in zip(names, FREE, strict=False)
+    ]
+    return [*mapping, MidiMapping("quality", QUALITY, channel=channel)]
+
+
+@dataclass
+class _State:
+    """State of one mapping.
+
+    Attributes:
+        last_value: Value that was sent last, or None.
+        may_sound: Whether its note sounds or may sound.
+        recent: Recent times, s, and values, 0..1.
+    """
+
+    last_value: int | None = None
+    may_sound: bool = False
+    recent: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=200))
+
+
+class MidiMapper:
+    """Convert frames to messages, each only when its value changes.
+
+    A message counts as sent when the next one is requested. If sending it raises, `silence` still
+    ends the notes that may sound.
+
+    Args:
+        mapping: What each control becomes.
+    """
+
+    def __init__(self, mapping: Sequence[MidiMapping]) -> None:
+        self._states = [(entry, _State()) for entry in mapping]
+
+    def messages(self, frame: LiveFrame) -> Iterator[bytes]:
+        """Yield the messages of a frame; controls that it does not have are left out."""
+        values = mappable_values(frame)
+        for entry, state in self._states:
+            if entry.control not in values:
+                continue
+            value = values[entry.control]
+            scaled = (value - entry.low) / (entry.high - entry.low)
+            if entry.cc is not None:
+                number = round(127 * min(max(scaled, 0.0), 1.0))
+                if number != state.last_value:
+                    yield bytes([CONTROL_CHANGE | (entry.channel - 1), entry.cc, number])
+                    state.last_value = number
+            else:
+                yield from _note_messages(entry, state, value, scaled, frame.time)
+
+    def silence(self) -> Iterator[bytes]:
+        """Yield messages that end the notes that sound or may sound."""
+        for entry, state in self._states:
+            if state.may_sound and entry.note is not None:
+                yield bytes([NOTE_OFF | (entry.channel - 1), entry.note, 0])
+                state.may_sound = False
+
+
+def _note_messages(
+    entry: MidiMapping, state: _State, value: float, scaled: float, time: float
+) -> Iterator[bytes]:
+    recent = state.recent
+    if recent and time < recent[-1][0]:  # the board was reset
+        recent.clear()
+    while len(recent) > 1 and recent[0][0] < time - _SPEED_WINDOW_S:
+        recent.popleft()
+    recent.append((time, scaled))
+    assert entry.note is not None
+    if not state.may_sound and value > entry.threshold:
+        state.may_sound = True  # even if sending it fails half-way
+        yield bytes([NOTE_ON | (entry.channel - 1), entry.note, _velocity(recent)])
+    elif state.may_sound and value < entry.threshold - entry.hysteresis:
+        yield bytes([NOTE_OFF | (entry.channel - 1), entry.note, 0])
+        state.may_sound = False
+
+
+def _velocity(recent: deque[tuple[float, float]]) -> int:
+    """Return the velocity of a note, by the root of the speed, because hands are slow beside keys.
+
+    It is a medium one if the speed is unknown.
+    """
+    (start, first), (end, last) = recent[0], recent[-1]
+    if end <= start:
+        return 64
+    speed = abs(last - first) / (end - start)
+    share = math.sqrt(min(1.0, speed / _MAX_SPEED))
+    return round(_MIN_VELOCITY + (127 - _MIN_VELOCITY) * share)
+
+
+def most_moved_control(
+    history: Sequence[Mapping[str, float]],
+) -> tuple[str, float, float] | None:
+    """Return the control that moved most, with its smallest and largest value.
+
+    Args:
+        history: Values of the controls over time.
+
+    Returns:
+        None if no control moved by a fifth of its range.
+    """
     best: tuple[str, float, float] | None = None
     for name in history[-1] if history else ():
         values = [h[name] for h in history if name in h]
         low, high = min(values), max(values)
-        if high - low > max(_LEAST, best[2] - best[1] if best else 0.0):
+        if high - low > max(_MIN_LEARN_RANGE, best[2] - best[1] if best else 0.0):
             best = (name, low, high)
     return best
 
 
-def learned(history: Sequence[Mapping[str, float]], message: bytes) -> MidiMapping | None:
-    """What moved most goes where `message` comes from: the control change of a knob, or the note of
-    a key. None of other messages, and where nothing moved."""
-    moved = most_moved(history)
-    # Whole messages of three bytes, of which only the first has its high bit set.
+def learn_mapping(history: Sequence[Mapping[str, float]], message: bytes) -> MidiMapping | None:
+    """Map the control that moved most to the knob or key that a message comes from.
+
+    Args:
+        history: Values of the controls over time.
+        message: A message from the input: the control change of a knob, or the note of a key.
+
+    Returns:
+        None for other messages, and if no control moved.
+    """
+    moved = most_moved_control(history)
+    # Whole messages have three bytes, of which only the first has its high bit set.
     if moved is None or len(message) != 3 or message[0] < 0x80 or max(message[1:]) > 0x7F:
         return None
-    name, low, _ = moved
+    name, smallest, _ = moved
     kind, channel = message[0] & 0xF0, (message[0] & 0x0F) + 1
-    least = -1.0 if low < _BELOW else 0.0
-    if kind == CONTROL_CHANGE and message[1] < 120:
-        return MidiMapping(name, cc=message[1], channel=channel, low=least)
+    low = -1.0 if smallest < _MAX_NEGATIVE else 0.0
+    if kind == CONTROL_CHANGE and message[1] < _FIRST_MODE_MESSAGE:
+        return MidiMapping(name, cc=message[1], channel=channel, low=low)
     if kind == NOTE_ON and message[2] > 0:
-        return MidiMapping(name, note=message[1], channel=channel, low=least)
+        return MidiMapping(name, note=message[1], channel=channel, low=low)
     return None
 
 
-def as_toml(mapping: Sequence[MidiMapping]) -> str:
-    """The table for `live.toml` that says this."""
+def mapping_toml(mapping: Sequence[MidiMapping]) -> str:
+    """Return a mapping as a table for `live.toml`."""
     rows = []
-    for one in mapping:
-        defaults = MidiMapping(one.control, one.cc, one.note)
-        what = f"cc = {one.cc}" if one.cc is not None else f"note = {one.note}"
-        rest = "".join(
-            f", {key} = {getattr(one, key)!r}"
+    for entry in mapping:
+        defaults = MidiMapping(entry.control, entry.cc, entry.note)
+        number = f"cc = {entry.cc}" if entry.cc is not None else f"note = {entry.note}"
+        other = "".join(
+            f", {key} = {getattr(entry, key)!r}"
             for key in ("low", "high", "threshold", "hysteresis")
-            if getattr(one, key) != getattr(defaults, key)
+            if getattr(entry, key) != getattr(defaults, key)
         )
-        rows.append(f'  {{ control = "{one.control}", {what}, channel = {one.channel}{rest} }},\n')
+        rows.append(
+            f'  {{ control = "{entry.control}", {number}, channel = {entry.channel}{other} }},\n'
+        )
     return f"[outputs.midi]\nmapping = [\n{''.join(rows)}]\n"
 
 
-def merged(mapping: Sequence[MidiMapping], new: MidiMapping) -> list[MidiMapping]:
-    """What was learned takes the place of what its knob or key played before."""
+def merge_mapping(mapping: Sequence[MidiMapping], new: MidiMapping) -> list[MidiMapping]:
+    """Add an entry in place of the former one of the same knob or key."""
     place = (new.channel, new.cc, new.note)
-    return [*(one for one in mapping if (one.channel, one.cc, one.note) != place), new]
+    others = (entry for entry in mapping if (entry.channel, entry.cc, entry.note) != place)
+    return [*others, new]
 
 
 class MidiLearn:
-    """Watches frames and a MIDI input."""
+    """Learn mappings: move the device, then touch the knob or key that it shall play.
+
+    Args:
+        device: Part of the name of the input; empty for the first input.
+        ports: The MIDI ports of the machine.
+
+    Raises:
+        OutputError: There is no such input.
+    """
 
     def __init__(self, device: str, ports: MidiPorts) -> None:
-        """Listens to the first input whose name contains `device`. Raises OutputError."""
         self.port_name = find_port(ports, device, inputs=True)
         self._port = ports.open(self.port_name, inputs=True)
         self._frames: deque[tuple[float, Mapping[str, float]]] = deque(maxlen=10_000)
 
     def watch(self, frame: LiveFrame) -> MidiMapping | None:
-        """What was learned since the last frame, if anything."""
+        """Return the mapping that was learned since the last frame, if any."""
         if self._frames and frame.time < self._frames[-1][0]:
             self._frames.clear()
         self._frames.append((frame.time, frame.controls))
-        while self._frames[0][0] < frame.time - _WINDOW_MIDI_LEARN:
+        while self._frames[0][0] < frame.time - _LEARN_WINDOW_S:
             self._frames.popleft()
         history = [controls for _, controls in self._frames]
-        found = (learned(history, message) for message in self._port.pending())
-        return next((one for one in found if one is not None), None)
+        learned = (learn_mapping(history, message) for message in self._port.pending())
+        return next((entry for entry in learned if entry is not None), None)
 
     def close(self) -> None:
+        """Close the input."""
         self._port.close()
-
-
-NOTE_OFF, NOTE_ON, CONTROL_CHANGE = 0x80, 0x90, 0xB0
-
-#: Control changes that MIDI leaves undefined, in which nothing else listens.
-FREE = (*range(20, 32), *range(85, 91), *range(102, 119))
-QUALITY = 119
-
-_WINDOW = 0.1  # s over which a note's speed is taken
-_SOFTEST = 40  # of 127, 20 dB below the loudest on most synthesisers: the slowest is heard, too
-_FULL_SPEED = 4.0  # of the range per second: the loudest, as of a hand that is in a hurry
-
-
-def default_mapping(frame: LiveFrame, channel: int = 1) -> list[MidiMapping]:
-    """The controls in their order become undefined control changes of a `channel` (1..16); the
-    quality is the last. The frame has all controls (`controls_known`)."""
-    names = [name for name in frame.controls if name != "quality"]
-    out = [MidiMapping(name, cc, channel=channel) for name, cc in zip(names, FREE, strict=False)]
-    return [*out, MidiMapping("quality", QUALITY, channel=channel)]
-
-
-@dataclass
-class _State:
-    """Of one mapping: what was sent last, whether its note sounds or may sound, and values
-    (s, 0..1) of late."""
-
-    sent: int | None = None
-    sounds: bool = False
-    late: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=200))
-
-
-class MidiMapper:
-    """Turns frames into messages, each only when it changes. A message counts as sent when the next
-    one is asked for: where sending it raises, `silence` still ends the notes that may sound."""
-
-    def __init__(self, mapping: Sequence[MidiMapping]) -> None:
-        self._states = [(one, _State()) for one in mapping]
-
-    def messages(self, frame: LiveFrame) -> Iterator[bytes]:
-        """Three bytes each. Controls that the frame does not have are left out."""
-        values = signals_of(frame)
-        for one, state in self._states:
-            if one.control not in values:
-                continue
-            value = values[one.control]
-            scaled = (value - one.low) / (one.high - one.low)
-            if one.cc is not None:
-                number = round(127 * min(max(scaled, 0.0), 1.0))
-                if number != state.sent:
-                    yield bytes([CONTROL_CHANGE | (one.channel - 1), one.cc, number])
-                    state.sent = number
-            else:
-                yield from _note(one, state, value, scaled, frame.time)
-
-    def silence(self) -> Iterator[bytes]:
-        """Ends the notes that sound or may sound."""
-        for one, state in self._states:
-            if state.sounds and one.note is not None:
-                yield bytes([NOTE_OFF | (one.channel - 1), one.note, 0])
-                state.sounds = False
-
-
-def _note(
-    one: MidiMapping, state: _State, value: float, scaled: float, time: float
-) -> Iterator[bytes]:
-    late = state.late
-    if late and time < late[-1][0]:  # the board was reset
-        late.clear()
-    while len(late) > 1 and late[0][0] < time - _WINDOW:
-        late.popleft()
-    late.append((time, scaled))
-    assert one.note is not None
-    if not state.sounds and value > one.threshold:
-        state.sounds = True  # even where sending it fails half-way
-        yield bytes([NOTE_ON | (one.channel - 1), one.note, _velocity(late)])
-    elif state.sounds and value < one.threshold - one.hysteresis:
-        yield bytes([NOTE_OFF | (one.channel - 1), one.note, 0])
-        state.sounds = False
-
-
-def _velocity(late: deque[tuple[float, float]]) -> int:
-    """Of a note, up to 127 by the root of the speed, as hands are slow beside keys; in between
-    where nothing is known of it."""
-    (begin, first), (end, last) = late[0], late[-1]
-    if end <= begin:
-        return 64
-    speed = abs(last - first) / (end - begin)
-    return round(_SOFTEST + (127 - _SOFTEST) * math.sqrt(min(1.0, speed / _FULL_SPEED)))

@@ -1,4 +1,4 @@
-"""Control changes and notes, to a MIDI port or into a file."""
+"""Send controls as MIDI control changes and notes, to a port or into a file."""
 
 from __future__ import annotations
 
@@ -8,102 +8,127 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...core.errors import OutputError, StorageError
-from ...core.storage.files import unused_path, storage_errors, write_text
-from ..frames.live_frame import LiveFrame
-from .midi_mapping import MidiLearn, MidiMapper, as_toml, default_mapping, merged
+from ...core.storage.files import storage_errors, unused_path, write_text
+from ..frames.live_frame import LiveFrame, Note
+from .midi_mapping import MidiLearn, MidiMapper, default_mapping, mapping_toml, merge_mapping
 from .midi_ports import MidiPort, MidiPorts, SystemPorts, find_port
-from .output import controls_known, unknown_controls
+from .output import has_all_controls, unknown_controls_note
 from .settings import MidiMapping, MidiSettings
 
-# A Standard MIDI File that is whole at any time, so that nothing is lost when a program ends.
+_TICKS_PER_QUARTER = 480  # a quarter note takes half a second if no tempo is given
+_TICKS_PER_SECOND = 2 * _TICKS_PER_QUARTER
+_END_OF_TRACK = b"\x00\xff\x2f\x00"
+_LENGTH_OFFSET = 18  # of the track's length in the file
+_PROGRAM_CHANGE = 0xC0
 
-_TICKS = 480  # of a quarter note, which takes half a second where no tempo is given
-_PER_SECOND = 2 * _TICKS
-_END = b"\x00\xff\x2f\x00"
-_LENGTH_AT = 18  # of the track's length
+_CHECK_INTERVAL_S = 1.0  # for a device that was unplugged, which its driver does not report
+_FLUSH_INTERVAL_S = 1.0  # between writes to the file
 
 
 class MidiFile:
-    """Writes messages with their times; format 0, one track."""
+    """A Standard MIDI File of format 0 that is complete after each flush.
+
+    Nothing is lost when the program ends.
+
+    Args:
+        path: The file; if it exists, the name gets a number.
+        title: Name of the track.
+
+    Attributes:
+        path: The file that is written.
+
+    Raises:
+        StorageError: The file cannot be created.
+    """
 
     def __init__(self, path: Path, title: str) -> None:
-        """A file that is there stays: the name gets a number. Raises StorageError."""
         self.path = unused_path(path)
         with storage_errors(self.path):
             self._file = self.path.open("xb")
-            self._file.write(b"MThd" + struct.pack(">IHHH", 6, 0, 1, _TICKS))
+            self._file.write(b"MThd" + struct.pack(">IHHH", 6, 0, 1, _TICKS_PER_QUARTER))
             self._file.write(b"MTrk" + struct.pack(">I", 0))
         name = title.encode("utf-8")[:100]
-        self._pending = b"\x00\xff\x03" + _length(len(name)) + name
-        self._begin: float | None = None
+        self._pending = b"\x00\xff\x03" + _variable_length(len(name)) + name
+        self._start: float | None = None
         self._length = self._tick = 0
         self.flush()
 
     def add(self, message: bytes, time: float) -> None:
-        """At `time` (s), which begins with that of the first message; an earlier one than the last
-        counts as the last."""
-        if self._begin is None:
-            self._begin = time
-        tick = max(self._tick, round((time - self._begin) * _PER_SECOND))
-        self._pending += _length(tick - self._tick) + message
+        """Add a message.
+
+        Args:
+            message: The message.
+            time: Its time, s, counted from the first message; a time before the last message
+                counts as that of the last.
+        """
+        if self._start is None:
+            self._start = time
+        tick = max(self._tick, round((time - self._start) * _TICKS_PER_SECOND))
+        self._pending += _variable_length(tick - self._tick) + message
         self._tick = tick
 
     def flush(self) -> None:
-        """Write what was added, and the end behind it. Raises StorageError."""
+        """Write the added messages and the end of the track; may raise StorageError."""
         with storage_errors(self.path):
-            self._file.seek(_LENGTH_AT + 4 + self._length)
-            self._file.write(self._pending + _END)
+            self._file.seek(_LENGTH_OFFSET + 4 + self._length)
+            self._file.write(self._pending + _END_OF_TRACK)
             self._length += len(self._pending)
             self._pending = b""
-            self._file.seek(_LENGTH_AT)
-            self._file.write(struct.pack(">I", self._length + len(_END)))
+            self._file.seek(_LENGTH_OFFSET)
+            self._file.write(struct.pack(">I", self._length + len(_END_OF_TRACK)))
             self._file.flush()
 
     def close(self) -> None:
+        """Flush and close the file."""
         try:
             self.flush()
         finally:
             self._file.close()
 
 
-def _length(value: int) -> bytes:
-    """A number in groups of seven bits, the last group without the high bit."""
-    out = [value & 0x7F]
+def _variable_length(value: int) -> bytes:
+    """Encode a number in groups of seven bits; all but the last have the high bit set."""
+    groups = [value & 0x7F]
     while value := value >> 7:
-        out.append(0x80 | value & 0x7F)
-    return bytes(reversed(out))
-
-
-_LOOK = 1.0  # s between looks whether the device is still there: its driver does not tell
-_FLUSH = 1.0  # s between writes to the file
+        groups.append(0x80 | value & 0x7F)
+    return bytes(reversed(groups))
 
 
 class MidiOutput:
-    """An `Output` to a port, or into a file."""
+    """An `Output` to a MIDI port, or into a file.
+
+    Args:
+        settings: Port or file, and mapping.
+        ports: The ports of the machine.
+
+    Attributes:
+        trouble: A note on mapped controls that the device does not have, or None.
+
+    Raises:
+        OutputError: There is no such port.
+        StorageError: The file cannot be created.
+    """
 
     name = "midi"
 
     def __init__(self, settings: MidiSettings, ports: MidiPorts | None = None) -> None:
-        """Raises OutputError where there is no such port, StorageError for the file."""
         self._settings, self._ports = settings, ports or SystemPorts()
         self._port: MidiPort | None = None
-        self._port_name, self._looked = "", 0.0
+        self._port_name, self._checked_at = "", 0.0
         self._file: MidiFile | None = None
-        self._flushed, self._time = time.monotonic(), 0.0
+        self._flushed_at, self._time = time.monotonic(), 0.0
         self._mapping: list[MidiMapping] = list(settings.mapping)
         self._mapper = MidiMapper(self._mapping)
-        self._choose = not (
-            settings.mapping or settings.learn
-        )  # a mapping, once there are controls
-        self._anew = False  # notes that may sound shall end, and all be sent again
+        self._needs_mapping = not (settings.mapping or settings.learn)
+        self._must_restart = False  # notes that may sound must end, and all values be sent again
         self._learn: MidiLearn | None = None
-        self._new: MidiMapping | None = None  # that was learned last
-        self._learned_into, self._wrote = unused_path(Path(settings.learned)), False
-        self._told = set[int]()  # channels whose instrument was chosen
-        self.trouble: str | None = None
+        self._last_learned: MidiMapping | None = None
+        self._learned_path, self._has_written = unused_path(Path(settings.learned)), False
+        self._channels_with_program = set[int]()
+        self.trouble: Note | None = None
         try:
-            self._look()
-            if settings.file:  # at last: what raises is tried again, and would leave a file behind
+            self._check_ports()
+            if settings.file:  # last, so that retries of the ports leave no files behind
                 self._file = MidiFile(Path(settings.file), "defsense")
         except (OutputError, StorageError):
             self.close()
@@ -111,41 +136,55 @@ class MidiOutput:
 
     @property
     def about(self) -> str:
-        where = f"sends to {self._port_name!r}"
+        """Description of what is sent where, and of the mapping that was learned last."""
+        text = f"sends to {self._port_name!r}"
         if self._file is not None:
-            where = f"writes to {self._file.path}"
+            text = f"writes to {self._file.path}"
         if self._learn is not None:
-            where += f", learns from {self._learn.port_name!r} into {self._learned_into}"
-        if self._new is not None:
-            where += f"; {self._new.control} plays {self._new.place} from now on"
-        return f"midi: {where}"
+            text += f", learns from {self._learn.port_name!r} into {self._learned_path}"
+        if self._last_learned is not None:
+            text += f"; {self._last_learned.control} now plays {self._last_learned.place}"
+        return f"midi: {text}"
+
+    @property
+    def learned_path(self) -> Path:
+        """File that learned mappings are written to."""
+        return self._learned_path
 
     def send(self, frame: LiveFrame) -> None:
-        """Raises OutputError while the device is not plugged in; what could not be sent is sent
-        with the next frame, after the end of all notes that may sound."""
-        self._look()
+        """Send the changes of a frame.
+
+        What could not be sent is sent with the next frame, after the end of all notes that may
+        sound.
+
+        Raises:
+            OutputError: The device is not plugged in.
+        """
+        self._check_ports()
         self._time = frame.time
         if self._learn is not None:
-            self._learned(self._learn.watch(frame))
-        if controls_known(frame):
-            if self._choose:
-                self._mapping, self._choose = default_mapping(frame, self._settings.channel), False
-                self._mapper = MidiMapper(self._mapping)
-            wanted = (one.control for one in self._mapping)
-            self.trouble = unknown_controls("midi", wanted, frame)
+            self._apply_learned(self._learn.watch(frame))
+        if has_all_controls(frame):
+            if self._needs_mapping:
+                self._mapping = default_mapping(frame, self._settings.channel)
+                self._mapper, self._needs_mapping = MidiMapper(self._mapping), False
+            controls = (entry.control for entry in self._mapping)
+            self.trouble = unknown_controls_note("midi", controls, frame)
         try:
-            if self._anew:
+            if self._must_restart:
                 self._put(self._mapper.silence())
-                self._mapper, self._anew = MidiMapper(self._mapping), False
-            self._tell_instruments()
+                self._mapper, self._must_restart = MidiMapper(self._mapping), False
+            self._choose_programs()
             self._put(self._mapper.messages(frame))
-        except Exception:  # of whatever library: the device may have got any part of it
-            self._anew = True
+        except Exception:  # of any library: the device may have received any part of it
+            self._must_restart = True
             raise
-        self._flush()
+        if self._file is not None and time.monotonic() - self._flushed_at > _FLUSH_INTERVAL_S:
+            self._flushed_at = time.monotonic()
+            self._file.flush()
 
     def close(self) -> None:
-        """Notes that sound end."""
+        """End all notes, and close the ports and the file."""
         try:
             self._put(self._mapper.silence())
         finally:
@@ -156,77 +195,71 @@ class MidiOutput:
             if self._file is not None:
                 self._file.close()
 
-    def _tell_instruments(self) -> None:
-        """Program changes, once for each channel in use."""
+    def _choose_programs(self) -> None:
+        """Send a program change, once for each channel in use."""
         program = self._settings.program
         if program is not None:
-            for channel in sorted({one.channel for one in self._mapping} - self._told):
-                self._put([bytes([0xC0 | channel - 1, program])])
-                self._told.add(channel)
+            channels = {entry.channel for entry in self._mapping} - self._channels_with_program
+            for channel in sorted(channels):
+                self._put([bytes([_PROGRAM_CHANGE | channel - 1, program])])
+                self._channels_with_program.add(channel)
 
     def _put(self, messages: Iterable[bytes]) -> None:
-        """One after the other: where one fails, the rest is not asked for."""
+        """Send messages one by one: after a failure, no further message is requested."""
         for message in messages:
             if self._file is not None:
                 self._file.add(message, self._time)
             elif self._port is not None:
                 self._port.send(message)
 
-    def _flush(self) -> None:
-        if self._file is not None and time.monotonic() - self._flushed > _FLUSH:
-            self._flushed = time.monotonic()
-            self._file.flush()
-
     def _open(self) -> None:
         s = self._settings
         name = s.virtual or find_port(self._ports, s.device, inputs=False)
         self._port = self._ports.open(name, inputs=False, virtual=bool(s.virtual))
-        self._port_name, self._looked = name, time.monotonic()
-        self._told.clear()
-        self._anew = True  # another device, perhaps: it gets all values
+        self._port_name, self._checked_at = name, time.monotonic()
+        self._channels_with_program.clear()
+        self._must_restart = True  # it may be another device, which needs all values
 
-    def _look(self) -> None:
-        """Open the ports that are not open; close those whose device was pulled out."""
+    def _check_ports(self) -> None:
+        """Open ports that are not open, and close those whose device was unplugged."""
         s = self._settings
         if self._port is None and not s.file:
             self._open()
         if self._learn is None and s.learn:
             self._learn = MidiLearn(s.learn, self._ports)
-        if time.monotonic() - self._looked <= _LOOK:
+        if time.monotonic() - self._checked_at <= _CHECK_INTERVAL_S:
             return
-        self._looked = time.monotonic()
+        self._checked_at = time.monotonic()
         port, learn = self._port, self._learn
-        if port is not None and not s.virtual and not self._there(self._port_name, inputs=False):
+        if port is not None and not s.virtual and not self._exists(self._port_name, inputs=False):
             self._port = None
             port.close()
-            raise OutputError(
-                f"port {self._port_name!r} was disconnected",
-                code="port-disconnected",
-                where="midi",
-                action="Plug the device in again",
-                port=self._port_name,
-            )
-        if learn is not None and not self._there(learn.port_name, inputs=True):
+            raise _disconnected(self._port_name)
+        if learn is not None and not self._exists(learn.port_name, inputs=True):
             self._learn = None
             learn.close()
-            raise OutputError(
-                f"port {learn.port_name!r} was disconnected",
-                code="port-disconnected",
-                where="midi",
-                action="Plug the device in again",
-                port=learn.port_name,
-            )
+            raise _disconnected(learn.port_name)
 
-    def _there(self, name: str, inputs: bool) -> bool:
+    def _exists(self, name: str, inputs: bool) -> bool:
         return name in self._ports.names(inputs)
 
-    def _learned(self, new: MidiMapping | None) -> None:
-        """Play it from now on, and keep it, beside what an earlier run learned."""
+    def _apply_learned(self, new: MidiMapping | None) -> None:
+        """Use a learned mapping, and write it next to the files of earlier runs."""
         if new is None:
             return
-        self._mapping, self._new = merged(self._mapping, new), new
-        self._anew = True
-        if not self._wrote:
-            self._learned_into = unused_path(self._learned_into)
-        write_text(self._learned_into, as_toml(self._mapping))
-        self._wrote = True
+        self._mapping, self._last_learned = merge_mapping(self._mapping, new), new
+        self._must_restart = True
+        if not self._has_written:
+            self._learned_path = unused_path(self._learned_path)
+        write_text(self._learned_path, mapping_toml(self._mapping))
+        self._has_written = True
+
+
+def _disconnected(port: str) -> OutputError:
+    return OutputError(
+        f"port {port!r} was disconnected",
+        code="port-disconnected",
+        where="midi",
+        action="Plug the device in again",
+        port=port,
+    )

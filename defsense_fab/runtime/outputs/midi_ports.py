@@ -1,4 +1,4 @@
-"""MIDI ports by mido and RtMidi."""
+"""Find and open MIDI ports, by mido and RtMidi."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ...core.errors import OutputError
-from ...core.machine.optional_libraries import missing
+from ...core.machine.optional_libraries import missing, missing_code
 
-_ALSA = Path("/dev/snd/seq")
-_LAST_WITH_WHEEL = (3, 12)  # Python that python-rtmidi 1.5 has wheels for, as in pyproject.toml
+_ALSA_SEQUENCER = Path("/dev/snd/seq")
+_LAST_PYTHON_WITH_WHEEL = (3, 12)  # for python-rtmidi 1.5, as in pyproject.toml
 
 
 class MidiPort(Protocol):
-    """An open port: messages as bytes, out or in."""
+    """An open port, input or output; messages are bytes."""
 
     def send(self, message: bytes) -> None: ...
 
@@ -24,7 +24,7 @@ class MidiPort(Protocol):
 
 
 class MidiPorts(Protocol):
-    """Where ports are found and opened."""
+    """The ports of a machine."""
 
     def names(self, inputs: bool) -> list[str]: ...
 
@@ -32,18 +32,28 @@ class MidiPorts(Protocol):
 
 
 class SystemPorts:
-    """The machine's."""
+    """The ports of this machine."""
 
     def names(self, inputs: bool) -> list[str]:
-        """Raises OutputError where the machine has no MIDI."""
-        mido = _mido()
+        """Return the names of inputs or outputs; raise OutputError without MIDI."""
+        mido = _import_mido()
         try:
             return list(mido.get_input_names() if inputs else mido.get_output_names())
-        except Exception as error:  # RtMidi's own, which are no OSErrors
-            raise _no_midi(str(error)) from None
+        except Exception as error:  # errors of RtMidi are not OSErrors
+            raise _unavailable(str(error)) from None
 
     def open(self, name: str, inputs: bool, virtual: bool = False) -> MidiPort:
-        mido = _mido()
+        """Open a port, or create a virtual one.
+
+        Args:
+            name: Name of the port.
+            inputs: Whether it is an input.
+            virtual: Whether to create it for other programs to connect to.
+
+        Raises:
+            OutputError: The port cannot be opened.
+        """
+        mido = _import_mido()
         try:
             opener = mido.open_input if inputs else mido.open_output
             return _Port(opener(name, virtual=virtual), mido)
@@ -65,23 +75,31 @@ class _Port:
         self._port.send(self._mido.Message.from_bytes(message))
 
     def pending(self) -> list[bytes]:
-        found = self._port.iter_pending()
-        return [bytes(message.bytes()) for message in found]
+        return [bytes(message.bytes()) for message in self._port.iter_pending()]
 
     def close(self) -> None:
         self._port.close()
 
 
 def find_port(ports: MidiPorts, device: str, inputs: bool) -> str:
-    """The first name that contains `device`, in whatever case. Raises OutputError."""
+    """Return the first port whose name contains a text, in any case.
+
+    Args:
+        ports: The ports of the machine.
+        device: The text; empty for the first port.
+        inputs: Whether to search the inputs.
+
+    Raises:
+        OutputError: There is no such port.
+    """
     names = ports.names(inputs)
-    found = next((name for name in names if device.lower() in name.lower()), None)
-    if found is None:
-        way = "in" if inputs else "out"
-        have = ", ".join(map(repr, names)) or "none"
-        asked = f" with {device!r} in its name" if device else ""
+    name = next((name for name in names if device.lower() in name.lower()), None)
+    if name is None:
+        direction = "input" if inputs else "output"
+        requested = f" with {device!r} in its name" if device else ""
+        available = ", ".join(map(repr, names)) or "none"
         raise OutputError(
-            f"no {way}put port{asked}; available ports: {have}",
+            f"no {direction} port{requested}; available ports: {available}",
             code="port-not-found",
             where="midi",
             action="Plug the device in",
@@ -89,31 +107,31 @@ def find_port(ports: MidiPorts, device: str, inputs: bool) -> str:
             inputs=inputs,
             ports=names,
         )
-    return found
+    return name
 
 
-def _mido() -> Any:
-    # RtMidi would write its own complaint to the terminal.
-    if sys.platform.startswith("linux") and not _ALSA.exists():
-        raise _no_midi(f"no {_ALSA}")
+def _import_mido() -> Any:
+    # Without the sequencer, RtMidi would print to the terminal.
+    if sys.platform.startswith("linux") and not _ALSA_SEQUENCER.exists():
+        raise _unavailable(f"no {_ALSA_SEQUENCER}")
     try:
         import mido
-        import rtmidi  # noqa: F401  # what mido opens ports with
+        import rtmidi  # noqa: F401  # which mido opens ports with
     except ImportError as error:
-        raise OutputError(_brought_by(error), code="package-missing") from None
+        raise OutputError(_describe_missing(error), code=missing_code(error)) from None
     return mido
 
 
-def _brought_by(error: ImportError) -> str:
-    if error.name == "rtmidi" and sys.version_info[:2] > _LAST_WITH_WHEEL:
+def _describe_missing(error: ImportError) -> str:
+    if error.name == "rtmidi" and sys.version_info[:2] > _LAST_PYTHON_WITH_WHEEL:
         compiled = "it has no wheel for this Python and is compiled"
         return missing("midi", error, package="python-rtmidi", otherwise=compiled)
     return missing("midi", error, "midi")
 
 
-def _no_midi(why: str) -> OutputError:
+def _unavailable(reason: str) -> OutputError:
     return OutputError(
-        f"this machine has no MIDI ({why})",
+        f"this machine has no MIDI ({reason})",
         code="midi-unavailable",
         where="midi",
         action="On Linux load ALSA's sequencer (sudo modprobe snd-seq), or write to a file"

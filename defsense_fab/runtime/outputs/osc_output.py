@@ -1,4 +1,4 @@
-"""Send frames by Open Sound Control over UDP: to TouchDesigner, Max, Pure Data, TouchOSC and others.
+"""Send frames by Open Sound Control over UDP (TouchDesigner, Max, Pure Data, TouchOSC and others).
 
 The messages of a frame of the device `bar`:
 

@@ -1,4 +1,4 @@
-"""Frames as JSON to WebSocket clients, and a page that shows them."""
+"""Send frames as JSON over a WebSocket, and serve a page that shows them."""
 
 from __future__ import annotations
 
@@ -22,47 +22,90 @@ from websockets.http11 import Request, Response
 
 from ...core.errors import OutputError
 from ...core.machine.local_access import Access
-from ..frames.live_frame import LiveFrame
+from ..frames.live_frame import LiveFrame, Note
 from .settings import WebSocketSettings
 
-# The WebSocket's server: an asyncio loop on a thread of its own, and a slot for each client.
+#: Version of the JSON, increased when keys are renamed or change their meaning, not for new keys.
+SCHEMA = 1
 
-_LONGEST = 2048  # bytes of a client's message; nothing that is meant is longer
-_BUFFER = 65536  # bytes that the system keeps for a client that does not read
-_PATIENCE = 10.0  # s that a client may not read before it is closed
-_TOKEN_WAIT = 5.0  # s for the token in a first message
-_UNDER_WAY = 200  # connections beyond the clients: requests, handshakes, refusals
-_START = 10.0  # s
+_MAX_MESSAGE_BYTES = 2048  # of a client; the token is much shorter
+_SEND_BUFFER_BYTES = 65536  # that the system keeps for a client that does not read
+_SLOW_CLIENT_S = 10.0  # after which a client that does not read is closed
+_TOKEN_TIMEOUT_S = 5.0  # for the token in a first message
+_SPARE_CONNECTIONS = 200  # beyond the clients: requests, handshakes, refusals
+_START_TIMEOUT_S = 10.0
+_ANY_HOST = ("0.0.0.0", "::")  # noqa: S104  # compared, not bound
+_DOCUMENTATION_ADDRESS = ("192.0.2.1", 9)  # reserved for documentation
 _PAGE = Path(__file__).with_name("websocket_page.html")
-_POLICY = (
+_CONTENT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
     " connect-src 'self' ws:; base-uri 'none'; frame-ancestors 'none'"
 )
 
 
+def frame_json(frame: LiveFrame, markers: bool) -> str:
+    """Encode a frame as one line of JSON; numbers that are not finite become null.
+
+    Args:
+        frame: The frame. `level` is that of its quality, from 3 (the best) to 0; `signals` are by
+            the names of the cords.
+        markers: Whether to include `markers`, rows of number, x, y, z and radius, mm.
+    """
+    data = {
+        "schema": SCHEMA,
+        "device": frame.device,
+        "number": frame.number,
+        "time": frame.time,
+        "quality": str(frame.quality),
+        "level": frame.quality.level,
+        "distance": _rounded(frame.distance),
+        "lost": frame.lost_channel,
+        "controls": {name: _rounded(v) for name, v in frame.controls.items()},
+        "confidence": {name: _rounded(v) for name, v in frame.confidence.items()},
+        "signals": dict(zip(frame.channels, np.round(frame.signals, 6).tolist(), strict=False)),
+        "notes": [note.text for note in frame.notes],
+    }
+    if markers:
+        places = np.column_stack([frame.markers, frame.radius]).round(3).tolist()
+        data["markers"] = [[n, *row] for n, row in zip(frame.ids, places, strict=True)]
+    return msgspec.json.encode(data).decode()
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), 5)
+
+
 @dataclass(eq=False)
 class Client:
-    """One that has passed: the newest text for it, and what was dropped since it did not read."""
+    """A client that may read.
+
+    Attributes:
+        connection: Its connection.
+        text: The newest text that was not sent yet, or None.
+        has_text: Event that is set when there is a new text.
+        dropped: Number of texts that were dropped because the client did not read.
+    """
 
     connection: ServerConnection
     text: str | None = None
-    fresh: asyncio.Event = field(default_factory=asyncio.Event)
+    has_text: asyncio.Event = field(default_factory=asyncio.Event)
     dropped: int = 0
 
     def offer(self, text: str) -> None:
+        """Replace the text to send."""
         self.dropped += self.text is not None
         self.text = text
-        self.fresh.set()
+        self.has_text.set()
 
     async def forward(self) -> None:
-        """Send the newest text again and again; returns when the client does not read."""
+        """Send the newest text repeatedly; return when the client does not read."""
         while True:
-            await self.fresh.wait()
-            self.fresh.clear()
+            await self.has_text.wait()
+            self.has_text.clear()
             text, self.text = self.text, None
             if text is not None:
                 try:
-                    async with asyncio.timeout(_PATIENCE):
+                    async with asyncio.timeout(_SLOW_CLIENT_S):
                         await self.connection.send(text)
                 except TimeoutError:
                     return
@@ -70,8 +113,15 @@ class Client:
 
 @dataclass
 class Counts:
-    """`served` clients in all; `refused`: wrong origin, no token, too many; `slow`: closed because
-    they did not read; `ignored` messages of clients; `dropped` frames over all clients."""
+    """Counts of a server.
+
+    Attributes:
+        served: Clients that were served.
+        refused: Clients that were refused, for their origin, token or number.
+        slow: Clients that were closed because they did not read.
+        ignored: Messages of clients, which are ignored.
+        dropped: Frames that were dropped, over all clients.
+    """
 
     served: int = 0
     refused: int = 0
@@ -81,10 +131,23 @@ class Counts:
 
 
 class WebSocketServer:
-    """Serves the page at / over HTTP, and frames to WebSocket clients, on one port."""
+    """An asyncio server on its own thread, which serves the page and the clients on one port.
+
+    The page is at / over HTTP; frames go to WebSocket clients.
+
+    Args:
+        settings: Host, port, token and number of clients.
+
+    Attributes:
+        counts: Counts of clients and frames.
+        access: Who may connect.
+        port: The port it listens on.
+
+    Raises:
+        OutputError: The port is in use, or the host is not an address of this machine.
+    """
 
     def __init__(self, settings: WebSocketSettings) -> None:
-        """Raises OutputError where the port is taken or the host is not this machine's."""
         self.counts, self.access = Counts(), Access(settings.host, settings.token)
         self._settings, self._clients = settings, set[Client]()
         self._connected = 0
@@ -94,37 +157,39 @@ class WebSocketServer:
         self._failure: OSError | None = None
         self.port = settings.port
         self._text: str | None = None
-        self._told = threading.Lock()
+        self._text_lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="websocket", daemon=True)
         self._thread.start()
-        if not self._started.wait(_START):
+        if not self._started.wait(_START_TIMEOUT_S):
             raise OutputError(
-                f"the server did not start within {_START:g} s",
+                f"the server did not start within {_START_TIMEOUT_S:g} s",
                 code="server-not-started",
                 where="websocket",
                 action="Try again",
             )
         if self._failure is not None:
-            self._thread.join(_START)
+            self._thread.join(_START_TIMEOUT_S)
             raise _listen_error(settings, self._failure)
 
     @property
     def clients(self) -> int:
+        """Number of clients that are served now."""
         return len(self._clients)
 
     def publish(self, text: str) -> None:
-        """From any thread: the newest text for all clients. Returns at once."""
-        with self._told:
-            waiting, self._text = self._text is not None, text
-        if not waiting:
-            with contextlib.suppress(RuntimeError):  # closed meanwhile
-                self._loop.call_soon_threadsafe(self._spread)
+        """Offer a text to all clients, from any thread; returns at once."""
+        with self._text_lock:
+            is_scheduled, self._text = self._text is not None, text
+        if not is_scheduled:
+            with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
+                self._loop.call_soon_threadsafe(self._offer_text)
 
     def close(self) -> None:
+        """Close all connections and end the thread. Idempotent."""
         if self._thread.is_alive():
             with contextlib.suppress(RuntimeError):
                 self._loop.call_soon_threadsafe(self._stop.set)
-            self._thread.join(_START)
+            self._thread.join(_START_TIMEOUT_S)
 
     def _run(self) -> None:
         try:
@@ -138,15 +203,15 @@ class WebSocketServer:
 
     async def _serve(self) -> None:
         quiet = logging.getLogger(f"{__name__}.protocol")
-        quiet.disabled = True  # it would tell of everything that a stranger sends
+        quiet.disabled = True  # it would log everything that strangers send
         async with serve(
-            self._client,
+            self._handle_client,
             self._settings.host,
             self._settings.port,
-            process_request=self._request,
-            create_connection=_bounded(self._settings.max_clients + _UNDER_WAY),
+            process_request=self._handle_request,
+            create_connection=_limited_connection(self._settings.max_clients + _SPARE_CONNECTIONS),
             compression=None,
-            max_size=_LONGEST,
+            max_size=_MAX_MESSAGE_BYTES,
             max_queue=4,
             open_timeout=5,
             close_timeout=1,
@@ -157,32 +222,32 @@ class WebSocketServer:
             self._started.set()
             await self._stop.wait()
 
-    def _request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The page, a refusal, or None: the WebSocket may open."""
+    def _handle_request(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer with the page or a refusal, or return None to open the WebSocket."""
         headers = request.headers
         host, origins = headers.get_all("Host"), headers.get_all("Origin")
-        why = self.access.refusal(host[0] if len(host) == 1 else "", origins)
-        if why is not None:
-            return self._refuse(connection, HTTPStatus.FORBIDDEN, why)
+        reason = self.access.refusal(host[0] if len(host) == 1 else "", origins)
+        if reason is not None:
+            return self._refuse(connection, HTTPStatus.FORBIDDEN, reason)
         if "websocket" not in headers.get("Upgrade", "").lower():
             if urlsplit(request.path).path != "/":
                 return connection.respond(HTTPStatus.NOT_FOUND, "the page is at /\n")
             response = connection.respond(HTTPStatus.OK, self._page)
             del response.headers["Content-Type"]
             response.headers["Content-Type"] = "text/html; charset=utf-8"
-            response.headers["Content-Security-Policy"] = _POLICY
+            response.headers["Content-Security-Policy"] = _CONTENT_POLICY
             response.headers["Referrer-Policy"] = "no-referrer"
             return response
         if self._connected >= self._settings.max_clients:
-            why = f"there are {self._connected} clients already (max_clients)"
-            return self._refuse(connection, HTTPStatus.SERVICE_UNAVAILABLE, why)
+            reason = f"there are {self._connected} clients already (max_clients)"
+            return self._refuse(connection, HTTPStatus.SERVICE_UNAVAILABLE, reason)
         return None
 
-    def _refuse(self, connection: ServerConnection, status: HTTPStatus, why: str) -> Response:
+    def _refuse(self, connection: ServerConnection, status: HTTPStatus, reason: str) -> Response:
         self.counts.refused += 1
-        return connection.respond(status, f"refused: {why}\n")
+        return connection.respond(status, f"refused: {reason}\n")
 
-    async def _client(self, connection: ServerConnection) -> None:
+    async def _handle_client(self, connection: ServerConnection) -> None:
         # Several may have passed the request while fewer were connected.
         if self._connected >= self._settings.max_clients:
             self.counts.refused += 1
@@ -201,7 +266,7 @@ class WebSocketServer:
         if request is not None and self.access.has_token(request.path):
             return True
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_TOKEN_WAIT):
+            async with asyncio.timeout(_TOKEN_TIMEOUT_S):
                 if self.access.is_token(_token_in(await connection.recv())):
                     return True
         self.counts.refused += 1
@@ -211,11 +276,11 @@ class WebSocketServer:
     async def _serve_client(self, connection: ServerConnection) -> None:
         transport = connection.transport
         raw = transport.get_extra_info("socket")
-        raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
         client = Client(connection)
         self._clients.add(client)
         self.counts.served += 1
-        listening = asyncio.create_task(self._listen(connection))
+        listening = asyncio.create_task(self._ignore_messages(connection))
         forwarding = asyncio.create_task(client.forward())
         try:
             await asyncio.wait([listening, forwarding], return_when=asyncio.FIRST_COMPLETED)
@@ -229,36 +294,38 @@ class WebSocketServer:
                 task.cancel()
             await asyncio.gather(listening, forwarding, return_exceptions=True)
 
-    async def _listen(self, connection: ServerConnection) -> None:
-        """Nothing that clients say is meant for this; too long a message ends the connection."""
+    async def _ignore_messages(self, connection: ServerConnection) -> None:
+        """Read and count the messages of a client; one that is too long ends the connection."""
         async for _ in connection:
             self.counts.ignored += 1
-            await asyncio.sleep(0)  # others get their turn while one client floods
+            await asyncio.sleep(0)  # let others run while one client floods
 
-    def _spread(self) -> None:
-        with self._told:
+    def _offer_text(self) -> None:
+        with self._text_lock:
             text, self._text = self._text, None
         if text is not None:
             for client in self._clients:
                 client.offer(text)
 
 
-def _bounded(most: int) -> type[ServerConnection]:
-    """Connections of which those above `most` end at once: whoever opens thousands and says nothing
-    would take all descriptors of this process, and the read-out board's port could not be opened
-    again."""
+def _limited_connection(max_connections: int) -> type[ServerConnection]:
+    """Return a class of connections that end at once if there are too many.
 
-    class Bounded(ServerConnection):
+    Thousands of silent connections would use all file descriptors of this process, so that the
+    read-out board's port could not be opened again.
+    """
+
+    class LimitedConnection(ServerConnection):
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
             super().connection_made(transport)
-            if len(self.server.handlers) > most:
+            if len(self.server.handlers) > max_connections:
                 self.transport.abort()
 
-    return Bounded
+    return LimitedConnection
 
 
 def _token_in(message: str | bytes) -> str:
-    """Of a first message {"token": "..."}."""
+    """Return the token of a first message {"token": "..."}, or an empty text."""
     try:
         data = json.loads(message)
     except (ValueError, RecursionError):
@@ -272,10 +339,10 @@ def _port_of(server: Server) -> int:
 
 
 def _listen_error(settings: WebSocketSettings, error: OSError) -> OutputError:
-    where = f"port {settings.port} on {settings.host}"
+    address = f"port {settings.port} on {settings.host}"
     if error.errno == errno.EADDRINUSE:
         return OutputError(
-            f"{where} is in use by another program",
+            f"{address} is in use by another program",
             code="port-busy",
             where="websocket",
             action="Close that program or set another port",
@@ -283,14 +350,14 @@ def _listen_error(settings: WebSocketSettings, error: OSError) -> OutputError:
         )
     if error.errno == errno.EACCES:
         return OutputError(
-            f"{where} may only be used by an administrator",
+            f"{address} may only be used by an administrator",
             code="port-forbidden",
             where="websocket",
             action="Set a port above 1023",
             port=settings.port,
         )
     return OutputError(
-        f"cannot listen on {where} ({error.strerror or error})",
+        f"cannot listen on {address} ({error.strerror or error})",
         code="address-unavailable",
         where="websocket",
         action="Check host",
@@ -298,91 +365,80 @@ def _listen_error(settings: WebSocketSettings, error: OSError) -> OutputError:
     )
 
 
-# A frame as JSON, for pages in a browser and other programs.
-
-#: Raised when keys are renamed or change their meaning; new keys do not count.
-SCHEMA = 1
-
-
-def frame_json(frame: LiveFrame, markers: bool) -> str:
-    """One line of JSON; what is no number is null. `markers` are rows of number, x, y, z, radius
-    (mm); `level` is the quality's, 3 the best to 0 the worst; `signals` by the cords' names."""
-    data = {
-        "schema": SCHEMA,
-        "device": frame.device,
-        "number": frame.number,
-        "time": frame.time,
-        "quality": str(frame.quality),
-        "level": frame.quality.level,
-        "distance": _rounded(frame.distance),
-        "lost": frame.lost,
-        "controls": {name: _rounded(v) for name, v in frame.controls.items()},
-        "confidence": {name: _rounded(v) for name, v in frame.confidence.items()},
-        "signals": dict(zip(frame.channels, np.round(frame.signals, 6).tolist(), strict=False)),
-        "notes": frame.notes,
-    }
-    if markers:
-        places = np.column_stack([frame.markers, frame.radius]).round(3).tolist()
-        data["markers"] = [[n, *row] for n, row in zip(frame.ids, places, strict=True)]
-    return msgspec.json.encode(data).decode()
-
-
-def _rounded(value: float) -> float:
-    return round(float(value), 5)
-
-
 class WebSocketOutput:
-    """An `Output` to all who connect."""
+    """An `Output` to all clients that connect.
+
+    Args:
+        settings: Host, port, token, number of clients and contents.
+
+    Raises:
+        OutputError: The port is in use, or the host is not an address of this machine.
+    """
 
     name = "websocket"
 
     def __init__(self, settings: WebSocketSettings) -> None:
-        """Raises OutputError where the port is taken or the host is not this machine's."""
         self._settings, self._server = settings, WebSocketServer(settings)
 
     @property
+    def port(self) -> int:
+        """The port of the server."""
+        return self._server.port
+
+    @property
     def url(self) -> str:
-        """Of the page; the WebSocket's is the same with ws in place of http."""
+        """Address of the page; that of the WebSocket has ws in place of http."""
         host = self._settings.host
-        if host in ("0.0.0.0", "::"):  # noqa: S104  # compared, not bound
-            host = _address()
+        if host in _ANY_HOST:
+            host = _own_address()
         token = f"?token={self._server.access.token}" if self._server.access.token else ""
         return f"http://{f'[{host}]' if ':' in host else host}:{self._server.port}/{token}"
 
     @property
     def about(self) -> str:
-        who = "" if self._server.access.local else ", for whoever has this address with its token"
-        return f"websocket: page at {self.url}{who}"
+        """Description with the address of the page."""
+        is_local = self._server.access.local
+        readers = "" if is_local else ", for everyone who has this address with its token"
+        return f"websocket: page at {self.url}{readers}"
 
     @property
     def counts(self) -> Counts:
+        """Counts of clients and frames."""
         return self._server.counts
 
     @property
     def clients(self) -> int:
+        """Number of clients that are served now."""
         return self._server.clients
 
     @property
-    def trouble(self) -> str | None:
-        if self._server.clients >= self._settings.max_clients:
-            return f"websocket: {self._server.clients} clients, the most (max_clients)"
+    def trouble(self) -> Note | None:
+        """A note if no further client can connect."""
+        clients = self._server.clients
+        if clients >= self._settings.max_clients:
+            text = f"websocket: {clients} clients are connected, the limit (max_clients)"
+            return Note("clients-at-limit", text, {"clients": clients})
         return None
 
     def send(self, frame: LiveFrame) -> None:
+        """Publish a frame, if there is a client."""
         if self._server.clients:
             self._server.publish(frame_json(frame, self._settings.markers))
 
+    def publish(self, text: str) -> None:
+        """Publish an encoded frame."""
+        self._server.publish(text)
+
     def close(self) -> None:
+        """Close all connections. Idempotent."""
         self._server.close()
 
 
-def _address() -> str:
-    """Of this machine, as others see it; nothing is sent for that."""
-    import socket
-
+def _own_address() -> str:
+    """Return this machine's address in its network; nothing is sent to find it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1", 9))  # an address kept for documentation
+            probe.connect(_DOCUMENTATION_ADDRESS)
         except OSError:
             return socket.gethostname()
         return str(probe.getsockname()[0])

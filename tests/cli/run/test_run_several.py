@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.cli.main import make_parser
 from defsense_fab.cli.run import run
 from defsense_fab.core.progress import silent
-from defsense_fab.runtime.outputs.several_devices import SeveralDevices
+from defsense_fab.runtime.outputs.output_allocation import OutputAllocator
 
 
 @dataclass
@@ -40,7 +40,7 @@ def prepared(monkeypatch):
 
     def command(*arguments):
         options = make_parser().parse_args(["run", *map(str, arguments)])
-        several = SeveralDevices()
+        several = OutputAllocator()
         for k in range(len(options.models)):
             run._prepare(options, k, silent, several)
         return made

@@ -172,7 +172,7 @@ def test_new_rest_is_not_a_movement_for_a_model_with_memory(model):
         ohms = before * (1 + 0.05 * np.sin(k / np.array([20.0, 30.0, 40.0])))
         stream.inputs(k / 60, ohms / before - 1)
         other.inputs(k / 60, ohms / after - 1)
-    stream.refer(before / after)
+    stream.change_rest(before / after)
     now, c = before / after - 1, 9
     assert stream.inputs(4.0, now)[:c] == pytest.approx(other.inputs(4.0, now)[:c], abs=1e-9)
 
@@ -196,5 +196,5 @@ def test_range_of_signals_equals_that_of_a_training_without_memory(recorded):
     whole = train(dataset, TrainingOptions(decoder="quadratic")).model.main.range
     alone = train(dataset, TrainingOptions(decoder="quadratic", memory=False)).model.main.range
     signals = dataset.recordings[0].signals[::50]
-    ratio = whole.of_signals().distance(signals) / alone.distance(signals)
+    ratio = whole.for_signals().distance(signals) / alone.distance(signals)
     assert np.std(np.log(ratio)) < 0.05

@@ -1,15 +1,15 @@
-"""Ports in place of the machine's."""
+"""Simulated MIDI ports."""
 
 
 class Cable:
-    """Ports of a machine on which devices are plugged in and pulled out."""
+    """The ports of a machine whose devices are plugged in and unplugged."""
 
     def __init__(self, *names):
-        self.there, self.sent, self.waiting, self.opened = list(names), [], [], []
-        self.fails = 0  # of the next messages
+        self.plugged, self.sent, self.waiting, self.opened = list(names), [], [], []
+        self.fails = 0  # number of the next messages that fail
 
     def names(self, inputs):
-        return list(self.there)
+        return list(self.plugged)
 
     def open(self, name, inputs, virtual=False):
         self.opened.append((name, inputs, virtual))

@@ -1,4 +1,4 @@
-"""The example programs on the other side of the outputs, each run as it is."""
+"""The example programs that receive outputs run unchanged."""
 
 import runpy
 import subprocess
@@ -33,7 +33,7 @@ ORGAN = EXAMPLES.parent / "organ-pipe"
 
 
 class Run:
-    """An example that runs; frames are sent until it has printed what is looked for."""
+    """A running example; frames are sent until it prints an expected text."""
 
     def __init__(self, name, *args):
         self._process = subprocess.Popen(
@@ -67,11 +67,11 @@ class Run:
 def run():
     running = []
 
-    def begin(name, *args):
+    def start(name, *args):
         running.append(Run(name, *args))
         return running[-1]
 
-    yield begin
+    yield start
     for one in running:
         one.end()
 
@@ -84,14 +84,14 @@ def test_osc_receiver(run):
     sent = frame(1)
     both = (sent, frame(1, device="bar-2", controls={"twist": 0.5}))
     for name, value in (("bar", "-0.50"), ("bar-2", "+0.50")):
-        wanted = f"{name + ' twist':20} {value} ###############...."
-        assert example.prints(wanted, lambda: [output.send(one) for one in both])
+        expected = f"{name + ' twist':20} {value} ###############...."
+        assert example.prints(expected, lambda: [output.send(one) for one in both])
         assert example.prints(f"{name + ' quality':20} trusted")
     output.close()
 
 
 def test_blender_markers(monkeypatch):
-    """Blender itself is stood in for by what the script uses of it."""
+    """Blender is replaced by the few functions that the script uses."""
     objects, timers, namespace = {}, [], {}
 
     class Scene(dict):
@@ -135,11 +135,11 @@ def test_blender_markers(monkeypatch):
 
 def test_websocket_client(run):
     output = WebSocketOutput(WebSocketSettings(port=0, token="a-token-of-my-own"))
-    port = output._server.port
+    port = output.port
     example = run("websocket_client.py", "127.0.0.1", port, "a-token-of-my-own")
     sent = frame(100, count=2000)  # a long one: its length takes eight bytes
-    wanted = "     1.00 s  trusted    bend +0.25  twist -0.50"
-    assert example.prints(wanted, lambda: output.send(sent))
+    expected = "     1.00 s  trusted    bend +0.25  twist -0.50"
+    assert example.prints(expected, lambda: output.send(sent))
     output.close()
 
 
@@ -150,17 +150,17 @@ def test_lsl_receiver(run):
     example = run("lsl_receiver.py", name)
     assert example.prints("bend (normalized), twist (normalized), quality (level)")
     number = iter(range(2, 5000))
-    wanted = "bend +0.25  twist -0.50  quality +3.00"
-    assert example.prints(wanted, lambda: output.send(frame(next(number))))
+    expected = "bend +0.25  twist -0.50  quality +3.00"
+    assert example.prints(expected, lambda: output.send(frame(next(number))))
     output.close()
 
 
 def test_organ_pipe(tmp_path):
-    """Pulled by a fifth of the way, one pipe sounds: the C of 130.8 Hz."""
+    """At a fifth of the full pull one pipe sounds: the C of 130.8 Hz."""
     live = read_live_file(ORGAN / "live.toml")
     assert [c.name for c in live.controls] == ["wind", "middle_pipe", "high_pipe", "swell"]
-    (asked,) = live.outputs
-    output = MidiOutput(replace(asked, file=str(tmp_path / "x.mid")))
+    (settings,) = live.outputs
+    output = MidiOutput(replace(settings, file=str(tmp_path / "x.mid")))
     for n in range(100):
         controls = {"wind": min(0.2, n / 100), "middle_pipe": 0.1, "high_pipe": 0.0, "swell": 1.0}
         output.send(frame(n, controls=controls, confidence={}))
@@ -179,8 +179,8 @@ def test_organ_pipe(tmp_path):
     assert loudest == pytest.approx(130.8, abs=0.5)
 
 
-def test_organ_pipe_reads_files_as_others_do(tmp_path):
-    """Messages of two bytes, as the choice of the instrument at the beginning, and of three."""
+def test_organ_pipe_reads_files_like_mido(tmp_path):
+    """Messages have two bytes, as a program change, or three."""
     path, file, track = tmp_path / "x.mid", mido.MidiFile(type=0), mido.MidiTrack()
     track.append(mido.MetaMessage("track_name", name="t"))
     track.append(mido.Message("program_change", program=19))
@@ -197,7 +197,7 @@ def test_organ_pipe_reads_files_as_others_do(tmp_path):
     assert [time for time, _ in ours] == pytest.approx(list(times))
 
 
-def test_organ_pipe_of_nothing(tmp_path):
+def test_organ_pipe_of_an_empty_file(tmp_path):
     MidiOutput(MidiSettings(file=str(tmp_path / "x.mid"))).close()
     made = tmp_path / "x.wav"
     program = ORGAN / "midi_to_sound.py"

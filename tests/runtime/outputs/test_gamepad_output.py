@@ -1,4 +1,4 @@
-"""The virtual gamepad: its events, and machines that have none."""
+"""The events of the virtual gamepad, and machines without one."""
 
 import sys
 import types
@@ -26,8 +26,8 @@ def test_events():
     assert [value for *_, value in far] == [32767, -32767]
 
 
-def test_the_kernels_numbers():
-    """As evdev has them, where it is installed."""
+def test_event_codes_of_the_kernel():
+    """They are those of evdev, if it is installed."""
     ecodes = pytest.importorskip("evdev").ecodes
     for axis in GamepadMapping.AXES:
         ((kind, code, _),) = events([GamepadMapping("bend", axis=axis)], frame(1))
@@ -37,26 +37,26 @@ def test_the_kernels_numbers():
         assert (kind, code) == (ecodes.EV_KEY, getattr(ecodes, f"BTN_{button.upper()}"))
 
 
-def test_controls_without_a_mapping():
+def test_default_mapping():
     assert [(m.control, m.axis) for m in default_mapping(frame(1))] == [
         ("bend", "x"),
         ("twist", "y"),
     ]
 
 
-def test_a_machine_without_uinput(tmp_path):
+def test_machine_without_uinput(tmp_path):
     with raises(OutputError, "uinput-missing"):
         GamepadOutput(GamepadSettings(), tmp_path / "uinput")
 
 
 @pytest.fixture
 def evdev(monkeypatch):
-    """A module in place of evdev: only a kernel with uinput can run that one."""
+    """Replace evdev, which needs a kernel with uinput."""
 
     class Pad:
         def __init__(self, capabilities, name):
             self.capabilities, self.name, self.written, self.closed = capabilities, name, [], False
-            made.append(self)
+            pads.append(self)
 
         def write(self, *event):
             self.written.append(event)
@@ -67,43 +67,42 @@ def evdev(monkeypatch):
         def close(self):
             self.closed = True
 
-    made, module = [], types.ModuleType("evdev")
+    pads, module = [], types.ModuleType("evdev")
     module.UInput, module.UInputError = Pad, type("UInputError", (Exception,), {})
-    module.AbsInfo, module.made = (lambda *numbers: numbers), made
+    module.AbsInfo, module.pads = (lambda *numbers: numbers), pads
     monkeypatch.setitem(sys.modules, "evdev", module)
     return module
 
 
-def test_a_gamepad_is_plugged_in(evdev, tmp_path):
+def test_gamepad_is_plugged_in(evdev, tmp_path):
     (tmp_path / "uinput").touch()
     output = GamepadOutput(GamepadSettings(), tmp_path / "uinput")
-    (pad,) = evdev.made
+    (pad,) = evdev.pads
     output.send(frame_before_rest(1))
     assert pad.written == ["syn"]
     pad.written.clear()
     output.send(frame(2))
     assert pad.written == [(3, 0, 8192), (3, 1, -16384), "syn"]
     assert pad.name == "DefSense gamepad"
-    assert output.about == "gamepad: 'DefSense gamepad' is plugged in"
     assert set(pad.capabilities) == {1, 3}
     assert len(pad.capabilities[3]) == 6
     output.close()
     assert pad.closed
     GamepadOutput(GamepadSettings(name="Pad 2"), tmp_path / "uinput")
-    assert evdev.made[1].name == "Pad 2"
+    assert evdev.pads[1].name == "Pad 2"
 
 
-def test_a_control_that_is_not_there(evdev, tmp_path):
+def test_unknown_control_is_reported(evdev, tmp_path):
     (tmp_path / "uinput").touch()
     settings = GamepadSettings((GamepadMapping("bnd", axis="x"),))
     output = GamepadOutput(settings, tmp_path / "uinput")
-    output.send(frame_before_rest(1))  # there are none yet
+    output.send(frame_before_rest(1))  # no control is known yet
     assert output.trouble is None
     output.send(frame(2))
-    assert output.trouble.startswith("gamepad: there is no control 'bnd'")
+    assert (output.trouble.code, output.trouble.data["controls"]) == ("unknown-control", ["bnd"])
 
 
-def test_no_right_to_open_it(evdev, tmp_path):
+def test_missing_permission_is_reported(evdev, tmp_path):
     def refuse(*_, **__):
         raise evdev.UInputError("not writable")
 
@@ -116,5 +115,5 @@ def test_no_right_to_open_it(evdev, tmp_path):
 def test_without_the_package(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "evdev", None)
     (tmp_path / "uinput").touch()
-    with pytest.raises(OutputError):
+    with raises(OutputError, "library-missing"):
         GamepadOutput(GamepadSettings(), tmp_path / "uinput")

@@ -1,4 +1,4 @@
-"""The Lab Streaming Layer by its own inlet, in the same machine."""
+"""Streams are received by an inlet of the Lab Streaming Layer on the same machine."""
 
 import uuid
 
@@ -9,19 +9,19 @@ import pytest
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs import lsl_output
-from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, sample
+from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, channel_values
 from defsense_fab.runtime.outputs.settings import LslSettings
 from tests.errors import raises
 from tests.runtime.live_frames import frame, frame_before_rest
 
 
-def test_a_stream_arrives():
-    """Channels with their names and units, values, and the times of the samples."""
+def test_stream_arrives():
+    """Channels arrive with names and units, values, and the times of the samples."""
     name = f"bar {uuid.uuid4().hex[:8]}"
     output = LslOutput(LslSettings(stream=name))
-    assert output.about == "lsl: the stream begins when the resistances at rest are known"
+    assert output.channels == ()
     output.send(frame(0))
-    assert output.about == f"lsl: stream {name!r} of 3 channels"
+    assert len(output.channels) == 3
     (info,) = pylsl.resolve_byprop("name", name, 1, 20)
     inlet = pylsl.StreamInlet(info, recover=False)
     inlet.open_stream(20)
@@ -46,22 +46,22 @@ def test_a_stream_arrives():
     output.close()
 
 
-def test_strangers_do_not_write_to_the_terminal(monkeypatch, tmp_path):
-    """Unless there is a configuration of the library, which then decides."""
+def test_library_prints_only_errors(monkeypatch, tmp_path):
+    """A configuration of the library takes precedence."""
     set_to = []
     monkeypatch.setattr(pylsl.util, "set_config_content", set_to.append)
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("LSLAPICFG", raising=False)
-    lsl_output._keep_quiet()
+    lsl_output.silence_warnings()
     assert set_to == ["[log]\nlevel = -2\n"]
     (tmp_path / "lsl_api.cfg").touch()
-    lsl_output._keep_quiet()
+    lsl_output.silence_warnings()
     assert len(set_to) == 1
 
 
 def test_all_channels():
-    channels, values = sample(frame(1, count=2), LslSettings.SENDS)
+    channels, values = channel_values(frame(1, count=2), LslSettings.SENDS)
     assert [c[0] for c in channels] == [
         "bend", "twist", "bend.confidence", "twist.confidence", "a", "b",
         "0.x", "0.y", "0.z", "1.x", "1.y", "1.z", "quality",
@@ -70,8 +70,8 @@ def test_all_channels():
     assert channels[6][1:] == ("millimeters", "PositionX")
 
 
-def test_times_of_samples():
-    """Late arrivals do not move the times; they never go back."""
+def test_times_of_samples_are_smooth():
+    """Late arrivals do not change the times, which never decrease."""
     rng, clock = np.random.default_rng(0), SampleClock()
     sampled = 0.01 * np.arange(3000)
     late = 0.002 + rng.exponential(0.01, 3000)
@@ -82,7 +82,7 @@ def test_times_of_samples():
     assert off.std() < 0.2 * late.std()
 
 
-def test_a_clock_that_drifts_or_is_reset():
+def test_clock_that_drifts_or_is_reset():
     clock = SampleClock()
     sampled = 0.01 * np.arange(10_000)
     got = [clock(s, s * 1.0001 + 3) for s in sampled]
@@ -92,49 +92,45 @@ def test_a_clock_that_drifts_or_is_reset():
     assert again == pytest.approx(end + 1 + sampled[:100])
 
 
-def test_a_stream_whose_channels_change():
+def test_stream_restarts_when_its_channels_change():
     output = LslOutput(LslSettings(stream=uuid.uuid4().hex))
     output.send(frame(1))
     output.send(frame(2, controls={"bend": 1.0}))
-    assert output.about.endswith("of 2 channels")
+    assert len(output.channels) == 2
     output.send(frame(3, time=float("nan"), controls={"bend": float("nan")}))
     output.close()
 
 
-def begun(output):
-    return "of " in output.about
-
-
-def test_a_stream_begins_with_its_controls():
-    """A receiver of one that begins anew would have to look for it again."""
+def test_stream_starts_with_its_controls():
+    """Receivers would lose a stream that restarts."""
     output = LslOutput(LslSettings(stream=uuid.uuid4().hex))
     output.send(frame_before_rest(1))
-    assert not begun(output)
+    assert not output.channels
     output.send(frame(2, quality=Quality.LOST))
-    assert output.about.endswith("of 3 channels")
+    assert len(output.channels) == 3
     output.close()
 
 
-def test_a_stream_of_a_device_without_poses():
-    """It has no controls, then or later."""
+def test_stream_of_a_device_without_poses():
+    """It never has controls."""
     name = uuid.uuid4().hex
     output = LslOutput(LslSettings(stream=name, send=("controls", "markers", "quality")))
     output.send(frame_before_rest(1))
-    assert not begun(output)
+    assert not output.channels
     output.send(frame_before_rest(2, quality=Quality.UNTRAINED))
     output.send(frame_before_rest(3))
-    assert output.about.endswith("of 10 channels")
+    assert len(output.channels) == 10
     output.close()
 
 
-def test_a_stream_without_controls_waits_for_nothing():
+def test_stream_without_controls_starts_at_once():
     output = LslOutput(LslSettings(stream=uuid.uuid4().hex, send=("signals", "quality")))
     output.send(frame_before_rest(1))
-    assert output.about.endswith("of 3 channels")
+    assert len(output.channels) == 3
     output.close()
 
 
-def test_a_stream_of_nothing():
+def test_stream_without_channels_is_refused():
     output = LslOutput(LslSettings(send=("controls", "confidence")))
     with raises(OutputError, "nothing-to-send", send=("controls", "confidence")):
         output.send(frame_before_rest(1, quality=Quality.TRUSTED))

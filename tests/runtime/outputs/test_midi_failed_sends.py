@@ -1,4 +1,4 @@
-"""A message that could not be sent: notes do not hang, and nothing is taken for sent."""
+"""After a failed send no note hangs, and lost messages are sent again."""
 
 import pytest
 
@@ -26,7 +26,7 @@ def bent(number, bend):
 
 
 def sent(output, cable, number, bend):
-    """What of a frame arrives."""
+    """Send a frame and return the messages that arrive."""
     cable.sent.clear()
     output.send(bent(number, bend))
     return cable.sent
@@ -38,22 +38,22 @@ def fail(output, cable, number, bend, messages=1):
         output.send(bent(number, bend))
 
 
-def test_the_end_of_a_note_is_sent_again(output, cable):
+def test_end_of_a_note_is_sent_again(output, cable):
     assert sent(output, cable, 1, 0.8)[0][:2] == ON
     fail(output, cable, 2, 0.1)
     assert sent(output, cable, 3, 0.1) == [OFF, (0xB0, 20, 13)]
     assert sent(output, cable, 4, 0.1) == []
 
 
-def test_so_is_it_when_that_fails_too(output, cable):
+def test_end_of_a_note_is_sent_after_two_failures(output, cable):
     output.send(bent(1, 0.8))
     fail(output, cable, 2, 0.1)
     fail(output, cable, 3, 0.1)
     assert sent(output, cable, 4, 0.1)[0] == OFF
 
 
-def test_a_note_that_may_sound_is_ended(output, cable):
-    """Whether it does, nobody knows: sending its beginning failed, perhaps at its last byte."""
+def test_note_that_may_sound_is_ended(output, cable):
+    """Sending its start has failed, perhaps only at the last byte."""
     fail(output, cable, 1, 0.8)
     assert sent(output, cable, 2, 0.1)[0] == OFF
     fail(output, cable, 3, 0.8)
@@ -62,7 +62,7 @@ def test_a_note_that_may_sound_is_ended(output, cable):
     assert again[1][:2] == ON
 
 
-def test_a_note_ends_when_the_output_is_closed_after_a_failure(output, cable):
+def test_note_ends_when_a_failed_output_is_closed(output, cable):
     output.send(bent(1, 0.8))
     fail(output, cable, 2, 0.1)
     cable.sent.clear()
@@ -70,7 +70,7 @@ def test_a_note_ends_when_the_output_is_closed_after_a_failure(output, cable):
     assert cable.sent == [OFF]
 
 
-def test_control_changes_and_instruments_are_sent_again(cable):
+def test_control_changes_and_programs_are_sent_again(cable):
     settings = MidiSettings(program=19, mapping=(MidiMapping("bend", cc=20),))
     output = MidiOutput(settings, cable)
     fail(output, cable, 1, 0.5)

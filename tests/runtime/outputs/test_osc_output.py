@@ -1,4 +1,4 @@
-"""OSC as it arrives: read by python-osc and by a parser of this file's own."""
+"""OSC messages are read back by python-osc and by an independent parser."""
 
 import socket
 import struct
@@ -18,7 +18,7 @@ from tests.runtime.live_frames import frame
 
 
 def parse(data):
-    """Messages of a datagram, as (address, values), after the text of OSC 1.0."""
+    """Parse a datagram into messages (address, values), as OSC 1.0 specifies."""
 
     def text(at):
         end = data.index(b"\0", at)
@@ -51,7 +51,7 @@ def parse_all(datagrams):
 
 @pytest.fixture
 def receiver():
-    """Two sockets: the receiver's and Wekinator's."""
+    """Open two sockets: the receiver's and Wekinator's."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as two,
@@ -64,28 +64,28 @@ def receiver():
 
 @pytest.fixture
 def opened(receiver):
-    made = []
+    outputs = []
 
     def make(**settings):
         port, wekinator = (s.getsockname()[1] for s in receiver)
-        made.append(OscOutput(OscSettings(port=port, wekinator_port=wekinator, **settings)))
-        return made[-1]
+        outputs.append(OscOutput(OscSettings(port=port, wekinator_port=wekinator, **settings)))
+        return outputs[-1]
 
     yield make
-    for output in made:
+    for output in outputs:
         output.close()
 
 
 def drain(one, until):
-    """Datagrams up to the one with an address that ends in `until`."""
+    """Return datagrams up to the one with the address `until`."""
     out = []
     while not out or until not in [a for a, _ in parse(out[-1])]:
         out.append(one.recv(65536))
     return out
 
 
-def test_a_frame_arrives(receiver, opened):
-    begun = time.time()
+def test_frame_arrives(receiver, opened):
+    started_at = time.time()
     opened().send(frame(7, quality=Quality.FALLBACK))
     data = drain(receiver[0], "/defsense/bar/time")
     got = dict(parse_all(data))
@@ -95,8 +95,8 @@ def test_a_frame_arrives(receiver, opened):
     assert got.pop("/defsense/bar/time") == [0.07, 7]
     assert got.pop("/defsense/bar/marker/2") == pytest.approx([6 / 7, 1, 8 / 7, 0.4])
     assert set(got) == {"/defsense/bar/marker/0", "/defsense/bar/marker/1"}
-    bundle = OscBundle(data[0])  # by python-osc, too
-    assert abs(bundle.timestamp - begun) < 20
+    bundle = OscBundle(data[0])  # read by python-osc, too
+    assert abs(bundle.timestamp - started_at) < 20
     theirs = [(m.address, m.params) for m in bundle]
     assert theirs == parse(data[0])
 
@@ -115,14 +115,14 @@ def test_touchosc_and_confidence(receiver, opened):
     assert got["/1/fader2"] == [-0.5]
     assert got["/defsense/bar/confidence/twist"] == pytest.approx([0.8])
     second = opened(send=("touchosc",), page=2)
-    assert second.about.endswith("(UDP), /2/fader1 and on")
+    assert "/2/fader1" in second.about
     second.send(frame(1))
     assert set(dict(parse_all(drain(receiver[0], "/defsense/bar/time")))) == {
         "/2/fader1", "/2/fader2", "/defsense/bar/time"
     }  # fmt: skip
 
 
-def test_many_markers_go_into_several_datagrams(receiver, opened):
+def test_many_markers_need_several_datagrams(receiver, opened):
     opened(send=("markers",)).send(frame(1, count=200))
     data = drain(receiver[0], "/defsense/bar/time")
     assert len(data) > 3
@@ -131,8 +131,8 @@ def test_many_markers_go_into_several_datagrams(receiver, opened):
     assert len(parse_all(data)) == 201
 
 
-def test_what_is_no_number(receiver, opened):
-    """Markers without a place are left out, the rest is 0; names become parts of addresses."""
+def test_values_that_are_not_finite(receiver, opened):
+    """Markers without a position are left out, other values become 0, and names become valid."""
     bad = frame(
         1,
         device="my/bär #1",
@@ -150,8 +150,8 @@ def test_what_is_no_number(receiver, opened):
     assert OscMessage(receiver[1].recv(65536)).params == [0.0, 1.0, 1.0]
 
 
-def test_nobody_listens_and_garbage_comes(receiver, opened):
-    """Neither stops the frames, nor is anything read."""
+def test_missing_receivers_and_garbage_do_no_harm(receiver, opened):
+    """Neither stops the frames, and nothing is read."""
     output = opened()
     source = output._socket
     source.bind(("127.0.0.1", 0))
@@ -165,6 +165,6 @@ def test_nobody_listens_and_garbage_comes(receiver, opened):
     assert output.trouble is None
 
 
-def test_a_host_that_is_not_known():
+def test_unknown_host_is_refused():
     with raises(OutputError, "unknown-host", host="no.such.host.invalid"):
         OscOutput(OscSettings(host="no.such.host.invalid"))

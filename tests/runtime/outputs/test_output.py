@@ -1,4 +1,4 @@
-"""A loop that sends to outputs which are slow, raise, or cannot be opened."""
+"""A slow, failing or closed output never blocks the loop that sends to it."""
 
 import logging
 import threading
@@ -12,7 +12,7 @@ from tests.runtime.live_frames import frame, wait_for
 
 
 class Recorder:
-    """An output that keeps what it gets, and waits or raises where it is told to."""
+    """An output that keeps its frames, and waits or raises on request."""
 
     name, about, trouble = "recorder", "recorder: keeps frames", None
 
@@ -41,20 +41,20 @@ def recorder():
 
 @pytest.fixture
 def output(recorder):
-    made = LatestFrameSender("recorder", lambda: recorder)
-    yield made
-    made.close()
+    sender = LatestFrameSender("recorder", lambda: recorder)
+    yield sender
+    sender.close()
     assert recorder.closed
 
 
-def test_the_newest_wins(recorder, output):
-    """While an output is held up, only the last of what came meanwhile waits."""
+def test_only_the_latest_frame_waits(recorder, output):
+    """While an output is busy, all frames but the last are dropped."""
     recorder.gate.clear()
     output.send(frame(0))
     assert recorder.entered.wait(20)
     for n in range(1, 100):
         output.send(frame(n))
-    assert output.statistics.given == 100
+    assert output.statistics.received == 100
     assert output.statistics.dropped == 98
     recorder.gate.set()
     assert wait_for(lambda: output.statistics.sent == 2)
@@ -62,22 +62,25 @@ def test_the_newest_wins(recorder, output):
     assert output.statistics.dropped == 98
 
 
-def test_an_output_that_is_held_up_is_told(recorder, output, monkeypatch):
-    monkeypatch.setattr(output_module, "_HELD_UP", 0.05)
+def test_slow_send_is_reported(recorder, output, monkeypatch):
+    monkeypatch.setattr(output_module, "_MAX_SEND_S", 0.05)
     recorder.gate.clear()
     output.send(frame(0))
     assert wait_for(lambda: output.trouble is not None)
-    assert "recorder: one frame has taken 0 s so far" in output.trouble
+    assert output.trouble.code == "send-slow"
     recorder.gate.set()
     assert wait_for(lambda: output.trouble is None)
 
 
-def test_an_output_that_raises_is_told_and_tried_again(recorder, output, caplog):
-    recorder.errors = [OSError("cable\npulled"), OutputError("recorder: full; empty it")]
+def test_failing_output_is_reported_and_tried_again(recorder, output, caplog):
+    recorder.errors = [
+        OSError("cable\npulled"),
+        OutputError("recorder: full; empty it", code="test-failure"),
+    ]
     output.send(frame(1))
-    assert wait_for(lambda: output.trouble == "recorder: cable pulled")
+    assert wait_for(lambda: str(output.trouble) == "recorder: cable pulled")
     output.send(frame(2))
-    assert wait_for(lambda: output.trouble == "recorder: full; empty it")
+    assert wait_for(lambda: str(output.trouble) == "recorder: full; empty it")
     output.send(frame(3))
     assert wait_for(lambda: output.statistics.sent == 1)
     assert output.trouble is None
@@ -87,47 +90,47 @@ def test_an_output_that_raises_is_told_and_tried_again(recorder, output, caplog)
     assert [r.levelno for r in caplog.records] == [logging.WARNING] * 2
 
 
-def test_an_output_that_cannot_be_opened_at_first(recorder):
-    ways = [OutputError("recorder: port taken"), OSError("gone")]
+def test_opening_is_tried_again(recorder):
+    failures = [OutputError("recorder: port taken", code="test-failure"), OSError("gone")]
 
     def opener():
-        if ways:
-            raise ways.pop(0)
+        if failures:
+            raise failures.pop(0)
         return recorder
 
     output = LatestFrameSender("recorder", opener)
     assert output.wait_until_tried(20)
-    assert output.about == "recorder: is not open" or not ways
-    assert wait_for(lambda: output.trouble is None and not ways)
+    assert not output.is_open or not failures
+    assert wait_for(lambda: output.trouble is None and not failures)
     output.send(frame(5))
     assert wait_for(lambda: recorder.got == [5])
-    assert output.about == "recorder: keeps frames"
+    assert output.about == recorder.about
     output.close()
     assert recorder.closed
 
 
-def test_closing_while_it_is_in_trouble():
+def test_closing_a_failing_output():
     def opener():
-        raise OutputError("never")
+        raise OutputError("never", code="test-failure")
 
     output = LatestFrameSender("x", opener)
-    assert wait_for(lambda: output.trouble == "never")
+    assert wait_for(lambda: str(output.trouble) == "never")
     output.close()
-    assert output.trouble == "never"
+    assert str(output.trouble) == "never"
     assert output.statistics.sent == 0
 
 
-def test_a_limit_of_the_rate(recorder):
+def test_rate_is_limited(recorder):
     output = LatestFrameSender("recorder", lambda: recorder, rate=1)
     for n in range(20):
         output.send(frame(n))
         threading.Event().wait(0.005)
     output.close()
     assert len(recorder.got) < 20
-    assert output.statistics.given == 20
+    assert output.statistics.received == 20
 
 
-def test_what_fails_while_it_closes_is_logged(recorder, caplog):
+def test_failure_to_close_is_logged(recorder, caplog):
     def close():
         recorder.closed = True
         raise OSError("too late")
@@ -136,16 +139,16 @@ def test_what_fails_while_it_closes_is_logged(recorder, caplog):
     output = LatestFrameSender("recorder", lambda: recorder)
     assert output.wait_until_tried(20)
     output.close()
-    assert "could not be closed: too late" in caplog.text
+    assert "too late" in caplog.text
 
 
-def test_what_an_output_does_now_is_news_where_it_did_something_else(monkeypatch):
+def test_change_of_an_output_is_news(monkeypatch):
     changed = Recorder()
     output = LatestFrameSender("recorder", lambda: changed)
     assert output.wait_until_tried(5.0)
     assert output.news is None
     changed.about = "recorder: keeps every second frame"
-    assert output.news == "recorder: keeps every second frame"
-    monkeypatch.setattr(output_module, "_NEWS", 0.0)
+    assert (output.news.code, output.news.text) == ("output-changed", changed.about)
+    monkeypatch.setattr(output_module, "_NEWS_S", 0.0)
     assert output.news is None
     output.close()

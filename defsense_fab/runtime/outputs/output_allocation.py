@@ -1,8 +1,9 @@
-"""Devices that run at once: receivers tell them apart, and none takes a port that another has.
+"""Give each of several devices its own names, ports and channels.
 
-What several devices share, by a flag or by one live.toml, would be the same for each of them. Where
-a device comes upon what one before it has, its output counts on: the next port, page, channel or
-number. Settings that are distinct already, such as those of live.tomls of their own, stay.
+Settings that several devices share, by a flag or one live.toml, would be the same for each of them.
+Where an output of a device meets one of an earlier device, it is moved on: to the next port, page,
+channel or number. Settings that are distinct already, such as those of separate live.toml files,
+are kept.
 """
 
 from __future__ import annotations
@@ -24,21 +25,21 @@ from .settings import (
     WebSocketSettings,
 )
 
-_CHANNELS = 16
-_MOST = 64  # places that are tried
+_MIDI_CHANNELS = 16
+_MAX_STEPS = 64  # that are tried
 
-#: What only one device may have: a kind, and what tells its places apart.
-Place = tuple[str | int, ...]
+#: A resource that only one device may use: its kind, and what distinguishes it from others.
+Resource = tuple[str | int, ...]
 
 
-class SeveralDevices:
-    """Asked for one device after the other."""
+class OutputAllocator:
+    """Allocate names and outputs, one device after another."""
 
     def __init__(self) -> None:
-        self._names, self._taken = set[str](), set[Place]()
+        self._names, self._taken = set[str](), set[Resource]()
 
-    def name(self, device: str) -> str:
-        """That of the device, with a number where there is one of that name: bar, bar-2, ..."""
+    def unique_name(self, device: str) -> str:
+        """Return the device's name, with a number if it is taken: bar, bar-2, ..."""
         number, name = 1, device
         while name in self._names:
             number += 1
@@ -46,31 +47,37 @@ class SeveralDevices:
         self._names.add(name)
         return name
 
-    def outputs(self, settings: Iterable[Settings]) -> tuple[Settings, ...]:
-        """Those of the next device. Outputs of one device may share what they like. Raises
-        OutputError where no place is left."""
-        apart = tuple(self._apart(one) for one in settings)
-        self._taken |= {place for one in apart for place in _places(one)}
-        return apart
+    def allocate(self, settings: Iterable[Settings]) -> tuple[Settings, ...]:
+        """Return the settings of the next device, distinct from those of all earlier devices.
 
-    def _apart(self, settings: Settings) -> Settings:
+        Args:
+            settings: Outputs of the device; these may share resources among themselves.
+
+        Raises:
+            OutputError: No distinct setting is left.
+        """
+        distinct = tuple(self._make_distinct(entry) for entry in settings)
+        self._taken |= {resource for entry in distinct for resource in _resources(entry)}
+        return distinct
+
+    def _make_distinct(self, settings: Settings) -> Settings:
         kind = next(name for name, of in KINDS.items() if of is type(settings))
         problem = "no free port, channel or name is left for another device"
         action = "Give the device a live.toml of its own"
-        for steps in range(_MOST):
+        for steps in range(_MAX_STEPS):
             try:
-                further = _further(settings, steps)
+                moved = _move_on(settings, steps)
             except OutputError as error:
                 raise OutputError(
                     f"{problem} ({error})", code="outputs-exhausted", where=kind, action=action
                 ) from None
-            if self._taken.isdisjoint(_places(further)):
-                return further
+            if self._taken.isdisjoint(_resources(moved)):
+                return moved
         raise OutputError(problem, code="outputs-exhausted", where=kind, action=action)
 
 
-def _further(settings: Settings, steps: int) -> Settings:
-    """Settings that are `steps` further in all that a receiver could mistake."""
+def _move_on(settings: Settings, steps: int) -> Settings:
+    """Return settings that are `steps` further in everything that a receiver could confuse."""
     if steps == 0:
         return settings
     match settings:
@@ -84,12 +91,13 @@ def _further(settings: Settings, steps: int) -> Settings:
             return replace(settings, port=settings.port + steps)
         case MidiSettings():
             mapping = tuple(
-                replace(one, channel=_channel(one.channel, steps)) for one in settings.mapping
+                replace(entry, channel=_next_channel(entry.channel, steps))
+                for entry in settings.mapping
             )
             file, virtual = settings.file, settings.virtual
             return replace(
                 settings,
-                channel=_channel(settings.channel, steps),
+                channel=_next_channel(settings.channel, steps),
                 mapping=mapping,
                 file=file and _numbered(Path(file), steps + 1),
                 virtual=virtual and f"{virtual} {steps + 1}",
@@ -100,47 +108,47 @@ def _further(settings: Settings, steps: int) -> Settings:
             return replace(settings, name=f"{settings.name} {steps + 1}")
 
 
-def _places(settings: Settings) -> set[Place]:
+def _resources(settings: Settings) -> set[Resource]:
     match settings:
         case OscSettings(host=host, send=send):
-            # Other addresses have the device's name in them.
-            found = set[Place]()
+            # Other addresses contain the device's name.
+            resources = set[Resource]()
             if "wekinator" in send:
-                found.add(("wekinator", host, settings.wekinator_port))
+                resources.add(("wekinator", host, settings.wekinator_port))
             if "touchosc" in send:
-                found.add(("touchosc", host, settings.port, settings.page))
-            return found
+                resources.add(("touchosc", host, settings.port, settings.page))
+            return resources
         case WebSocketSettings(port=port):
             return {("websocket", port)} if port else set()
         case MidiSettings():
-            return _midi_places(settings)
+            return _midi_resources(settings)
         case LslSettings(stream=stream):
             return {("lsl", stream)} if stream else set()
         case GamepadSettings(name=name):
             return {("gamepad", name)}
 
 
-def _midi_places(settings: MidiSettings) -> set[Place]:
+def _midi_resources(settings: MidiSettings) -> set[Resource]:
     if settings.file:
         return {("midi file", str(Path(settings.file).absolute()))}
     if settings.virtual:
         return {("midi virtual", settings.virtual)}
-    played = {(one.channel, one.cc, one.note) for one in settings.mapping}
+    played = {(entry.channel, entry.cc, entry.note) for entry in settings.mapping}
     if not settings.mapping and not settings.learn:
         played = {(settings.channel, cc, None) for cc in (*FREE, QUALITY)}
-    port, found = settings.device.lower(), set[Place]()
+    port, resources = settings.device.lower(), set[Resource]()
     for channel, cc, note in played:
         if cc is not None:
-            found.add(("midi cc", port, channel, cc))
+            resources.add(("midi cc", port, channel, cc))
         elif note is not None:
-            found.add(("midi note", port, channel, note))
-    return found
+            resources.add(("midi note", port, channel, note))
+    return resources
 
 
 def _numbered(path: Path, number: int) -> str:
     return str(path.parent / f"{path.stem}-{number}{path.suffix}")
 
 
-def _channel(first: int, steps: int) -> int:
-    """After the last one comes the first."""
-    return (first - 1 + steps) % _CHANNELS + 1
+def _next_channel(first: int, steps: int) -> int:
+    """Return a later MIDI channel; the last is followed by the first."""
+    return (first - 1 + steps) % _MIDI_CHANNELS + 1

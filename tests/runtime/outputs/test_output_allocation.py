@@ -1,4 +1,4 @@
-"""Outputs of devices that run at once, by one live.toml or by several."""
+"""Outputs of devices that run at the same time, from one live.toml or several."""
 
 import contextlib
 import socket
@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.outputs.live_file import open_outputs
 from defsense_fab.runtime.outputs.midi_output import MidiOutput
+from defsense_fab.runtime.outputs.output_allocation import OutputAllocator
 from defsense_fab.runtime.outputs.settings import (
     GamepadSettings,
     LslSettings,
@@ -17,43 +18,42 @@ from defsense_fab.runtime.outputs.settings import (
     OscSettings,
     WebSocketSettings,
 )
-from defsense_fab.runtime.outputs.several_devices import SeveralDevices
 from tests.errors import raises
 from tests.runtime.live_frames import frame, wait_for
 from tests.runtime.outputs.midi_cable import Cable
 
 
 def shared(settings, devices=3):
-    """What each of several devices has of an output that all were given."""
-    several = SeveralDevices()
-    return [several.outputs([settings])[0] for _ in range(devices)]
+    """Return the settings of several devices that share one output."""
+    allocator = OutputAllocator()
+    return [allocator.allocate([settings])[0] for _ in range(devices)]
 
 
 def test_names_are_numbered():
-    several = SeveralDevices()
-    given = ["bar", "cube", "bar", "bar-2", "bar"]
-    assert [several.name(n) for n in given] == ["bar", "cube", "bar-2", "bar-2-2", "bar-3"]
+    allocator = OutputAllocator()
+    names = ["bar", "cube", "bar", "bar-2", "bar"]
+    assert [allocator.unique_name(n) for n in names] == ["bar", "cube", "bar-2", "bar-2-2", "bar-3"]
 
 
-def test_conventions_without_a_device_in_them():
+def test_addresses_without_the_device_name():
     """Wekinator listens at one port for one message; TouchOSC has pages."""
     settings = OscSettings(send=("controls", "wekinator", "touchosc"))
-    found = shared(settings)
-    assert [o.port for o in found] == [9000] * 3  # these addresses have the device's name
-    assert [o.wekinator_port for o in found] == [6448, 6449, 6450]
-    assert [o.page for o in found] == [1, 2, 3]
+    settings = shared(settings)
+    assert [o.port for o in settings] == [9000] * 3  # these addresses contain the device's name
+    assert [o.wekinator_port for o in settings] == [6448, 6449, 6450]
+    assert [o.page for o in settings] == [1, 2, 3]
     plain = OscSettings(send=("controls", "markers"))
     assert shared(plain) == [plain] * 3
 
 
-def test_ports_that_are_listened_to():
+def test_listening_ports():
     assert [o.port for o in shared(WebSocketSettings())] == [8765, 8766, 8767]
     free = WebSocketSettings(port=0)
     assert shared(free) == [free] * 3
 
 
 def two_free_ports():
-    """The first of two that follow each other."""
+    """Return the first of two consecutive free ports."""
     for port in range(20000, 30000, 7):
         with socket.socket() as one, socket.socket() as two, contextlib.suppress(OSError):
             one.bind(("127.0.0.1", port))
@@ -71,8 +71,8 @@ def test_pages_of_two_devices_are_both_served():
 
 
 def test_channels_of_one_midi_port():
-    found = shared(MidiSettings(device="Synth"))
-    assert [o.channel for o in found] == [1, 2, 3]
+    settings = shared(MidiSettings(device="Synth"))
+    assert [o.channel for o in settings] == [1, 2, 3]
     mapping = (MidiMapping("bend", cc=20, channel=16), MidiMapping("bend", note=60, channel=10))
     _, second, _ = shared(MidiSettings(mapping=mapping))
     assert [one.channel for one in second.mapping] == [1, 11]
@@ -88,14 +88,14 @@ def test_midi_files_and_virtual_ports():
     assert [o.file for o in shared(MidiSettings(file="a/x.mid"))] == [
         "a/x.mid", "a/x-2.mid", "a/x-3.mid"
     ]  # fmt: skip
-    found = shared(MidiSettings(virtual="DefSense"))
-    assert [o.virtual for o in found] == ["DefSense", "DefSense 2", "DefSense 3"]
-    assert [o.channel for o in found] == [1, 2, 3]
+    settings = shared(MidiSettings(virtual="DefSense"))
+    assert [o.virtual for o in settings] == ["DefSense", "DefSense 2", "DefSense 3"]
+    assert [o.channel for o in settings] == [1, 2, 3]
 
 
-def test_names_that_others_see():
+def test_public_names():
     assert [o.stream for o in shared(LslSettings(stream="x"))] == ["x", "x-2", "x-3"]
-    assert shared(LslSettings()) == [LslSettings()] * 3  # each has its device's name
+    assert shared(LslSettings()) == [LslSettings()] * 3  # each has the name of its device
     assert [o.name for o in shared(GamepadSettings(), 2)] == [
         "DefSense gamepad", "DefSense gamepad 2"
     ]  # fmt: skip
@@ -116,24 +116,24 @@ def test_names_that_others_see():
         (LslSettings(stream="a"), LslSettings(stream="b")),
     ],
 )  # fmt: skip
-def test_what_is_distinct_already_stays(first, second):
-    """As of two devices with a live.toml of their own."""
-    several = SeveralDevices()
-    assert several.outputs([first]) == (first,)
-    assert several.outputs([second]) == (second,)
+def test_distinct_settings_are_kept(first, second):
+    """They may come from separate live.toml files."""
+    allocator = OutputAllocator()
+    assert allocator.allocate([first]) == (first,)
+    assert allocator.allocate([second]) == (second,)
 
 
 def test_one_device_may_send_to_a_port_twice():
     both = [OscSettings(port=9000), OscSettings(port=9001)]
-    several = SeveralDevices()
-    assert several.outputs(both) == tuple(both)
-    assert several.outputs(both) == tuple(replace(o, wekinator_port=6449, page=2) for o in both)
+    allocator = OutputAllocator()
+    assert allocator.allocate(both) == tuple(both)
+    assert allocator.allocate(both) == tuple(replace(o, wekinator_port=6449, page=2) for o in both)
 
 
-def test_no_place_is_left():
-    several = SeveralDevices()
-    several.outputs([WebSocketSettings(port=65535)])
+def test_exhausted_settings_are_refused():
+    allocator = OutputAllocator()
+    allocator.allocate([WebSocketSettings(port=65535)])
     with raises(OutputError, "outputs-exhausted"):
-        several.outputs([WebSocketSettings(port=65535)])
+        allocator.allocate([WebSocketSettings(port=65535)])
     with raises(OutputError, "outputs-exhausted"):
         shared(MidiSettings(), 17)
