@@ -14,7 +14,7 @@ from ..output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
     from ...core.progress import Progress
-    from ...workflow.build.asked import Asked
+    from ...workflow.build.options import BuildOptions
     from ...workflow.build.stages import Solve
     from ..options import Commands
 
@@ -62,25 +62,25 @@ def add(commands: Commands) -> None:
 def _build(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
 
-    device, asked = load_device(options.folder, overrides(options.set)), _asked(options)
-    from ...workflow.build.asked import recorded
+    device, requested = load_device(options.folder, overrides(options.set)), _options(options)
     from ...workflow.build.build import build, summary
+    from ...workflow.build.options import describe_options, recorded_options
 
-    before = recorded(device, device.source / "build")
+    before = recorded_options(device, device.source / "build")
     with silent_stdout(), progress_bars(options) as progress:
         solve = _solve_elsewhere(options, progress)
-        result = build(device, options.until, progress, asked=asked, solve=solve)
+        result = build(device, options.until, progress, options=requested, solve=solve)
     data = {**summary(result.folder), "made": result.made, "reused": result.reused}
     with results():
         if options.json:
             sys.stdout.write(json.dumps(data, indent=1) + "\n")
         else:
-            _show(data, options, asked)
-            if before.options and "fabricate" in result.made and asked != before:
+            _show(data, options, describe_options(requested))
+            if not before.is_empty and "fabricate" in result.made and requested != before:
                 say([
-                    f"note: the plates before were made with {before.options}, these with"
-                    f" {asked.options or 'what device.toml has'}; give it again, or state it under"
-                    " [fabrication] in device.toml"
+                    f"note: the previous plates were made with {describe_options(before)}, these"
+                    f" with {describe_options(requested) or 'the values of device.toml'}. Repeat the"
+                    " option, or set it under [fabrication] in device.toml."
                 ])  # fmt: skip
     return 0
 
@@ -95,22 +95,22 @@ def _solve_elsewhere(options: argparse.Namespace, progress: Progress) -> Solve |
     return cluster_solver(address, lambda told: progress("simulate", 0.0, told))
 
 
-def _asked(options: argparse.Namespace) -> Asked:
-    """The copies and the bed of the command line. Raises DeviceError for what cannot be."""
-    from ...core.device.device_file import MOST_COPIES
-    from ...workflow.build.asked import Asked
+def _options(options: argparse.Namespace) -> BuildOptions:
+    """Return the options of the command line. Raises DeviceError for invalid values."""
+    from ...core.device.fabrication_table import MAX_COPIES
+    from ...workflow.build.options import BuildOptions
 
     copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)
     if copies is not None:
-        within("--copies", copies, 1, MOST_COPIES)
+        within("--copies", copies, 1, MAX_COPIES)
     if bed is None:
-        return Asked(copies)
+        return BuildOptions(copies)
     sizes = numbers("--bed", bed)
     if len(sizes) != 3 or not all(30 <= n <= 5000 for n in sizes):
         raise DeviceError(
             f"--bed {bed}: give width, depth and height, 30 to 5000 mm each, as in 220,220,250"
         )
-    return Asked(copies, (sizes[0], sizes[1], sizes[2]))
+    return BuildOptions(copies, (sizes[0], sizes[1], sizes[2]))
 
 
 def _percent(error: float | None) -> str:
@@ -195,7 +195,7 @@ def _plates(manifest: dict[str, Any]) -> list[str]:
     return said
 
 
-def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> None:
+def _show(data: dict[str, Any], options: argparse.Namespace, requested: str) -> None:
     from rich.table import Table
 
     from ...decoding.expected_errors import MEANING
@@ -268,7 +268,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> No
         "mesh": f"defsense simulate {options.folder}",
         "simulate": f"defsense optimize {options.folder}",
         "optimize": f"defsense fabricate {options.folder}",
-        "fabricate": f"defsense report {options.folder} {asked.options}".rstrip(),
+        "fabricate": f"defsense report {options.folder} {requested}".rstrip(),
         "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
     }[options.command]
     text = f"Look at: {where}\nNext:    {following}"
