@@ -1,1 +1,1 @@
-"""From readings to positions: ridge regression, kernels, folds, error measures, the floor."""
+"""Maps from readings to positions: ridge regression, kernels, trained models, and their errors."""

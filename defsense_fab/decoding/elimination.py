@@ -1,8 +1,11 @@
-"""Expected error of the best map, with the map eliminated: for very many sets of signals, and with
-its derivative for one. `ridge.py` says what is minimised.
+"""Expected error of the best map, with the map eliminated.
 
-Variable projection (Golub & Pereyra 1973): at the optimal map the derivative of the expected error
-by a feature is that of the error with the map held.
+It is computed for very many sets of signals, or with its derivative for one. See `ridge.py` for the
+error that is minimized.
+
+References:
+    Golub & Pereyra 1973 (variable projection): at the optimal map, the derivative of the expected
+    error by a feature is that of the error with a fixed map.
 """
 
 from __future__ import annotations
@@ -15,42 +18,61 @@ from .ridge import Features
 
 
 def expected_square(features: Features, signals: Float, outputs: Float, noise: float) -> Float:
-    """Expected squared error, mm^2, summed over states, of the best map for each of many sets of
-    signals (..., n, c); `outputs` (n, r) mm are centred."""
+    """Return the expected squared error of the best map for many sets of signals.
+
+    Args:
+        features: Features of the signals.
+        signals: Sets of signals (..., n, c).
+        outputs: Centered outputs (n, r), mm.
+        noise: Standard deviation of the signals.
+
+    Returns:
+        Squared errors (...), summed over states, mm^2.
+    """
     sets = np.ascontiguousarray(signals, float).reshape(-1, *signals.shape[-2:])
     variance = features.uncertainty(noise) ** 2
-    explained = _explained(sets, features.linear, features.second, outputs, variance)
+    explained = _explained_squares(sets, features.linear, features.hessian, outputs, variance)
     return np.asarray((outputs**2).sum() - explained.reshape(signals.shape[:-2]))
 
 
-def square_slopes(
+def expected_square_gradient(
     features: Features, signals: Float, outputs: Float, noise: float
 ) -> tuple[float, Float]:
-    """The same for one set of signals (n, c), and the derivative (n, c)."""
+    """Return the expected squared error for one set of signals, and its derivative.
+
+    Args:
+        features: Features of the signals.
+        signals: Signals (n, c).
+        outputs: Centered outputs (n, r), mm.
+        noise: Standard deviation of the signals.
+
+    Returns:
+        The squared error in mm^2, and its derivative (n, c) by the signals.
+    """
     variance = features.uncertainty(noise) ** 2
-    return _square_slopes(signals, features.linear, features.second, outputs, variance)  # type: ignore[no-any-return]
+    return _square_gradient(signals, features.linear, features.hessian, outputs, variance)  # type: ignore[no-any-return]
 
 
 @compiled(error_model="numpy")
-def _explained(sets, linear, second, outputs, variance):  # type: ignore[no-untyped-def]
-    """Squares of the outputs that the best map explains, for each set of signals (k, n, c)."""
+def _explained_squares(sets, linear, hessian, outputs, variance):  # type: ignore[no-untyped-def]
+    """Return the squares of the outputs that the best map explains, for sets (k, n, c)."""
     count, n, c = sets.shape
     f = len(linear)
     out = np.empty(count)
     phi, slopes = np.empty((n, f)), np.empty((n, f, c))
-    factor, told = np.empty((f, f)), np.empty((f, outputs.shape[1]))
+    factor, right = np.empty((f, f)), np.empty((f, outputs.shape[1]))
     for k in range(count):
-        out[k] = _fit(sets[k], linear, second, outputs, variance, phi, slopes, factor, told)
+        out[k] = _fit(sets[k], linear, hessian, outputs, variance, phi, slopes, factor, right)
     return out
 
 
 @compiled(error_model="numpy")
-def _square_slopes(signals, linear, second, outputs, variance):  # type: ignore[no-untyped-def]
+def _square_gradient(signals, linear, hessian, outputs, variance):  # type: ignore[no-untyped-def]
     n, c = signals.shape
     f, r = len(linear), outputs.shape[1]
     phi, slopes = np.empty((n, f)), np.empty((n, f, c))
     factor, beta = np.empty((f, f)), np.empty((f, r))
-    square = -_fit(signals, linear, second, outputs, variance, phi, slopes, factor, beta)
+    square = -_fit(signals, linear, hessian, outputs, variance, phi, slopes, factor, beta)
     for o in range(r):
         for a in range(f - 1, -1, -1):
             for d in range(a + 1, f):
@@ -61,7 +83,7 @@ def _square_slopes(signals, linear, second, outputs, variance):  # type: ignore[
         for b in range(f):
             for o in range(r):
                 by_slope[a, b] += variance * beta[a, o] * beta[b, o]
-    bent = np.any(second != 0.0)
+    is_nonlinear = np.any(hessian != 0.0)
     out, by_phi = np.zeros((n, c)), np.empty(f)
     for i in range(n):
         by_phi[:] = 0.0
@@ -69,45 +91,46 @@ def _square_slopes(signals, linear, second, outputs, variance):  # type: ignore[
             residual = -outputs[i, o]
             for a in range(f):
                 residual += phi[i, a] * beta[a, o]
-            # Residuals sum to zero over the states: that phi is centred drops out.
+            # Residuals sum to zero over the states, so the centering of phi has no effect.
             for a in range(f):
                 by_phi[a] += residual * beta[a, o]
             square += outputs[i, o] ** 2
         for a in range(f):
             for d in range(c):
                 out[i, d] += 2 * by_phi[a] * slopes[i, a, d]
-        if bent:
+        if is_nonlinear:
             for a in range(f):
                 for d in range(c):
                     w = 0.0
                     for b in range(f):
                         w += by_slope[a, b] * slopes[i, b, d]
                     for e in range(c):
-                        out[i, e] += 2 * w * second[a, d, e]
+                        out[i, e] += 2 * w * hessian[a, d, e]
     return square, out
 
 
 @compiled(error_model="numpy")
 def _fit(  # type: ignore[no-untyped-def]
-    signals, linear, second, outputs, variance, phi, slopes, factor, told
+    signals, linear, hessian, outputs, variance, phi, slopes, factor, right
 ):
-    """Squares of the outputs (n, r) that the best map of the signals (n, c) explains. Fills the
-    centred features `phi` (n, f), their `slopes` (n, f, c), Cholesky's lower `factor` (f, f) of the
-    normal matrix, and `told` (f, r): what the features have of the outputs, divided by the factor.
+    """Return the squares of the outputs (n, r) that the best map of the signals (n, c) explains.
+
+    Fills the centered features `phi` (n, f), their `slopes` (n, f, c), the lower Cholesky `factor`
+    (f, f) of the normal matrix, and `right` (f, r), the right side phi^T outputs divided by it.
     """
     n, c = signals.shape
     f, r = len(linear), outputs.shape[1]
-    bent = np.any(second != 0.0)
+    is_nonlinear = np.any(hessian != 0.0)
     factor[:] = 0.0
-    told[:] = 0.0
+    right[:] = 0.0
     for i in range(n):
         for a in range(f):
             phi[i, a] = 0.0
             for d in range(c):
                 slope = linear[a, d]
-                if bent:
+                if is_nonlinear:
                     for e in range(c):
-                        slope += second[a, d, e] * signals[i, e]
+                        slope += hessian[a, d, e] * signals[i, e]
                 slopes[i, a, d] = slope
                 phi[i, a] += 0.5 * signals[i, d] * (linear[a, d] + slope)
         for a in range(f):
@@ -126,7 +149,7 @@ def _fit(  # type: ignore[no-untyped-def]
             for b in range(a + 1):
                 factor[a, b] += x * phi[i, b]
             for o in range(r):
-                told[a, o] += x * outputs[i, o]
+                right[a, o] += x * outputs[i, o]
     explained = 0.0
     for a in range(f):
         size = factor[a, a]
@@ -136,11 +159,11 @@ def _fit(  # type: ignore[no-untyped-def]
             factor[a, b] /= factor[b, b]
         for d in range(a):
             factor[a, a] -= factor[a, d] ** 2
-        # What is left of a feature that the others repeat is rounding: it explains nothing.
+        # The remainder of a feature that repeats the others is rounding: it explains nothing.
         factor[a, a] = np.sqrt(factor[a, a]) if factor[a, a] > 1e-13 * size else 1e150
         for o in range(r):
             for d in range(a):
-                told[a, o] -= factor[a, d] * told[d, o]
-            told[a, o] /= factor[a, a]
-            explained += told[a, o] ** 2
+                right[a, o] -= factor[a, d] * right[d, o]
+            right[a, o] /= factor[a, a]
+            explained += right[a, o] ** 2
     return explained

@@ -1,10 +1,13 @@
-"""What a trained decoder makes of its inputs: themselves, products of them, and radial basis
-functions of the first of them.
+"""Decoders of trained models: features of the inputs, linear weights, and a memory of all channels.
 
-With no products and no functions this is DefSense's affine map; with the products of all pairs of
-signals, the quadratic one; with functions about a few chosen states, kernel ridge regression on
-these (the subset of regressors; Rasmussen & Williams, Gaussian Processes for Machine Learning,
-section 8.3.1): a blend of the states that were trained, and far from all of them the rest alone.
+Features are the inputs, products of them, and radial basis functions of the first of them. Without
+products and functions this is DefSense's affine map; with the products of all pairs of signals it
+is the quadratic one. With functions about a few chosen states it is kernel ridge regression on
+these (the subset of regressors): a blend of the trained states, and far from all of them the linear
+part alone.
+
+References:
+    Rasmussen & Williams, Gaussian Processes for Machine Learning, section 8.3.1.
 """
 
 from __future__ import annotations
@@ -16,46 +19,19 @@ import numpy as np
 from ..core.arrays import Float, Int
 from ..core.machine.compiled import compiled
 
-# A map of a device without a past, behind signals from which the cords' past is taken out.
-#
-# All cords of a device are of one rubber: what they remember, they remember alike. So a few numbers
-# that are shared by all channels, with a gain and an offset of each, bring the signals of built cords
-# to those of ideal ones, for which a simulation knows the map.
-
-
-@dataclass(frozen=True)
-class SharedMemory:
-    """u = (s + sum_k moved_k h_k + sum_k worked_k q_k - offset) / gain goes into the `decoder` of c
-    signals; h and q (`past.py`) are the memories of the K and Q time constants of the past that the
-    inputs are made with; `moved` (K,), `worked` (Q,), `gain` and `offset` (c,)."""
-
-    gain: Float
-    offset: Float
-    moved: Float
-    worked: Float
-    decoder: InputDecoder
-
-    def ideal(self, inputs: Float) -> Float:
-        """u (t, c) of inputs (t, c (1 + K + Q))."""
-        c = len(self.gain)
-        shares = np.concatenate([[1.0], self.moved, self.worked])
-        s = np.tensordot(inputs.reshape(*inputs.shape[:-1], len(shares), c), shares, (-2, 0))
-        return np.asarray((s - self.offset) / self.gain)
-
-    def __call__(self, inputs: Float) -> Float:
-        """(t, o) of inputs (t, d)."""
-        return self.decoder(self.ideal(inputs))
-
-    def one(self, inputs: Float) -> Float:
-        """(o,) of one sample's inputs (d,)."""
-        return self.decoder.one(self.ideal(inputs))
-
 
 @dataclass(frozen=True)
 class InputFeatures:
-    """f = d + p + k features of d inputs z: z, then z_i z_j of the `products` (p, 2), then
-    exp(-|(z - center) / scale|^2 / 2) of the `centers` (k, e), of the first e inputs, with `scale`
-    (e,)."""
+    """f = d + p + k features of d inputs z.
+
+    They are z, then z_i z_j, then exp(-|(z - center) / scale|^2 / 2) of the first e inputs.
+
+    Attributes:
+        inputs: Number of inputs d.
+        products: Pairs of inputs (p, 2), by index.
+        centers: Centers of the radial basis functions (k, e).
+        scale: Their scale in each input (e,).
+    """
 
     inputs: int
     products: Int
@@ -63,78 +39,95 @@ class InputFeatures:
     scale: Float
 
     def __post_init__(self) -> None:
-        # Of none, a file knows no second dimension.
+        # A file stores no second dimension for empty arrays.
         object.__setattr__(self, "products", self.products.reshape(-1, 2))
         object.__setattr__(self, "centers", self.centers.reshape(-1, len(self.scale)))
 
     @property
     def count(self) -> int:
+        """Number of features f."""
         return self.inputs + len(self.products) + len(self.centers)
 
     def __call__(self, inputs: Float) -> Float:
-        """(t, f) of inputs (t, d)."""
+        """Return the features (t, f) of inputs (t, d)."""
         i, j = self.products.T
-        return np.concatenate([inputs, inputs[:, i] * inputs[:, j], self._bumps(inputs)[0]], axis=1)
+        return np.concatenate(
+            [inputs, inputs[:, i] * inputs[:, j], self._radial(inputs)[0]], axis=1
+        )
 
     def slopes(self, inputs: Float) -> Float:
-        """Derivatives (t, f, d) by the inputs (t, d)."""
+        """Return the derivatives (t, f, d) by the inputs (t, d)."""
         t, d = inputs.shape
         out = np.zeros((t, self.count, d))
         out[:, np.arange(d), np.arange(d)] = 1.0
         for row, (i, j) in enumerate(self.products, d):
             out[:, row, i] += inputs[:, j]
             out[:, row, j] += inputs[:, i]
-        bumps, apart = self._bumps(inputs)
-        out[:, d + len(self.products) :, : len(self.scale)] = -bumps[..., None] * apart / self.scale
+        values, difference = self._radial(inputs)
+        out[:, d + len(self.products) :, : len(self.scale)] = (
+            -values[..., None] * difference / self.scale
+        )
         return out
 
     def roughness(self) -> Float:
-        """(f, f): w^T roughness w is the squared norm of the radial functions' sum with weights w
-        in their reproducing kernel Hilbert space, by the square of their width. Without it large
-        weights that cancel where there are states run wild beyond them."""
+        """Return the matrix (f, f) that penalizes the radial functions' weights.
+
+        w^T roughness w is the squared norm of their weighted sum in its reproducing kernel Hilbert
+        space, divided by the square of their width. Without it, large weights that cancel at the
+        states oscillate beyond them.
+        """
         out = np.zeros((self.count, self.count))
         k = len(self.centers)
         if k:
-            apart = (self.centers[:, None] - self.centers) / self.scale
+            difference = (self.centers[:, None] - self.centers) / self.scale
             width = float(np.exp(2 * np.log(self.scale).mean()))
-            out[-k:, -k:] = np.exp(-0.5 * (apart**2).sum(-1)) / width
+            out[-k:, -k:] = np.exp(-0.5 * (difference**2).sum(-1)) / width
         return out
 
-    def _bumps(self, inputs: Float) -> tuple[Float, Float]:
-        apart = (inputs[:, None, : len(self.scale)] - self.centers) / self.scale
-        return np.exp(-0.5 * (apart**2).sum(-1)), apart
+    def _radial(self, inputs: Float) -> tuple[Float, Float]:
+        """Return the radial functions (t, k), and the scaled differences (t, k, e) from centers."""
+        difference = (inputs[:, None, : len(self.scale)] - self.centers) / self.scale
+        return np.exp(-0.5 * (difference**2).sum(-1)), difference
 
 
 def no_products() -> Int:
-    """(0, 2)."""
+    """Return an empty list of products (0, 2)."""
     return np.zeros((0, 2), np.int64)
 
 
 def all_products(channels: int) -> Int:
-    """Of each pair of the first inputs, squares among them (p, 2)."""
+    """Return all pairs (p, 2) of the first inputs, squares included."""
     return np.stack(np.triu_indices(channels), axis=1).astype(np.int64)
 
 
 @dataclass(frozen=True)
 class InputDecoder:
-    """outputs = features(inputs) @ weights (f, o) + constant (o,), outputs in mm."""
+    """Map outputs = features(inputs) @ weights + constant.
+
+    Attributes:
+        features: Features of the inputs.
+        weights: Weights (f, o), mm.
+        constant: Constant (o,), mm.
+    """
 
     features: InputFeatures
     weights: Float
     constant: Float
 
     def __call__(self, inputs: Float) -> Float:
-        """(t, o) of inputs (t, d)."""
+        """Return the outputs (t, o) in mm of inputs (t, d)."""
         return np.asarray(self.features(inputs) @ self.weights + self.constant)
 
-    def one(self, inputs: Float) -> Float:
-        """(o,) of one sample's inputs (d,): compiled, for live use."""
+    def decode_sample(self, inputs: Float) -> Float:
+        """Return the outputs (o,) in mm of one sample (d,); compiled, for live use."""
         f = self.features
-        return np.asarray(_one(inputs, f.products, f.centers, f.scale, self.weights, self.constant))
+        return np.asarray(
+            _decode_sample(inputs, f.products, f.centers, f.scale, self.weights, self.constant)
+        )
 
 
 @compiled(error_model="numpy")
-def _one(z, products, centers, scale, weights, constant):  # type: ignore[no-untyped-def]
+def _decode_sample(z, products, centers, scale, weights, constant):  # type: ignore[no-untyped-def]
     d, p = len(z), len(products)
     out = constant.copy()
     for f in range(len(weights)):
@@ -150,3 +143,43 @@ def _one(z, products, centers, scale, weights, constant):  # type: ignore[no-unt
         for o in range(len(out)):
             out[o] += x * weights[f, o]
     return out
+
+
+@dataclass(frozen=True)
+class SharedMemory:
+    """A simulated map without memory, behind signals from which the cords' memory is removed.
+
+    All cords of a device are made of the same rubber, so their memories have the same form. A few
+    numbers that all channels share, with a gain and an offset of each channel, convert the signals
+    of built cords to those of ideal ones, whose map a simulation gives. The ideal signals are
+    u = (s + sum_k moved_k h_k + sum_k worked_k q_k - offset) / gain, with the memories h and q of
+    `signal_history.py` for its K and Q time constants.
+
+    Attributes:
+        gain: Gain of each channel (c,).
+        offset: Offset of each channel (c,).
+        moved: Weights (K,) of the memories h.
+        worked: Weights (Q,) of the memories q.
+        decoder: Map from ideal signals (c,) to outputs.
+    """
+
+    gain: Float
+    offset: Float
+    moved: Float
+    worked: Float
+    decoder: InputDecoder
+
+    def ideal_signals(self, inputs: Float) -> Float:
+        """Return the ideal signals (t, c) of inputs (t, c (1 + K + Q))."""
+        c = len(self.gain)
+        shares = np.concatenate([[1.0], self.moved, self.worked])
+        s = np.tensordot(inputs.reshape(*inputs.shape[:-1], len(shares), c), shares, (-2, 0))
+        return np.asarray((s - self.offset) / self.gain)
+
+    def __call__(self, inputs: Float) -> Float:
+        """Return the outputs (t, o) in mm of inputs (t, d)."""
+        return self.decoder(self.ideal_signals(inputs))
+
+    def decode_sample(self, inputs: Float) -> Float:
+        """Return the outputs (o,) in mm of one sample (d,)."""
+        return self.decoder.decode_sample(self.ideal_signals(inputs))

@@ -1,14 +1,16 @@
-"""What a decoder knows of the signals' past: how far each has moved of late, and how much.
+"""Signals over time: values between samples, and features of the signals' past.
 
-Rubber cords relax and are stiffer on the way out than back, so the same signal belongs to
-different shapes. A cord that is a chain of relaxing elements (generalised Maxwell) is undone by
-exponential memories of its own signal. Of each time constant T and each signal s there are
+Rubber cords relax, and are stiffer while they are stretched than while they return, so the same
+signal belongs to different shapes. A cord that is a chain of relaxing elements (generalized
+Maxwell) is inverted by exponential memories of its own signal. For each time constant T and each
+signal s there are
 
-    h = s - m,  m' = (s - m)/T        how far it is from where it was: a rate for short T
-    q' = |r'| - q/T                   how much it has moved, either way
+    h = s - m,  m' = (s - m)/T        the distance from where it was: a rate for short T
+    q' = |r'| - q/T                   how much it has moved, in either direction
 
-with r the signal without what changes within a fifth of a second: noise is no movement. h is exact
-for signals that run straight between samples, at any rate of sampling; q is so for r that does.
+where r is the signal without changes that last less than a fifth of a second, so that noise does
+not count as movement. h is exact for signals that are linear between samples, at any sampling rate;
+q is exact where r is.
 """
 
 from __future__ import annotations
@@ -20,61 +22,90 @@ import numpy as np
 from ..core.arrays import Bool, Float
 from ..core.machine.compiled import compiled
 
-# Values between samples.
+_TIME_ROUNDING_S = 2e-6  # by which the same times differ between files
+_MAX_GAP_S = 0.25
+_SMOOTHING_S = 0.2  # time constant of r
 
-_ROUNDING = 2e-6  # s, by which times in different files differ
 
+def interpolate_at(
+    times: Float, sample_times: Float, values: Float, max_gap: float = _MAX_GAP_S
+) -> Float:
+    """Interpolate samples linearly.
 
-def at_times(when: Float, time: Float, values: Float, gap: float = 0.25) -> Float:
-    """Values (n, d) with increasing times (n,) s at other times (t,) s: linear in between, NaN
-    outside and in gaps of over `gap` s. Times that differ by what files round off are the same."""
-    if len(time) < 2:
-        return np.full((len(when), values.shape[1]), np.nan)
-    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
-    after = when - time[k - 1]
-    span = time[k] - time[k - 1]
-    before_it, at_it = np.abs(after) < _ROUNDING, np.abs(after - span) < _ROUNDING
-    x = np.where(before_it, 0.0, np.where(at_it, 1.0, after / span))
+    Times that differ by the rounding of files are the same.
+
+    Args:
+        times: Times of the result (t,), s.
+        sample_times: Times of the samples (n,), s, increasing.
+        values: Samples (n, d).
+        max_gap: Longest time between two samples to interpolate over, s.
+
+    Returns:
+        Values (t, d); NaN before the first and after the last sample, and in longer gaps.
+    """
+    if len(sample_times) < 2:
+        return np.full((len(times), values.shape[1]), np.nan)
+    k = np.clip(np.searchsorted(sample_times, times), 1, len(sample_times) - 1)
+    after = times - sample_times[k - 1]
+    span = sample_times[k] - sample_times[k - 1]
+    is_first, is_second = np.abs(after) < _TIME_ROUNDING_S, np.abs(after - span) < _TIME_ROUNDING_S
+    x = np.where(is_first, 0.0, np.where(is_second, 1.0, after / span))
     out = values[k - 1] + x[:, None] * (values[k] - values[k - 1])
-    exact = before_it | at_it
-    out[before_it], out[at_it] = values[k - 1][before_it], values[k][at_it]
-    between: Bool = (x > 0) & (x < 1) & (span <= gap)
-    out[~(exact | between)] = np.nan
+    is_exact = is_first | is_second
+    out[is_first], out[is_second] = values[k - 1][is_first], values[k][is_second]
+    is_between: Bool = (x > 0) & (x < 1) & (span <= max_gap)
+    out[~(is_exact | is_between)] = np.nan
     return np.asarray(out)
-
-
-_SMOOTH = 0.2  # s
 
 
 @dataclass(frozen=True)
 class Past:
-    """Time constants, s, of the memories of where signals were (`moved`) and of how much they have
-    moved (`worked`)."""
+    """Memories of signals that are inputs of a decoder.
+
+    Attributes:
+        moved: Time constants of the memories h, s.
+        worked: Time constants of the memories q, s.
+    """
 
     moved: tuple[float, ...] = ()
     worked: tuple[float, ...] = ()
 
     @property
     def count(self) -> int:
-        """Numbers that are added for each signal."""
+        """Number of memories of each signal."""
         return len(self.moved) + len(self.worked)
 
     def __call__(self, time: Float, signals: Float) -> Float:
-        """Signals (n, c) at times (n,) s and what is known of their past, (n, c (1 + count)): the
-        signals, then h of each time constant, then q. Signals are taken to have been for long what
-        they are first. NaN is where a signal is; over a gap signals are taken to have gone straight
-        from the sample before it to the one after."""
+        """Add the memories to signals.
+
+        The signals are assumed to have been constant before the first sample, and linear over gaps.
+
+        Args:
+            time: Times of the samples (n,), s.
+            signals: Signals (n, c).
+
+        Returns:
+            Inputs (n, c (1 + count)): the signals, then h of each time constant, then q. NaN where
+            a signal is NaN.
+        """
         if not self.count:
             return signals
         h, q = _memories(
-            np.ascontiguousarray(time, float), np.ascontiguousarray(signals, float),
-            np.array(self.moved, float), np.array(self.worked, float),
-        )  # fmt: skip
+            np.ascontiguousarray(time, float),
+            np.ascontiguousarray(signals, float),
+            np.array(self.moved, float),
+            np.array(self.worked, float),
+        )
         return np.concatenate([signals, h, q], axis=1)
 
 
 class PastStream:
-    """The same, a sample at a time, as they come."""
+    """Adds the memories to signals, one sample at a time.
+
+    Args:
+        past: The memories.
+        channels: Number of signals c.
+    """
 
     def __init__(self, past: Past, channels: int) -> None:
         self._past = past
@@ -87,54 +118,75 @@ class PastStream:
         self._r = np.full(channels, np.nan)
 
     def __call__(self, time: float, signals: Float) -> Float:
-        """(c (1 + count),) of the sample (c,) at a time, s, later than the one before."""
+        """Return the inputs (c (1 + count),) of a sample.
+
+        Args:
+            time: Time of the sample, later than that of the last one, s.
+            signals: Signals (c,).
+        """
         dt = time - self._time if np.isfinite(self._time) else 0.0
         self._time = time
-        h, q = _step(
-            dt, signals, self._since, self._last, self._m, self._q, self._r, self._moved,
+        h, q = _advance(
+            dt,
+            signals,
+            self._since,
+            self._last,
+            self._m,
+            self._q,
+            self._r,
+            self._moved,
             self._worked,
-        )  # fmt: skip
+        )
         return np.concatenate([signals, h, q])
 
     def rescale(self, scale: Float, shift: Float) -> None:
-        """Go on as if all signals (c,) so far had been `scale` (c,) times themselves and `shift`
-        (c,) more: what they refer to has changed. How much they have moved stays as it was."""
-        for kept in (self._last, self._m, self._r):
-            kept[...] = scale * kept + shift
+        """Replace all signals so far by scale * signal + shift, because their reference changed.
+
+        The memories q stay as they are.
+
+        Args:
+            scale: Scale of each signal (c,).
+            shift: Shift of each signal (c,).
+        """
+        for state in (self._last, self._m, self._r):
+            state[...] = scale * state + shift
 
 
 @compiled(error_model="numpy")
-def _step(past, signals, since, last, m, q, r, moved, worked):  # type: ignore[no-untyped-def]
-    """One sample on, `past` s after the one before. Changed are `since` (c,), s since a channel was
-    known, `last` and `r` (c,), `m` and `q` (k, c)."""
+def _advance(dt, signals, since, last, m, q, r, moved, worked):  # type: ignore[no-untyped-def]
+    """Return h and q of a sample, `dt` s after the last one.
+
+    Updates `since` (c,), the time since each signal was last known in s, `last` and `r` (c,), and
+    `m` and `q` (k, c).
+    """
     c = len(signals)
     h_out, q_out = np.empty(len(moved) * c), np.empty(len(worked) * c)
     for j in range(c):
         now = signals[j]
-        since[j] += past
+        since[j] += dt
         if not np.isfinite(now):
             h_out[j::c] = np.nan
             q_out[j::c] = np.nan
             continue
-        first = not np.isfinite(last[j])
-        before = now if first else last[j]
-        dt = 0.0 if first else since[j]
-        slope = (now - before) / dt if dt > 0 else 0.0
+        is_first = not np.isfinite(last[j])
+        before = now if is_first else last[j]
+        step = 0.0 if is_first else since[j]
+        slope = (now - before) / step if step > 0 else 0.0
         for k in range(len(moved)):
-            keep = np.exp(-dt / moved[k])
-            if first:
+            decay = np.exp(-step / moved[k])
+            if is_first:
                 m[k, j] = before
-            # Of a straight line, m lags by the slope times T once it has settled.
+            # On a straight line, m lags by the slope times T once it has settled.
             lag = slope * moved[k]
-            m[k, j] = now - lag + (m[k, j] - before + lag) * keep
+            m[k, j] = now - lag + (m[k, j] - before + lag) * decay
             h_out[k * c + j] = now - m[k, j]
-        smooth = before if first else r[j]
-        lag = slope * _SMOOTH
-        r[j] = now - lag + (smooth - before + lag) * np.exp(-dt / _SMOOTH)
-        moves = abs(r[j] - smooth) / dt if dt > 0 else 0.0
+        smooth = before if is_first else r[j]
+        lag = slope * _SMOOTHING_S
+        r[j] = now - lag + (smooth - before + lag) * np.exp(-step / _SMOOTHING_S)
+        speed = abs(r[j] - smooth) / step if step > 0 else 0.0
         for k in range(len(worked)):
-            keep = np.exp(-dt / worked[k])
-            q[k, j] = q[k, j] * keep + moves * worked[k] * (1 - keep)
+            decay = np.exp(-step / worked[k])
+            q[k, j] = q[k, j] * decay + speed * worked[k] * (1 - decay)
             q_out[k * c + j] = q[k, j]
         last[j], since[j] = now, 0.0
     return h_out, q_out
@@ -149,5 +201,5 @@ def _memories(time, signals, moved, worked):  # type: ignore[no-untyped-def]
     w = np.zeros((len(worked), c))
     for i in range(n):
         dt = time[i] - time[i - 1] if i else 0.0
-        h[i], q[i] = _step(dt, signals[i], since, last, m, w, r, moved, worked)
+        h[i], q[i] = _advance(dt, signals[i], since, last, m, w, r, moved, worked)
     return h, q

@@ -1,7 +1,8 @@
-"""A trained model: from what the cords say to where the markers are, and how wrong that may be.
+"""A trained model: from the signals of the cords to the positions of the markers, with intervals.
 
-signals (R - R0)/R0, corrected by each channel's gain and offset -> their past (`past.py`) ->
-features (polynomial, or radial basis functions) -> ridge weights -> marker positions.
+The signals (R - R0)/R0 are corrected by each channel's gain and offset. Their memories are added
+(`signal_history.py`), features of these are computed (polynomials or radial basis functions), and
+linear weights map the features to positions.
 """
 
 from __future__ import annotations
@@ -16,14 +17,22 @@ from ..core.arrays import Float, Int
 from ..core.errors import TrainingError
 from .channel_faults import FaultLimits
 from .input_decoder import InputDecoder, SharedMemory
-from .signal_history import Past, PastStream, at_times
+from .signal_history import Past, PastStream, interpolate_at
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """Conformal: with the probability `level` a marker lies within radius (t, m) mm of where it is
-    said to be; radius = `factor` (m,) * (`spread` (m,) mm + `slope` (m,) mm * distance), of the
-    distance (t,) of what the cords say from what was trained on."""
+    """Conformal intervals of the positions.
+
+    With probability `level`, a marker is within factor * (spread + slope * distance) of its decoded
+    position, for the distance of the inputs from the training.
+
+    Attributes:
+        level: The probability.
+        factor: Factor of each marker (m,).
+        spread: Spread of each marker (m,), mm.
+        slope: Slope of each marker (m,), mm.
+    """
 
     level: float
     factor: Float
@@ -31,15 +40,24 @@ class Intervals:
     slope: Float
 
     def __call__(self, distance: Float) -> Float:
-        """(t, m) mm of distances (t,)."""
+        """Return the radii (t, m) in mm at distances (t,)."""
         return np.asarray(self.factor * (self.spread + self.slope * distance[:, None]))
 
 
 @dataclass(frozen=True)
 class TrainedRange:
-    """What the decoder's inputs z (d,) were in training: distance = sqrt(mean(w^2)) of what
-    z, less `middle` (d,), is in the directions and units `whiten` (d, d); `usual` is the distance
-    that 99 % of the training's stayed under, `low` and `high` (c,) are the signals' own range."""
+    """Range of a decoder's inputs z in training.
+
+    The distance of inputs from the training is sqrt(mean(((z - middle) whiten)^2)), in units of
+    `usual`.
+
+    Attributes:
+        middle: Center of the inputs (d,).
+        whiten: Matrix (d, d) that whitens them.
+        usual: Distance below which 99 % of the training's inputs are.
+        low: Lowest signals (c,).
+        high: Highest signals (c,).
+    """
 
     middle: Float
     whiten: Float
@@ -48,13 +66,12 @@ class TrainedRange:
     high: Float
 
     def distance(self, inputs: Float) -> Float:
-        """(t,) of inputs (t, d), in units of `usual`: above 1 lies outside of the training."""
-        away = (inputs - self.middle) @ self.whiten
-        return np.asarray(np.sqrt((away**2).mean(axis=1)) / self.usual)
+        """Return the distances (t,) of inputs (t, d); above 1 is outside of the training."""
+        whitened = (inputs - self.middle) @ self.whiten
+        return np.asarray(np.sqrt((whitened**2).mean(axis=1)) / self.usual)
 
-    def of_signals(self) -> TrainedRange:
-        """The same of the signals alone, the first c of the inputs, without what is remembered of
-        them."""
+    def for_signals(self) -> TrainedRange:
+        """Return the range of the signals alone, the first c inputs, without their memories."""
         c = len(self.low)
         covariance = np.linalg.inv(self.whiten @ self.whiten.T)[:c, :c]
         values, vectors = np.linalg.eigh(covariance)
@@ -65,9 +82,16 @@ class TrainedRange:
 
 @dataclass(frozen=True)
 class Branch:
-    """A decoder of some of the `channels`, by index (k,), with the past that it sees, the range
-    that it was trained in, and its intervals (None: not known). Where there is a `simulated` map,
-    positions are its own and the decoder's together."""
+    """A decoder of some of the channels.
+
+    Attributes:
+        channels: Indices of the channels (k,).
+        past: Memories that are inputs, too.
+        decoder: The decoder.
+        range: Range of its inputs in training.
+        intervals: Intervals of its positions; None where they are not known.
+        simulated: A simulated map; positions are then the sum of its outputs and the decoder's.
+    """
 
     channels: tuple[int, ...]
     past: Past
@@ -77,24 +101,31 @@ class Branch:
     simulated: SharedMemory | None = None
 
     def inputs(self, time: Float, signals: Float) -> Float:
-        """z (t, d) of all signals (t, c) at times (t,) s."""
+        """Return the inputs (t, d) of all corrected signals (t, c) at times (t,), s."""
         return self.past(time, signals[:, list(self.channels)])
 
     def positions(self, inputs: Float) -> Float:
-        """(t, o) mm of inputs (t, d)."""
-        found = self.decoder(inputs)
-        return found if self.simulated is None else found + self.simulated(inputs)
+        """Return the outputs (t, o) in mm of inputs (t, d)."""
+        outputs = self.decoder(inputs)
+        return outputs if self.simulated is None else outputs + self.simulated(inputs)
 
-    def one(self, inputs: Float) -> Float:
-        """(o,) mm of one sample's inputs (d,)."""
-        found = self.decoder.one(inputs)
-        return found if self.simulated is None else found + self.simulated.one(inputs)
+    def decode_sample(self, inputs: Float) -> Float:
+        """Return the outputs (o,) in mm of one sample (d,)."""
+        outputs = self.decoder.decode_sample(inputs)
+        if self.simulated is None:
+            return outputs
+        return outputs + self.simulated.decode_sample(inputs)
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """Positions (t, m, 3) mm in the rest frame, the radius (t, m) mm of their intervals (NaN where
-    there are none), and the distance (t,) from what was trained on."""
+    """Decoded positions.
+
+    Attributes:
+        points: Positions (t, m, 3) in the rest frame, mm.
+        radius: Radii of their intervals (t, m), mm; NaN where there are none.
+        distance: Distances (t,) from the training.
+    """
 
     points: Float
     radius: Float
@@ -103,12 +134,24 @@ class Decoded:
 
 @dataclass(frozen=True)
 class TrainedModel:
-    """`kind` names the decoder; `channels` by name, markers by their numbers `ids` (m,), their
-    places at rest (m, 3) mm. `gain` and `offset` (c,) correct the signals: s -> (s - offset)/gain.
-    The `main` branch uses all channels, `without` has one for each channel that may fail; `faults`
-    tells when one has; `poses` are the signals (c,) at the extreme of each pose, `pose_spread` what
-    they differ by from one show to another, where known. `told` is what there is to know of the
-    training, in plain values: folds, hashes, versions, units."""
+    """A model as in `model.json`.
+
+    Attributes:
+        device: Name of the device.
+        layout: Hash of the layout of its cords.
+        kind: Name of the decoder.
+        channels: Names of the channels (c,).
+        ids: Numbers of the markers (m,).
+        rest_points: Positions of the markers at rest (m, 3), mm.
+        gain: Gain of each channel (c,).
+        offset: Offset of each channel (c,); a corrected signal is (s - offset) / gain.
+        main: Decoder of all channels.
+        without: Decoders without one channel, by that channel's name.
+        faults: Limits that show when a channel has failed.
+        poses: Signals (c,) at the extreme of each pose.
+        pose_spread: Difference of the signals between repetitions of a pose, where it is known.
+        told: Metadata of the training in plain values: folds, hashes, versions, units.
+    """
 
     SCHEMA: ClassVar[int] = 1
 
@@ -127,63 +170,105 @@ class TrainedModel:
     pose_spread: Mapping[str, float] = field(default_factory=dict)
     told: Mapping[str, Any] = field(default_factory=dict)
 
-    def corrected(self, signals: Float) -> Float:
-        """Signals (..., c) with each channel's offset and gain taken out."""
+    def correct(self, signals: Float) -> Float:
+        """Return signals (..., c) without each channel's offset and gain."""
         return np.asarray((signals - self.offset) / self.gain)
 
     def branch(self, lost: str | None = None) -> Branch:
-        """The decoder to use, or that without a channel. Raises TrainingError where there is none
-        for that."""
+        """Return the decoder to use.
+
+        Args:
+            lost: Name of a channel that has failed.
+
+        Returns:
+            The decoder of all channels, or the one without the failed channel.
+
+        Raises:
+            TrainingError: The model has no decoder without that channel.
+        """
         if lost is None:
             return self.main
         if lost not in self.without:
+            available = ", ".join(self.without) or "no channel"
             raise TrainingError(
-                f"the model has no decoder without {lost}; it has those without"
-                f" {', '.join(self.without) or 'none'}",
+                f"there is no decoder without the channel {lost}",
                 code="no-decoder-without",
+                where="model",
+                action=f"Use one without {available}, or train the model again",
                 channel=lost,
             )
         return self.without[lost]
 
     def decode(self, time: Float, signals: Float, at: Float, lost: str | None = None) -> Decoded:
-        """Of signals (n, c) sampled at times (n,) s, at the times `at` (t,) s: linear between
-        samples, NaN where there are none near."""
+        """Decode a recording.
+
+        Args:
+            time: Times of the samples (n,), s.
+            signals: Signals (n, c), (R - R0)/R0.
+            at: Times of the result (t,), s.
+            lost: Name of a channel that has failed.
+
+        Returns:
+            Positions, linear between samples; NaN where no sample is close.
+
+        Raises:
+            TrainingError: The model has no decoder without that channel.
+        """
         branch = self.branch(lost)
-        z = at_times(at, time, branch.inputs(time, self.corrected(signals)))
-        return decoded(branch, z, len(self.ids))
+        z = interpolate_at(at, time, branch.inputs(time, self.correct(signals)))
+        return decode_inputs(branch, z, len(self.ids))
 
     def stream(self, lost: str | None = None) -> ModelStream:
-        """The same for samples as they come."""
+        """Return a decoder for samples as they arrive; see `branch` for `lost`."""
         return ModelStream(self, self.branch(lost))
 
 
 class ModelStream:
-    """Decodes a sample at a time."""
+    """Decodes one sample at a time.
+
+    Args:
+        model: The model.
+        branch: Its decoder to use.
+    """
 
     def __init__(self, model: TrainedModel, branch: Branch) -> None:
         self._model, self._branch = model, branch
         self._past = PastStream(branch.past, len(branch.channels))
-        self._pick = np.array(branch.channels)
+        self._channels = np.array(branch.channels)
 
     def __call__(self, time: float, signals: Float) -> Float:
-        """Positions (m, 3) mm of the signals (c,) at a time, s."""
-        return self._branch.one(self.inputs(time, signals)).reshape(-1, 3)
+        """Return the positions (m, 3) in mm of signals (c,) at a time in s."""
+        return self._branch.decode_sample(self.inputs(time, signals)).reshape(-1, 3)
 
-    def refer(self, ratio: Float) -> None:
-        """R0 is from now on the former one over `ratio` (c,): what is remembered refers to it, too,
-        so that it counts as no movement."""
-        offset, gain = self._model.offset[self._pick], self._model.gain[self._pick]
-        k = ratio[self._pick]
+    def change_rest(self, ratio: Float) -> None:
+        """Continue with other resistances at rest.
+
+        The memories are converted, so that the change does not count as movement.
+
+        Args:
+            ratio: Former resistance at rest over the new one (c,).
+        """
+        offset, gain = self._model.offset[self._channels], self._model.gain[self._channels]
+        k = ratio[self._channels]
         self._past.rescale(k, (1 + offset) * (k - 1) / gain)
 
     def inputs(self, time: float, signals: Float) -> Float:
-        """What the decoder sees (d,) of the same."""
-        s = self._model.corrected(signals)[self._pick]
+        """Return the decoder's inputs (d,) for signals (c,) at a time in s."""
+        s = self._model.correct(signals)[self._channels]
         return self._past(time, s) if self._branch.past.count else s
 
 
-def decoded(branch: Branch, inputs: Float, markers: int) -> Decoded:
-    """Of inputs (t, d)."""
+def decode_inputs(branch: Branch, inputs: Float, markers: int) -> Decoded:
+    """Decode inputs.
+
+    Args:
+        branch: The decoder.
+        inputs: Inputs (t, d).
+        markers: Number of markers m.
+
+    Returns:
+        Positions with their intervals.
+    """
     points = branch.positions(inputs).reshape(len(inputs), markers, 3)
     distance = branch.range.distance(inputs)
     if branch.intervals is None:

@@ -6,9 +6,9 @@ from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV
 
 from defsense_fab.core.device.device import DECODERS
-from defsense_fab.decoding.decoders import contiguous, fit_decoder
+from defsense_fab.decoding.decoders import contiguous_folds, fit_decoder
 from defsense_fab.decoding.elimination import expected_square
-from defsense_fab.decoding.ridge import fit, quadratic
+from defsense_fab.decoding.ridge import fit_ridge, quadratic_features
 
 
 def curved(count, rng, channels=2):
@@ -49,7 +49,7 @@ def test_width_and_weight_are_those_of_a_librarys_search(seed):
     decoder = fit_decoder("kernel", signals, outputs, noise)
     folds = [
         (np.setdiff1d(np.arange(105), test), test)
-        for test in (np.arange(105).reshape(21, 5)[k].ravel() for _, k in contiguous(21))
+        for test in (np.arange(105).reshape(21, 5)[k].ravel() for _, k in contiguous_folds(21))
     ]
     search = GridSearchCV(
         KernelRidge(kernel="rbf"),
@@ -77,7 +77,7 @@ def test_the_kernel_decoder_is_the_librarys():
 
 
 def test_folds_are_runs_of_neighbours():
-    folds = contiguous(13)
+    folds = contiguous_folds(13)
     assert len(folds) == 5
     assert np.concatenate([test for _, test in folds]).tolist() == list(range(13))
     for seen, test in folds:
@@ -90,7 +90,7 @@ def test_folds_are_runs_of_neighbours():
 def test_expected_error_where_features_outnumber_states(channels, states):
     """Between nothing and the outputs' own size, and that of the decoder which is fitted."""
     rng = np.random.default_rng(0)
-    features = quadratic(channels)
+    features = quadratic_features(channels)
     for _ in range(50):
         signals = np.concatenate(
             [np.zeros((1, channels)), 0.05 * rng.normal(size=(states - 1, channels))]
@@ -99,7 +99,7 @@ def test_expected_error_where_features_outnumber_states(channels, states):
         outputs = rng.normal(size=(states, 4))
         outputs -= outputs.mean(0)
         found = float(expected_square(features, signals, outputs, 0.002))
-        decoder = fit(features, signals, outputs, 0.002)
+        decoder = fit_ridge(features, signals, outputs, 0.002)
         expected = ((decoder(signals) - outputs) ** 2).sum()
         expected += decoder.noise_variance(signals, 0.002).sum()
         assert 0 <= found <= (outputs**2).sum() * (1 + 1e-12)

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from defsense_fab.decoding.decoders import fit_decoder
-from defsense_fab.decoding.expected_errors import HELD_OUT, LEFT_OUT, MEANING, NONE, unseen_states
+from defsense_fab.decoding.expected_errors import (
+    HELD_OUT,
+    LEFT_OUT,
+    MEANING,
+    NONE,
+    choose_unseen_states,
+)
 
 STATES = (
     {},
@@ -19,7 +25,7 @@ STATES = (
 
 def test_held_out_states_are_tested_and_not_trained_on():
     held = np.array([False, False, False, False, False, True, True])
-    found = unseen_states(STATES, held)
+    found = choose_unseen_states(STATES, held)
     assert found.how == HELD_OUT
     ((seen, test),) = found.folds
     assert seen.tolist() == [0, 1, 2, 3, 4]
@@ -27,7 +33,7 @@ def test_held_out_states_are_tested_and_not_trained_on():
 
 
 def test_without_any_amplitudes_and_mixtures_are_left_out_in_turn():
-    found = unseen_states(STATES, np.zeros(7, bool))
+    found = choose_unseen_states(STATES, np.zeros(7, bool))
     assert found.how == LEFT_OUT
     assert sorted(test.tolist() for _, test in found.folds) == [[1, 3], [2, 4], [5], [6]]
     for seen, test in found.folds:
@@ -37,7 +43,7 @@ def test_without_any_amplitudes_and_mixtures_are_left_out_in_turn():
 
 
 def test_where_nothing_can_be_left_out_it_is_said():
-    found = unseen_states(({}, {"up": 1.0}, {"down": 1.0}), np.zeros(3, bool))
+    found = choose_unseen_states(({}, {"up": 1.0}, {"down": 1.0}), np.zeros(3, bool))
     assert found.how == NONE
     assert found.tested.tolist() == [0, 1, 2]
     assert set(MEANING) == {HELD_OUT, LEFT_OUT, NONE}
@@ -49,7 +55,7 @@ def test_unseen_states_see_through_a_fit_of_noise(kind):
     rng = np.random.default_rng(3)
     signals, outputs = rng.normal(size=(13, 3)), rng.normal(size=(13, 2))
     states = [{}, *({p: a} for p in "abcd" for a in (0.3, 0.6, 1.0))]
-    found = unseen_states(states, np.zeros(13, bool))
+    found = choose_unseen_states(states, np.zeros(13, bool))
     square = 0.0
     for seen, test in found.folds:
         decoder = fit_decoder(kind, signals[seen], outputs[seen], 1e-4)
@@ -60,7 +66,7 @@ def test_unseen_states_see_through_a_fit_of_noise(kind):
 
 def test_neither_the_order_of_poses_nor_zeros_make_another_path():
     states = ({}, {"a": 0.5, "b": 0.5}, {"b": 1.0, "a": 1.0}, {"a": 1.0, "b": 0}, {"a": 0.5})
-    found = unseen_states(states, np.zeros(5, bool))
+    found = choose_unseen_states(states, np.zeros(5, bool))
     paths = [(k.tolist(), at.tolist()) for k, at in found.paths]
     assert paths == [([1, 2], [0.5, 1.0]), ([3, 4], [1.0, 0.5])]
     assert sorted(test.tolist() for _, test in found.folds) == [[1], [2], [3], [4]]
@@ -68,6 +74,6 @@ def test_neither_the_order_of_poses_nor_zeros_make_another_path():
 
 def test_states_on_one_path_of_loading():
     more = {"up": 1.0, "down": 1.0}, {"down": 0.15, "up": 0.5}
-    found = unseen_states((*STATES, *more), np.zeros(9, bool))
+    found = choose_unseen_states((*STATES, *more), np.zeros(9, bool))
     paths = {tuple(k.tolist()): at.tolist() for k, at in found.paths}
     assert paths == {(1, 2): [0.5, 1], (3, 4): [0.5, 1], (5, 7): [0.5, 1], (6, 8): [1, 0.5]}

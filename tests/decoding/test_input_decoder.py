@@ -33,7 +33,7 @@ def shared_memory() -> SharedMemory:
 
 def test_ideal_signals_are_signals_without_memory_offset_and_gain() -> None:
     s, h1, h2, q = np.random.default_rng(1).normal(size=(4, 5, 2))
-    found = shared_memory().ideal(np.concatenate([s, h1, h2, q], axis=1))
+    found = shared_memory().ideal_signals(np.concatenate([s, h1, h2, q], axis=1))
     expected = (s - 0.2 * h1 + 0.1 * h2 - 0.05 * q - [0.01, -0.02]) / [1.1, 0.9]
     np.testing.assert_allclose(found, expected)
 
@@ -41,7 +41,7 @@ def test_ideal_signals_are_signals_without_memory_offset_and_gain() -> None:
 def test_shared_memory_decodes_one_sample_like_many() -> None:
     z = np.random.default_rng(1).normal(size=(5, 8))
     np.testing.assert_allclose(
-        np.array([shared_memory().one(row) for row in z]), shared_memory()(z), rtol=1e-12
+        np.array([shared_memory().decode_sample(row) for row in z]), shared_memory()(z), rtol=1e-12
     )
 
 
@@ -91,7 +91,7 @@ def test_slopes_are_those_of_finite_differences() -> None:
 def test_one_sample_is_decoded_as_many_are() -> None:
     decoder = made()
     z = np.random.default_rng(1).normal(size=(7, 5))
-    one = np.array([decoder.one(row) for row in z])
+    one = np.array([decoder.decode_sample(row) for row in z])
     np.testing.assert_allclose(one, decoder(z), rtol=1e-12, atol=1e-12)
 
 

@@ -7,8 +7,8 @@ from sklearn.preprocessing import PolynomialFeatures
 
 from defsense_fab.core.device.device import DECODERS
 from defsense_fab.decoding.elimination import expected_square
-from defsense_fab.decoding.expected_errors import floor, measure
-from defsense_fab.decoding.ridge import KINDS, affine, fit, quadratic
+from defsense_fab.decoding.expected_errors import affine_error_floor, measure_errors
+from defsense_fab.decoding.ridge import FEATURES, affine_features, fit_ridge, quadratic_features
 
 
 @pytest.fixture
@@ -18,26 +18,29 @@ def data():
     return S, S @ rng.normal(size=(3, 12)) + 0.1 * rng.normal(size=(30, 12)) + 4
 
 
-@pytest.fixture(params=KINDS.values(), ids=KINDS.keys())
+@pytest.fixture(params=FEATURES.values(), ids=FEATURES.keys())
 def features(request):
     return request.param(3)
 
 
 def test_every_decoder_of_a_device_has_features():
-    assert set(KINDS) == set(DECODERS)
+    assert set(FEATURES) == set(DECODERS)
 
 
 def test_same_as_sklearn(data):
     S, O = data  # noqa: E741
     sigma = np.sqrt(0.3 / len(S))
-    ours, theirs = fit(affine(3), S, O, sigma), Ridge(alpha=0.3).fit(S, O)
+    ours, theirs = fit_ridge(affine_features(3), S, O, sigma), Ridge(alpha=0.3).fit(S, O)
     assert ours.weights == pytest.approx(theirs.coef_.T, abs=1e-12)
     assert ours.constant == pytest.approx(theirs.intercept_, abs=1e-12)
 
 
 def test_quadratic_features_are_those_of_sklearn(data):
     S, _ = data
-    ours, theirs = quadratic(3)(S), PolynomialFeatures(2, include_bias=False).fit_transform(S)
+    ours, theirs = (
+        quadratic_features(3)(S),
+        PolynomialFeatures(2, include_bias=False).fit_transform(S),
+    )
     assert np.sort(ours, axis=1) == pytest.approx(np.sort(theirs, axis=1))
 
 
@@ -52,7 +55,7 @@ def test_slopes_by_finite_differences(features, data):
 def test_expected_error_under_noise_matches_sampling(features, data):
     S, O = data  # noqa: E741
     sigma = 0.05
-    decoder = fit(features, S, O, sigma)
+    decoder = fit_ridge(features, S, O, sigma)
     rng = np.random.default_rng(1)
     sampled = np.mean(
         [((decoder(S + rng.normal(0, sigma, S.shape)) - O) ** 2).sum() for _ in range(2000)]
@@ -67,7 +70,7 @@ def test_expected_error_under_noise_matches_sampling(features, data):
 
 def test_no_other_map_expects_less(features, data):
     S, O = data  # noqa: E741
-    best = fit(features, S, O, 0.1)
+    best = fit_ridge(features, S, O, 0.1)
     rng = np.random.default_rng(3)
 
     def error(decoder):
@@ -81,14 +84,14 @@ def test_no_other_map_expects_less(features, data):
 
 def test_floor_is_reached_by_the_leading_directions_and_by_nothing_better(data):
     _, O = data  # noqa: E741
-    low = floor(O, 3)
+    low = affine_error_floor(O, 3)
     u = np.linalg.svd(O - O.mean(0))[0][:, :3]
-    best = fit(affine(3), u, O, 0.0)(u) - O
+    best = fit_ridge(affine_features(3), u, O, 0.0)(u) - O
     assert np.sqrt((best**2).sum() / len(O)) == pytest.approx(low, rel=1e-9)
     rng = np.random.default_rng(2)
     for _ in range(20):
         S = rng.normal(size=(30, 3))
-        error = fit(affine(3), S, O, 0.0)(S) - O
+        error = fit_ridge(affine_features(3), S, O, 0.0)(S) - O
         assert np.sqrt((error**2).sum() / len(O)) >= low
 
 
@@ -96,7 +99,7 @@ def test_measures_by_hand():
     truth = np.zeros((2, 2, 3))
     guess = truth.copy()
     guess[1, 0] = [3, 4, 0]
-    m = measure(guess, truth, np.array([0.5, 0.5]))
+    m = measure_errors(guess, truth, np.array([0.5, 0.5]))
     assert m.peak == 5
     assert m.average_peak == 2.5
     assert m.rmse == pytest.approx(np.sqrt(25 / 4))
