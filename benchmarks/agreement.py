@@ -29,7 +29,7 @@ from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.elements.threads import count_cores
 from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
-from defsense_fab.sensing.response import Response, signals
+from defsense_fab.sensing.response import Response, cord_signals
 from defsense_fab.workflow.build.mesh_density import probing_lines
 
 ROOT = Path(__file__).parents[1]
@@ -115,7 +115,7 @@ def compare(mesh: QuadraticMesh, a: np.ndarray, b: np.ndarray) -> Agreement:
     lines = probing_lines(locator, np.random.default_rng(0))
     at = locator.find(lines.reshape(-1, 3))
     moved = locator.displacement(at, np.stack([a, b])).reshape(2, *lines.shape)
-    ours, theirs = (signals(lines, (lines + m)[None], Response.line(1.0))[0] for m in moved)
+    ours, theirs = (cord_signals(lines, (lines + m)[None], Response.line(1.0))[0] for m in moved)
     scale = np.sqrt((ours**2).mean())
     return Agreement(
         float(np.linalg.norm(a - b, axis=1).max()), float(np.abs(ours - theirs).max() / scale)

@@ -17,12 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
+from defsense_fab.store.build import Build
 from defsense_fab.core.device.device import COMPRESSION_FACTORS
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.optimize.prediction.design_task import DesignTask, load_task
 from defsense_fab.optimize.prediction.predict import Scored, predict
-from defsense_fab.sensing.built_cord import BuiltCord, needed_prestretch
-from defsense_fab.sensing.layout import load_layout
+from defsense_fab.sensing.built_cord import BuiltCord, required_prestretch
+from defsense_fab.store.layout import load_layout
 from defsense_fab.sensing.response import mean_strain
 from defsense_fab.workflow.build.build import build
 
@@ -50,7 +51,7 @@ def main() -> None:
         device = load_device(path)
         folder = build(device, "optimize").folder
         layout = load_layout(folder)
-        task = load_task(device, folder).with_decoder(layout.prediction.decoder)
+        task = load_task(device, Build(folder)).with_decoder(layout.prediction.decoder)
         paths = [s.built for s in layout.sensors]
         designed = predict(task, paths)
         strains = [mean_strain(c.path, task.everything.deform(c.path)) for c in paths]
@@ -58,7 +59,7 @@ def main() -> None:
         def held(prestretch: float | None, strains: list = strains, paths: list = paths) -> list:
             return [
                 replace(
-                    c, prestretch=needed_prestretch(s.min()) if prestretch is None else prestretch
+                    c, prestretch=required_prestretch(s.min()) if prestretch is None else prestretch
                 )
                 for c, s in zip(paths, strains, strict=True)
             ]
@@ -67,7 +68,7 @@ def main() -> None:
             ("held, stretched", task, held(None)), ("held as it lies", task, held(0.0)),
         ]  # fmt: skip
         for name in options.compression:
-            other = replace(task, reading=task.reading.gauge_spread(1.0, COMPRESSION_FACTORS[name]))
+            other = replace(task, reading=task.reading.scale_gauge_factor(1.0, COMPRESSION_FACTORS[name]))
             cases.append((f"bonded, {name}", other, [replace(c, prestretch=None) for c in paths]))
         for name, case, cords in cases:
             found = predict(case, cords)

@@ -47,13 +47,13 @@ def memory() -> float:
 def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
     """Reads, meshes and builds the body in `folder`."""
     from defsense_fab.core.device.device_file import load_device
-    from defsense_fab.geometry.bodies.body import SIZES
+    from defsense_fab.geometry.bodies.body import SIZE_RANGE_MM
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
     from defsense_fab.workflow.build.build import build
 
     begun = cpu()
     (file,) = folder.glob("body.*")
-    surface, repairs, _ = read_mesh(file, scale, SIZES)
+    surface, repairs, _ = read_mesh(file, scale, SIZE_RANGE_MM)
     out: dict[str, Any] = {"triangles": len(surface.faces), "repairs": list(repairs)}
     out["read"] = cpu() - begun
     write_device(folder, file, surface, scale)
@@ -84,27 +84,25 @@ def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
 def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
     """The surface as read, to one mesher as it comes."""
     from defsense_fab.core.device.device_file import load_device
-    from defsense_fab.geometry.bodies.body import SIZES
+    from defsense_fab.geometry.bodies.body import SIZE_RANGE_MM
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
-    from defsense_fab.geometry.bodies.meshing import ftetwild, netgen
-    from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
-    from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, run
+    from defsense_fab.geometry.bodies.meshing.mesh_quality import measure_quality
+    from defsense_fab.geometry.bodies.meshing.meshers import run_mesher, RunMonitor
 
     (file,) = folder.glob("body.*")
-    surface, _, _ = read_mesh(file, scale, SIZES)
+    surface, _, _ = read_mesh(file, scale, SIZE_RANGE_MM)
     edge = load_device(folder).mesh.edge_length
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
     more: dict[str, Any] = {"points": np.zeros((0, 3)), "edges": []}
-    module = netgen if mesher == "netgen" else ftetwild
     if mesher == "ftetwild":
         more = {"epsilon": min(1e-3, 0.02 * edge / size)}
     begun = cpu()
-    watch = Watch(1e9, lambda _: None, mesher, 1.0, "nothing")
+    watch = RunMonitor(1e9, lambda _: None, mesher, 1.0, "nothing")
     try:
-        mesh = run(module, surface, {"edge_length": edge} | more, watch)
+        mesh = run_mesher(mesher, surface, {"edge_length": edge} | more, watch)
     except Exception as error:
         return {"error": str(error).partition(";")[0], "whole": cpu() - begun}
-    found = quality(mesh, surface)
+    found = measure_quality(mesh, surface)
     return {
         "whole": cpu() - begun,
         "tets": found.tets,

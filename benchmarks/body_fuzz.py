@@ -237,7 +237,7 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
     where something is left behind, or what is made is no closed surface."""
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.core.errors import DefsenseError
-    from defsense_fab.geometry.bodies.body_record import load_surface
+    from defsense_fab.store.body import load_surface
     from defsense_fab.workflow.build import stage_body
 
     (folder / name).write_bytes(content)

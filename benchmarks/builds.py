@@ -27,8 +27,8 @@ import trimesh
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DefsenseError
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh_record
-from defsense_fab.sensing.layout import load_layout
+from defsense_fab.store.mesh import load_mesh_record
+from defsense_fab.store.layout import load_layout
 from defsense_fab.workflow.build.build import build
 
 

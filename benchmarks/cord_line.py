@@ -28,8 +28,8 @@ import numpy as np
 from defsense_fab.core.arrays import Float, Int
 from defsense_fab.core.device.device import ASSEMBLIES, Device
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.decoding.decoders import Trained, fit_decoder
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
+from defsense_fab.decoding.decoders import AnyDecoder, fit_decoder
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh, shape_derivatives
@@ -39,8 +39,8 @@ from defsense_fab.mechanics.loading.loads import Loads
 from defsense_fab.mechanics.solver.batch import Job
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.sensing.built_cord import BuiltCord, CordReading, needed_prestretch
-from defsense_fab.sensing.layout import load_layout, load_prediction
+from defsense_fab.sensing.built_cord import BuiltCord, CordReading, required_prestretch
+from defsense_fab.store.layout import load_layout, load_prediction
 from defsense_fab.sensing.response import mean_strain
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.load_cases import Loading, jobs, loadings
@@ -184,10 +184,10 @@ class Recorded:
     signals: Float
     markers: Float
 
-    def trained(self, kind: str, taught: Float, noise: Float) -> Trained:
+    def trained(self, kind: str, taught: Float, noise: Float) -> AnyDecoder:
         return fit_decoder(kind, self.signals[taught], self.markers[taught], noise)
 
-    def error(self, decoder: Trained, tested: Float, noise: Float) -> float:
+    def error(self, decoder: AnyDecoder, tested: Float, noise: Float) -> float:
         """RMSE (mm) with noise."""
         read = self.signals[tested]
         off = (decoder(read) - self.markers[tested]) ** 2 + decoder.noise_variance(read, noise)
@@ -201,14 +201,14 @@ def built_in(device: Device, cord: BuiltCord, assembly: str, deformed: Float) ->
         return replace(cord, prestretch=None)
     own = device.fabrication.prestretch
     least = float(mean_strain(cord.path, deformed).min())
-    return replace(cord, prestretch=needed_prestretch(least) if own is None else own)
+    return replace(cord, prestretch=required_prestretch(least) if own is None else own)
 
 
 def compare(path: Path, options: argparse.Namespace) -> None:
     """The rows of a device."""
     device = load_device(path)
     folder = build(device, "optimize").folder
-    layout, reading = load_layout(folder), CordReading.of(device)
+    layout, reading = load_layout(folder), CordReading.from_device(device)
     mesh = QuadraticMesh.from_linear(load_mesh(folder))
     material, locator = Material.from_spec(device.material), PointLocator(mesh)
     plan, todo, _ = jobs(device, mesh, loadings(device))

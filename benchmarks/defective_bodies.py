@@ -271,7 +271,7 @@ def sampled_distance(a: tuple, b: tuple, count: int = 20000) -> float:
 
 
 def main() -> None:
-    from defsense_fab.geometry.bodies.mesh_repair import repair
+    from defsense_fab.geometry.bodies.mesh_repair import repair_mesh
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--detail", type=int, default=4)
@@ -284,7 +284,7 @@ def main() -> None:
         body = make(options.detail, options.seed)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_utime
         try:
-            v, f, done = repair(body.vertices, body.faces, name, fill_cavities=True)
+            v, f, done = repair_mesh(body.vertices, body.faces, name, fill_cavities=True)
         except Exception as error:
             print(f"{name}: {len(body.faces)} triangles: REFUSED {type(error).__name__}: {error}")
             continue

@@ -135,7 +135,7 @@ def by_build123d(body, device) -> dict:
         begin = time.perf_counter()
         solid = bd.Mesher().read(str(Path(folder) / "body.stl"))[0]
     read = time.perf_counter() - begin
-    pieces, ends = curve_to_arcs(curve, occ.PATH_TOLERANCE), curve.tangents[[0, -1]]
+    pieces, ends = curve_to_arcs(curve, occ.PATH_TOLERANCE_MM), curve.tangents[[0, -1]]
     solid = solid - bd.Solid(occ.tube(plane, pieces, ends, 0.0, 0.0, device.channel_diameter))
     knife = bd.Plane(origin=tuple(plane.origin), x_dir=tuple(plane.axes[:, 0]),
                      z_dir=tuple(plane.normal))  # fmt: skip

@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 from benchmarks import joint
 from defsense_fab.core.curve import sample_path
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.decoding.ridge import fit
+from defsense_fab.decoding.ridge import fit_ridge
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
@@ -53,7 +53,7 @@ def quiet(*_: object) -> None:
 def bar() -> DesignTask:
     """The bar, its cords sensing on all their length: so the peers know them."""
     device = load_device(BAR)
-    task = load_task(device, build(device, "simulate").folder)
+    task = load_task(device, build(device, "simulate").results)
     plain = SignalModel(task.reading.response)
     return replace(
         task,
@@ -151,7 +151,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
             moved = points + jnp.einsum("pn,spnj->spj", shape, local)
             length = jnp.linalg.norm(jnp.diff(moved, axis=1), axis=2).sum(1)
             rest = jnp.linalg.norm(jnp.diff(points, axis=0), axis=1).sum()
-            columns.append(problem.sense.response.slope_everywhere * (length / rest - 1))
+            columns.append(problem.sense.response.linear_slope * (length / rest - 1))
         S = jnp.concatenate([jnp.zeros((1, len(cords))), jnp.stack(columns, axis=1)])
         S = S - S.mean(0)
         normal = S.T @ S + len(S) * noise**2 * jnp.eye(len(cords))
@@ -172,7 +172,7 @@ def refinement(problem: Problem) -> None:
     descend(problem, start, 2, 1e-3, slivers, quiet)
 
     def show(name: str, layout: tuple, seconds: float, ours: float) -> None:
-        broken = len(verify(layout, problem.surface, problem.limits).problems)
+        broken = len(verify(layout, problem.surface, problem.limits).violations)
         print(
             f"  {name:<29} {layout_error(problem, layout):.3f} mm, {broken} limits broken,"
             f" {seconds:7.2f} s, {seconds / ours:6.1f}x"
@@ -284,7 +284,7 @@ def noise(task: DesignTask) -> None:
                 for p in (design, unseen)
             )
             told, truth = (p.markers.reshape(len(p.markers), -1) for p in (design, unseen))
-            found = fit(design.features(3), S, told, sigma)
+            found = fit_ridge(design.features(3), S, told, sigma)
             square = ((found(T) - truth) ** 2 + found.noise_variance(T, sigma))[1:].sum(1)
             errors[decoder] = float(np.sqrt(square.mean() / len(exact.MARKERS)))
         wins = min(errors, key=lambda k: errors[k])

@@ -49,7 +49,7 @@ from defsense_fab.runtime.controls.control_bank import ControlBank
 from defsense_fab.runtime.controls.control_spec import ControlSpec, Shaping, default_specs
 from defsense_fab.runtime.frames.live_frame import LiveFrame, Quality
 from defsense_fab.runtime.outputs.live_file import open_outputs, parse_output
-from defsense_fab.runtime.outputs.output import NewestWins
+from defsense_fab.runtime.outputs.output import LatestFrameSender
 from defsense_fab.runtime.outputs.settings import WebSocketSettings
 from defsense_fab.runtime.outputs.websocket_output import WebSocketOutput
 from tests.runtime.bars import POSES, bent, markers, poses, twisted
@@ -60,7 +60,7 @@ RATE = 100.0
 class Loop:
     """Makes frames of a bar that is bent and twisted, and sends them."""
 
-    def __init__(self, outputs: list[NewestWins]) -> None:
+    def __init__(self, outputs: list[LatestFrameSender]) -> None:
         self._outputs, self._rng = outputs, np.random.default_rng(0)
         self._rest = markers(40, self._rng)
         both = ControlSpec("bend", "bend_up - bend_down", Shaping(minimum=-1))

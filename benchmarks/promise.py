@@ -32,16 +32,16 @@ from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.device.states import can_mix, are_opposite
 from defsense_fab.decoding.decoders import fit_decoder
-from defsense_fab.geometry.bodies.body_record import load_surface
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh_record
-from defsense_fab.geometry.bodies.meshing.region_conforming import conform
+from defsense_fab.store.body import load_surface
+from defsense_fab.store.mesh import load_mesh_record
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform_to_regions
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.material import Material, split
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.solver.batch import solve_all
 from defsense_fab.sensing.built_cord import CordReading
-from defsense_fab.sensing.layout import LayoutRecord, load_layout, load_prediction
+from defsense_fab.store.layout import LayoutRecord, load_layout, load_prediction
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.load_cases import Loading, jobs, loadings
 
@@ -80,7 +80,7 @@ def measured(
     edge = load_mesh_record(folder).edge_length
     assert edge is not None
     mesh = tetrahedralize(surface, options.edge * edge).mesh
-    fine = QuadraticMesh.from_linear(conform(mesh, list(device.regions.values())))
+    fine = QuadraticMesh.from_linear(conform_to_regions(mesh, list(device.regions.values())))
     drawn = random_states(device, options.states, rng)
     plan, todo, _ = jobs(device, fine, [*loadings(device), *drawn])
     fields, test = [np.zeros_like(fine.nodes)], [False]
@@ -99,7 +99,7 @@ def measured(
     points = load_prediction(folder).markers
     markers = locator.displacement(locator.find(points), u)
     flat = markers.reshape(len(u), -1)
-    reading, normal = CordReading.of(device), rng.normal
+    reading, normal = CordReading.from_device(device), rng.normal
     # No shorter a test than that which the band is of: noise would widen what it finds.
     readings = max(_READINGS, int(np.ceil(layout.band.frames / max(kept.count(None), 1))))
     errors = []
@@ -111,7 +111,7 @@ def measured(
                 cord = replace(cord, prestretch=max(cord.prestretch + normal(0, 0.01), 0.0))
             moved = cord.path + locator.displacement(locator.find(cord.path), u[1:])
             below = 1.0 if cord.prestretch is not None else 1 - rng.triangular(0.0, 0.25, 0.5)
-            read_as = reading.gauge_spread(1 + normal(0, 0.05), below)
+            read_as = reading.scale_gauge_factor(1 + normal(0, 0.05), below)
             columns.append(np.append(0.0, read_as.signals(cord, moved)))
             sigma.append(read_as.noise(cord))
         S, noise = np.stack(columns, axis=1), np.array(sigma)

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.independent import faults
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.meshing.region_conforming import conform
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform_to_regions
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.material import (
     Material,
@@ -44,7 +44,7 @@ def body(name: str, scale: float = 1.0) -> tuple[QuadraticMesh, dict]:
     """A fixture's mesh, and the nodes of its regions."""
     device = load_device(DEVICES / name)
     made = tetrahedralize(load_body(device.body).surface, scale * BODIES[name][2]).mesh
-    mesh = QuadraticMesh.from_linear(conform(made, list(device.regions.values())))
+    mesh = QuadraticMesh.from_linear(conform_to_regions(made, list(device.regions.values())))
     regions = {n: np.flatnonzero(s.contains(mesh.nodes)) for n, s in device.regions.items()}
     return mesh, regions
 

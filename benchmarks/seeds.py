@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from defsense_fab.store.build import Build
 from defsense_fab.core.device.device import DECODERS
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
@@ -25,7 +26,7 @@ from defsense_fab.optimize.prediction.as_built import assumed_cords
 from defsense_fab.optimize.prediction.design_task import SEED, load_task
 from defsense_fab.optimize.prediction.predict import predict
 from defsense_fab.optimize.refinement.refine import optimize_layout
-from defsense_fab.sensing.layout import load_layout
+from defsense_fab.store.layout import load_layout
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.stage_optimize import searches
 
@@ -39,7 +40,7 @@ def searched(folder: Path, count: int) -> tuple[str, int, np.ndarray]:
     made = build(device, "optimize").folder
     layout = load_layout(made)
     decoder = layout.prediction.decoder
-    task = load_task(device, made).with_decoder(decoder)
+    task = load_task(device, Build(made)).with_decoder(decoder)
     out = []
     for seed in range(count):
         try:

@@ -26,8 +26,8 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
-from defsense_fab.geometry.parts.manifest import load_manifest
+from defsense_fab.store.mesh import load_mesh
+from defsense_fab.store.manifest import load_manifest
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
@@ -35,7 +35,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import rest_state
 from defsense_fab.mechanics.solver.linear_solver import Pardiso, Rslab, SuperLU
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.sensing.layout import load_layout
+from defsense_fab.store.layout import load_layout
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.load_cases import jobs, loadings
 

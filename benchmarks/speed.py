@@ -31,7 +31,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import BoundaryCondition
 from defsense_fab.mechanics.solver.interactive import InteractiveSolver
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.sensing.response import Response, signals
+from defsense_fab.sensing.response import Response, cord_signals
 from defsense_fab.workflow.build.mesh_density import probing_lines
 
 LOW, HIGH = np.array([0, -15, -7.5]), np.array([150, 15, 7.5])
@@ -82,7 +82,7 @@ def from_rest(mesh, law, goal):
 def line_signals(mesh, u, lines):
     locator = PointLocator(mesh)
     moved = locator.displacement(locator.find(lines.reshape(-1, 3)), u[None])[0]
-    return signals(lines, (lines + moved.reshape(lines.shape))[None], Response.line(1.0))[0]
+    return cord_signals(lines, (lines + moved.reshape(lines.shape))[None], Response.line(1.0))[0]
 
 
 def peers(repeat: int) -> None:

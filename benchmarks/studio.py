@@ -27,8 +27,8 @@ import numpy as np
 
 from defsense_fab.core.machine.processes import one_blas_thread
 from defsense_fab.core.device.build_folder import build_folder
-from defsense_fab.runtime.view.local_page import HOST, end_page, local_page
-from defsense_fab.sensing.layout import load_layout
+from defsense_fab.runtime.view.page_server import close_page, HOST, serve_page
+from defsense_fab.store.layout import load_layout
 from defsense_fab.studio.cords.cord_scene import with_point
 from defsense_fab.studio.edits.cords import take_cords
 from defsense_fab.studio.page.studio_page import StudioPage
@@ -46,7 +46,7 @@ def opened(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
     with socket.socket() as probe:
         probe.bind((HOST, 0))
         port = probe.getsockname()[1]
-    server = local_page(port, "benchmark")
+    server = serve_page(port, "benchmark")
     page = StudioPage(server, Project(copy))
     page.enter("Cords")
     if not page.bench.project.device.sensors:  # all of its cords were proposed
@@ -55,7 +55,7 @@ def opened(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
 
     def end() -> None:
         page.close()
-        end_page(server)
+        close_page(server)
 
     return page, end
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.machine.processes import one_blas_thread
-from defsense_fab.runtime.view.local_page import end_page, local_page
+from defsense_fab.runtime.view.page_server import close_page, serve_page
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.poses.poses_mode import PosesMode
 from defsense_fab.studio.project.project import Project
@@ -45,13 +45,13 @@ def main() -> None:
         for folder in options.devices:
             copy = Path(room) / folder.name
             shutil.copytree(folder, copy)
-            server = local_page(free_port(), "benchmark")
+            server = serve_page(free_port(), "benchmark")
             page = StudioPage(server, Project(copy))
             try:
                 measure(page, options.edits, np.deg2rad(options.degrees))
             finally:
                 page.close()
-                end_page(server)
+                close_page(server)
 
 
 def measure(page: StudioPage, edits: int, step: float) -> None:

@@ -26,10 +26,10 @@ from pathlib import Path
 import igl
 import numpy as np
 
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.solver.field_files import Fields, load_fields
+from defsense_fab.store.fields import Fields, load_fields
 from defsense_fab.runtime.surface.live_surface import make_surface
 from defsense_fab.runtime.surface.surface_mesh import Attachment, SurfaceBasis, vertex_areas
 

@@ -74,12 +74,12 @@ def record(device: Path, out: Path, kind: str, seed: int, cameras: int) -> live_
 
 
 def truth(twin: live_twin.LiveTwin, times: Float) -> Float:
-    """Where the tags (t, m, 3) are at the scene's times (t,), s, as the device is not turned."""
+    """Return the tags (t, m, 3) mm at times (t,) s, without the sway of the hand."""
     out = []
     for t in times:
-        w = twin.puppet.weights(float(t))
-        w = np.pad(w, (0, twin.extra["states"] - len(w)))
-        out.append([p.center for p in twin.truth.at(w)[1]])
+        w = twin.player.weights(float(t))
+        w = np.pad(w, (0, twin.state_count - len(w)))
+        out.append([p.center for p in twin.device.deform(w)[1]])
     return np.array(out)
 
 
@@ -104,7 +104,7 @@ def compare(kind: str, twin: live_twin.LiveTwin, out: Path) -> None:
     run = session.runs[0]
     names = [c.name for c in session.rig.cameras]
     starts = [int(read_camera_tags(run, n, len(session.markers.ids)).time[0]) for n in names]
-    began = (starts[0] - twin.began_ns) / 1e9  # the first camera's first frame is at 0 s
+    began = (starts[0] - twin.started_ns) / 1e9  # the first camera's first frame is at 0 s
     order = [list(tracks.ids).index(n) for n in session.markers.ids if n in tracks.ids]
     known = np.isin(session.markers.ids, tracks.ids)
     points, sigma = tracks.points[:, order], tracks.sigma[:, order]

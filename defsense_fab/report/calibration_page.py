@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..calibration.calibrate import Calibration
-from ..sensing.response import Response, response_of
+from ..sensing.response import Response, build_response
 from .html import as_image, render
 
 _COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057")
@@ -35,7 +35,7 @@ def _figure(width: float = 9.0, height: float = 5.0) -> tuple[Any, Any]:
 
 def _band(found: Calibration, strain: Any) -> tuple[Any, Any, Any]:
     """w and its 95 % band in per cent: the slope's doubt, which grows with strain."""
-    w = response_of(found.response)(strain)
+    w = build_response(found.response)(strain)
     low, high = (end / found.k_res for end in found.doubt.interval)
     return 100 * w, 100 * w * low, 100 * w * high
 

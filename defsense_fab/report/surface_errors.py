@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..decoding.decoders import fit_decoder
-from ..decoding.expected_errors import unseen_states
-from ..geometry.bodies.meshing.mesh_file import load_mesh
-from ..mechanics.solver.field_files import Fields, load_fields
-from ..sensing.layout import LayoutRecord, load_prediction
+from ..decoding.expected_errors import choose_unseen_states
+from ..store.build import Build
+from ..store.fields import Fields
 
 #: Of the errors in the states that are shown, per cent: the end of their scale.
 _TOP = 99.5
@@ -46,19 +44,23 @@ class SurfaceErrors:
         return float(np.sqrt((self.error[state] ** 2).mean()))
 
 
-def surface_errors(folder: Path, layout: LayoutRecord) -> SurfaceErrors:
-    """Of a build's `folder` and its layout. Raises StorageError where its poses are not there."""
-    found = load_fields(folder)
-    boundary = load_mesh(folder).boundary()
+def surface_errors(build: Build) -> SurfaceErrors:
+    """Return the errors of the surface that a build's layout reads in every simulated state.
+
+    Raises:
+        StorageError: The build has no layout or no simulated poses.
+    """
+    found = build.fields
+    boundary = build.mesh.boundary()
     used = np.unique(boundary.faces)
     index = np.zeros(len(boundary.vertices), int)
     index[used] = np.arange(len(used))
     rest, faces = boundary.vertices[used], index[boundary.faces]
-    signals, told = load_prediction(folder).signals, layout.prediction
+    signals, prediction = build.prediction.signals, build.layout.prediction
     moved = np.concatenate([np.zeros((1, *rest.shape)), found.displacements[:, used]])
     seen = ~np.append(False, found.held_out)
     flat = moved.reshape(len(moved), -1)
-    decoder = fit_decoder(told.decoder, signals[seen], flat[seen], np.array(told.noise))
+    decoder = fit_decoder(prediction.decoder, signals[seen], flat[seen], np.array(prediction.noise))
     missed = (decoder(signals).reshape(moved.shape) - moved)[1:]
     error = np.linalg.norm(missed, axis=2)
     shown = _fullest(found.weights, found.held_out)
@@ -89,7 +91,7 @@ def state_words(weights: Mapping[str, float]) -> str:
 def _fullest(weights: Sequence[Mapping[str, float]], held_out: Bool) -> list[int]:
     """Of each path of loading among states that are not held out, the one furthest along."""
     seen = np.flatnonzero(~held_out)
-    paths = unseen_states(
+    paths = choose_unseen_states(
         ({}, *(w for w, held in zip(weights, held_out, strict=True) if not held)),
         np.zeros(len(seen) + 1, bool),
     ).paths

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import tomlkit
 
+from ..core.device.build_folder import refuse_outside
 from ..core.device.device import Device as DeviceRecord
 from ..core.device.device_file import DEVICE, load_device
 from ..core.device.regions import Shape
 from ..core.errors import DeviceError, StorageError
 from ..core.progress import Progress, silent
-from ..core.device.build_folder import refuse_outside
 from .bodies import write_body
 from .build.build import build
 from .build.stages import STAGES

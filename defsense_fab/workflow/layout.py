@@ -8,7 +8,7 @@ from ..core.arrays import Float
 from ..core.errors import LayoutError
 from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
-from ..sensing.layout import CordRecord, LayoutRecord, load_layout, load_prediction
+from ..store.layout import CordRecord, LayoutRecord, load_layout, load_prediction
 from .device import table_html
 from .given import of_kind
 from .picture import Picture
@@ -34,14 +34,14 @@ class Layout:
 
     def picture(self) -> Picture:
         """The body with its cords from three sides; paths as they were drawn are grey."""
-        from ..geometry.bodies.orientation import standing
+        from ..geometry.bodies.orientation import viewing_axes
         from ..report.pictures.routing import routing
 
         surface = self.poses.surface
         drawn = () if self.record.proposed else self.record.drawn
         radius = self.poses.device.record.cord.diameter / 2
         paths = [c.points for c in self.cords]
-        return Picture.of_uri(routing(surface, paths, drawn, radius, standing(surface)))
+        return Picture.of_uri(routing(surface, paths, drawn, radius, viewing_axes(surface)))
 
     def __repr__(self) -> str:
         return (

@@ -12,8 +12,7 @@ from ..core.mesh import Surface
 from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
 from ..core.storage.files import replace_folder
-from ..geometry.parts.manifest import FOLDER, Manifest, load_manifest
-from ..geometry.parts.part_files import load_parts
+from ..store.manifest import FOLDER, Manifest, load_manifest, load_parts
 from .device import table_html
 from .given import of_kind, path
 from .layout import Layout

@@ -11,6 +11,7 @@ from ..core.errors import LayoutError
 from ..core.prediction import Prediction
 from ..optimize.prediction import predict as design
 from ..optimize.prediction.design_task import load_task
+from ..store.build import Build
 from .given import number, of_kind
 from .layout import Layout
 from .simulation import Simulation
@@ -46,5 +47,5 @@ def predict(
     if noise is not None:
         deviation = number(noise, "noise", LayoutError, above=0)
         device = replace(device, cord=replace(device.cord, noise=deviation))
-    task = load_task(device, seen.device.workspace.folder / "build").with_decoder(kind)
+    task = load_task(device, Build(seen.device.workspace.folder / "build")).with_decoder(kind)
     return design.predict(task, [c.built for c in layout.cords]).prediction

@@ -13,10 +13,10 @@ from ..core.arrays import Bool, Float, Int
 from ..core.errors import DeviceError
 from ..core.mesh import Surface
 from ..core.progress import Progress, silent
-from ..geometry.bodies.body_record import load_surface
-from ..geometry.bodies.meshing.mesh_file import load_mesh
 from ..mechanics.elements.tet10 import QuadraticMesh
-from ..mechanics.solver.field_files import load_fields, load_index
+from ..store.body import load_surface
+from ..store.fields import load_fields, load_index
+from ..store.mesh import load_mesh
 from .device import Device, table_html
 from .following import followed
 from .given import array, of_kind
@@ -58,7 +58,7 @@ class Simulation:
     def picture(self, state: str) -> Picture:
         """The deformed body from two sides, coloured by how far it moves, mm. Raises DeviceError
         for a state that there is not."""
-        from ..geometry.bodies.orientation import standing
+        from ..geometry.bodies.orientation import viewing_axes
         from ..report.pictures.poses import color_bar
         from ..report.pictures.poses.errors import error_map
 
@@ -68,7 +68,7 @@ class Simulation:
         far = np.linalg.norm(moved - skin.vertices, axis=1)
         scale = color_bar.scale("viridis", f"{state}: displacement, mm", float(far.max()))
         shape = Surface(moved, skin.faces)
-        return Picture.of_uri(error_map(shape, far, standing(self.surface), scale))
+        return Picture.of_uri(error_map(shape, far, viewing_axes(self.surface), scale))
 
     @property
     def _build(self) -> Path:

@@ -12,11 +12,11 @@ import tempfile
 import weakref
 from pathlib import Path
 
+from ..core.device.build_folder import own_files
 from ..core.device.device import Device
 from ..core.device.device_file import DEVICE, parse_device
 from ..core.progress import Progress, silent
 from ..core.storage.files import storage_errors, write_text
-from ..core.device.build_folder import own_files
 from .build.build import build
 from .given import called
 from .starts.starting_devices import put_device

@@ -11,8 +11,13 @@ import numpy as np
 from benchmarks.grid import grid_of_tets
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.storage import typed_json
-from defsense_fab.geometry.bodies.meshing.mesh_file import MeshRecord, save_mesh
-from defsense_fab.geometry.parts.manifest import (
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.report.surface_errors import SurfaceErrors
+from defsense_fab.report.viewer.scene import Scene, scene
+from defsense_fab.store.build import Build
+from defsense_fab.store.fields import Fields
+from defsense_fab.store.layout import PREDICTION, PredictionRecord
+from defsense_fab.store.manifest import (
     CordEnd,
     CutCord,
     JoinedPin,
@@ -23,11 +28,7 @@ from defsense_fab.geometry.parts.manifest import (
     TagSeat,
     WireRecord,
 )
-from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.solver.field_files import Fields
-from defsense_fab.report.surface_errors import SurfaceErrors
-from defsense_fab.report.viewer.scene import Scene, scene
-from defsense_fab.sensing.layout import PREDICTION, PredictionRecord
+from defsense_fab.store.mesh import MeshRecord, save_mesh
 from tests.conftest import box_surface
 
 LENGTH, HALF = 120.0, 12.0  # mm
@@ -63,9 +64,9 @@ class TwistedBar:
     found: SurfaceErrors
 
     def scene(self) -> Scene:
-        return scene(
-            self.device, self.folder, self.layout, self.manifest, self.parts, self.found, FRAME
-        )
+        build = Build(self.folder)
+        build.layout, build.manifest, build.parts = self.layout, self.manifest, self.parts
+        return scene(self.device, build, self.found, FRAME)
 
 
 def twisted_bar(folder: Path, cells: tuple[int, int, int] = (12, 4, 4)) -> TwistedBar:

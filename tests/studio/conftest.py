@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from defsense_fab.runtime.view.local_page import end_page, local_page
+from defsense_fab.runtime.view.page_server import close_page, serve_page
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
@@ -35,9 +35,9 @@ def own_settings(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def studio_server():
     pytest.importorskip("viser")
-    made = local_page(free_port(), "test")
+    made = serve_page(free_port(), "test")
     yield made
-    end_page(made)
+    close_page(made)
 
 
 def defsense(command, folder):

@@ -19,11 +19,11 @@ import defsense_fab as df
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.body_record import load_surface
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
-from defsense_fab.geometry.parts.manifest import load_manifest
-from defsense_fab.mechanics.solver.field_files import load_fields
-from defsense_fab.sensing.layout import layout_hash, load_layout, load_prediction
+from defsense_fab.store.body import load_surface
+from defsense_fab.store.fields import load_fields
+from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
+from defsense_fab.store.manifest import load_manifest
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.training.models import train_device
 from tests.places import ROOT
 from tests.workflow.conftest import small_bar

@@ -56,13 +56,13 @@ def _studio(options: argparse.Namespace) -> int:
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e7)
     from ...core.machine.local_access import Access
-    from ...runtime.view.local_page import HOST, end_page, local_page, page_link
+    from ...runtime.view.page_server import close_page, HOST, serve_page, page_link
     from ...studio.page.studio import Studio
     from ...studio.project.agreement import Agreement
 
     host = options.host or HOST
     access = Access(host)
-    server = local_page(options.port, f"{options.device.absolute().name} studio", access, host)
+    server = serve_page(options.port, f"{options.device.absolute().name} studio", access, host)
     try:
         studio = Studio(server, options.device, Agreement(trusted=options.trust))
         url = page_link(host, options.port, access)
@@ -72,7 +72,7 @@ def _studio(options: argparse.Namespace) -> int:
         say(lines)
         _run(studio, url, options)
     finally:
-        end_page(server)
+        close_page(server)
     return 0
 
 

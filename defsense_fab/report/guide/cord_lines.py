@@ -9,8 +9,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.curve import arc_lengths, resample
-from ...geometry.parts.manifest import CordStretch, CutCord
-from ...sensing.layout import LayoutRecord
+from ...store.layout import LayoutRecord
+from ...store.manifest import CordStretch, CutCord
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from ...core.arrays import Float
 from ...core.curve import arc_lengths, resample
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...geometry.parts.manifest import CutCord, Manifest
-from ...sensing.layout import LayoutRecord
+from ...store.layout import LayoutRecord
+from ...store.manifest import CutCord, Manifest
 from ..colors import COLORS
 from .cord_lines import CordLine, cord_line
 from .drawing import Drawing

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...geometry.parts.manifest import Manifest
-from ...sensing.layout import LayoutRecord
+from ...store.layout import LayoutRecord
+from ...store.manifest import Manifest
 from ..pictures.parts import exploded
 from .hands.steps import GuideStep, Joint, guide_steps, order_of, shifts
 from .joint_pictures import Pictures

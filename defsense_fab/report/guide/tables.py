@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry.parts.records import Check
-from ...geometry.parts.manifest import Manifest, WireRecord
+from ...store.manifest import Manifest, WireRecord
 
 _MOST = 9  # decimals
 

@@ -12,8 +12,8 @@ from ...core.curve import Plane
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import plane_section
-from ...geometry.parts.manifest import CordStretch, Manifest
-from ...sensing.layout import LayoutRecord
+from ...store.layout import LayoutRecord
+from ...store.manifest import CordStretch, Manifest
 from .cord_lines import CordLine, cord_line
 from .hands.cord_facts import BATCH, anchored_later
 from .hands.steps import Joint

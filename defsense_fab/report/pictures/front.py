@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.arrays import Float
-from ...sensing.layout import WeighedRecord
+from ...store.layout import WeighedRecord
 from ..colors import COLORS
 from ..html import as_image
 

@@ -10,8 +10,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import arc_lengths, resample
 from ...core.device.device import Device
-from ...geometry.parts.manifest import CutCord, Manifest, PinRecord
-from ...sensing.layout import CordRecord, LayoutRecord
+from ...store.layout import CordRecord, LayoutRecord
+from ...store.manifest import CutCord, Manifest, PinRecord
 
 CORD, WIRE, PIN, SEAT = "cord", "wire", "pin", "seat"
 _SPACING = 1.5  # mm, between points of a cord

@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import arc_lengths
 from ...core.mesh import Surface
-from ...geometry.parts.manifest import JoinStep
+from ...store.manifest import JoinStep
 from .followers import Follower
 
 _OPENED = 0.1  # of the device's size: how far either side of a joint goes

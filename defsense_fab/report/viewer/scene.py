@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,8 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...geometry.bodies.meshing.mesh_file import load_mesh
-from ...geometry.parts.manifest import Manifest, PartRecord
-from ...sensing.layout import LayoutRecord, load_prediction
+from ...store.build import Build
+from ...store.manifest import Manifest, PartRecord
 from ..colors import COLORS
 from ..surface_errors import SurfaceErrors
 from .followers import CORD, Follower, followers
@@ -40,16 +38,22 @@ class Scene:
 
 def scene(
     device: Device,
-    folder: Path,
-    layout: LayoutRecord,
-    manifest: Manifest,
-    parts: Mapping[str, Surface],
+    build: Build,
     found: SurfaceErrors,
     frame: Float,
 ) -> Scene:
-    """Of a build's `folder` and what it holds; in the rows of `frame` (3, 3) is what is to the
-    right, up and towards the viewer for a body that stands before them. Raises StorageError where
-    the mesh or the prediction is not there."""
+    """Return the 3D view of a build: parts, cords, and the body's surface in all poses.
+
+    Args:
+        device: The device.
+        build: Its build, with parts.
+        found: Errors of the build's surface.
+        frame: Axes (3, 3) to the right, up and towards the viewer, one a row.
+
+    Raises:
+        StorageError: A result is missing or damaged.
+    """
+    layout, manifest, parts = build.layout, build.manifest, build.parts
     packed, bounds = Packed(), np.array([s.bounds for s in parts.values()])
     low, high = bounds[:, 0].min(0), bounds[:, 1].max(0)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
@@ -59,7 +63,7 @@ def scene(
     ways = openings(manifest.assembly, [p.name for p in manifest.parts], size)
     light = simplified(parts, size)
     points = np.concatenate([f.points for f in following])
-    gone = moved_points(load_mesh(folder), points, found.fields.displacements[states])
+    gone = moved_points(build.mesh, points, found.fields.displacements[states])
     lengths = _Lengths(packed, middle, size, found.moved[states], gone)
     told = {
         "device": device.name,
@@ -73,7 +77,7 @@ def scene(
         ],
         "followers": _followers(lengths, following, followed(following, parts, ways), gone),
         "surface": _surface(lengths, found, states),
-        "states": _states(folder, found, states),
+        "states": _states(build.prediction.signals[1:], found, states),
         "poses": [_pose(p, states) for p in paths],
         "resistances": [_resistance(manifest, s.name) for s in layout.sensors],
     }
@@ -152,8 +156,7 @@ def _surface(lengths: _Lengths, found: SurfaceErrors, states: Int) -> dict[str, 
     }
 
 
-def _states(folder: Path, found: SurfaceErrors, states: Int) -> list[dict[str, Any]]:
-    signals = load_prediction(folder).signals[1:]
+def _states(signals: Float, found: SurfaceErrors, states: Int) -> list[dict[str, Any]]:
     return [{"name": found.names[s], "signals": _rounded(signals[s])} for s in states]
 
 

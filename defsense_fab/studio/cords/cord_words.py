@@ -41,7 +41,7 @@ def limit_words(check: LayoutCheck, names: Sequence[str]) -> str:
             f"| {table_cell(name)} | {whole:.0f} mm | {_radius(cord.min_radius)} |"
             f" {cord.min_wall:.1f} mm |"
         )
-    lines += ["", *(f"- {problem}" for problem in check.problems)]
+    lines += ["", *(f"- {problem}" for problem in check.violations)]
     return "\n".join(lines)
 
 
@@ -52,5 +52,5 @@ def _radius(mm: float) -> str:
 def broken_cords(check: LayoutCheck, names: Sequence[str]) -> frozenset[str]:
     """Names of cords that break a limit, alone or with another."""
     return frozenset(
-        name for name in names if any(name in problem.cords for problem in check.problems)
+        name for name in names if any(name in problem.cords for problem in check.violations)
     )

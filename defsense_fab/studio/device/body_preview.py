@@ -9,7 +9,7 @@ from ...core.device.device import Device
 from ...core.device.device_file import load_device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...geometry.bodies.body_record import load_surface
+from ...store.body import load_surface
 from ..project.history import FOLDER
 from ..workbench.beside import BesideWork, Teller
 
@@ -86,7 +86,7 @@ class BodyPreview:
 
 def make_body(teller: Teller, folder: Path) -> None:
     """In the other process."""
-    from ...workflow.build.freshness import build_body
+    from ...workflow.build.build import build_body
 
     def progress(stage: str, share: float, message: str) -> None:
         teller.progress(share, f"{stage}: {message}")

@@ -11,7 +11,7 @@ from ...core.device.device import Device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
 from ...runtime.view.camera import look_at_body
-from ...workflow.build.freshness import freshness
+from ...workflow.build.build import freshness
 from ..edits.body import set_parameter
 from ..workbench.latest import Latest
 from ..workbench.mode import Mode

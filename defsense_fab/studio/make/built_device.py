@@ -11,11 +11,10 @@ import numpy as np
 from ...core.arrays import Float, parse_points
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...geometry.parts.manifest import MANIFEST, Manifest, load_manifest
-from ...geometry.parts.part_files import load_parts
 from ...report.guide.hands.steps import GuideStep, guide_steps, shifts
 from ...report.guide.tables import GuideTable, guide_checks, guide_tables
-from ...sensing.layout import LayoutRecord, load_layout
+from ...store.layout import LayoutRecord, load_layout
+from ...store.manifest import MANIFEST, Manifest, load_manifest, load_parts
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...core.errors import DefsenseError
 from ...core.device.build_folder import build_folder
-from ...workflow.build.asked import changes, recorded
-from ...workflow.build.export import export, export_name
-from ...workflow.build.freshness import outdated
+from ...core.errors import DefsenseError
+from ...workflow.build.build import first_outdated
+from ...workflow.build.export import describe_changes, export, export_name
+from ...workflow.build.options import describe_options, recorded_options
 from ..workbench.latest import Latest
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
@@ -147,12 +147,14 @@ class MakeMode(Mode):
 
     def _check(self, _: None) -> None:
         device = self.bench.project.device
-        folder, stage = build_folder(device), outdated(device)
+        folder, stage = build_folder(device), first_outdated(device)
         self._state.content = state_words(
             self.device is not None,
             None if stage is None else stage.title,
             self.bench.problem,
-            changes(device, folder) if stage is not None else recorded(device, folder).options,
+            describe_changes(device, folder)
+            if stage is not None
+            else describe_options(recorded_options(device, folder)),
         )
 
     def _list(self) -> None:

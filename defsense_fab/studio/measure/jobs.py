@@ -47,8 +47,8 @@ def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[st
     """`defsense train`: the model's file, what its training tells, and notes."""
     from ...core.device.device_file import load_device
     from ...training.fitting.train_model import TrainingOptions
-    from ...training.models.train_files import train_files
-    from ...training.recordings.data_files import DataFiles
+    from ...training.models.train_device import train_files
+    from ...training.recordings.datasets import DataFiles
 
     files = DataFiles(tuple(sessions))
     made = train_files(files, load_device(folder), TrainingOptions(), progress=progress)
@@ -63,11 +63,11 @@ def simulate(folder: Path, progress: Progress) -> dict[str, Any]:
     """`defsense train` without a session: the same of a model of the simulation alone."""
     from ...core.device.device_file import load_device
     from ...training.models.model_file import write_model
-    from ...training.models.train_device import model_path, simulate_only
+    from ...training.models.train_device import choose_model_path, simulate_only
 
     device = load_device(folder)
     progress("train", 0.0, "the simulated states")
-    path, model = model_path(None, device, []), simulate_only(device)
+    path, model = choose_model_path(None, device, []), simulate_only(device)
     write_model(path, model)
     return {"path": str(path.resolve()), "told": model.told, "notes": []}
 
@@ -79,7 +79,7 @@ def evaluate(
     from ...core.device.device_file import load_device
     from ...report.evaluation.evaluation_report import PAGE, check_folder, write_evaluation
     from ...training.evaluation.evaluate_models import evaluate_files
-    from ...training.recordings.data_files import DataFiles
+    from ...training.recordings.datasets import DataFiles
 
     out = model.parent / "evaluation"
     check_folder(out)
@@ -99,11 +99,11 @@ def evaluate(
 def simulate_specimens(folder: Path, progress: Progress) -> list[str]:
     """`defsense calibrate twin`: sessions of two specimens of the device's own cord."""
     from ...core.device.device_file import load_device
-    from ...sensing.response import response_of
+    from ...sensing.response import build_response
     from ...twin.calibration_session import record_twin
     from ...twin.electronics.cords import CordTraits
 
-    traits = CordTraits(response_of(load_device(folder).cord.response), spread=0.02)
+    traits = CordTraits(build_response(load_device(folder).cord.response), spread=0.02)
     out = []
     for n, length in enumerate(SPECIMENS):
         progress("specimen", n / len(SPECIMENS), f"{length:g} mm long")

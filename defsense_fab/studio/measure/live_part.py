@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
-from ...core.device.build_folder import build_folder
 from ...runtime.live.known_models import KnownModel, known_models
 from ...runtime.live.known_ports import KnownPort, known_ports
 from ...runtime.live.live_run import RunOptions
 from ...runtime.live.model_fit import changed_since
 from ...runtime.outputs.live_file import LiveSettings, parse_output, read_live_file
 from ...runtime.view.live_view import PagePlace
-from ...sensing.layout import LAYOUT, load_layout
+from ...store.layout import LAYOUT, load_layout
 from ..workbench.latest import Latest
 from ..workbench.workbench import Workbench
 from .live_session import LiveSession

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ...capture.sessions.known_sessions import KnownSession, known_sessions
-from ...core.device.device import Device
 from ...core.device.build_folder import build_folder
-from ...sensing.layout import LAYOUT
+from ...core.device.device import Device
+from ...store.layout import LAYOUT
 from ...training.models.model_file import MODEL
 from ...workflow.sessions.twin_sessions import session_folder
 from ..workbench.latest import Latest

@@ -8,8 +8,8 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.errors import DefsenseError, StorageError
 from ...core.device.build_folder import build_folder
+from ...core.errors import DefsenseError, StorageError
 from ...core.storage.files import digest
 from ...optimize.prediction.compare_layouts import (
     ComparedLayout,
@@ -17,8 +17,8 @@ from ...optimize.prediction.compare_layouts import (
     seconds_of,
     weighed_layouts,
 )
-from ...sensing.layout import LAYOUT
-from ...workflow.build.freshness import outdated
+from ...store.layout import LAYOUT
+from ...workflow.build.build import first_outdated
 from ...workflow.study.cord_count import studied_layouts
 from ..edits.cords import take_cords
 from ..workbench.beside import BesideWork, Teller
@@ -96,7 +96,7 @@ class ComparedPanel:
         if bench.builds.running:
             bench.say("A build is running; cancel it, or wait for it, and weigh then.")
             return
-        stage = outdated(bench.project.device, "simulate")
+        stage = first_outdated(bench.project.device, "simulate")
         if stage is not None:
             raise StorageError(
                 f"the {_STALE[stage.name]} have changed since they were simulated: press 'Optimise"

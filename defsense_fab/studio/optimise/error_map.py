@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import DefsenseError
 from ...core.device.build_folder import build_folder
+from ...core.errors import DefsenseError
 from ...report.surface_errors import SurfaceErrors, surface_errors
-from ...sensing.layout import LayoutRecord, load_layout
+from ...store.build import Build
+from ...store.layout import LayoutRecord, load_layout
 from ..workbench.latest import Latest
 from ..workbench.workbench import Workbench
 from .color_scale import color_bar, colored
@@ -87,8 +88,8 @@ class ErrorMap:
         if state != _OFF and self._entered and known is None:
             self._told.content = "Reading the poses ..."
             folder = build_folder(self._bench.project.device)
-            layout = load_layout(folder)
-            known = self._known = _Known(surface_errors(folder, layout), layout)
+            build = Build(folder)
+            known = self._known = _Known(surface_errors(build), build.layout)
             self._list.options = (_OFF, *known.errors.names)
             self._list.value = state
         with self._bench.drawing:

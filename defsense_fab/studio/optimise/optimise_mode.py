@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...core.device.build_folder import build_folder
-from ...sensing.layout import LAYOUT, load_layout
+from ...store.layout import LAYOUT, load_layout
 from ..edits.cords import take_cords
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench

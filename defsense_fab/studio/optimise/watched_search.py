@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError
-from ...core.device.build_folder import build_folder
 from ...optimize.prediction.layout_judge import Judged, LayoutJudge
 from ..workbench.build_work import SeenLayout
 from ..workbench.cord_tubes import CordTubes

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.build_folder import build_folder
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...core.device.build_folder import build_folder
 from ...mechanics.elements.threads import count_cores
 from ...optimize.prediction.pose_preview import load_preview
 from ...optimize.prediction.region_points import held_points

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import PointDrag, Pose
-from ...runtime.view.camera import hit
+from ...runtime.view.camera import intersect_ray
 from ..edits.movers import remove_drag, stiffen_drag
 from ..edits.poses import drag_point
 from .poses_scene import PosesScene
@@ -73,7 +73,7 @@ class PullList:
         body, pose = self._scene.body, self._pose
         if body is None or pose is None:
             return
-        met = hit(body.vertices, body.faces, origin, direction)
+        met = intersect_ray(body.vertices, body.faces, origin, direction)
         if met is None:
             self._bench.say("No point of the body lies there.")
             return

@@ -12,8 +12,8 @@ from typing import Any
 from ...core.device.device_file import load_device
 from ...core.errors import DefsenseError
 from ...core.storage.file_names import safe_name
-from ...geometry.bodies.mesh_files import KINDS
-from ...runtime.view.upload_limit import MOST
+from ...geometry.bodies.mesh_files import FORMAT_NAMES
+from ...runtime.view.upload_limit import MAX_UPLOAD_BYTES
 from ...workflow.starts.dropped_body import look_at_file
 from ...workflow.starts.starting_devices import STARTS, StartingDevice, begin_with
 from ..project.agreement import Agreement
@@ -24,7 +24,7 @@ _PICTURE = (
     '<img alt="{title}" src="data:image/png;base64,{data}" style="display: block; width: 70%;'
     ' margin: 0.6em auto 0.3em; border-radius: 4px">'
 )
-_UPLOAD = f"Your own body (STEP or a mesh: {KINDS}; up to {MOST // 2**20} MB)"
+_UPLOAD = f"Your own body (STEP or a mesh: {FORMAT_NAMES}; up to {MAX_UPLOAD_BYTES // 2**20} MB)"
 
 
 class StartPage:

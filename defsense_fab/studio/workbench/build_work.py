@@ -17,7 +17,7 @@ _SHOWN = 0.1  # s between layouts that the search passes on its way
 
 @dataclass(frozen=True)
 class SeenLayout:
-    """What a search has come to (see `pipeline.build.stages.Seen`), and for how many s it has
+    """What a search has come to (see `workflow.build.stages.SearchProgress`), and for how many s it has
     worked, without pauses."""
 
     folder: Path
@@ -50,7 +50,7 @@ def _build(teller: Teller, folder: Path, until: str) -> None:
     """In the other process."""
     from ...core.device.device_file import load_device
     from ...workflow.build.build import build
-    from ...workflow.build.stages import Seen
+    from ...workflow.build.stages import SearchProgress
 
     worked, last = _Clock(), -_SHOWN
 
@@ -58,7 +58,7 @@ def _build(teller: Teller, folder: Path, until: str) -> None:
         with worked.stopped():
             teller.progress(share, f"{stage}: {message}")
 
-    def watch(seen: Seen) -> None:
+    def watch(seen: SearchProgress) -> None:
         nonlocal last
         now = worked.seconds
         if seen.kept or now - last >= _SHOWN:

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
-from ...core.device.build_folder import build_folder
-from ...geometry.bodies.body_record import load_surface
-from ...mechanics.solver.field_files import INDEX
 from ...optimize.prediction.layout_judge import LayoutJudge
 from ...runtime.view.camera import look_at_body
+from ...store.body import load_surface
+from ...store.fields import INDEX
 from ..edits.edit import Edit
 from ..project.agreement import Agreement
 from ..project.project import Project

@@ -1,44 +1,69 @@
-"""Building a device: what is up to date is kept, what changed is made anew and moved in whole.
+"""Build a device: reuse the stages that are up to date, and replace the last build as a whole.
 
-A build works in `.build-next/` beside `build/` and trades places with it at the end, so an
-error or an interruption leaves the last good build as it was. Stages that were finished by then go
-to `.build-kept/`, where the next builds find them until one succeeds as a whole; where there is no
-build yet, they become it. So do the later stages of the build before, where a build ends early.
+A build works in `.build-next/` and swaps it with `build/` at its end, so an error or an
+interruption leaves the last good build unchanged. Stages that were complete by then go to
+`.build-kept/`, where later builds find them until one succeeds as a whole; without any build they
+become the build. The later stages of the last build also go there if a build is to end early.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 from ...core.device.device import Device
-from ...core.errors import CapacityError, DefsenseError, StorageError
+from ...core.errors import DefsenseError, StorageError
 from ...core.progress import Progress, silent
 from ...core.storage.files import file_lock, storage_errors, write_json
-from ...sensing.layout import LAYOUT, name_layout
-from . import body_sources, stage_files
-from .asked import PLATES, Asked, record, recorded
-from .stages import STAGES, Solve, Stage, Versions, Watch, installed, keys, read_json
-from .state import STATE, load_state
-from .unfinished import keep
+from ...store.build import Build
+from ...store.layout import LAYOUT, name_layout
+from . import body_sources
+from .options import BuildOptions, plates_record, recorded_options
+from .stage_files import (
+    STATE,
+    complete_key,
+    copy_files,
+    file_sizes,
+    keep_completed,
+    load_state,
+    remove_files,
+    save_stage_record,
+)
+from .stages import PLATES, STAGES, Solve, Stage, StageKeys, Watch, installed_versions
 
 LOCK = ".build-lock"
-_AS_IT_IS = Asked()
+Freshness = Literal["current", "old", "missing"]
+_NO_OPTIONS = BuildOptions()
+#: Summary of a build by the files of its folder.
+_SUMMARY_FILES = {
+    "body": "body/body.json",
+    "mesh": "mesh.json",
+    "simulation": "fields/index.json",
+    "layout": "layout.json",
+    "manifest": "parts/manifest.json",
+}
 
 
 @dataclass(frozen=True)
 class BuildResult:
-    """The folder, and which stages were made and which were reused."""
+    """A finished build.
+
+    Attributes:
+        folder: The build's folder.
+        made: Names of the stages that were run.
+        reused: Names of the stages that were up to date.
+        results: The results, those of the stages that were run already in memory.
+    """
 
     folder: Path
     made: tuple[str, ...]
     reused: tuple[str, ...]
+    results: Build
 
 
 def build(
@@ -46,178 +71,240 @@ def build(
     until: str = "report",
     progress: Progress = silent,
     watch: Watch | None = None,
-    asked: Asked = _AS_IT_IS,
+    options: BuildOptions = _NO_OPTIONS,
     solve: Solve | None = None,
 ) -> BuildResult:
-    """Run all stages up to `until`, reusing those that are up to date. `watch` sees what the search
-    for cords comes to, which is the same whether it is seen or not; poses are solved by `solve`,
-    where it is given, in place of on this machine. What is `asked` for in place of
-    the device's own is kept with the build, also by builds that end before its parts.
+    """Run all stages up to `until`, reusing those that are up to date.
 
-    Raises a DefsenseError where a stage fails; `build/` is then untouched.
+    Args:
+        device: The device; its build is in the folder `build` of its `source`.
+        until: Name of the last stage.
+        progress: Receives each stage's name, completed fraction and a message.
+        watch: Receives the layouts that the search for cords reaches; it does not change the
+            result.
+        options: Options that override `device.toml`; they are recorded with the build, and also
+            apply to builds that end before the parts.
+        solve: Solves the poses, for instance on a cluster; None: on this machine.
+
+    Returns:
+        The build's folder and results, and which stages were run.
+
+    Raises:
+        DefsenseError: A stage failed, or another build of the device is running; `build/` is then
+            unchanged.
     """
-    busy = f"{device.source}: another build of this device is running; wait for it"
     final, working, kept, old = (device.source / n for n in body_sources.BUILDS)
-    with storage_errors(device.source), file_lock(device.source / LOCK, busy):
+    with storage_errors(device.source), _lock(device, "another build of this device is running"):
         for path in (final, working, kept, old):
             if path.is_symlink():
                 raise StorageError(
-                    f"{path}: is a symbolic link, which a build replaces; remove it, or link the"
-                    " whole device folder instead"
+                    "is a symbolic link, which a build replaces",
+                    code="build-is-link",
+                    where=path,
+                    action="Remove it, or link the whole device folder instead",
                 )
-        if old.exists():  # a build was interrupted while trading places
+        if old.exists():  # a build was interrupted while swapping folders
             if final.exists():
-                keep(old, kept, final)
+                keep_completed(old, kept, final)
             else:
                 old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
-        if not asked.options and all(s.name != PLATES for s in stages):
-            asked = recorded(device, final)
-        own, device = device, asked.of(device)
-        wanted = keys(device, final)
+        if options.is_empty and all(s.name != PLATES for s in stages):
+            options = recorded_options(device, final)
+        plan = _Plan(device, options, stages)
+        expected = plan.keys.of(final)
         if working.is_dir():  # a build was interrupted
-            keep(working, kept, final, spared=set(wanted.values()))
-        if all(finished(device, final, s, wanted) for s in stages):
-            _say_anew(final, stages, own, asked)
-            return BuildResult(final, (), tuple(s.name for s in stages))
+            keep_completed(working, kept, final, spared=set(expected.values()))
+        if all(plan.is_up_to_date(final, s) for s in stages):
+            plan.update_options(final)
+            return BuildResult(final, (), tuple(s.name for s in stages), Build(final))
         working.mkdir()
+        extra: dict[str, dict[str, Any]] = {}
+        if solve is not None:
+            extra["simulate"] = {"solve": solve}
+        if watch is not None:
+            extra["optimize"] = {"watch": watch}
+        results = Build(working)
         try:
-            more = _given(watch, solve)
-            made, reused = _make(own, asked, working, (final, kept), stages, progress, more)
+            made, reused = plan.run(results, (final, kept), progress, extra)
         except (DefsenseError, OSError):
             with suppress(DefsenseError, OSError):
-                keep(working, kept, final)
+                keep_completed(working, kept, final)
             raise
         if final.exists():
             final.replace(old)
         working.replace(final)
+        results.folder = final
         if stages == STAGES:
             shutil.rmtree(kept, ignore_errors=True)
         elif old.exists():
             with suppress(DefsenseError, OSError):
-                keep(old, kept, final)  # a look at another mesh costs no layout
+                keep_completed(old, kept, final)  # a build of another mesh must not cost the layout
         shutil.rmtree(old, ignore_errors=True)
-    return BuildResult(final, tuple(made), tuple(reused))
+    return BuildResult(final, tuple(made), tuple(reused), results)
 
 
-def _given(watch: Watch | None, solve: Solve | None) -> dict[str, dict[str, Any]]:
-    """What stages are given beside the device, by their names."""
-    given: dict[str, dict[str, Any]] = {} if solve is None else {"simulate": {"solve": solve}}
-    return given | ({} if watch is None else {"optimize": {"watch": watch}})
+class _Plan:
+    """The stages of one build, and which results they can reuse."""
+
+    def __init__(self, device: Device, options: BuildOptions, stages: tuple[Stage, ...]) -> None:
+        self.options, self.stages = options, stages
+        self._original = device
+        self.device = options.apply(device)
+        self.keys = StageKeys(self.device, installed_versions())
+
+    def is_up_to_date(self, folder: Path, stage: Stage, body: Path | None = None) -> bool:
+        """Whether a folder has a stage's complete result for the body in `body` (the folder)."""
+        if complete_key(folder, stage) != self.keys.of(body or folder)[stage.name]:
+            return False
+        return stage is not STAGES[0] or body_sources.is_unchanged(self.device, folder)
+
+    def run(
+        self,
+        results: Build,
+        earlier: tuple[Path, ...],
+        progress: Progress,
+        extra: Mapping[str, Mapping[str, Any]],
+    ) -> tuple[list[str], list[str]]:
+        """Fill the empty folder of `results`.
+
+        Args:
+            results: The results of the build; its folder is empty.
+            earlier: Folders of earlier builds, whose up-to-date stages are copied.
+            progress: Receives each stage's name, completed fraction and a message.
+            extra: Further arguments of stages, by their names.
+
+        Returns:
+            Names of the stages that were run, and of those that were reused.
+        """
+        made, reused = [], []
+        extra = dict(extra)
+        for stage in STAGES:
+            source = self._find(stage, results.folder, earlier)
+            if source is not None and self._copy(stage, source, results.folder):
+                reused.append(stage.name)
+            elif stage in self.stages:
+                progress(stage.name, 0.0, stage.title)
+                more = extra.get(stage.name, {})
+                winner = stage.run(self.device, results, progress, **more)
+                if stage.name == "optimize" and PLATES not in extra:
+                    extra[PLATES] = {"winner": winner}
+                progress(stage.name, 1.0, "done")
+                made.append(stage.name)
+            else:
+                continue
+            key = self.keys.of(results.folder)[stage.name]
+            files = file_sizes(results.folder, stage)
+            record = plates_record(stage.name, self._original, self.options)
+            save_stage_record(results.folder, stage, {"key": key, "files": files} | record)
+        return made, reused
+
+    def update_options(self, folder: Path) -> None:
+        """Record these options for plates that are up to date, whatever options made them."""
+        state = load_state(folder)
+        for stage in self.stages:
+            record = state[stage.name] | plates_record(stage.name, self._original, self.options)
+            if record != state[stage.name]:
+                write_json(folder / STATE, {**state, stage.name: record})
+
+    def _find(self, stage: Stage, working: Path, earlier: tuple[Path, ...]) -> Path | None:
+        """Return the first folder with an up-to-date result of a stage.
+
+        The body is compared with its own sources, later stages with the body in `working`.
+        """
+        for folder in earlier:
+            body = folder if stage is STAGES[0] else working
+            if self.is_up_to_date(folder, stage, body):
+                return folder
+        return None
+
+    def _copy(self, stage: Stage, source: Path, working: Path) -> bool:
+        """Copy a stage's files, with the device's present name; False if they are damaged."""
+        copy_files(stage, source, working)
+        try:
+            if LAYOUT in stage.outputs:
+                name_layout(working, self.device.name)
+        except StorageError:
+            remove_files(working, stage)
+            return False
+        return True
 
 
-def _make(
-    own: Device,
-    asked: Asked,
-    working: Path,
-    before: tuple[Path, ...],
-    stages: tuple[Stage, ...],
-    progress: Progress,
-    more: Mapping[str, Mapping[str, Any]],
-) -> tuple[list[str], list[str]]:
-    """Fill the empty `working` folder, with what there is in those of `before`: the names of the
-    stages that were made, and of those reused."""
-    device, made, reused, versions = asked.of(own), [], [], installed()
+def build_body(device: Device, folder: Path, progress: Progress = silent) -> Build:
+    """Load the body alone into a folder of its own, and leave the device's build unchanged.
+
+    Raises:
+        DefsenseError: The body cannot be loaded.
+    """
+    with storage_errors(folder):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        results = Build(folder)
+        STAGES[0].run(device, results, progress)
+        return results
+
+
+def freshness(device: Device) -> dict[str, Freshness]:
+    """Return whether each stage's result in the device's build is current, old or missing.
+
+    Plates count as current if they were made with the options that the build records.
+    """
+    folder = device.source / "build"
+    plan = _Plan(device, recorded_options(device, folder), STAGES)
+    states: dict[str, Freshness] = {}
     for stage in STAGES:
-        source = _where(stage, device, working, before, versions)
-        if source is not None and _copied(stage, source, working, device):
-            reused.append(stage.name)
-        elif stage in stages:
-            progress(stage.name, 0.0, stage.title)
-            run_stage(stage, device, working, progress, more.get(stage.name, {}))
-            progress(stage.name, 1.0, "done")
-            made.append(stage.name)
-        else:
-            continue
-        key = keys(device, working, versions)[stage.name]
-        files = stage_files.sizes(working, stage)
-        done = {"key": key, "files": files} | record(stage.name, own, asked)
-        write_json(working / STATE, {**load_state(working), stage.name: done})
-    return made, reused
+        if not (folder / stage.outputs[0]).exists():  # earlier versions left fewer files
+            states[stage.name] = "missing"
+        elif set(states.values()) <= {"current"} and plan.is_up_to_date(folder, stage):
+            states[stage.name] = "current"
+        else:  # also if made from something old
+            states[stage.name] = "old"
+    return states
 
 
-def _copied(stage: Stage, source: Path, working: Path, device: Device) -> bool:
-    """Whether the stage's files are in the `working` folder now, under the device's name, which may
-    be another than before; not where they are damaged."""
-    stage_files.copy(stage, source, working)
-    try:
-        if LAYOUT in stage.outputs:
-            name_layout(working, device.name)
-    except StorageError:
-        stage_files.remove(working, stage)
-        return False
-    return True
-
-
-def _where(
-    stage: Stage, device: Device, working: Path, before: tuple[Path, ...], versions: Versions
-) -> Path | None:
-    """The first of the folders of `before` in which a stage is up to date: for the body that is
-    there, if it is the body's, and for that in the `working` folder from then on."""
-    for folder in before:
-        body = folder if stage is STAGES[0] else working
-        if finished(device, folder, stage, keys(device, body, versions)):
-            return folder
+def first_outdated(device: Device, until: str = "report") -> Stage | None:
+    """Return the first stage up to `until` whose result is missing or old; None if there is none."""
+    states = freshness(device)
+    for stage in STAGES:
+        if states[stage.name] != "current":
+            return stage
+        if stage.name == until:
+            break
     return None
 
 
-def _say_anew(final: Path, stages: tuple[Stage, ...], own: Device, asked: Asked) -> None:
-    """Plates that are up to date are from now on those of this build, whatever the one that made
-    them was asked for."""
-    state = load_state(final)
-    for stage in stages:
-        said = state[stage.name] | record(stage.name, own, asked)
-        if said != state[stage.name]:
-            write_json(final / STATE, {**state, stage.name: said})
-
-
 @contextmanager
-def undisturbed(device: Device) -> Iterator[Path]:
-    """The folder `build/`, which no build replaces meanwhile. Raises StorageError while one runs,
-    and where the device's folder is not to be written to."""
-    busy = f"{device.source}: a build of this device is running; wait for it"
-    with file_lock(device.source / LOCK, busy):
+def build_lock(device: Device) -> Iterator[Path]:
+    """Hold off builds of a device.
+
+    Yields:
+        The folder `build/`, which no build replaces meanwhile.
+
+    Raises:
+        StorageError: A build is running, or the device's folder is not writable.
+    """
+    with _lock(device, "a build of this device is running"):
         yield device.source / "build"
 
 
-def finished(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
-    """Whether the stage's files are those that it left, none gone, none cut short, and made from
-    what there is now."""
-    if stage_files.whole_key(folder, stage) != wanted[stage.name]:
-        return False
-    return stage is not STAGES[0] or body_sources.unchanged(device, folder)
-
-
-def run_stage(
-    stage: Stage,
-    device: Device,
-    folder: Path,
-    progress: Progress,
-    more: Mapping[str, Any] = MappingProxyType({}),
-) -> None:
-    """Make a stage's files; `more` is what its `run` is given. Raises a DefsenseError where it
-    fails."""
-    try:
-        stage.run(device, folder, partial(progress, stage.name), **more)
-    except MemoryError:
-        raise CapacityError(
-            f"{device.source}: the memory does not suffice to {stage.title}; {stage.lighter}"
-        ) from None
+@contextmanager
+def _lock(device: Device, problem: str) -> Iterator[None]:
+    with file_lock(
+        device.source / LOCK, problem, "build-running", device.source, "Wait for it to end"
+    ):
+        yield
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    """The build's numbers as one record, from the files that are there."""
-    out: dict[str, Any] = {"build": str(folder)}
-    for key, path in (
-        ("body", "body/body.json"),
-        ("mesh", "mesh.json"),
-        ("simulation", "fields/index.json"),
-        ("layout", "layout.json"),
-        ("manifest", "parts/manifest.json"),
-    ):
-        if (folder / path).exists():
+    """Return the records of a build's folder, as far as they exist, for printing as JSON."""
+    records: dict[str, Any] = {"build": str(folder)}
+    for key, name in _SUMMARY_FILES.items():
+        path = folder / name
+        if path.exists():
             try:
-                out[key] = read_json(folder / path)
+                records[key] = json.loads(path.read_text(encoding="utf-8"))
             except ValueError:
-                raise DefsenseError(f"{folder / path}: is damaged; delete {folder}") from None
-    return out
+                raise StorageError(
+                    "is damaged", code="file-damaged", where=path, action=f"Delete {folder}"
+                ) from None
+    return records

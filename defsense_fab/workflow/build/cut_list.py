@@ -12,12 +12,12 @@ from ...core.device.device import Device
 from ...geometry.channels.channel_ends import End
 from ...geometry.channels.cord_assembly import Sides, Stretch, find_late_joints, stretches
 from ...geometry.channels.cord_channels import Channel
-from ...geometry.parts.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
 from ...geometry.parts.records import PartSet
 from ...optimize.prediction.design_task import SLACK
 from ...optimize.prediction.predict import Scored
 from ...sensing.built_cord import CordReading
-from ...sensing.voltage_divider import reference
+from ...sensing.voltage_divider import choose_reference
+from ...store.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
 
 #: Length of each wire beyond the body, mm.
 OUTSIDE = 200.0
@@ -41,7 +41,7 @@ def cut_list(device: Device, made: PartSet, built: Scored) -> tuple[CutCord, ...
     """
     ferrule = device.cord.ferrule_length
     joints = _joints(made)
-    reading, out = CordReading.of(device), []
+    reading, out = CordReading.from_device(device), []
     for k, (channel, cord, signals) in enumerate(
         zip(made.channels, built.cords, built.signals.T, strict=True)
     ):
@@ -75,7 +75,7 @@ def cut_list(device: Device, made: PartSet, built: Scored) -> tuple[CutCord, ...
                 resistance_before=unstretched * device.cord.ohm_per_mm,
                 resistance=rest,
                 range=(low, high),
-                reference_resistor=reference(low, high),
+                reference_resistor=choose_reference(low, high),
                 stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in lies),
                 drawn=tuple(drawn),
             )

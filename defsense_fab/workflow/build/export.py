@@ -15,16 +15,27 @@ from ...core.errors import StorageError
 from ...core.storage.file_names import fold_name, is_reserved
 from ...core.storage.files import replace_file
 from ...geometry.bodies.meshing import mesh_lock
-from ...geometry.parts.manifest import FOLDER, Manifest, load_manifest
 from ...report.guide.tables import guide_tables
-from ...sensing.layout import LAYOUT
+from ...store.layout import LAYOUT
+from ...store.manifest import FOLDER, Manifest, load_manifest
 from . import body_sources
-from .asked import changes
-from .build import undisturbed
-from .freshness import outdated
+from .build import build_lock, first_outdated
+from .options import changed_options
 
 _WRITTEN = ("guide.html", "guide.json", "guide.pdf", "report.html", LAYOUT)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same build gives the same bytes
+
+
+def describe_changes(device: Device, folder: Path) -> str:
+    """Return which options of the plates changed since a build, as a clause; empty if none did."""
+    return ", ".join(
+        f"[fabrication] {key} is {_describe(new)} and was {_describe(old)} in that build"
+        for key, (old, new) in changed_options(device, folder).items()
+    )
+
+
+def _describe(value: object) -> str:
+    return " x ".join(f"{n:g}" for n in value) if isinstance(value, list) else str(value)
 
 
 def export_name(device: Device) -> str:
@@ -42,13 +53,17 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
     device as it is now, while another one runs, where two files would have one name, and where
     nothing can be written.
     """
-    with undisturbed(device) as folder:
-        stage = outdated(device)
+    with build_lock(device) as folder:
+        stage = first_outdated(device)
         if stage is not None:
-            why = changes(device, folder)
+            changes = describe_changes(device, folder)
             raise StorageError(
-                f"{folder}: has no parts of the device as it is now: '{stage.title}' has still to"
-                f" be done{f', for {why}' if why else ''}; build everything first"
+                "the parts are not those of the device as it is now"
+                f"{f', as {changes}' if changes else ''}",
+                code="build-outdated",
+                where=folder,
+                action="Build everything first",
+                stage=stage.name,
             )
         written = _tables(load_manifest(folder))
         files = _files(device, folder, written)

@@ -23,7 +23,7 @@ from ...mechanics.elements.material import Material
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import solve_all
-from ...sensing.response import Response, signals
+from ...sensing.response import Response, cord_signals
 from .load_cases import Loading, jobs
 
 LINES = 40
@@ -165,5 +165,5 @@ def _measure(device: Device, mesh: QuadraticMesh, locator: PointLocator, lines: 
         u = results[-1].u
         if u is not None:
             moved = lines + locator.displacement(at, u[None])[0].reshape(lines.shape)
-            out[i] = signals(lines, moved[None], Response.line(1.0))[0]
+            out[i] = cord_signals(lines, moved[None], Response.line(1.0))[0]
     return out

@@ -10,18 +10,8 @@ from pathlib import Path
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
-from ...geometry.bodies.body_record import load_body_record, load_solid, load_surface
 from ...geometry.moulds.moulds import make_moulds
-from ...geometry.parts.manifest import (
-    CutCord,
-    JoinedPin,
-    JoinStep,
-    Manifest,
-    PartRecord,
-    Socket,
-    TagSeat,
-    save_manifest,
-)
+from ...geometry.parts.parts import add_solids
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
 from ...geometry.printing.print_bed import laid
@@ -31,11 +21,23 @@ from ...optimize.prediction.cord_pull import pulls
 from ...optimize.prediction.design_task import load_task
 from ...optimize.prediction.open_joints import overstretched
 from ...optimize.refinement.refine import report_part
-from ...sensing.layout import LayoutRecord, load_layout
+from ...store.build import Build
+from ...store.layout import LayoutRecord
+from ...store.manifest import (
+    CutCord,
+    JoinedPin,
+    JoinStep,
+    Manifest,
+    PartRecord,
+    Socket,
+    TagSeat,
+    save_manifest,
+)
 from ..fabrication import casting
 from ..fabrication.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
 from ..fabrication.print_advice import print_advice
 from .cut_list import behind, bill, cut_list
+from .stage_optimize import Winner
 from .stages import Report
 
 #: What bonded cords are taken to answer to compression, by `[cord] compression`.
@@ -49,24 +51,50 @@ ANSWERS = {
 _STIFF = 2.0
 
 
-def run(device: Device, folder: Path, report: Report) -> None:
-    """Make the parts, and save them with their manifest."""
-    surface, solid, bay = load_surface(folder), load_solid(folder), load_body_record(folder).bay
-    layout = load_layout(folder)
-    sensors = [s.sensor() for s in layout.sensors]
-    task = load_task(device, folder).with_decoder(layout.prediction.decoder)
-    device, note = with_relief(device, task, surface, sensors, bay)
-    made = fabricate(device, surface, sensors, report, solid, bay)
+def run(device: Device, build: Build, report: Report, winner: Winner | None = None) -> None:
+    """Make the parts, and save them with their manifest.
+
+    Args:
+        device: The device.
+        build: Results of the earlier stages.
+        report: Receives the completed fraction and a message.
+        winner: Parts of the layout from the stage before, if it was run in this process.
+
+    Raises:
+        FabricationError: A cord or a part fails a check.
+    """
+    layout = build.layout
+    if winner is None:
+        winner = _make_layout(device, build, report)
+    report(0.6, "cutting the solid")
+    parts = winner.parts if build.solid is None else add_solids(winner.parts, build.solid)
+    device = winner.device
     report(0.75, "predicting with joints")
-    built = as_made(task, made.channels)
-    said = pulls(device, task, built.cords, layout.band.median)
-    told = (*made.warnings, *note, *overstretched(device, made, built.cords), *said)
-    made = replace(made, warnings=told)
+    built = as_made(winner.task, parts.channels)
+    warnings = (
+        *parts.warnings,
+        *winner.notes,
+        *overstretched(device, parts, built.cords),
+        *pulls(device, winner.task, built.cords, layout.band.median),
+    )
+    parts = replace(parts, warnings=warnings)
+    cords = cut_list(device, parts, built)
     show = partial(report_part, report, 0.8, 1.0)
-    write(device, made, folder, layout, cut_list(device, made, built), built.prediction, show)
+    build.manifest = write_parts(device, parts, build.folder, layout, cords, built.prediction, show)
 
 
-def write(
+def _make_layout(device: Device, build: Build, report: Report) -> Winner:
+    """Make the parts of the saved layout again."""
+    sensors = [s.sensor() for s in build.layout.sensors]
+    task = load_task(device, build).with_decoder(build.layout.prediction.decoder)
+    surface, bay = build.surface, build.body.bay
+    device, notes = with_relief(device, task, surface, sensors, bay)
+    return Winner(
+        device, tuple(notes), fabricate(device, surface, sensors, report, None, bay), task
+    )
+
+
+def write_parts(
     device: Device,
     made: PartSet,
     folder: Path,
@@ -74,15 +102,29 @@ def write(
     cords: tuple[CutCord, ...],
     prediction: Prediction,
     report: Report = lambda *_: None,
-) -> None:
-    """Leave the parts in `folder`/parts; `cords` are those of the parts before long ones are split,
-    `prediction` is that of the cords as they are built in."""
+) -> Manifest:
+    """Write the parts into the folder `parts` of a build.
+
+    Args:
+        device: The device.
+        made: The parts.
+        folder: The build's folder.
+        layout: The layout.
+        cords: The cut list, for the parts before long ones are split.
+        prediction: The errors predicted for the cords as they are built in.
+        report: Receives the completed fraction and a message.
+
+    Returns:
+        The manifest, which is also saved.
+    """
     cast = device.fabrication.kind == "cast"
     if not cast:
         split = split_long_parts(made, device.fabrication.bed, rules(device))
         cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
         made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
-    moulds = make_moulds(made, mould_rules(device), partial(report_part, report, 0, 0.9)) if cast else []
+    moulds = (
+        make_moulds(made, mould_rules(device), partial(report_part, report, 0, 0.9)) if cast else []
+    )
     report(0.9 if cast else 0.0, "writing parts")
     flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = pin_kinds(made)
@@ -126,6 +168,7 @@ def write(
             ),
         )
     save_manifest(folder, manifest)
+    return manifest
 
 
 def _manifest(
@@ -223,7 +266,7 @@ def _part(made: PartSet, i: int, cast: bool) -> PartRecord:
         step, volume = f"{one.name}.step", occ.volume(one.solid)
     return PartRecord(
         name=one.name,
-        number=int(one.name.split("-")[0]),
+        number=i + 1,
         stl=f"{one.name}.stl",
         print=f"{one.name}.stl" if cast else f"{LYING}/{one.name}.stl",
         step=step,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 
@@ -11,19 +10,19 @@ from ...core.device.device import Device
 from ...core.errors import DeviceError
 from ...core.mesh import Surface, TetMesh
 from ...geometry.bodies import regions
-from ...geometry.bodies.body_record import load_surface
 from ...geometry.bodies.meshing import mesh_lock, mesh_store
-from ...geometry.bodies.meshing.mesh_file import Accuracy, DensityTrial, MeshRecord, save_mesh
-from ...geometry.bodies.meshing.mesh_quality import quality
-from ...geometry.bodies.meshing.region_conforming import conform
+from ...geometry.bodies.meshing.mesh_quality import measure_quality
+from ...geometry.bodies.meshing.region_conforming import conform_to_regions
 from ...geometry.bodies.meshing.tetrahedra import FTETWILD, Tetrahedra, tetrahedralize
+from ...store.build import Build
+from ...store.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
 from . import mesh_density
 from .stages import Report
 
 
-def run(device: Device, folder: Path, report: Report) -> None:
-    """Make the tetrahedra, at the density that was asked for."""
-    surface = load_surface(folder)
+def run(device: Device, build: Build, report: Report) -> None:
+    """Make the tetrahedra at the requested density, and tag the nodes of the regions."""
+    surface = build.surface
     _check_regions(device, surface)
     limit = device.mesh.time_limit
     kept_before = mesh_lock.read(device.source)
@@ -40,7 +39,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             made = tetrahedralize(surface, edge_length, lambda m: report(0.3, m), limit)
             mesh_store.remember(surface, edge_length, made)
         used[edge_length] = made
-        return conform(made.mesh, list(device.regions.values()))
+        return conform_to_regions(made.mesh, list(device.regions.values()))
 
     edge_length, accuracy = device.mesh.edge_length, None
     if edge_length is not None:
@@ -67,13 +66,14 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 f"device.toml: regions.{name}: contains no nodes of the mesh, being smaller than"
                 " its edges; enlarge it, or use a smaller [mesh] edge_length"
             )
-    found = asdict(quality(mesh, surface))
+    found = asdict(measure_quality(mesh, surface))
     taken = used[edge_length] if edge_length else next(iter(used.values()))
     record = MeshRecord(
         hash=mesh.digest, edge_length=edge_length, accuracy=accuracy, mesher=taken.mesher,
         note=_note(taken), way=taken.way, tried=taken.tried, surface=taken.surface, **found,
     )  # fmt: skip
-    save_mesh(folder, mesh, tags, record)
+    build.mesh, build.region_nodes, build.mesh_record = mesh, tags, record
+    save_mesh(build.folder, mesh, tags, record)
     kept = {
         mesh_lock.key(surface, edge): made for edge, made in used.items() if not made.repeatable
     }
@@ -118,7 +118,7 @@ def _check_regions(device: Device, surface: Surface) -> None:
         used = f" (used by the pose{'s' * (len(poses) > 1)} {', '.join(poses)})" if poses else ""
         raise DeviceError(
             f"device.toml: regions.{name}: holds nothing of the body{used}: it is"
-            f" {regions.where(shape)}, and the body lies {regions.place(surface)};"
+            f" {regions.describe_region(shape)}, and the body lies {regions.describe_extent(surface)};"
             " move it to where the body is"
         )
 

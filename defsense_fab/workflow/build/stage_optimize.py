@@ -1,10 +1,10 @@
-"""Stage 4: the cords' paths, and what they are predicted to sense."""
+"""Stage 4: route the cords, and predict what they sense."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,160 +14,218 @@ from ...core.arrays import Float
 from ...core.curve import distinct_planes, sample_path
 from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
-from ...decoding.ridge import KINDS
-from ...geometry.bodies.body_record import load_body_record, load_surface
-from ...geometry.bodies.meshing.mesh_file import load_mesh_record
+from ...decoding.ridge import FEATURES
+from ...geometry.parts.records import PartSet
 from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.prediction.as_built import assumed_cords, scored_by_paths
-from ...optimize.prediction.choose_layout import choose_layout
+from ...optimize.prediction.choose_layout import Trial, choose_layout
 from ...optimize.prediction.design_task import SEED, DesignTask, decoders, load_task, tolerances_of
 from ...optimize.prediction.predict import Scored, left_out_error, predict
-from ...optimize.refinement.refine import OptimizedLayout, optimize_layout, report_part, evaluate_unchanged
+from ...optimize.refinement.refine import (
+    OptimizedLayout,
+    evaluate_unchanged,
+    optimize_layout,
+    report_part,
+)
 from ...optimize.search.plane_directions import face_directions
 from ...optimize.search.starting_layouts import FREE, Layout
-from ...optimize.studies.risks import find_risks, check_cord_count
+from ...optimize.studies.risks import check_cord_count, find_risks
 from ...optimize.studies.tolerance_monte_carlo import tolerance_band
 from ...sensing.built_cord import BuiltCord
-from ...sensing.layout import (
+from ...sensing.response import mean_strain, segment_strain_range
+from ...store.build import Build
+from ...store.layout import (
     BandRecord,
     CordPath,
     CordRecord,
     LayoutRecord,
     LimitsRecord,
     PredictionRecord,
+    WeighedCords,
     WeighedRecord,
     save_layout,
+    save_weighed,
 )
-from ...sensing.response import mean_strain, strain_range
-from ...sensing.weighed_layouts import WeighedCords, save_weighed
-from .stages import Report, Seen, Watch
+from .stages import Report, SearchProgress, Watch
 
-_SEARCHES, _FEWEST = 15, 5
+# The fewer the cords, the less time a search takes, and the more its random choices matter.
+_CORD_SEARCHES = 15  # searches times cords
+_MIN_SEARCHES = 5
 
 
-def run(device: Device, folder: Path, report: Report, watch: Watch | None = None) -> None:
-    """Find the layout, and save it with its prediction."""
-    seen = _Watching(folder, watch)
-    task = load_task(device, folder)
-    surface, bay = load_surface(folder), load_body_record(folder).bay
+@dataclass(frozen=True)
+class Winner:
+    """The parts of the chosen layout, made on trial while it was chosen.
+
+    Attributes:
+        device: The device with its strain relief decided.
+        notes: Why the strain relief was decided so.
+        parts: The parts, without exact solids.
+        task: The design task, with the layout's decoder.
+    """
+
+    device: Device
+    notes: tuple[str, ...]
+    parts: PartSet
+    task: DesignTask
+
+
+def run(device: Device, build: Build, report: Report, watch: Watch | None = None) -> Winner | None:
+    """Find the layout, and save it with its prediction.
+
+    Args:
+        device: The device.
+        build: Results of the earlier stages.
+        report: Receives the completed fraction and a message.
+        watch: Receives the layouts that the searches reach.
+
+    Returns:
+        The parts of the chosen layout; None if they cannot be made.
+
+    Raises:
+        LayoutError: No layout keeps the limits.
+    """
+    observer = _SearchObserver(build.folder, watch)
+    task, first = _search_decoders(
+        device, load_task(device, build), partial(report_part, report, 0.0, 0.4), observer
+    )
+    candidates = _search_alternatives(
+        device, task, first, partial(report_part, report, 0.4, 0.8), observer
+    )
+    chosen, trials = choose_layout(
+        device,
+        task,
+        [_as_stored(c) for c in candidates],
+        build.surface,
+        build.body.bay,
+        partial(report_part, report, 0.8, 1.0),
+    )
+    build.layout = _layout_record(device, build, task, chosen, trials)
+    build.prediction = PredictionRecord(
+        task.points,
+        task.names,
+        chosen.scored.signals,
+        chosen.scored.errors,
+        chosen.scored.decoder.to_json(),
+    )
+    build.weighed = WeighedCords(
+        tuple(tuple(CordPath.of(s) for s in t.found.sensors) for t in trials)
+    )
+    save_layout(build.folder, build.layout, build.prediction)
+    save_weighed(build.folder, build.weighed)
+    if chosen.made is None or chosen.as_built is None:
+        return None
+    return Winner(chosen.as_built, chosen.relief_notes, chosen.made, task)
+
+
+def _search_decoders(
+    device: Device, task: DesignTask, report: Report, observer: _SearchObserver
+) -> tuple[DesignTask, OptimizedLayout]:
+    """Return the task with the decoder that does best on unseen states, and its layout."""
     kinds = decoders(device, task)
-    tried: dict[str, tuple[float, OptimizedLayout]] = {}
+    found: dict[str, tuple[float, OptimizedLayout]] = {}
     for n, kind in enumerate(kinds):
         task = task.with_decoder(kind)
-        like = next((k for k in tried if KINDS[k] is KINDS[kind]), None)  # designed alike
-        show = partial(report_part, report, 0.4 * n / len(kinds), 0.4 * (n + 1) / len(kinds))
-        found = tried[like][1] if like else _search(device, task, 0, device.planes, show, seen)
-        scored = predict(task, assumed_cords(task, found.sensors))
-        tried[kind] = (scored.prediction.unseen, found)
-    decoder = min(tried, key=lambda k: tried[k][0])
-    task = task.with_decoder(decoder)
-    every = _again(device, task, tried[decoder][1], partial(report_part, report, 0.4, 0.8), seen)
-    chosen, trials = choose_layout(
-        device, task, [_as_kept(f) for f in every], surface, bay, partial(report_part, report, 0.8, 1.0)
-    )
-    found = chosen.found
-    final = chosen.scored
-    # Of those not designed for: what they would make of the cords chosen.
+        # Decoders with the same features have the same design objective.
+        same = next((k for k in found if FEATURES[k] is FEATURES[kind]), None)
+        show = partial(report_part, report, n / len(kinds), (n + 1) / len(kinds))
+        layout = found[same][1] if same else _search(device, task, 0, device.planes, show, observer)
+        scored = predict(task, assumed_cords(task, layout.sensors))
+        found[kind] = (scored.prediction.unseen, layout)
+    best = min(found, key=lambda k: found[k][0])
+    return task.with_decoder(best), found[best][1]
+
+
+def _layout_record(
+    device: Device, build: Build, task: DesignTask, chosen: Trial, trials: Sequence[Trial]
+) -> LayoutRecord:
+    layout, final, limits = chosen.found, chosen.scored, task.design.limits
+    # What decoders that were not designed for would make of the chosen cords.
     decoded = {kind: task.with_decoder(kind) for kind in DECODERS}
-    told = {kind: predict(t, final.cords).prediction for kind, t in decoded.items()}
-    problem, tolerances = task.design, tolerances_of(device)
-    initial = scored_by_paths(device, task, surface, found.initial, bay)
-    check = verify(found.sensors, surface, problem.limits)
-    if check.problems:
+    predicted = {kind: predict(t, final.cords).prediction for kind, t in decoded.items()}
+    tolerances = tolerances_of(device)
+    initial = scored_by_paths(device, task, build.surface, layout.initial, build.body.bay)
+    check = verify(layout.sensors, build.surface, limits)
+    if check.violations:
         raise LayoutError(
-            f"the optimised layout fails its check: {check.problems[0]}",
-            code=check.problems[0].code,
+            f"the optimized layout violates a limit: {check.violations[0]}",
+            code=check.violations[0].code,
         )
-    sensors = _cords(device, found.sensors, check, task, final)
-    layout = LayoutRecord(
+    sensors = _cord_records(device, layout.sensors, check, task, final)
+    smallest_noise_free = min(p.unseen_noise_free for p in predicted.values())
+    band = tolerance_band(
+        task.everything,
+        final.cords,
+        task.reading,
+        np.random.default_rng(SEED),
+        task.unseen,
+        tolerances=tolerances,
+    )
+    return LayoutRecord(
         device=device.name,
-        mesh=load_mesh_record(folder).hash,
-        limits=LimitsRecord(
-            problem.limits.wall, problem.limits.min_radius, problem.limits.clearance
-        ),
+        mesh=build.mesh_record.hash,
+        limits=LimitsRecord(limits.wall, limits.min_radius, limits.clearance),
         response=device.cord.measured,
         sensors=sensors,
         min_clearance=check.min_clearance,
         warnings=(
-            *map(str, find_risks(problem, found.sensors)),
-            *map(
-                str,
-                check_cord_count(
-                    task.everything,
-                    final.prediction,
-                    min(p.unseen_noise_free for p in told.values()),
-                ),
-            ),
-            *_uncalibrated(device, sensors),
+            *map(str, find_risks(task.design, layout.sensors)),
+            *map(str, check_cord_count(task.everything, final.prediction, smallest_noise_free)),
+            *_uncalibrated_strains(device, sensors),
         ),
-        weighed=tuple(
-            WeighedRecord(
-                t.designed,
-                None if t.problem else t.built,
-                t.planes,
-                t.slanted,
-                t.parts,
-                t.smallest,
-                t.free_ends,
-                t.warnings,
-                t.problem,
-                t is chosen,
-            )
-            for t in trials
-        ),
+        weighed=tuple(_weighed_record(t, t is chosen) for t in trials),
         prediction=final.prediction,
-        unseen={kind: p.unseen for kind, p in told.items()},
+        unseen={kind: p.unseen for kind, p in predicted.items()},
         cross_validated={k: left_out_error(t, final.cords) for k, t in decoded.items()},
-        band=BandRecord(
-            **asdict(
-                tolerance_band(
-                    task.everything,
-                    final.cords,
-                    task.reading,
-                    np.random.default_rng(SEED),
-                    task.unseen,
-                    tolerances=tolerances,
-                )
-            ),
-            **asdict(tolerances),
-        ),
+        band=BandRecord(**asdict(band), **asdict(tolerances)),
         initial=initial.prediction,
-        drawn=tuple(sample_path(s) for s in found.initial),
+        drawn=tuple(sample_path(s) for s in layout.initial),
         proposed=device.propose > 0,
-        starts=tuple(found.starts),
+        starts=tuple(layout.starts),
         seed=device.seed,
     )
-    prediction = PredictionRecord(
-        task.points, task.names, final.signals, final.errors, final.decoder.to_json()
+
+
+def _weighed_record(trial: Trial, chosen: bool) -> WeighedRecord:
+    return WeighedRecord(
+        designed=trial.designed,
+        built=None if trial.problem else trial.built,
+        planes=trial.planes,
+        slanted=trial.slanted,
+        parts=trial.parts,
+        smallest=trial.smallest,
+        free_ends=trial.free_ends,
+        warnings=trial.warnings,
+        problem=trial.problem,
+        chosen=chosen,
     )
-    save_layout(folder, layout, prediction)
-    paths = tuple(tuple(CordPath.of(s) for s in t.found.sensors) for t in trials)
-    save_weighed(folder, WeighedCords(paths))
 
 
-def _as_kept(found: OptimizedLayout) -> OptimizedLayout:
-    """With the planes' frames as `layout.json` gives them back, to the last digit: on that a cut
-    along faces that touch may turn, and what was made on trial is made again from the file."""
+def _as_stored(found: OptimizedLayout) -> OptimizedLayout:
+    """Return the layout with the planes' frames exactly as `layout.json` gives them back.
+
+    The last digits decide cuts along faces that touch, so parts made on trial must equal those that
+    are made from the file later.
+    """
     cords = [replace(s, plane=CordPath.of(s).sensor().plane) for s in found.sensors]
     return replace(found, sensors=tuple(cords))
 
 
-class _Watching:
-    """Searches as one may watch them: None for a search that nobody does."""
+class _SearchObserver:
+    """Callbacks for a search: of the best layout so far, and of every step; None without `watch`."""
 
     def __init__(self, folder: Path, watch: Watch | None) -> None:
-        self.kept = None if watch is None else self._teller(folder, watch, kept=True)
-        self.passed = None if watch is None else self._teller(folder, watch, kept=False)
+        self.kept = None if watch is None else self._callback(folder, watch, kept=True)
+        self.passed = None if watch is None else self._callback(folder, watch, kept=False)
 
     @staticmethod
-    def _teller(folder: Path, watch: Watch, *, kept: bool) -> Callable[[Layout, float], None]:
-        return lambda layout, rmse: watch(Seen(folder, tuple(layout), rmse, kept))
+    def _callback(folder: Path, watch: Watch, *, kept: bool) -> Callable[[Layout, float], None]:
+        return lambda layout, rmse: watch(SearchProgress(folder, tuple(layout), rmse, kept))
 
 
-def searches(cords: int) -> int:
-    """How many searches, whose random choices differ, the best of which are weighed against each
-    other: the fewer cords, the less time each takes, and the more a single one decides."""
-    return max(_SEARCHES // cords, _FEWEST)
+def default_searches(cords: int) -> int:
+    """Return the default number of searches with different seeds, for a number of cords."""
+    return max(_CORD_SEARCHES // cords, _MIN_SEARCHES)
 
 
 def _search(
@@ -176,7 +234,7 @@ def _search(
     seed: int,
     planes: int | None,
     report: Report,
-    seen: _Watching,
+    observer: _SearchObserver,
     normals: Float | None = None,
 ) -> OptimizedLayout:
     rng = np.random.default_rng((device.seed, seed))
@@ -188,90 +246,97 @@ def _search(
         extra=device.propose,
         planes=planes,
         normals=normals,
-        watch=seen.kept,
-        follow=seen.passed,
+        watch=observer.kept,
+        follow=observer.passed,
     )
 
 
-def _again(
-    device: Device, task: DesignTask, first: OptimizedLayout, report: Report, seen: _Watching
+def _search_alternatives(
+    device: Device,
+    task: DesignTask,
+    first: OptimizedLayout,
+    report: Report,
+    observer: _SearchObserver,
 ) -> list[OptimizedLayout]:
-    """The layout, what it set out from if that keeps the limits, and layouts of other seeds, of
-    fewer planes and of planes along the body's faces, where there is anything to search."""
-    out = [first]
+    """Return the layout with its alternatives.
+
+    They are the layout that the search started from, if it keeps the limits, and layouts of other
+    seeds, of fewer planes, and of planes along the body's faces. Layouts of locked cords have none.
+    """
+    layouts = [first]
     if not (device.propose or any(s.free for s in device.sensors)):
-        return out
-    begun = evaluate_unchanged(task.design, tuple(first.initial))
-    out += [begun] if begun else []
+        return layouts
+    start = evaluate_unchanged(task.design, tuple(first.initial))
+    layouts += [start] if start else []
     fewer = range(1, len(distinct_planes([s.plane for s in first.sensors])))
-    todo: list[tuple[int, int | None, Float | None]]
-    count = device.searches or searches(len(first.sensors))
-    todo = [(seed, device.planes, None) for seed in range(1, count)]
-    todo += [(0, n, None) for n in fewer if device.planes is None or n < device.planes]
-    free = device.planes is None and any(s.free == FREE for s in device.sensors)
-    if device.propose or free:
-        todo.append((0, device.planes, face_directions(task.design.surface)))
-    if device.searches is not None:  # simple layouts first: what cannot be made is of no use
-        todo = todo[::-1][: device.searches - 1]
-    for k, (seed, planes, normals) in enumerate(todo):
-        show = partial(report_part, report, k / len(todo), (k + 1) / len(todo))
-        with suppress(LayoutError):  # no room in so few planes
-            out.append(_search(device, task, seed, planes, show, seen, normals))
-    return out
+    searches: list[tuple[int, int | None, Float | None]]  # seed, planes, normals
+    count = device.searches or default_searches(len(first.sensors))
+    searches = [(seed, device.planes, None) for seed in range(1, count)]
+    searches += [(0, n, None) for n in fewer if device.planes is None or n < device.planes]
+    has_free_planes = device.planes is None and any(s.free == FREE for s in device.sensors)
+    if device.propose or has_free_planes:
+        searches.append((0, device.planes, face_directions(task.design.surface)))
+    if device.searches is not None:  # simple layouts first, as they are the likeliest to be made
+        searches = searches[::-1][: device.searches - 1]
+    for k, (seed, planes, normals) in enumerate(searches):
+        show = partial(report_part, report, k / len(searches), (k + 1) / len(searches))
+        with suppress(LayoutError):  # so few planes have no room for the cords
+            layouts.append(_search(device, task, seed, planes, show, observer, normals))
+    return layouts
 
 
-def _cords(
+def _cord_records(
     device: Device,
     sensors: Sequence[Sensor],
     check: LayoutCheck,
     task: DesignTask,
     scored: Scored,
 ) -> tuple[CordRecord, ...]:
-    out = []
+    records = []
     rows = zip(sensors, check.cords, scored.cords, scored.prediction.noise, strict=True)
-    for channel, (s, c, built, noise) in enumerate(rows):
-        least, most = _strains(built, task.everything.deform(built.path))
-        out.append(
+    for channel, (sensor, measured, built, noise) in enumerate(rows):
+        lowest, highest = _strain_range(built, task.everything.deform(built.path))
+        records.append(
             CordRecord(
-                **vars(CordPath.of(s)),
+                **vars(CordPath.of(sensor)),
                 channel=channel,
-                points=sample_path(s),
-                length=c.length,
-                min_radius=min(c.min_radius, 1e6),
-                min_wall=c.min_wall,
-                inlets=c.inlets,
+                points=sample_path(sensor),
+                length=measured.length,
+                min_radius=min(measured.min_radius, 1e6),
+                min_wall=measured.min_wall,
+                inlets=measured.inlets,
                 cord_diameter=device.cord.diameter,
-                peak_strain=most,
-                least_strain=least,
+                peak_strain=highest,
+                least_strain=lowest,
                 stretch=built.path,
                 series=built.series,
                 prestretch=built.prestretch,
                 noise=noise,
             )
         )
-    return tuple(out)
+    return tuple(records)
 
 
-def _strains(cord: BuiltCord, deformed: Float) -> tuple[float, float]:
-    """Least and greatest strain of the cord itself over rest and all states (s, p, 3): of any
-    segment of a bonded one, and below zero where a held one would be slack."""
+def _strain_range(cord: BuiltCord, deformed: Float) -> tuple[float, float]:
+    """Return the lowest and highest strain of a cord over rest and all states (s, p, 3).
+
+    Of a bonded cord they are those of any segment; of a held one the mean along it, below zero
+    where it would be slack.
+    """
     if cord.prestretch is None:
-        least, most = strain_range(cord.path, deformed)
-        return min(least, 0.0), max(most, 0.0)
+        lowest, highest = segment_strain_range(cord.path, deformed)
+        return min(lowest, 0.0), max(highest, 0.0)
     mean = (1 + cord.prestretch) * (1 + np.append(0.0, mean_strain(cord.path, deformed))) - 1
     return float(mean.min()), float(mean.max())
 
 
-def _uncalibrated(device: Device, sensors: Sequence[CordRecord]) -> list[str]:
-    """Warnings: cords that leave the strains in which their response was measured."""
+def _uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> list[str]:
+    """Return a warning for each cord that leaves the strains its response was measured in."""
     low, high = device.cord.response.strain_range
-    out = []
-    for s in sensors:
-        least, most = s.least_strain, s.peak_strain
-        if least < low or most > high:
-            out.append(
-                f"cord {s.name!r}: strains of {least:.1%} to {most:.1%} leave the calibrated"
-                f" range of {low:.1%} to {high:.1%}; beyond it the response is continued along its"
-                " tangent: measure on tighter jigs, or trust the prediction less"
-            )
-    return out
+    return [
+        f"cord {s.name!r}: strains of {s.least_strain:.1%} to {s.peak_strain:.1%} are outside the"
+        f" calibrated range of {low:.1%} to {high:.1%}, beyond which the response is continued"
+        " along its tangent. Calibrate on tighter jigs, or trust the prediction less."
+        for s in sensors
+        if s.least_strain < low or s.peak_strain > high
+    ]

@@ -1,9 +1,8 @@
-"""Stage 6: a self-contained page with pictures and predicted errors, and the assembly guide."""
+"""Stage 6: write the report, a page with pictures and predicted errors, and the guide."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,8 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...core.vtu_file import read_vtu
 from ...decoding.expected_errors import MEANING
-from ...geometry.bodies.body_record import load_surface
-from ...geometry.bodies.meshing.mesh_file import load_mesh_record, load_region_nodes
-from ...geometry.bodies.orientation import standing
-from ...geometry.parts.manifest import load_manifest
-from ...geometry.parts.part_files import load_parts
-from ...mechanics.solver.field_files import field_path, load_index
+from ...geometry.bodies.orientation import viewing_axes
 from ...report.colors import COLORS
 from ...report.guide.guide import assembly_guide
 from ...report.guide.guide_file import write_guide_file
@@ -33,19 +26,18 @@ from ...report.pictures.routing import routing
 from ...report.surface_errors import SurfaceErrors, state_words, surface_errors
 from ...report.viewer.page import view3d
 from ...report.viewer.scene import scene
-from ...sensing.layout import load_layout
+from ...store.build import Build
 from .stage_fabricate import ANSWERS
 from .stages import Report
 
-_MOST = 99.5  # per cent of the strain in a state: the end of the scale, but for few places
+# End of the strain scale: percentile of the strain in a state. Few places go beyond it.
+_SCALE_PERCENTILE = 99.5
 
 
-def run(device: Device, folder: Path, report: Report) -> None:
+def run(device: Device, build: Build, report: Report) -> None:
     """Write the report and the assembly guide."""
-    layout = load_layout(folder)
-    manifest = load_manifest(folder)
-    surface = load_surface(folder)
-    frame = standing(surface)
+    layout, manifest, surface, folder = build.layout, build.manifest, build.surface, build.folder
+    frame = viewing_axes(surface)
     paths = [s.points for s in layout.sensors]
     report(0.05, "routing")
     images: dict[str, Any] = {
@@ -58,17 +50,16 @@ def run(device: Device, folder: Path, report: Report) -> None:
         )
     }
     report(0.2, "parts")
-    parts = load_parts(folder, manifest)
-    found = surface_errors(folder, layout)
-    turning = view3d(scene(device, folder, layout, manifest, parts, found, frame))
-    poses = load_index(folder).warnings
-    guide = assembly_guide(device, layout, manifest, parts, frame, poses)
+    found = surface_errors(build)
+    turning = view3d(scene(device, build, found, frame))
+    poses = build.field_index.warnings
+    guide = assembly_guide(device, layout, manifest, build.parts, frame, poses)
     write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
     images["front"] = front(layout.weighed)
-    images["poses"] = _poses(device, folder, found, frame, report)
+    images["poses"] = _poses(device, build, found, frame, report)
     write_page(
         folder / "report.html",
         "report",
@@ -76,7 +67,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         layout=layout,
         poses=poses,
         manifest=manifest,
-        mesh=load_mesh_record(folder),
+        mesh=build.mesh_record,
         meaning=MEANING,
         answers=ANSWERS,
         images=images,
@@ -87,16 +78,19 @@ def run(device: Device, folder: Path, report: Report) -> None:
 
 
 def _poses(
-    device: Device, folder: Path, found: SurfaceErrors, frame: Float, report: Report
+    device: Device, build: Build, found: SurfaceErrors, frame: Float, report: Report
 ) -> list[dict[str, Any]]:
-    """Strain and error of each pose and mixture that was designed for, at its fullest, and of the
-    held-out state that is sensed worst: pictures, and what is said of them."""
-    regions = load_region_nodes(folder)
-    fields = {i: _field(folder, found.names[i]) for i in found.shown}
+    """Return pictures and numbers of the strain and error in the states that are shown.
+
+    These are each pose and mixture that was designed for, at its largest amplitude, and the
+    held-out state with the largest error.
+    """
+    regions = build.region_nodes
+    fields = {i: _field(build, i) for i in found.shown}
     strained = color_bar.scale(
         color_bar.STRAIN,
         "largest principal strain (%)",
-        100 * max(float(np.percentile(f.strain, _MOST)) for f in fields.values()),
+        100 * max(float(np.percentile(f.strain, _SCALE_PERCENTILE)) for f in fields.values()),
         beyond=True,
     )
     missed = color_bar.scale(
@@ -135,14 +129,9 @@ def _poses(
     return out
 
 
-def _field(folder: Path, name: str) -> StrainField:
-    data = read_vtu(field_path(folder, name))
-    return StrainField(
-        np.asarray(data.points, float),
-        data.cells_dict["tetra10"],
-        np.asarray(data.point_data["displacement"], float),
-        np.asarray(data.point_data["strain"], float),
-    )
+def _field(build: Build, state: int) -> StrainField:
+    mesh, fields = build.quadratic_mesh, build.fields
+    return StrainField(mesh.nodes, mesh.cells, fields.displacements[state], fields.strains[state])
 
 
 def _handles(device: Device, weights: Mapping[str, float]) -> tuple[str, ...]:

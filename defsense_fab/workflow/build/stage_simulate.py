@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import threading
 from dataclasses import asdict
-from pathlib import Path
 
+from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.device.material_table import unusual_properties
 from ...core.errors import SolveError
-from ...geometry.bodies.meshing.mesh_file import load_mesh, load_mesh_record
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import solve_all
-from ...mechanics.solver.field_files import (
+from ...mechanics.solver.linear_solver import solver_name
+from ...mechanics.solver.load_stepping import Equilibrium
+from ...store.build import Build
+from ...store.fields import (
     FOLDER,
     FieldIndex,
+    Fields,
     StateRecord,
     field_path,
     save_field,
     save_index,
     state_file,
 )
-from ...mechanics.solver.linear_solver import solver_name
-from ...mechanics.solver.load_stepping import Equilibrium
 from .load_cases import Loading, jobs, loadings
 from .stages import Report, Solve
 
@@ -31,9 +32,19 @@ from .stages import Report, Solve
 SLIVER = 2.0
 
 
-def run(device: Device, folder: Path, report: Report, solve: Solve = solve_all) -> None:
-    """Solve every state, and save its field; `solve` is `solve_all`, or does the same elsewhere."""
-    mesh = QuadraticMesh.from_linear(load_mesh(folder))
+def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) -> None:
+    """Solve every state, and save its field.
+
+    Args:
+        device: The device.
+        build: Results of the earlier stages.
+        report: Receives the completed fraction and a message.
+        solve: `solve_all`, or a function that does the same elsewhere.
+
+    Raises:
+        SolveError: A pose or a requested mixture did not converge.
+    """
+    mesh, folder = build.quadratic_mesh, build.folder
     material = Material.from_spec(device.material)
     (folder / FOLDER).mkdir()
     for stale in (device.source / "not-reached").glob("*@*.vtu"):
@@ -43,7 +54,7 @@ def run(device: Device, folder: Path, report: Report, solve: Solve = solve_all) 
         report(0.0, line)
     plan, todo, warnings = jobs(device, mesh, loadings(device))
     warnings = [*questions, *warnings]
-    angle = load_mesh_record(folder).min_dihedral
+    angle = build.mesh_record.min_dihedral
     if angle < SLIVER:
         warnings.append(
             f"the mesh has a sliver with an angle of {angle:.1f} degrees, where strains are not to"
@@ -58,7 +69,8 @@ def run(device: Device, folder: Path, report: Report, solve: Solve = solve_all) 
             label = plan[job].state(plan[job].fractions[-1])
             report(sum(reached) / len(plan), f"{label}: {100 * at:.0f} %")
 
-    index = []
+    states: list[StateRecord] = []
+    fields: list[tuple[Float, Float]] = []
     for loading, results in zip(plan, solve(mesh, material, todo, show), strict=True):
         if not loading.optional:
             _refuse_unreached(device, mesh, loading, results[-1])
@@ -70,12 +82,14 @@ def run(device: Device, folder: Path, report: Report, solve: Solve = solve_all) 
                 continue
             assert result.u is not None
             stats = {k: v for k, v in asdict(result.statistics).items() if k != "seconds"}
-            save_field(field_path(folder, name), mesh, result.u, stats)
+            fields.append(save_field(field_path(folder, name), mesh, result.u, stats))
             weights = {pose: w * fraction for pose, w in loading.weights.items()}
-            index.append(StateRecord(name, weights, loading.held_out, result.status, **stats))
+            states.append(StateRecord(name, weights, loading.held_out, result.status, **stats))
             if result.problem:
                 warnings.append(f"pose {name}: {result.problem}")
-    save_index(folder, FieldIndex(material.title, solver_name(), tuple(warnings), tuple(index)))
+    build.field_index = FieldIndex(material.title, solver_name(), tuple(warnings), tuple(states))
+    save_index(folder, build.field_index)
+    build.fields = Fields.of(states, fields)
 
 
 def _refuse_unreached(

@@ -1,36 +1,48 @@
-"""The stages of a build: each reads the folder it is given and leaves its files there."""
+"""The stages of a build, and the keys that say which results are up to date."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.device.device import Device, FabricationSpec, Sensor
 from ...core.device.materials import Silicone, find_silicone
+from ...core.errors import CapacityError
 from ...core.machine.processes import one_blas_thread
+from ...core.progress import Progress
 from ...core.storage.files import digest
 from ...geometry.bodies.meshing import mesh_lock
 from . import body_sources
 
 if TYPE_CHECKING:
     from ...mechanics.solver.load_stepping import Equilibrium
+    from ...store.build import Build
 
-#: Raised when a stage's results change for the same input, so that old ones are not reused.
+#: Raised when a stage's results change for the same input, so that old results are not reused.
 CODE_VERSION = 39
+#: The stage that places copies on plates, the only one that depends on `BuildOptions`.
+PLATES = "fabricate"
 
 Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What the search for cords has come to: a layout and its expected RMSE (mm) on the states that
-    it is designed for; whether it is `kept`, being the best of its search that keeps every limit,
-    or only passed on the way; the folder that the build works in, with the poses' fields."""
+class SearchProgress:
+    """A layout that the search for cords has reached.
+
+    Attributes:
+        folder: Folder that the build works in, with the fields of the poses.
+        sensors: The cords.
+        rmse: Expected RMSE on the states that the layout is designed for, mm.
+        kept: Whether this is the best layout of its search that violates no limit; otherwise it is
+            an intermediate step.
+    """
 
     folder: Path
     sensors: tuple[Sensor, ...]
@@ -38,32 +50,69 @@ class Seen:
     kept: bool
 
 
-Watch = Callable[[Seen], None]
-#: Takes what `mechanics.solver.batch.solve_all` takes, and gives the same.
+Watch = Callable[[SearchProgress], None]
+#: Takes what `mechanics.solver.batch.solve_all` takes, and returns the same.
 Solve = Callable[..., list[list["Equilibrium"]]]
 
 
 @dataclass(frozen=True)
 class Stage:
-    """`run(device, folder, report)` writes `outputs` (names in the folder), "simulate" with another
-    `solve` and "optimize" with a `watch` where they are given; `inputs` are hashed, and so are the
-    versions of `libraries` (distributions) that shape the result; `lighter` is what to do where the
-    memory does not suffice."""
+    """A stage of a build.
+
+    Attributes:
+        name: Name, as in `defsense build --until`.
+        title: What the stage does, for messages: an imperative phrase.
+        outputs: Names of the files and folders that the stage leaves in the build's folder.
+        inputs: Returns what the result depends on besides the earlier stages; it is hashed.
+        libraries: Distributions whose versions affect the result.
+        lighter: What to do if the memory is insufficient.
+    """
 
     name: str
     title: str
     outputs: tuple[str, ...]
     inputs: Callable[[Device], Any]
-    run: Callable[..., None]
     libraries: tuple[str, ...]
     lighter: str
 
+    def run(self, device: Device, build: Build, progress: Progress, **extra: Any) -> Any:
+        """Compute the results, put them into `build` and write its files.
+
+        Args:
+            device: The device.
+            build: Results of the earlier stages, in the folder that this build works in.
+            progress: Receives the stage's name, the completed fraction and a message.
+            extra: Further arguments of the stage's `run`: `solve` of "simulate", `watch` of
+                "optimize", `winner` of "fabricate".
+
+        Returns:
+            What the stage's `run` returns: of "optimize" the parts of the chosen layout.
+
+        Raises:
+            DefsenseError: The stage failed; CapacityError if the memory is insufficient.
+        """
+        # Imported here, as CAD and VTK are heavy.
+        module = import_module(f"{__package__}.stage_{self.name}")
+        # The solver of the poses gives the same with any number of threads, and gains from them.
+        threads = nullcontext() if self.name == "simulate" else one_blas_thread()
+        try:
+            with threads:
+                return module.run(device, build, partial(progress, self.name), **extra)
+        except MemoryError:
+            raise CapacityError(
+                f"the memory is insufficient to {self.title}",
+                code="memory-insufficient",
+                where=device.source,
+                action=self.lighter,
+                stage=self.name,
+            ) from None
+
 
 def _body_inputs(d: Device) -> Any:
-    """What the script or file was called; `body_sources` has the contents."""
+    """How the script or file is called; `body_sources` has the contents."""
     return (
         d.body.kind,
-        body_sources.name_of(d, d.body.path),
+        body_sources.relative_name(d, d.body.path),
         sorted(d.body.parameters.items()),
         d.body.scale,
         plain(d.body.bay),
@@ -72,8 +121,11 @@ def _body_inputs(d: Device) -> Any:
 
 
 def _mesh_inputs(d: Device) -> Any:
-    """With `accuracy` the poses choose the mesh, so it depends on them too; `device.mesh` may have
-    been there before, or is what the stage left. The time limit counts where it would better it."""
+    """With `accuracy` the mesh also depends on the poses.
+
+    `device.mesh` may have existed before the stage, or have been left by it. The time limit counts
+    only where a longer one would give a better mesh.
+    """
     poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
     locked = mesh_lock.content(d.source)
     longer = ["longer"] if mesh_lock.outgrown(d.source, d.mesh.time_limit) else []
@@ -85,7 +137,7 @@ def _regions(d: Device) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Arrays as lists, so that hashes see numbers."""
+    """Return a value as lists, numbers and texts, so that it can be hashed."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, dict):
@@ -97,37 +149,42 @@ def plain(value: Any) -> Any:
     return plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
 
 
-def _of_the_parts(f: FabricationSpec) -> FabricationSpec:
-    """What cords depend on: not on plates; on moulds where parts are cast, as no layout is taken
-    whose moulds lock."""
-    alike = FabricationSpec(f.process, f.clearance, f.wall, f.lead, (0.0, 0.0, 0.0))
-    only = ["bed", "layer", "hole", "spacing", "supports", "copies"]
+def _layout_inputs(f: FabricationSpec) -> FabricationSpec:
+    """Return what the cords depend on, other fields at a constant.
+
+    Cords do not depend on plates. They depend on moulds where parts are cast, as no layout is
+    chosen whose moulds cannot be opened.
+    """
+    constant = FabricationSpec(f.process, f.clearance, f.wall, f.lead, (0.0, 0.0, 0.0))
+    ignored = ["bed", "layer", "hole", "spacing", "supports", "copies"]
     if f.kind != "cast":
-        only += ["kind", "line", "mould_wall", "shrinkage"]
-    return replace(f, **{name: getattr(alike, name) for name in only})
+        ignored += ["kind", "line", "mould_wall", "shrinkage"]
+    return replace(f, **{name: getattr(constant, name) for name in ignored})
 
 
 def _silicone(d: Device) -> Silicone | None:
-    """What the parts are cast of, as far as the table has it."""
+    """Return the silicone that parts are cast from, if the table has it."""
     return find_silicone(d.material.name) if d.fabrication.kind == "cast" else None
 
 
-def _search(d: Device) -> tuple[Any, ...]:
-    """What is stated of the search for cords; nothing where nothing is."""
-    usual = d.seed == Device.seed and d.searches is None
-    return () if usual else (d.seed, d.searches)
-
-
-def _runner(name: str) -> Callable[..., None]:
-    """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy."""
-
-    def run(device: Device, folder: Path, report: Report, **more: Any) -> None:
-        module = import_module(f"{__package__}.stage_{name}")
-        # The solver of the poses gives the same with any number of threads, and gains from them.
-        with nullcontext() if name == "simulate" else one_blas_thread():
-            module.run(device, folder, report, **more)
-
-    return run
+def _optimize_inputs(d: Device) -> Any:
+    silicone = _silicone(d)
+    has_default_search = d.seed == Device.seed and d.searches is None
+    return plain(
+        (
+            d.cord,
+            d.outputs,
+            d.sensors,
+            d.propose,
+            d.planes,
+            d.decoder,
+            d.prefer,
+            d.converter,
+            _layout_inputs(d.fabrication),
+            None if silicone is None else silicone.shrinkage,
+            *(() if has_default_search else (d.seed, d.searches)),
+        )
+    )
 
 
 _COARSER = "use a larger [mesh] edge_length in device.toml"
@@ -138,7 +195,6 @@ STAGES = (
         "load the body",
         ("body",),
         _body_inputs,
-        _runner("body"),
         ("build123d", "cadquery", "cadquery-ocp", "manifold3d", "trimesh", "lib3mf"),
         "simplify the body",
     ),
@@ -147,7 +203,6 @@ STAGES = (
         "make tetrahedra",
         ("mesh.vtu", "mesh.json"),
         _mesh_inputs,
-        _runner("mesh"),
         ("netgen-mesher", "pytetwild", "libigl"),
         _COARSER,
     ),
@@ -156,73 +211,86 @@ STAGES = (
         "simulate the poses",
         ("fields",),
         lambda d: plain((d.material, d.poses, d.states)),
-        _runner("simulate"),
         ("numpy", "scipy", "numba", "pypardiso", "mkl", "rslab"),
         _COARSER,
     ),
     Stage(
         "optimize",
-        "optimise the cords",
+        "optimize the cords",
         ("layout.json", "prediction.json", "layouts.json"),
-        lambda d: plain(
-            (
-                d.cord,
-                d.outputs,
-                d.sensors,
-                d.propose,
-                d.planes,
-                d.decoder,
-                d.prefer,
-                d.converter,
-                _of_the_parts(d.fabrication),
-                cast.shrinkage if (cast := _silicone(d)) else None,
-                *_search(d),
-            )
-        ),
-        _runner("optimize"),
-        ("daqp", "libigl"),  # NumPy, SciPy and numba, too, by the key of the stage before
+        _optimize_inputs,
+        ("daqp", "libigl"),  # NumPy, SciPy and numba count by the key of the stage before
         _COARSER,
     ),
     Stage(
-        "fabricate",
+        PLATES,
         "make the parts",
         ("parts",),
         lambda d: plain((d.name, d.fabrication, _silicone(d))),
-        _runner("fabricate"),
         (),  # CAD and mesh kernels are those of the body
         "simplify the body, or use fewer cords",
     ),
     Stage(
         "report",
-        "write report and guide",
+        "write the report and the guide",
         ("report.html", "guide.html", "guide.json", "guide.pdf"),
         lambda d: d.name,
-        _runner("report"),
         ("pyvista", "vtk", "matplotlib", "jinja2", "reportlab"),
         "close other programs",
     ),
 )
 
 
-Versions = dict[str, list[tuple[str, str | None]]]
+Versions = Mapping[str, list[tuple[str, str | None]]]
 
 
-def keys(device: Device, folder: Path, versions: Versions | None = None) -> dict[str, str]:
-    """The hash of all that each stage's result depends on, upstream stages included, for the body
-    in `folder`: of the files that it was made from it has the contents that they had then. With
-    `versions`, what `installed` gave is not asked for again."""
-    versions = versions or installed()
-    out: dict[str, str] = {}
-    key = digest(CODE_VERSION, body_sources.recorded(folder))
-    for stage in STAGES:
-        key = digest(key, stage.name, stage.inputs(device), versions[stage.name])
-        out[stage.name] = key
-    return out
+class StageKeys:
+    """The keys of a device's stages; each set is computed once per content of the body's sources.
+
+    A key is a hash of all that a stage's result depends on, earlier stages included.
+
+    Args:
+        device: The device.
+        versions: What `installed_versions` returned; None: the installed versions.
+    """
+
+    def __init__(self, device: Device, versions: Versions | None = None) -> None:
+        self._device = device
+        self._versions = versions or installed_versions()
+        self._cache: dict[str, dict[str, str]] = {}
+
+    def of(self, folder: Path) -> dict[str, str]:
+        """Return the key of each stage for the body in a build's folder.
+
+        The body counts with the contents that its sources had when it was made.
+        """
+        sources = body_sources.load_sources(folder)
+        # `device.mesh` may be written by the stage of the mesh.
+        cached = json.dumps([sources, mesh_lock.content(self._device.source)])
+        if cached not in self._cache:
+            self._cache[cached] = self._compute(sources)
+        return self._cache[cached]
+
+    def _compute(self, sources: body_sources.Sources | None) -> dict[str, str]:
+        keys: dict[str, str] = {}
+        key = digest(CODE_VERSION, sources)
+        for stage in STAGES:
+            key = digest(key, stage.name, stage.inputs(self._device), self._versions[stage.name])
+            keys[stage.name] = key
+        return keys
 
 
-def installed() -> Versions:
-    """By stage the versions of its libraries, None where one is not there: known without importing
-    it."""
+def stage_keys(device: Device, folder: Path, versions: Versions | None = None) -> dict[str, str]:
+    """Return the key of each stage for the body in a build's folder; see `StageKeys`."""
+    return StageKeys(device, versions).of(folder)
+
+
+def installed_versions() -> dict[str, list[tuple[str, str | None]]]:
+    """Return the installed version of each stage's libraries, without importing them.
+
+    Returns:
+        By stage, the distributions with their versions; None for those that are not installed.
+    """
     return {s.name: [(name, _version(name)) for name in s.libraries] for s in STAGES}
 
 
@@ -231,8 +299,3 @@ def _version(library: str) -> str | None:
         return metadata.version(library)
     except metadata.PackageNotFoundError:
         return None
-
-
-def read_json(path: Path) -> Any:
-    """What is in a file of the build."""
-    return json.loads(path.read_text(encoding="utf-8"))

@@ -31,7 +31,7 @@ class Print:
         """With `up` (3,), an axis of the solid or its opposite, pointing up."""
         from ...geometry.kernels import occ, triangle_kernel
 
-        surface = triangle_kernel.printable(
+        surface = triangle_kernel.to_printable_surface(
             triangle_kernel.to_manifold(occ.tessellate(solid, _DEVIATION), name), name
         )
         z = np.asarray(up, float)

@@ -17,7 +17,7 @@ from ...capture.cameras.intrinsics import Intrinsics, calibrate
 from ...capture.cameras.rig_check import Diagnosis, check_rig, diagnose
 from ...capture.cameras.rig_file import Rig, read_rig, write_rig
 from ...capture.cameras.view_selection import Coverage, choose, coverage, descriptor, motion
-from ...capture.tags.detection import BoardFinder, BoardView, wrong_size
+from ...capture.tags.detection import BoardFinder, BoardView, image_size_error
 from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float
 from ...core.camera import Camera, check_names
@@ -283,7 +283,7 @@ def check_sizes(
     more = "; the sources may be in another order than the cameras" if swapped else ""
     for size, camera, source in zip(sizes, cameras, sources, strict=True):
         if size != camera.size:
-            raise CaptureError(f"{source}: {wrong_size(camera, *size)}{more}")
+            raise image_size_error(camera, size, source, more)
 
 
 def rig_of(calibration: Path, paths: Sequence[Path]) -> Rig:

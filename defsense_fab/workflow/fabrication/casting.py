@@ -12,10 +12,10 @@ from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
 from ...geometry.moulds.moulds import whole
 from ...geometry.moulds.records import Mould
-from ...geometry.parts.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
 from ...geometry.printing.export import write_stl
 from ...geometry.printing.print_bed import laid
 from ...optimize.prediction.as_built import shrinkage
+from ...store.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
 
 #: What is mixed beyond what the cavities hold: it stays in the cup, in funnels and vents.
 WASTE = 0.1
@@ -28,7 +28,7 @@ def lying(moulds: Sequence[Mould]) -> dict[str, Surface]:
     out = {}
     for piece in (p for m in moulds for p in m.pieces):
         solid = triangle_kernel.to_manifold(laid(piece.surface, piece.down), piece.name)
-        out[piece.name] = triangle_kernel.printable(whole(solid, piece.name), piece.name)
+        out[piece.name] = triangle_kernel.to_printable_surface(whole(solid, piece.name), piece.name)
     return out
 
 

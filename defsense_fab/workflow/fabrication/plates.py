@@ -8,10 +8,10 @@ from pathlib import Path
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
-from ...geometry.parts.manifest import PinRecord, Plate
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
 from ...geometry.printing.print_bed import PlacedPart, arrange, count_fewest_plates
+from ...store.manifest import PinRecord, Plate
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
 LYING = "print"
@@ -28,7 +28,7 @@ def pin_kinds(made: PartSet) -> dict[str, tuple[Surface, int, dict[str, float]]]
         else:
             solid = triangle_kernel.union([triangle_kernel.solid_of(t) for t in pin.shape])
             sizes = {"diameter": pin.diameter, "length": pin.length}
-            kinds[name] = (triangle_kernel.printable(solid, name), 1, sizes)
+            kinds[name] = (triangle_kernel.to_printable_surface(solid, name), 1, sizes)
     return kinds
 
 

@@ -144,7 +144,8 @@ def train(
     if device is not None and data.device == UNNAMED:
         data = replace(data, device=device.name)
     data, prior, notes = prepare(
-        data, device, wanted=NO if device is None else YES, without=left_out, in_step=together,
+        data, device, prior_mode=NO if device is None else YES, excluded_markers=left_out,
+        is_synchronized=together,
         shift=offset, progress=progress,
     )  # fmt: skip
     options = TrainingOptions(decoder=decoder, test_share=share)

@@ -7,15 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ...core.device.build_folder import REPRODUCED, build_folder
 from ...core.device.device import Device
 from ...core.errors import ExperimentError
 from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
-from ...core.device.build_folder import build_folder
-from ...core.storage.files import storage_errors, write_json
-from ...core.storage.files import file_lock
-from ...core.device.build_folder import REPRODUCED
-from ...sensing.layout import load_layout
+from ...core.storage.files import file_lock, storage_errors, write_json
+from ...store.layout import load_layout
 from ...twin.devices.device_fields import share_fields
 from .cords.cord_experiment import cord_results
 from .devices.causes import kept_causes
@@ -138,7 +136,7 @@ def reproduce_one(
     return {
         **told,
         "layouts": results,
-        "assumptions": [vars(a) for a in traits_of(experiment, first).told],
+        "assumptions": [vars(a) for a in traits_of(experiment, first).assumptions],
         "numbers": [as_row(c) for c in compared(experiment, results)],
         "pictures": pictures,
     }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...core.errors import BodyError, DeviceError
-from ...geometry.bodies.body import SIZES
+from ...geometry.bodies.body import SIZE_RANGE_MM
 from .dropped_body import DroppedBody
 from .units import UNIT_WORDS, unit_name
 
@@ -47,7 +47,7 @@ def body_unit(
 def check_unit(found: DroppedBody, unit: str) -> None:
     """Raises BodyError for a body that is no device of mm."""
     size = float(np.linalg.norm(found.size(unit)))
-    if not SIZES[0] <= size <= SIZES[1]:
+    if not SIZE_RANGE_MM[0] <= size <= SIZE_RANGE_MM[1]:
         units = (
             f"its lengths are no {UNIT_WORDS[unit]}: choose another unit"
             if found.key == "mesh"

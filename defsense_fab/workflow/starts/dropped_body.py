@@ -20,8 +20,7 @@ from ...core.storage.file_names import safe_name
 from ...core.storage.files import storage_errors
 from ...geometry.bodies.body import load_body
 from ...geometry.bodies.body_file import read_body_file
-from ...geometry.bodies.mesh_files import kind_of_file
-from ...geometry.bodies.mesh_files import KINDS
+from ...geometry.bodies.mesh_files import FORMAT_NAMES, detect_format
 from .body_ends import thickness
 from .units import UNITS, likely_unit
 
@@ -121,12 +120,12 @@ def look_at(path: Path) -> DroppedBody:
 
 def look_at_file(name: str, content: bytes) -> DroppedBody:
     """What was dropped. Raises BodyError for what is no body, by its content."""
-    suffix = kind_of_file(content)
+    suffix = detect_format(content)
     shown = safe_name(name)
     if suffix is None:
         raise BodyError(
             f"{shown}: is neither STEP nor a mesh by what is in it; export the body as STEP,"
-            f" {KINDS}"
+            f" {FORMAT_NAMES}"
         )
     with tempfile.TemporaryDirectory(prefix="defsense-") as folder:
         path = Path(folder) / f"{shown}{suffix}"
@@ -138,7 +137,7 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
     if suffix != ".step":
         unit, doubtful = likely_unit(longest / UNITS[own], own)
     return DroppedBody(
-        content, shown, suffix, found.surface, unit, doubtful, found.repaired, own=own
+        content, shown, suffix, found.surface, unit, doubtful, found.repairs, own=own
     )
 
 

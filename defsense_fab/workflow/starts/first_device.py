@@ -12,12 +12,12 @@ import numpy as np
 import tomlkit
 
 from ...core.arrays import Float
-from ...core.storage.package_data import read_rows
 from ...core.device.device_file import DEVICE, DeviceFile, load_device, parse_device
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.schema.reference import commented
-from ...core.storage.files import unused_path, storage_errors, write_text
+from ...core.storage.files import storage_errors, unused_path, write_text
+from ...core.storage.package_data import read_rows
 from ...geometry.bodies.meshing.mesh_lock import FILE as MESH_LOCK
 from .body_ends import END_POSES, BodyEnds, find_ends, numbers
 from .body_unit import check_unit

@@ -17,9 +17,9 @@ from ...optimize.prediction.as_built import assumed_cords
 from ...optimize.prediction.compare_layouts import ComparedLayout
 from ...optimize.prediction.design_task import SEED, decoders, load_task
 from ...optimize.prediction.predict import predict
-from ...optimize.studies.cord_count import layouts_by_count, find_knee
+from ...optimize.studies.cord_count import find_knee, layouts_by_count
 from ..build.build import build
-from ..build.stages import keys, plain
+from ..build.stages import plain, stage_keys
 from .cord_count_file import Row, chain, read_rows, write_rows
 
 FILE, PICTURE = "study.json", "study.png"
@@ -50,7 +50,7 @@ def study_key(device: Device, folder: Path) -> str:
     """What a study's rows depend on, for the build of a `folder`."""
     d = device
     chosen = plain((d.cord, d.converter, d.fabrication, d.outputs, d.decoder, d.planes))
-    return digest(keys(device, folder)["simulate"], chosen)
+    return digest(stage_keys(device, folder)["simulate"], chosen)
 
 
 def studied_layouts(device: Device, folder: Path) -> list[ComparedLayout]:
@@ -72,7 +72,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     interrupted goes on from there. Cords drawn in `device.toml` are left out of account.
     """
     result = build(device, "simulate", progress)
-    task = load_task(device, result.folder)
+    task = load_task(device, result.results)
     kinds = decoders(device, task)
     task = task.with_decoder(_RICH if _RICH in kinds else kinds[0])
     folder = study_folder(device)

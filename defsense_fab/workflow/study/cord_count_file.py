@@ -11,7 +11,7 @@ from ...core.curve import Plane
 from ...core.errors import StorageError
 from ...core.storage import typed_json
 from ...optimize.search.starting_layouts import Layout
-from ...sensing.layout import CordPath
+from ...store.layout import CordPath
 
 
 @dataclass(frozen=True)

@@ -13,21 +13,21 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array, InlineTable, Table
 
 from ...core.arrays import Float, Int
-from ...core.device.states import default_states
 from ...core.device.device import Device, Handle, Pose, StatesSpec
 from ...core.device.regions import HalfSpace, Shape
+from ...core.device.states import default_states
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
 from ...core.storage.files import storage_errors, write_text
-from ...geometry.bodies.meshing.mesh_file import load_mesh
-from ...geometry.bodies.orientation import standing
+from ...geometry.bodies.orientation import viewing_axes
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.constraint_check import check_constraints
 from ...mechanics.solver import linear_response
 from ...mechanics.solver.linear_response import Mode, ProposedPose, vibration_modes
+from ...store.mesh import load_mesh
 from ..build.build import build
 
 #: Name of the region that the proposed poses move.
@@ -239,6 +239,6 @@ def _draw(found: Found, path: Path) -> None:
         ],
         faces,
         mesh.nodes,
-        standing(Surface(mesh.nodes, faces)),
+        viewing_axes(Surface(mesh.nodes, faces)),
         path,
     )

@@ -15,7 +15,7 @@ from ...capture.tags.tag_patterns import dictionary
 from ...core.arrays import Bool, Float, format_point
 from ...core.markers import Markers
 from ...core.mesh import Surface
-from ...geometry.kernels.surface_queries import hits
+from ...geometry.kernels.surface_queries import cast_ray
 from ...report.pictures.scene import Scene
 from ...report.pictures.sheet import TEXT, Sheet, extent
 from ...report.pictures.views import View, looking
@@ -39,7 +39,7 @@ def views(body: Surface, markers: Markers) -> list[tuple[Float, Bool]]:
     seen = facing >= _FACING
     for i, k in np.argwhere(seen):
         start = markers.centers[k] + 1.5 * normals[k]
-        seen[i, k] = not len(hits(start, ways[i], body))
+        seen[i, k] = not len(cast_ray(start, ways[i], body))
     found: list[int] = []
     left = np.ones(len(markers.ids), bool)
     while len(found) < _MOST and (left.any() or len(found) < _FEWEST):

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.tags.print_sheets import draw_tags, outer, paper_size, pdf
+from ...capture.tags.print_sheets import draw_tags, open_pdf, paper_size, piece_size
 from ...capture.tags.tag_patterns import Dictionary, dictionary
 from ...core.arrays import Bool, Float
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.markers import FILE, Markers, write_markers_file
 from ...core.markers import read_markers as read_markers
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
-from ...core.device.build_folder import build_folder
 from ...core.storage.files import storage_errors
-from ...geometry.bodies.tag_placement import Place, TagRequest, are_spread_out, place_tags
-from ...geometry.parts.manifest import MANIFEST, TagSeat, load_manifest
-from ...sensing.layout import LAYOUT, load_layout
+from ...geometry.bodies.tag_placement import TagPlace, TagRequest, are_spread_out, place_tags
+from ...store.layout import LAYOUT, load_layout
+from ...store.manifest import MANIFEST, TagSeat, load_manifest
 
 FOLDER, SHEETS = "markers", "markers.pdf"
 COUNT, DICTIONARY = 12, "4X4_50"
@@ -107,7 +107,7 @@ def _write_sheets(
 ) -> None:
     from .marker_pages import draw_places
 
-    with pdf(path, f"{device.name}: camera tags") as canvas:
+    with open_pdf(path, f"{device.name}: camera tags") as canvas:
         draw_tags(canvas, tags, markers.ids.tolist(), markers.size, paper, device.name)
         draw_places(canvas, body, markers, paper, notes, device.outputs.anchor)
 
@@ -159,7 +159,7 @@ def _seated(
     markers = Markers(
         device.name,
         tags.name,
-        round(piece / outer(tags, 1.0), 2),
+        round(piece / piece_size(tags, 1.0), 2),
         np.array([s.marker for s in seats], np.int64),
         centers,
         np.stack([x, np.cross(z, x), z], axis=2),
@@ -183,14 +183,14 @@ def _chosen(
     """Places on the skin. Where no size does for the anchor, the largest for the number."""
     avoid, joints = _cords(device, body)
     anchored = max(_ALIGNED, round(count / 3)) if device.outputs.anchor else 0
-    best: list[Place] = []
-    fallback: tuple[float, list[Place]] | None = None
+    best: list[TagPlace] = []
+    fallback: tuple[float, list[TagPlace]] | None = None
     sizes = SIZES if size is None else (size,)
     for tried in sizes:
         found = place_tags(
             body,
             TagRequest(
-                count, tried, outer(tags, tried), anchored,
+                count, tried, piece_size(tags, tried), anchored,
                 lambda p: _on_anchor(device, p), avoid, joints, side,
             ),
         )  # fmt: skip
@@ -227,7 +227,7 @@ def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
     """Where cords or their wires come out of the skin (n, 3) mm, and the planes in which the body
     is split for them: as built, or else as drawn."""
     from ...core.curve import sample_path
-    from ...geometry.kernels.surface_queries import hits
+    from ...geometry.kernels.surface_queries import cast_ray
 
     folder, sensors = build_folder(device), list(device.sensors)
     if (folder / LAYOUT).is_file():
@@ -236,6 +236,6 @@ def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
     for path in map(sample_path, sensors):
         for end, before in ((path[0], path[1]), (path[-1], path[-2])):
             out = (end - before) / np.linalg.norm(end - before)
-            to_skin = hits(end, out, body)
+            to_skin = cast_ray(end, out, body)
             mouths.append(end + (to_skin[0] if len(to_skin) else 0.0) * out)
     return np.array(mouths, float).reshape(-1, 3), [s.plane for s in sensors]

@@ -10,7 +10,7 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.storage.typed_json import to_json
 from defsense_fab.geometry.channels.cord_assembly import find_late_joints, stretches
-from defsense_fab.geometry.parts.manifest import (
+from defsense_fab.store.manifest import (
     CordEnd,
     CordStretch,
     CutCord,

@@ -16,7 +16,7 @@ from defsense_fab.report.guide.hands.steps import guide_steps
 from defsense_fab.report.guide.tables import GuideTable, guide_checks
 from defsense_fab.report.guide.template_pages import CordStrip, CutFace
 from defsense_fab.report.guide.templates import face, strips
-from defsense_fab.sensing.layout import PlaneRecord
+from defsense_fab.store.layout import PlaneRecord
 
 from .blocks import blocks
 

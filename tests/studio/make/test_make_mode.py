@@ -14,7 +14,7 @@ from defsense_fab.report.guide.hands.steps import guide_steps
 from defsense_fab.studio.make.built_device import Note
 from defsense_fab.workflow.build import export as export_module
 from defsense_fab.workflow.build.export import export
-from defsense_fab.workflow.build.freshness import outdated
+from defsense_fab.workflow.build.build import first_outdated
 from tests.studio.conftest import defsense
 
 LONG = 280.0
@@ -143,7 +143,7 @@ def test_what_is_exported_is_what_the_command_builds_of_it(made_page, tmp_path):
 def test_a_full_disk_and_a_read_only_folder_are_told(made_page, monkeypatch):
     mode, bench = make_mode(made_page), made_page.bench
     device = bench.project.device
-    assert outdated(device) is None
+    assert first_outdated(device) is None
     path = device.source / "bar.zip"
     path.write_bytes(b"before")
 

@@ -13,7 +13,7 @@ from defsense_fab.calibration.readings import Geometry
 from defsense_fab.cli.calibrate import calibrate_record
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.response import ResponseSpec
-from defsense_fab.sensing.response import response_of
+from defsense_fab.sensing.response import build_response
 from defsense_fab.studio.measure import jobs
 from defsense_fab.studio.measure.calibration_part import specimen_sessions
 from defsense_fab.twin.calibration_session import record_twin
@@ -64,7 +64,7 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     folder = bench.project.folder
     calibration.fit()
     assert "No specimen was measured yet" in calibration._told.content
-    traits = CordTraits(response_of(ResponseSpec("quadratic", {"k": 2.0, "q": 0.0}, (-0.1, 0.1))))
+    traits = CordTraits(build_response(ResponseSpec("quadratic", {"k": 2.0, "q": 0.0}, (-0.1, 0.1))))
     for length in (150.0, 200.0):
         session = folder / f"specimen-twin-{length:g}"
         record_twin(session, traits, seed=int(length), length=length, rounds=1)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.sensing.layout import layout_hash, load_layout
+from defsense_fab.store.layout import layout_hash, load_layout
 from defsense_fab.studio.measure import jobs
 from defsense_fab.studio.measure.training_words import decoder_table
 from defsense_fab.studio.workbench.beside import CANCELLED

@@ -13,7 +13,7 @@ from defsense_fab.cli.main import main
 from defsense_fab.core.curve import Hermite
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.report.surface_errors import surface_errors
-from defsense_fab.sensing.layout import load_layout
+from defsense_fab.store.build import Build
 from defsense_fab.studio.workbench.build_work import SeenLayout
 
 LONG = 280.0
@@ -120,7 +120,7 @@ def test_layouts_are_compared_and_one_is_taken(made_page):
 @pytest.mark.slow
 def test_the_error_map_has_the_numbers_of_the_report(made_page):
     mode, folder = optimise_mode(made_page), made_page.bench.project.folder / "build"
-    found = surface_errors(folder, load_layout(folder))
+    found = surface_errors(Build(folder))
     mode.errors.choose("twist@1")
     assert mode.errors.worker.wait(LONG)
     at = found.names.index("twist@1")

@@ -9,7 +9,7 @@ import urllib.request
 import pytest
 
 from defsense_fab.core.errors import OutputError
-from defsense_fab.runtime.view.local_page import local_page
+from defsense_fab.runtime.view.page_server import serve_page
 from defsense_fab.studio.edits.body import rename_device
 from defsense_fab.studio.page.introduction import STEPS
 from defsense_fab.studio.page.studio_page import MODES
@@ -78,7 +78,7 @@ def test_requests_of_foreign_pages_and_by_foreign_names_are_refused(studio_serve
     }  # fmt: skip
     assert status(socket_asked) == 403
     with pytest.raises(OutputError, match="is taken by another program"):
-        local_page(studio_server.get_port(), "other")
+        serve_page(studio_server.get_port(), "other")
 
 
 @pytest.mark.parametrize("name", ["body/surface.npz", "fields/index.json", "mesh.vtu"])

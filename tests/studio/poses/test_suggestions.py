@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.solver.linear_response import vibration_modes, propose_poses

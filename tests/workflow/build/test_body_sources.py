@@ -10,7 +10,7 @@ import pytest
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.workflow.build import body_sources
 from defsense_fab.workflow.build.build import build
-from defsense_fab.workflow.build.stages import STAGES, keys
+from defsense_fab.workflow.build.stages import STAGES, stage_keys
 from tests.places import BAR
 
 HEAD = "import json, os, pathlib, subprocess\nimport build123d as bd\n"
@@ -72,7 +72,7 @@ def test_modules_count_though_python_has_compiled_them(folder):
     change = folder / "device.toml"
     change.write_text(change.read_text("utf-8").replace("length = 150", "length = 149"))
     assert made(folder) == ["body"]  # this time from the compiled module
-    assert sorted(body_sources.recorded(folder / "build")) == ["bar.py", "parts/hole.py"]
+    assert sorted(body_sources.load_sources(folder / "build")) == ["bar.py", "parts/hole.py"]
     (folder / "parts" / "hole.py").write_text("RADIUS = 2\n")
     assert made(folder) == ["body"]
 
@@ -163,9 +163,9 @@ def test_a_damaged_record_makes_the_body_anew(folder):
 )
 def test_another_version_of_a_library_makes_its_stage_anew(folder, monkeypatch, library, first):
     device, before = load_device(folder), metadata.version
-    old = keys(device, folder / "build")
+    old = stage_keys(device, folder / "build")
     monkeypatch.setattr(metadata, "version", lambda n: "0" if n == library else before(n))
-    new = keys(device, folder / "build")
+    new = stage_keys(device, folder / "build")
     names = [s.name for s in STAGES]
     assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
 
@@ -176,7 +176,7 @@ def test_cords_depend_on_moulds_where_parts_are_cast(folder, kind, first):
     device = load_device(folder)
     before = replace(device, fabrication=replace(device.fabrication, kind=kind))
     after = replace(before, fabrication=replace(before.fabrication, mould_wall=9.0))
-    old, new = keys(before, folder / "build"), keys(after, folder / "build")
+    old, new = stage_keys(before, folder / "build"), stage_keys(after, folder / "build")
     names = [s.name for s in STAGES]
     assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
 
@@ -185,6 +185,6 @@ def test_a_library_that_is_not_installed_has_no_version(folder, monkeypatch):
     def missing(name):
         raise metadata.PackageNotFoundError(name)
 
-    old = keys(load_device(folder), folder)
+    old = stage_keys(load_device(folder), folder)
     monkeypatch.setattr(metadata, "version", missing)
-    assert keys(load_device(folder), folder)["body"] != old["body"]
+    assert stage_keys(load_device(folder), folder)["body"] != old["body"]

@@ -26,12 +26,12 @@ from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.storage.files import storage_errors
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.parts.manifest import load_manifest
-from defsense_fab.geometry.parts.part_files import load_part
 from defsense_fab.optimize.prediction.design_task import load_task
 from defsense_fab.optimize.refinement.refine import OptimizedLayout
-from defsense_fab.sensing.layout import load_layout
-from defsense_fab.sensing.voltage_divider import reference
+from defsense_fab.sensing.voltage_divider import choose_reference
+from defsense_fab.store.build import Build
+from defsense_fab.store.layout import load_layout
+from defsense_fab.store.manifest import load_manifest, load_part
 from defsense_fab.workflow.build import stage_fabricate, stage_report
 from defsense_fab.workflow.build.stage_optimize import _as_kept, _uncalibrated
 from tests.places import BAR
@@ -166,7 +166,7 @@ def test_layouts_are_tried_in_the_frames_that_are_read_back(straight):
 def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
     """Against a sum over the cord from ferrule to ferrule, point by point, in every state."""
     built = load_device(device)
-    problem = load_task(built, device / "build").everything
+    problem = load_task(built, Build(device / "build")).everything
     layout, manifest = load_layout(device / "build"), load_manifest(device / "build")
     for row, drawn in zip(manifest.cords, layout.sensors, strict=True):
         pockets = [e.pocket for e in row.ends]
@@ -191,7 +191,7 @@ def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
         low, high = np.array([ohm.min(), ohm.max()]) - ohm[0]
         assert row.range[0] - row.resistance == pytest.approx(low, rel=5e-3, abs=0.1)
         assert row.range[1] - row.resistance == pytest.approx(high, rel=5e-3, abs=0.1)
-        assert row.reference_resistor == reference(*row.range)
+        assert row.reference_resistor == choose_reference(*row.range)
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monk
     before = snapshot(copy / "build")
     change(copy, 'name = "bar"', 'name = "other"')
 
-    def interrupt(*_):
+    def interrupt(*_, **__):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as m:
@@ -267,7 +267,7 @@ def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
     before = snapshot(copy / "build")
     change(copy, 'name = "bar"', 'name = "other"')
 
-    def full(*_):
+    def full(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(stage_fabricate, "run", full)

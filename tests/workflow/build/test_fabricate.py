@@ -15,13 +15,11 @@ from benchmarks.follow_guide.__main__ import follow, followed
 from benchmarks.follow_guide.hands import Hands
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
-from defsense_fab.core.storage import typed_json
 from defsense_fab.core.prediction import Prediction
+from defsense_fab.core.storage import typed_json
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_assembly import Stretch
 from defsense_fab.geometry.channels.cord_channels import make_channels
-from defsense_fab.geometry.parts.manifest import load_manifest
-from defsense_fab.geometry.parts.part_files import load_part
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.prediction import as_built
 from defsense_fab.optimize.prediction.as_built import fabricate, rules
@@ -32,10 +30,11 @@ from defsense_fab.report.guide.hands.steps import guide_steps
 from defsense_fab.report.guide.pdf import write_pdf
 from defsense_fab.report.html import write_page
 from defsense_fab.sensing.built_cord import BuiltCord
-from defsense_fab.sensing.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
-from defsense_fab.sensing.voltage_divider import E24, reference
+from defsense_fab.sensing.voltage_divider import E24, choose_reference
+from defsense_fab.store.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
+from defsense_fab.store.manifest import load_manifest, load_part
 from defsense_fab.workflow.build.cut_list import bill, cut_list, held_by
-from defsense_fab.workflow.build.stage_fabricate import write
+from defsense_fab.workflow.build.stage_fabricate import write_parts
 from tests.geometry import slicer
 from tests.places import DEVICES
 
@@ -60,7 +59,7 @@ def folder(cube, made, layout, tmp_path_factory):
     out = tmp_path_factory.mktemp("cube")
     signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
     cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
-    write(device, made, out, layout, cords, layout.prediction)
+    write_parts(device, made, out, layout, cords, layout.prediction)
     return out
 
 
@@ -232,7 +231,7 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
         ("longer", piece > 55),
     ):
         assert (said in "".join(note)) == costs
-    assert not verify(device.sensors, body.surface, limits(decided)).problems
+    assert not verify(device.sensors, body.surface, limits(decided)).violations
     wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
     kept, note = decide(wanted, None, body.surface, device.sensors, None)
     assert kept is wanted
@@ -245,7 +244,7 @@ def test_the_reference_gives_the_largest_swing():
     rng = np.random.default_rng(2)
     for low, high in np.sort(10 ** rng.uniform(1.5, 4.5, (50, 2)), axis=1):
         swing = high / (high + values) - low / (low + values)
-        chosen = reference(low, high)
+        chosen = choose_reference(low, high)
         got = high / (high + chosen) - low / (low + chosen)
         assert got == pytest.approx(swing.max(), rel=1e-3)
 
@@ -304,7 +303,7 @@ def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
     with pytest.raises(
         FabricationError, match=r"\d-[a-z-]+ measures .* which the bed \(25 x 25 x 25 mm\)"
     ):
-        write(small, made, Path("/nonexistent"), layout, (), layout.prediction)
+        write_parts(small, made, Path("/nonexistent"), layout, (), layout.prediction)
 
 
 def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_path):
@@ -314,7 +313,7 @@ def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_p
     signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
     cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
     small = replace(device, fabrication=replace(device.fabrication, bed=(58.0, 58.0, 100.0)))
-    write(small, made, tmp_path, layout, cords, layout.prediction)
+    write_parts(small, made, tmp_path, layout, cords, layout.prediction)
     manifest = load_manifest(tmp_path)
     pieces = len(manifest.assembly) - len(made.cuts)
     assert pieces > 0

@@ -37,7 +37,8 @@ def ran(monkeypatch):
     names = []
 
     def stand_in(stage):
-        def run(device, folder, report, **_):
+        def run(device, build, report, **_):
+            folder = build.folder
             names.append(stage.name)
             for output in stage.outputs:
                 if "." in output:
@@ -61,8 +62,8 @@ def folder(tmp_path):
 
 
 def failing(stage):
-    def run(device, folder, report, **_):
-        (folder / stage).write_text("half")
+    def run(device, build, report, **_):
+        (build.folder / stage).write_text("half")
         raise LayoutError("no room")
 
     return run

@@ -1,4 +1,4 @@
-"""What of a build is out of date, and the body alone."""
+"""Tests of up-to-date stages, recorded options, and building the body alone."""
 
 from __future__ import annotations
 
@@ -13,16 +13,14 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.device.materials import find_silicone
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.storage.files import write_json
-from defsense_fab.geometry.bodies.body_record import load_surface
 from defsense_fab.geometry.printing.export import write_stl
-from defsense_fab.workflow.build import build as build_module
-from defsense_fab.workflow.build import freshness as freshness_module
-from defsense_fab.workflow.build import stages
-from defsense_fab.workflow.build.asked import Asked, recorded
-from defsense_fab.workflow.build.build import build
+from defsense_fab.store.body import load_surface
+from defsense_fab.workflow.build import body_sources, stages
+from defsense_fab.workflow.build.build import build, build_body, first_outdated, freshness
 from defsense_fab.workflow.build.export import export
-from defsense_fab.workflow.build.freshness import build_body, freshness, outdated
+from defsense_fab.workflow.build.options import BuildOptions, recorded_options
 from tests.conftest import box_surface
+from tests.errors import raises
 from tests.places import DEVICES
 
 
@@ -42,7 +40,7 @@ def states(folder):
     return [found[name] for name in ("body", "mesh", "simulate")]
 
 
-def test_each_change_makes_old_what_depends_on_it(folder):
+def test_a_change_outdates_the_stages_that_depend_on_it(folder):
     assert states(folder) == ["missing"] * 3
     build(load_device(folder), "mesh")
     assert states(folder) == ["current", "current", "missing"]
@@ -61,21 +59,21 @@ def test_each_change_makes_old_what_depends_on_it(folder):
         ({"pot_life": 9.0}, {"fabricate", "report"}),
     ],
 )
-def test_the_row_of_a_silicone_counts_where_parts_are_cast(folder, monkeypatch, change, old):
+def test_silicone_data_affect_only_cast_devices(folder, monkeypatch, change, old):
     path = folder / "device.toml"
     text = path.read_text("utf-8").replace("tango-black-plus", "smooth-sil-950")
     for process in ("cast-silicone", "fdm-tpu"):
         path.write_text(text.replace("fdm-tpu", process))
         device = load_device(folder)
-        before = stages.keys(device, folder / "build")
+        before = stages.stage_keys(device, folder / "build")
         with monkeypatch.context() as m:
             m.setattr(stages, "find_silicone", lambda name: replace(find_silicone(name), **change))
-            after = stages.keys(device, folder / "build")
+            after = stages.stage_keys(device, folder / "build")
         changed = {name for name, key in before.items() if after[name] != key}
         assert changed == (old if process == "cast-silicone" else set())
 
 
-def test_a_body_is_made_beside_the_build_which_stays(folder):
+def test_build_body_leaves_the_build_unchanged(folder):
     build(load_device(folder), "mesh")
     before = {p: p.stat().st_mtime_ns for p in (folder / "build").rglob("*")}
     write_stl(box_surface([0, -15, -15], [100, 15, 15]), folder / "bar.stl")
@@ -88,37 +86,31 @@ def test_a_body_is_made_beside_the_build_which_stays(folder):
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Stages that only leave a file each: what counts is what a build keeps of them."""
+    """Replace the stages by ones that only leave a file each."""
 
-    def leaves(stage):
-        def run(device, folder, *_):
-            for name in stage.outputs:
-                said = {"device": device.name, "copies": device.fabrication.copies}
-                write_json(folder / name, said)
+    def run(stage, device, results, *_, **__):
+        for name in stage.outputs:
+            record = {"device": device.name, "copies": device.fabrication.copies}
+            write_json(results.folder / name, record)
 
-        return replace(stage, run=run)
-
-    some = tuple(leaves(s) for s in stages.STAGES)
-    for module in (stages, build_module, freshness_module):
-        monkeypatch.setattr(module, "STAGES", some)
-    monkeypatch.setattr(build_module.body_sources, "unchanged", lambda *_: True)
+    monkeypatch.setattr(stages.Stage, "run", run)
+    monkeypatch.setattr(body_sources, "is_unchanged", lambda *_: True)
 
 
-def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quick):
+def test_options_are_recorded_with_the_build(folder, quick):
     path, text = folder / "device.toml", (folder / "device.toml").read_text("utf-8")
-    build(load_device(folder), asked=Asked(3, (250.0, 210.0, 200.0)))
+    build(load_device(folder), options=BuildOptions(3, (250.0, 210.0, 200.0)))
     device = load_device(folder)
-    assert outdated(device) is None
-    assert recorded(device, folder / "build").options == "--copies 3 --bed 250,210,200"
+    assert first_outdated(device) is None
+    assert recorded_options(device, folder / "build") == BuildOptions(3, (250.0, 210.0, 200.0))
     assert build(device, "simulate").made == ()  # the parts are not made again
     assert json.loads((folder / "build" / "parts").read_text("utf-8"))["copies"] == 3
 
     path.write_text(text + "\n[fabrication]\ncopies = 2\n" if "[fabrication]" not in text else
                     text.replace("[fabrication]", "[fabrication]\ncopies = 2"))  # fmt: skip
     device = load_device(folder)
-    assert outdated(device).name == "fabricate"
-    told = r"copies is 2 and was 3 as it was built; build everything first"
-    with pytest.raises(StorageError, match=told):
+    assert first_outdated(device).name == "fabricate"
+    with raises(StorageError, "build-outdated", stage="fabricate"):
         export(device, folder / "out.zip")
     path.write_text(text.replace("edge_length = 15.0", "edge_length = 12.0"))
     device = load_device(folder)
@@ -127,16 +119,15 @@ def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quic
 
     path.write_text(text)
     assert build(load_device(folder)).made[-2:] == ("fabricate", "report")
-    assert not recorded(load_device(folder), folder / "build").options
+    assert recorded_options(load_device(folder), folder / "build").is_empty
 
 
-def test_what_device_toml_has_since_counts_although_a_build_was_asked_for_it(folder, quick):
-    """Once a build finds its plates as device.toml has them, they are device.toml's."""
+def test_a_later_change_of_device_toml_overrides_a_recorded_option(folder, quick):
     path, text = folder / "device.toml", (folder / "device.toml").read_text("utf-8")
     assert "[fabrication]" in text
-    build(load_device(folder), asked=Asked(3))
+    build(load_device(folder), options=BuildOptions(3))
     path.write_text(text.replace("[fabrication]", "[fabrication]\ncopies = 3"))
     assert build(load_device(folder)).made == ()
     path.write_text(text)
-    assert not recorded(load_device(folder), folder / "build").options
-    assert outdated(load_device(folder)).name == "fabricate"
+    assert recorded_options(load_device(folder), folder / "build").is_empty
+    assert first_outdated(load_device(folder)).name == "fabricate"

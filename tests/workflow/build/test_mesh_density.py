@@ -11,7 +11,7 @@ import pytest
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.meshing.region_conforming import conform
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform_to_regions
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
@@ -37,7 +37,7 @@ def test_the_accuracy_that_is_promised_is_kept(bar):
     regions = list(device.regions.values())
 
     def make(edge):
-        return conform(tetrahedralize(bar, edge).mesh, regions)
+        return conform_to_regions(tetrahedralize(bar, edge).mesh, regions)
 
     choice = choose(device, bar, 0.02, make, lambda fraction, message: None)
     assert 0 < choice.taken.error <= 0.02

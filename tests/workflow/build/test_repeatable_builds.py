@@ -7,7 +7,7 @@ import pytest
 
 from defsense_fab.cli.main import main
 from defsense_fab.geometry.bodies.meshing import tetrahedra
-from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, ways
+from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, plan_methods
 from defsense_fab.geometry.kernels import occ
 from tests.places import BAR
 
@@ -67,7 +67,7 @@ def test_a_mesh_that_cannot_be_made_again_is_kept_with_the_device(
     device, tmp_path, monkeypatch, capsys
 ):
     def last(surface, edge_length):
-        return [w for w in ways(surface, edge_length) if w.mesher == FTETWILD]
+        return [w for w in plan_methods(surface, edge_length) if w.mesher == FTETWILD]
 
     monkeypatch.setattr(tetrahedra, "ways", last)
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "cache"))

@@ -13,10 +13,10 @@ from defsense_fab.core.device.device_file import DeviceFile, load_device
 from defsense_fab.core.device.states import default_states
 from defsense_fab.core.errors import BodyError, DeviceError, StorageError
 from defsense_fab.core.mesh import Surface
+from defsense_fab.core.schema.reference import commented
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.workflow.starts import starting_devices
 from defsense_fab.workflow.starts.body_ends import find_ends
-from defsense_fab.core.schema.reference import commented
 from defsense_fab.workflow.starts.dropped_body import DroppedBody, look_at, look_at_file
 from defsense_fab.workflow.starts.first_device import FirstDevice, begin_from, usual_material
 from defsense_fab.workflow.starts.starting_devices import STARTS, begin_with

@@ -18,9 +18,9 @@ from defsense_fab.core.markers import Markers, read_markers, write_markers_file
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies import tag_placement
 from defsense_fab.geometry.bodies.tag_placement import are_spread_out
-from defsense_fab.geometry.kernels.cutting_tools import upright
-from defsense_fab.geometry.parts.manifest import Manifest, TagSeat, save_manifest
+from defsense_fab.geometry.kernels.cutting_tools import upright_axes
 from defsense_fab.geometry.printing.export import write_stl
+from defsense_fab.store.manifest import Manifest, TagSeat, save_manifest
 from defsense_fab.workflow.tags import marker_pages
 from defsense_fab.workflow.tags import markers as module
 from defsense_fab.workflow.tags.markers import write_markers
@@ -158,7 +158,7 @@ def test_places_on_a_curved_body(count, family, seed):
     body = Surface(unit * stretch, ball.faces)
     tags = dictionary(family)
     wanted = module.TagRequest(
-        count, 10.0, module.outer(tags, 10.0), 3, lambda p: p[:, 2] < 0, np.zeros((0, 3)), []
+        count, 10.0, module.piece_size(tags, 10.0), 3, lambda p: p[:, 2] < 0, np.zeros((0, 3)), []
     )
     places = module.place_tags(body, wanted)
     assert len(places) == count
@@ -280,4 +280,4 @@ def test_markers_come_back(tmp_path):
 def test_many_tags_stand_upright_like_one(seed):
     normals = np.random.default_rng(seed).standard_normal((5, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    assert tag_placement._upright(normals) == pytest.approx(np.array([upright(n) for n in normals]))
+    assert tag_placement.upright_axes_of(normals) == pytest.approx(np.array([upright_axes(n) for n in normals]))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ....core.device.device import Device
-from ....geometry.channels import cord_assembly
-from ....geometry.parts.manifest import CutCord
+from ....store.manifest import CutCord
 from .actions import Action, Expected
 from .cord_facts import BATCH, LAID, anchored_later
 from .words import ENDS, Words, called, limits

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ....geometry.parts.manifest import CutCord, Manifest
+from ....store.manifest import CutCord, Manifest
 from .actions import Expected
 
 #: How far pieces of one kind of cord may differ in resistance, and a cord from what it measured

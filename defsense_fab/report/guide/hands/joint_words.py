@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ....geometry.parts.manifest import CutCord
+from ....store.manifest import CutCord
 from .actions import Action
 from .cord_facts import anchored_later, joint_of, sliding, strained, wet_until
 from .words import ENDS, Words, called, first, named, pin_letters, sides

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ....geometry.parts.manifest import CutCord, Manifest
+from ....store.manifest import CutCord, Manifest
 from .actions import Action, Expected, Fact, Kind
 from .cord_facts import anchored_later, joint_of, joints_within, laid, loose, wet_until
 

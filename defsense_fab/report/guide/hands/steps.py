@@ -13,7 +13,7 @@ from ....core.arrays import Float
 from ....core.device.device import Device
 from ....core.errors import FabricationError
 from ....core.mesh import Surface
-from ....geometry.parts.manifest import JoinedPin, Manifest
+from ....store.manifest import JoinedPin, Manifest
 from .actions import Action, Kind
 from .order import in_order
 from .plan import actions

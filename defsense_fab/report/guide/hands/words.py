@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 
 from ....core.device.device import Device
-from ....geometry.parts.manifest import CutCord, JoinStep, Manifest
+from ....store.manifest import CutCord, JoinStep, Manifest
 from .actions import Action, Expected
 
 ENDS = ("start", "end")

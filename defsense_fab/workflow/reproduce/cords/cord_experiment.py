@@ -13,10 +13,10 @@ from ....core.progress import Progress
 from ....core.response import ResponseSpec
 from ....core.storage.files import digest, storage_errors
 from ....report.calibration_page import response_figure
-from ....sensing.response import Response, response_of
+from ....sensing.response import Response, build_response
 from ....twin.calibration_session import record_twin
-from ....twin.electronics.rubber_cords import CORD_KINDS
 from ....twin.electronics.cords import CordTraits
+from ....twin.electronics.rubber_cords import CORD_KINDS
 from ...calibrate.fit_response import FittedResponse, fit_response
 from ..experiments.experiment import CordPlan
 from ..results.kept import once
@@ -86,7 +86,7 @@ def truth_of(k_res: float) -> Response:
     changes = k_res * _BENDS * (1 - np.exp(-strains / _BENDS))
     changes[48] = strains[48] = 0.0
     spec = ResponseSpec("piecewise", {"strains": strains.tolist(), "changes": changes.tolist()})
-    return response_of(spec)
+    return build_response(spec)
 
 
 def _calibrated(plan: CordPlan, truth: Response, seed: int, folder: Path) -> FittedResponse:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....twin.electronics.rubber_cords import CORD_KINDS
-from ....twin.electronics.rubber_cords import RubberPieces, RubberState
+from ....twin.electronics.rubber_cords import CORD_KINDS, RubberPieces, RubberState
 from ..experiments.experiment import CordPlan
 
 _OHM_PER_MM, _RATE = 14.5, 50.0  # Hz

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from ....store.build import Build
 from ....core.device.build_folder import build_folder, own_files
 from ....core.device.device import Device, Sensor
 from ....core.device.device_file import DEVICE, load_device
@@ -22,6 +21,7 @@ from ....core.progress import Progress
 from ....core.storage.files import replace_folder, storage_errors, write_text
 from ....optimize.prediction.design_task import load_task
 from ....optimize.search import baselines
+from ....store.build import Build
 from ...build.build import build
 from ..experiments.experiment import DRAWN, MANUAL, OPTIMISED, Experiment, LayoutChoice
 

@@ -88,7 +88,7 @@ def tested_unit(
         rare = _rare(session)
         trained = train_files(
             DataFiles((session,)), device, TrainingOptions(test_share=plan.share), out=model,
-            without=rare, in_step=True, progress=progress,
+            excluded_markers=rare, is_synchronized=True, progress=progress,
         )  # fmt: skip
         progress("test", 0.0, "errors and what they come from")
         found = unit_errors(device, session, model, trained.training)

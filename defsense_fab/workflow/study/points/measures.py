@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from ....geometry.bodies.body_record import load_body_record
-from ....geometry.bodies.meshing.mesh_file import load_mesh_record
-from ....geometry.parts.manifest import load_manifest
-from ....mechanics.solver.field_files import load_index
-from ....sensing.layout import LayoutRecord, load_layout
+from ....store.body import load_body_record
+from ....store.fields import load_index
+from ....store.layout import LayoutRecord, load_layout
+from ....store.manifest import load_manifest
+from ....store.mesh import load_mesh_record
 
 Value = float | int | str | None
 

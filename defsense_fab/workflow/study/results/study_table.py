@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ....core.errors import StudyError
-from ....core.storage.files import replace_file, storage_errors
 from ....core.schema.types import is_number
+from ....core.storage.files import replace_file, storage_errors
 from ..points.study_toml import Study
 from ..runs.run_log import FOLDER, RunRecord
 

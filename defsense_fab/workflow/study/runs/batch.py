@@ -12,18 +12,19 @@ from pathlib import Path
 from typing import Any
 
 from ....core.errors import StudyError
-from ....geometry.bodies.child_process import Failure, finished
+from ....geometry.bodies.child_process import ChildFailure, run_module
 from .device_files import unpack
 from .run_log import RunRecord, decoded
 
 #: Files of a batch's folder: what to do, and what came of it.
 JOB, RECORDS, DONE, DEVICE_FOLDER = "job.json", "records.log", "done", "device"
 _MODULE = f"{__package__}.make_runs"
-_FAILURE = Failure(
+_FAILURE = ChildFailure(
     StudyError,
+    "",
     "the run's process",
-    "use a larger [mesh] edge_length, or fewer workers for each machine",
-    "raise time_limit in study.toml",
+    "Use a larger [mesh] edge_length, or fewer workers for each machine",
+    "Raise time_limit in study.toml",
 )
 
 
@@ -80,7 +81,7 @@ def run_batch(
 def _finished(job: Mapping[str, Any], following: _Following) -> str:
     """The problem that ended the process, or none."""
     try:
-        with finished(
+        with run_module(
             _MODULE,
             lambda folder: _give(folder, job),
             DONE,

@@ -8,10 +8,10 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from ....core.device.build_folder import own_files
 from ....core.device.device_file import DEVICE
 from ....core.errors import StudyError
 from ....core.storage.files import storage_errors
-from ....core.device.build_folder import own_files
 from ..points.study_toml import FILE as STUDY
 
 _MOST = 500e6  # bytes

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ....core.device.build_folder import refuse_outside
 from ....core.device.device import Device
 from ....core.device.device_file import DEVICE
 from ....core.errors import DefsenseError, StudyError
 from ....core.progress import Progress, silent
 from ....core.storage.files import digest, storage_errors
-from ....core.device.build_folder import refuse_outside
-from ...build.stages import Versions, installed, keys
+from ...build.stages import Versions, installed_versions, stage_keys
 from ..points.designs import points
 from ..points.studied_device import known_keys, nearest, script_keys, studied_device
 from ..points.study_toml import Study
@@ -72,7 +72,7 @@ def planned(
     with suppress(DefsenseError):  # a device may be whole only with the study's values
         base = studied_device(text, folder, fixed)
     runs: dict[str, Run] = {}
-    versions = installed()
+    versions = installed_versions()
     count, whole = 0, base
     for point in points(study):
         count += 1
@@ -106,7 +106,7 @@ def _run(
     device: Device, study: Study, values: Mapping[str, Any], files: DeviceFiles, versions: Versions
 ) -> Run:
     nowhere = device.source / "study"  # no body is there: the files' hash stands for it
-    found = keys(device, nowhere, versions)
+    found = stage_keys(device, nowhere, versions)
     until = digest(files.digest, found[study.until])
     return Run(until, values, digest(files.digest, found["simulate"]))
 

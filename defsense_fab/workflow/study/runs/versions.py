@@ -14,7 +14,7 @@ def installed() -> dict[str, str]:
     that runs go to ("none" where one is not installed)."""
     python = ".".join(platform.python_version_tuple()[:2])
     found = {"defsense-fab": __version__, "its results": str(stages.CODE_VERSION), "Python": python}
-    for stage, libraries in stages.installed().items():
+    for stage, libraries in stages.installed_versions().items():
         if stage != "report":
             found |= {name: version or "none" for name, version in libraries}
     return found
