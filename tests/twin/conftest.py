@@ -1,9 +1,15 @@
-"""A small bar whose build is made by hand: all that its twin reads, without a search for cords."""
+"""A small bar with a build written by hand: all that its twin reads, without an optimization."""
 
 import shutil
 
 import numpy as np
 import pytest
+
+from defsense_fab.core.curve import arc_lengths
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.prediction import Prediction
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform_to_regions
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.store.body import BodyRecord, save_body
 from defsense_fab.store.layout import (
     BandRecord,
@@ -15,19 +21,13 @@ from defsense_fab.store.layout import (
     save_layout,
 )
 from defsense_fab.store.mesh import MeshRecord, save_mesh
-
-from defsense_fab.core.curve import arc_lengths
-from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.prediction import Prediction
-from defsense_fab.geometry.bodies.meshing.region_conforming import conform
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from tests.conftest import box_surface
-from tests.places import BAR
+from tests.support.places import BAR
 
 EDGE = 20.0
 
 
-def cord(channel, y, z):
+def make_cord(channel, y, z):
     path = np.array([[x, y, z] for x in np.linspace(8, 142, 100)])
     plane = PlaneRecord(np.array([0, y, z]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
     points = path[::33, :2] - [0, y]
@@ -39,23 +39,23 @@ def cord(channel, y, z):
     )  # fmt: skip
 
 
-def build_by_hand(folder, device):
+def write_build(folder, device):
     build = folder / "build"
     (build / "body").mkdir(parents=True)
     surface = box_surface([0, -15, -15], [150, 15, 15])
     bounds = np.array([[0, -15, -15], [150, 15, 15]], float)
     save_body(build, BodyRecord(135000.0, False, (), bounds, None), surface)
-    mesh = conform(tetrahedralize(surface, EDGE).mesh, list(device.regions.values()))
+    mesh = conform_to_regions(tetrahedralize(surface, EDGE).mesh, list(device.regions.values()))
     record = MeshRecord("hand", EDGE, len(mesh.tets), len(mesh.nodes), 10.0, 0.0, 0.0)
     save_mesh(build, mesh, {}, record)
-    cords = (cord(0, 6.0, 9.0), cord(1, -6.0, -9.0))
-    said = Prediction(
+    cords = (make_cord(0, 6.0, 9.0), make_cord(1, -6.0, -9.0))
+    prediction = Prediction(
         "affine", (0.002, 0.002), 1.0, 1.0, 1, "held out", 1.0, 1.0, 1.0, 1.0, 1.0, {}, {}
     )
     layout = LayoutRecord(
-        device.name, "hand", LimitsRecord(2.0, 5.0, 5.0), None, cords, None, (), (), said,
+        device.name, "hand", LimitsRecord(2.0, 5.0, 5.0), None, cords, None, (), (), prediction,
         {"affine": 1.0}, {"affine": 1.0},
-        BandRecord(1.0, 0.5, 1.5, 0.3, 0.05, 0.05, 0.01, 0.5, 600), said, (), False, (), 1,
+        BandRecord(1.0, 0.5, 1.5, 0.3, 0.05, 0.05, 0.01, 0.5, 600), prediction, (), False, (), 1,
     )  # fmt: skip
     markers = surface.scatter(8, np.random.default_rng(0))
     save_layout(
@@ -65,7 +65,7 @@ def build_by_hand(folder, device):
 
 @pytest.fixture(scope="session")
 def small_bar(tmp_path_factory):
-    """The folder of a bar that is bent up and twisted, with two cords and eight markers."""
+    """Return the folder of a bar that is bent up and twisted, with two cords and eight markers."""
     folder = tmp_path_factory.mktemp("twin") / "bar"
     folder.mkdir()
     shutil.copy(BAR / "bar.py", folder)
@@ -74,5 +74,5 @@ def small_bar(tmp_path_factory):
     text = text[:down] + text[twist:]
     text = text[: text.rindex("[[sensors]]")].replace("markers = 40", "markers = 8")
     (folder / "device.toml").write_text(text)
-    build_by_hand(folder, load_device(folder))
+    write_build(folder, load_device(folder))
     return folder

@@ -137,7 +137,10 @@ def record_film(
     renderer = Renderer(camera, optics, rng)
     scenes: list[Scene] = []
     shown: list[tuple[Float, Float]] = []
-    with replace_file(path) as part, _writer(path, part, fourcc, shutter.rate, camera.size) as writer:
+    with (
+        replace_file(path) as part,
+        _writer(path, part, fourcc, shutter.rate, camera.size) as writer,
+    ):
         for time, is_repeated in zip(times, repeats, strict=True):
             if not is_repeated:
                 scene, instants = expose(scene_at, camera, float(time), optics)

@@ -9,7 +9,7 @@ from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.exposure import expose
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Led, Patch, Scene
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.film import Shutter, load_truth, record_film
 from tests.twin.views import camera, tag
 

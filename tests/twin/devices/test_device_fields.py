@@ -1,13 +1,9 @@
-"""A device's shapes, solved afresh for its twin."""
+"""Displacement fields of a device, solved again for its twin."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.store.layout import load_prediction
-from defsense_fab.store.mesh import load_mesh
-from defsense_fab.twin.devices.device_fields import solve_fields, choose_material, MechanicsTraits
-from defsense_fab.twin.devices.pose_samples import find_mixable_poses, pose_axes, add_grips, place_grips
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import CaptureError
@@ -16,8 +12,18 @@ from defsense_fab.mechanics.loading.boundary_conditions import State
 from defsense_fab.mechanics.loading.pose import mix_poses
 from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.load_stepping import Equilibrium, Status
+from defsense_fab.store.layout import load_prediction
+from defsense_fab.store.mesh import load_mesh
+from defsense_fab.twin.devices.device_fields import MechanicsTraits, choose_material, solve_fields
+from defsense_fab.twin.devices.pose_samples import (
+    add_grips,
+    find_mixable_poses,
+    place_grips,
+    pose_axes,
+)
 from defsense_fab.twin.scenes.assumptions import disable_traits
-from tests.places import DEVICES
+from tests.support.errors import raises
+from tests.support.places import DEVICES
 
 
 @pytest.fixture(scope="module")
@@ -30,21 +36,21 @@ def solved(device):
     return solve_fields(device)
 
 
-def test_a_second_call_is_immediate_and_the_same(device, solved):
-    told = []
-    again = solve_fields(device, progress=lambda *what: told.append(what))
-    assert told == []
-    assert np.array_equal(again.fields, solved.fields)
-    assert np.array_equal(again.mesh.cells, solved.mesh.cells)
-    assert (again.poses, again.error) == (("bend_up", "twist"), solved.error)
+def test_second_call_loads_the_same_fields(device, solved):
+    reports = []
+    loaded = solve_fields(device, progress=lambda *report: reports.append(report))
+    assert reports == []
+    assert np.array_equal(loaded.fields, solved.fields)
+    assert np.array_equal(loaded.mesh.cells, solved.mesh.cells)
+    assert (loaded.poses, loaded.error) == (("bend_up", "twist"), solved.error)
 
 
-def test_a_damaged_file_is_made_anew(device, solved, monkeypatch):
+def test_damaged_file_is_solved_again(device, solved, monkeypatch):
     from defsense_fab.twin.devices import solve_fields as module
 
     path = next((device.source / "build" / "twin").glob("*.npz"))
-    with np.load(path) as kept:
-        groups = kept["groups"]
+    with np.load(path) as data:
+        groups = data["groups"]
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     monkeypatch.setattr(module, "_solve", lambda *_: (solved, groups))
@@ -52,25 +58,26 @@ def test_a_damaged_file_is_made_anew(device, solved, monkeypatch):
     assert path.stat().st_size == len(whole)
 
 
-def test_states_that_were_not_solved_are_found_between_those_that_were(device, solved):
-    """Against the solver itself, and as it says of itself."""
+def test_interpolated_states_agree_with_the_solver(device, solved):
     assert solved.error < 0.1
     assert solved.signal_error < 5e-4
     weights = [{"bend_up": 0.63, "twist": 0.41}, {"bend_up": 0.3, "twist": 0.95}]
     jobs = [
-        Job(mix_poses(device.poses, w, device.regions, solved.mesh, device.material.density), (1.0,))
+        Job(
+            mix_poses(device.poses, w, device.regions, solved.mesh, device.material.density), (1.0,)
+        )
         for w in weights
     ]
-    found = solve_all(solved.mesh, choose_material(device, MechanicsTraits()), jobs)
-    true = np.array([r[0].u for r in found])
+    results = solve_all(solved.mesh, choose_material(device, MechanicsTraits()), jobs)
+    true = np.array([r[0].u for r in results])
     levels = np.array([[w["bend_up"], w["twist"]] for w in weights])
-    ours = np.tensordot(solved.space(levels), solved.fields, 1)
-    off = np.linalg.norm(ours - true, axis=2)
-    assert off.max() < 0.25
-    assert np.sqrt((off**2).mean()) < 3 * solved.error + 0.02
+    interpolated = np.tensordot(solved.space(levels), solved.fields, 1)
+    error = np.linalg.norm(interpolated - true, axis=2)
+    assert error.max() < 0.25
+    assert np.sqrt((error**2).mean()) < 3 * solved.error + 0.02
 
 
-def test_neither_mesh_nor_law_is_that_of_the_design(device, solved):
+def test_mesh_and_material_law_differ_from_the_design(device, solved):
     designed = load_mesh(device.source / "build")
     assert len(solved.mesh.cells) > 1.2 * len(designed.tets)
     own, other = Material.from_spec(device.material), choose_material(device, MechanicsTraits())
@@ -80,16 +87,18 @@ def test_neither_mesh_nor_law_is_that_of_the_design(device, solved):
     assert np.array_equal(same.parameters, own.parameters)
     assert disable_traits(MechanicsTraits(), {"mechanics"}).edge == 1.0
     yeoh = replace(device.material, model="yeoh", constants={"c10": 0.1, "c20": 0.0, "c30": 0.0})
-    assert choose_material(replace(device, material=yeoh), MechanicsTraits()).model == "mooney-rivlin"
+    assert (
+        choose_material(replace(device, material=yeoh), MechanicsTraits()).model == "mooney-rivlin"
+    )
 
 
-def test_displacements_are_those_of_the_poses(device, solved):
+def test_displacements_are_zero_at_the_base_and_large_at_the_tip(device, solved):
     markers = load_prediction(device.source / "build").markers
     moved = solved.displacements(markers)
-    held = device.regions["base"].contains(markers)
-    tip = markers[:, 0] > 100
-    assert np.abs(moved[:, held]).max(initial=0) < 0.05
-    assert np.abs(moved[:, tip]).max() > 10
+    is_base = device.regions["base"].contains(markers)
+    is_tip = markers[:, 0] > 100
+    assert np.abs(moved[:, is_base]).max(initial=0) < 0.05
+    assert np.abs(moved[:, is_tip]).max() > 10
 
 
 def test_opposite_poses_share_an_axis_and_are_not_mixed():
@@ -102,9 +111,9 @@ def test_opposite_poses_share_an_axis_and_are_not_mixed():
     ]  # fmt: skip
 
 
-def test_grips_pull_where_no_pose_holds(device):
-    made = place_grips(device, device.source / "build", 2)
-    poses = add_grips(device.poses, made)
+def test_grips_pull_outside_of_the_regions_of_poses(device):
+    grips = place_grips(device, device.source / "build", 2)
+    poses = add_grips(device.poses, grips)
     assert [p.name for p in poses] == ["bend_up", "twist", "grip_1", "grip_2"]
     assert find_mixable_poses(poses)[0, 2:].all()
     assert pose_axes(poses).shape == (4, 4)
@@ -115,44 +124,42 @@ def test_grips_pull_where_no_pose_holds(device):
     assert place_grips(device, device.source / "build", 0) == ()
 
 
-def test_shapes_that_are_not_known_well_enough_are_told(device, monkeypatch):
-    """What the solver no longer reaches ends the search for more states."""
+def test_search_for_states_ends_when_no_more_can_be_solved(device, monkeypatch):
     from defsense_fab.twin.devices import solve_fields as module
 
-    asked = []
+    job_counts = []
     solve = module.solve_all
 
-    def until_later(mesh, material, jobs, show):
-        asked.append(len(jobs))
-        if len(asked) > 2:
+    def solve_twice(mesh, material, jobs, show):
+        job_counts.append(len(jobs))
+        if len(job_counts) > 2:
             return [[Equilibrium(Status.NOT_REACHED, None, 0.0, None)] for _ in jobs]
         return solve(mesh, material, jobs, show)
 
-    monkeypatch.setattr(module, "solve_all", until_later)
+    monkeypatch.setattr(module, "solve_all", solve_twice)
     coarse = MechanicsTraits(edge=1.0, states=1, accuracy=1e-6)
-    found = solve_fields(device, coarse)
-    assert asked == [3, 6, 12]
-    assert any("known within" in w for w in found.warnings)
-    assert any("it did not converge" in w for w in found.warnings)
-    assert 1e-6 < found.error < 0.2
+    fields = solve_fields(device, coarse)
+    assert job_counts == [3, 6, 12]
+    assert 1e-6 < fields.error < 0.2
+    assert f"{fields.error:.2g} mm" in fields.warnings[-1]
+    assert len(fields.warnings) == 1 + job_counts[-1]
 
 
-def test_a_pose_that_is_not_reached_is_refused(device, monkeypatch):
-    """By its name: between other states there is no such shape."""
+def test_pose_that_is_not_reached_is_rejected(device, monkeypatch):
     from defsense_fab.twin.devices import solve_fields as module
 
-    def but_the_second(mesh, material, jobs, show):
+    def fail_second_job(mesh, material, jobs, show):
         none = np.zeros((0, 3))
         state = State(np.zeros_like(mesh.nodes), none, none, jobs[0].conditions)
-        there = Equilibrium(Status.OK, state, 1.0, None)
-        gone = Equilibrium(Status.NOT_REACHED, None, 0.0, None)
-        return [[gone if k == 1 else there for _ in job.fractions] for k, job in enumerate(jobs)]
+        solved = Equilibrium(Status.OK, state, 1.0, None)
+        failed = Equilibrium(Status.NOT_REACHED, None, 0.0, None)
+        return [[failed if k == 1 else solved for _ in job.fractions] for k, job in enumerate(jobs)]
 
-    monkeypatch.setattr(module, "solve_all", but_the_second)
-    with pytest.raises(CaptureError, match="reaches 0% of the pose twist; give --off mechanics"):
+    monkeypatch.setattr(module, "solve_all", fail_second_job)
+    with raises(CaptureError, "pose-not-reached", pose="twist", reached=0.0):
         solve_fields(device, MechanicsTraits(edge=1.0, states=2))
 
 
-def test_a_device_without_a_build_is_refused(device, tmp_path):
-    with pytest.raises(CaptureError, match="is not built; run 'defsense build"):
+def test_device_without_a_build_is_rejected(device, tmp_path):
+    with pytest.raises(CaptureError):
         solve_fields(replace(device, source=tmp_path))

@@ -16,7 +16,7 @@ from defsense_fab.twin.filming.exposure import expose
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
 from tests.conftest import box_surface
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.views import camera, tag
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])

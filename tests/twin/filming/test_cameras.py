@@ -9,7 +9,7 @@ from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.cameras import LiveCamera
 from defsense_fab.twin.scenes.scene import Patch, Scene
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.views import camera, tag
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])

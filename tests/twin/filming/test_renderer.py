@@ -9,7 +9,7 @@ from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.renderer import Renderer, render
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.views import camera, tag, turn
 
 NOISELESS = Optics(blur=0.0, read_noise=0.0, shot_noise=0.0, vignetting=0.0)

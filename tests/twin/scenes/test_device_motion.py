@@ -11,7 +11,7 @@ from defsense_fab.twin.scenes.device_motion import (
     draw_motion,
     draw_sway,
 )
-from tests.errors import raises
+from tests.support.errors import raises
 
 LEVELS = np.array([0.25, 0.5, 0.75, 1.0])
 RAMPS = (

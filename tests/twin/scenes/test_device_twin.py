@@ -10,7 +10,7 @@ from defsense_fab.core.mesh import Surface
 from defsense_fab.twin.scenes.device_motion import Ramp
 from defsense_fab.twin.scenes.device_twin import DeviceTwin, RigidMotion, blend
 from defsense_fab.twin.scenes.scene import Ball, Patch, Scene
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.views import tag, turn
 
 LEVELS = np.array([0.25, 0.5, 0.75, 1.0])

@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.scenes.assumptions import disable_traits
 from defsense_fab.twin.scenes.hand_walk import FREE, REST, WalkTraits, plan_walk
-from tests.errors import raises
+from tests.support.errors import raises
 
 NAMES = ("up", "down", "twist")
 TOGETHER = np.array([[0, 0, 1], [0, 0, 1], [1, 1, 0]], bool)

@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.scenes.pose_space import PoseSpace
-from tests.errors import raises
+from tests.support.errors import raises
 
 OPPOSITE = np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])  # up, down, twist
 
