@@ -166,7 +166,10 @@ def field(kind: type, dotted: str) -> Field:
 
 
 def declared_keys(kind: type, values: object, at: KeyPath = ()) -> Iterator[KeyPath]:
-    """Yield the path of each key that a file with these `values` has or may have."""
+    """Yield the path of each key that a file with these `values` has or may have.
+
+    Tables whose content is not declared, such as the parameters of a script, are not looked into.
+    """
     present = values if isinstance(values, Mapping) else {}
     for declared in struct_type(kind).fields:
         path = (*at, declared.encode_name)
@@ -180,6 +183,8 @@ def _keys_below(kind: inspect.Type, value: object, at: KeyPath) -> Iterator[KeyP
     if isinstance(kind, inspect.StructType):
         yield from declared_keys(kind.cls, value, at)
     elif isinstance(kind, inspect.DictType) and isinstance(value, Mapping):
+        if isinstance(kind.value_type, inspect.AnyType):
+            return
         for name, item in value.items():
             yield (*at, name)
             yield from _keys_below(kind.value_type, item, (*at, name))

@@ -12,7 +12,7 @@ from defsense_fab.core.errors import DeviceError, StudyError
 from defsense_fab.core.schema.declare import Count, Positive, Problem, Table, Vector, key
 from defsense_fab.core.schema.document import Document, load_document, parse_document
 from defsense_fab.core.schema.reader import validate
-from tests.errors import raises
+from tests.support.errors import raises
 
 Free = Literal["free"]
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from defsense_fab.core.schema.key_lines import key_lines
-from tests.places import ROOT
+from tests.support.places import ROOT
 
 TEXT = '''# a comment with [brackets] = and "quotes"
 name = "a # b"        # one more

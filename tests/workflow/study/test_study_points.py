@@ -12,8 +12,8 @@ from defsense_fab.workflow.study.points.measures import MEANING, of_stage
 from defsense_fab.workflow.study.points.studied_device import studied_device, studied_text
 from defsense_fab.workflow.study.points.study_toml import UNTIL, load_study
 from defsense_fab.workflow.study.runs.planned import batches, planned
-from tests.errors import raises
-from tests.places import BAR
+from tests.support.errors import raises
+from tests.support.places import BAR
 
 
 @pytest.fixture
@@ -112,7 +112,7 @@ def test_a_latin_hypercube_has_a_point_in_every_interval_of_each_parameter(folde
         ("count = 3\n[parameters]\na.b = [1]", "key-not-applicable", "count", 1),
         ('until = "report"\n[parameters]\na.b = [1]', "value-choice", "until", 1),
         ('record = ["eror"]\n[parameters]\na.b = [1]', "unknown-measure", "record", 1),
-        ('minimise = "parts"\n[parameters]\na.b = [1]', "unknown-measure", "minimise", 1),
+        ('minimise = "decoder"\n[parameters]\na.b = [1]', "unknown-measure", "minimise", 1),
         ("[parameters]", "too-few-items", "parameters", 1),
         ("colour = 3\n[parameters]\na.b = [1]", "key-unknown", "colour", 1),
     ],
