@@ -1,9 +1,9 @@
 """Compute energy density, first Piola-Kirchhoff stress and tangent of a deformation gradient F.
 
-All follow from `material.evaluate_law` by the chain rule, with dI1/dF = 2 F, dI2/dF = 2 (I1 F - F F^T F) and
-dJ/dF = cof F. The tangent is made positive semidefinite through the eigensystem of isotropic
-energies in the principal stretches (Smith, De Goes & Kim 2019, "Analytic Eigensystems for Isotropic
-Distortion Energies"), which needs no eigenvalues of a 9 x 9 matrix.
+All follow from `material.evaluate_law` by the chain rule, with dI1/dF = 2 F,
+dI2/dF = 2 (I1 F - F F^T F) and dJ/dF = cof F. The tangent is made positive semidefinite through the
+eigensystem of isotropic energies in the principal stretches, which needs no eigenvalues of a 9 x 9
+matrix (Smith, De Goes & Kim 2019, "Analytic Eigensystems for Isotropic Distortion Energies").
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Boundary conditions, loads and poses, and what they leave free."""
+"""Poses as boundary conditions and loads, and the unknowns that these leave free."""

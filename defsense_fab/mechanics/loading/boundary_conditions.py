@@ -12,12 +12,19 @@ from ...core.device.device import PointDrag
 
 @dataclass(frozen=True)
 class RigidHandle:
-    """Nodes (k,) that move as one rigid piece, about `center` (3,) mm of the rest frame.
+    """A set of nodes that moves as one rigid piece.
 
-    `rotation` (3,) rad is the prescribed rotation vector, whose length may exceed a turn;
-    `free_axes` (f, 3) are the axes about which the solver rotations it instead: none, one (a hinge) or
-    all three. `translation` (3,) mm of the centre, NaN for each coordinate that the solver finds;
-    once it has, the handle is moved on from there by `further` (3,) mm, NaN where it stays free.
+    Attributes:
+        nodes: (k,) node numbers.
+        center: (3,) mm, the point of the rest frame that the piece turns about.
+        rotation: (3,) rad, prescribed rotation vector; its length may exceed a full turn.
+        translation: (3,) mm, prescribed translation of the center, NaN for each coordinate that
+            the solver finds.
+        free_axes: (f, 3) unit axes about which the solver finds the rotation: none, one (a hinge)
+            or all three.
+        name: Name of the region, for messages.
+        further_translation: (3,) mm, added to the equilibrium position of free coordinates in a
+            second solve; NaN where the coordinate stays free.
     """
 
     nodes: Int

@@ -28,7 +28,7 @@ def mix_poses(
 ) -> BoundaryConditions:
     """Build the boundary conditions of a weighted mixture of poses.
 
-    Rotation vectors, translations and loads of the poses add up. A region that one pose is_turned_out free
+    Rotation vectors, translations and loads of the poses add up. A region that one pose leaves free
     and another moves is first solved free, then moved from there. A handle rotates about the point
     that it names, or about the middle of its nodes' bounding box.
 
@@ -188,7 +188,7 @@ def _owners(
 
 
 def _rigid(name: str, members: Int, handle: Handle, prescribed: Float, nodes: Float) -> RigidHandle:
-    """Build a rigid handle; `given` (3,) mm is the sum of the prescribed translations, or NaN."""
+    """Build a rigid handle; `prescribed` (3,) mm sums the given translations, NaN for none."""
     center = handle.about
     if center is None:
         center = (nodes[members].min(0) + nodes[members].max(0)) / 2
@@ -251,7 +251,7 @@ def _check_symmetry(conditions: BoundaryConditions, label: str) -> None:
                 raise DeviceError(
                     f"in {label!r} the region {h.name!r} touches a plane of symmetry but may leave"
                     " it",
-                    code="region-is_turned_out-symmetry",
+                    code="region-leaves-symmetry",
                     where="device.toml: poses",
                     action="Turn it about the plane's normal only and prescribe 0 for its"
                     " translation along the normal",

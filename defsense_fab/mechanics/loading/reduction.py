@@ -281,7 +281,7 @@ class Reduction:
 
 
 def _sliding(conditions: BoundaryConditions, free: Float) -> list[tuple[Int, Float]]:
-    """Group nodes by their sliding planes, each group with a basis (3, d) of its free directions."""
+    """Group nodes by their sliding planes, with a basis (3, d) of the directions left free."""
     normals: dict[int, list[Float]] = {}
     for slide in conditions.slides:
         for n in slide.nodes[free[slide.nodes]]:
@@ -339,7 +339,7 @@ def _expand_pattern(indptr, indices, start, size):  # type: ignore[no-untyped-de
 
 @compiled()
 def _pair_offsets(groups, indptr, indices, size):  # type: ignore[no-untyped-def]
-    """Return (m, 10, 10), the offset of the second node's group in rows of the first one's group."""
+    """Return offsets (m, 10, 10) of the second node's group in the rows of the first node's."""
     before = np.zeros(len(indices), np.int32)
     for g in range(len(size)):
         at = 0

@@ -1,1 +1,1 @@
-"""Newton's method, load stepping, batches, modes, and fields read from solutions."""
+"""Solve for equilibria: Newton's method, load stepping, batches, modes and fields."""

@@ -1,4 +1,4 @@
-"""Many solves over the cores: one thread a structure of boundary conditions, a factor for each."""
+"""Solve many poses on all cores; each thread reuses its factorization for similar conditions."""
 
 from __future__ import annotations
 
@@ -11,14 +11,19 @@ from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
 from ..elements.threads import count_cores
 from ..loading.boundary_conditions import BoundaryConditions, rest_state
-from .load_stepping import Equilibrium, confirm_equilibria, follow, continue_from_free
+from .load_stepping import Equilibrium, confirm_equilibria, continue_from_free, follow
 from .newton import System
 
 
 @dataclass(frozen=True)
 class Job:
-    """Equilibria at increasing `fractions` of the way from rest to `conditions`; its `name` is for
-    people."""
+    """A pose to solve.
+
+    Attributes:
+        conditions: Boundary conditions at the full amplitude.
+        fractions: Increasing fractions of the way from rest at which the equilibria are wanted.
+        name: Name for people.
+    """
 
     conditions: BoundaryConditions
     fractions: tuple[float, ...]
@@ -32,22 +37,31 @@ def solve_all(
     on_step: Callable[[int, float], None] | None = None,
     threads: int | None = None,
 ) -> list[list[Equilibrium]]:
-    """What `load_stepping.follow`, `confirmed` and `move_on` give for each job, in their order,
-    however many threads there are.
+    """Solve all jobs; results do not depend on the number of threads.
 
-    `on_step(job, fraction)` is called from the threads. When the caller is interrupted or one job
-    raises, the others are cancelled before the exception goes on.
+    If the caller is interrupted or a job raises, the other jobs are cancelled first.
+
+    Args:
+        mesh: Mesh of the body.
+        material: Its material.
+        jobs: Poses to solve.
+        on_step: Called from the threads with the number of a job and the fraction it has reached.
+        threads: Number of threads; all cores by default.
+
+    Returns:
+        For each job the equilibria at its fractions, as `load_stepping.follow`,
+        `confirm_equilibria` and `continue_from_free` return them.
     """
     total = threads or count_cores()
     workers = max(1, min(total, len(jobs)))
     waiting = sorted(range(len(jobs)), key=lambda i: jobs[i].conditions.structure.__repr__())
-    lock, ended = threading.Lock(), threading.Event()
+    lock, is_cancelled = threading.Lock(), threading.Event()
     results: list[list[Equilibrium]] = [[] for _ in jobs]
 
     def take(structure: object) -> int | None:
-        """The next job, if possible one that the thread's factorisation fits."""
+        """Take the next job, if possible one that fits the thread's factorization."""
         with lock:
-            if not waiting or ended.is_set():
+            if not waiting or is_cancelled.is_set():
                 return None
             same = [i for i in waiting if jobs[i].conditions.structure == structure]
             chosen = same[0] if same else waiting[0]
@@ -63,17 +77,21 @@ def solve_all(
                     if system:
                         system.close()
                     system = System(mesh, material, job.conditions, max(1, total // workers))
-                system.reset()  # or fields would hang by the number of threads
+                system.reset()  # else results would depend on the number of threads
                 start = rest_state(job.conditions, len(mesh.nodes))
-                tell = (lambda at, i=i: on_step(i, at)) if on_step else None
-                found = follow(system, start, job.conditions, job.fractions, tell, ended.is_set)
-                found = confirm_equilibria(
-                    system, start, job.conditions, found, job.fractions, ended.is_set
+                report = (lambda at, i=i: on_step(i, at)) if on_step else None
+                equilibria = follow(
+                    system, start, job.conditions, job.fractions, report, is_cancelled.is_set
+                )
+                equilibria = confirm_equilibria(
+                    system, start, job.conditions, equilibria, job.fractions, is_cancelled.is_set
                 )
                 share = max(1, total // workers)
-                results[i] = continue_from_free(mesh, material, found, share, ended.is_set)
+                results[i] = continue_from_free(
+                    mesh, material, equilibria, share, is_cancelled.is_set
+                )
         except BaseException:
-            ended.set()
+            is_cancelled.set()
             raise
         finally:
             if system:
@@ -85,6 +103,6 @@ def solve_all(
             for future in futures:
                 future.result()
         except BaseException:
-            ended.set()
+            is_cancelled.set()
             raise
     return results

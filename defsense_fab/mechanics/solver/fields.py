@@ -1,4 +1,4 @@
-"""What can be read from a solved displacement: gradients, stretches, at nodes and anywhere."""
+"""Read gradients, stretches and validity from a solved displacement field."""
 
 from __future__ import annotations
 
@@ -15,20 +15,24 @@ from ..elements.tet10 import (
     shape_derivatives,
 )
 
-# Is a solved field one that a real body can have? Inverted tets, and a surface through itself.
-#
-# Contact is not modelled, so an equilibrium may pass through itself; the energy sees a tet only at
-# its quadrature points, so one may fold over elsewhere, and the stable model is defined even there.
-
 _NODES = np.concatenate([np.eye(4), np.eye(4)[EDGES].mean(axis=1)])
-#: A face of six nodes as four flat ones.
-_SPLIT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+#: A face of six nodes as four flat triangles.
+_FACE_TRIANGLES = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 
 @dataclass(frozen=True)
 class FieldValidity:
-    """`inverted` (k,) tets with det F <= 0 at a node or a quadrature point, the least det F there,
-    and `inside` (p, 3) mm: deformed places of the surface that lie inside the body."""
+    """Whether a real body can have a solved field.
+
+    Contact is not modeled, so an equilibrium may pass through itself. The energy is evaluated only
+    at the quadrature points, so a tet may fold over elsewhere, and the stable model is defined even
+    at inverted gradients.
+
+    Attributes:
+        inverted: (k,) numbers of tets with det F <= 0 at a node or a quadrature point.
+        min_jacobian: Smallest det F at all nodes and quadrature points.
+        penetrations: (p, 3) mm, points of the deformed surface that lie inside the body.
+    """
 
     inverted: Int
     min_jacobian: float
@@ -36,51 +40,52 @@ class FieldValidity:
 
     @property
     def is_sound(self) -> bool:
+        """Whether no tet is inverted and the body does not pass through itself."""
         return len(self.inverted) == 0 and len(self.penetrations) == 0
 
     def problem(self) -> str | None:
-        """What is wrong, in words."""
-        said = []
+        """Describe what is wrong, for people; None for a valid field."""
+        defects = []
         if len(self.penetrations):
             where = ", ".join(f"{v:.3g}" for v in self.penetrations.mean(0))
-            said.append(f"the body passes through itself about ({where}) mm")
+            defects.append(f"the body passes through itself about ({where}) mm")
         if len(self.inverted):
-            said.append(f"{len(self.inverted)} tetrahedra are inverted")
-        return "; ".join(said) or None
+            defects.append(f"{len(self.inverted)} tetrahedra are inverted")
+        return "; ".join(defects) or None
 
 
 def nodal_gradients(mesh: QuadraticMesh, u: Float) -> Float:
-    """F (m, 10, 3, 3) at each tet's own nodes."""
+    """Return F (m, 10, 3, 3) of each tet at its ten nodes."""
     by = np.einsum("vnb,mbj->mvnj", shape_derivatives(_NODES), mesh.bary_gradient)
     return np.asarray(np.eye(3) + np.einsum("mvnj,mna->mvaj", by, u[mesh.cells], optimize=True))
 
 
 def check_field(mesh: QuadraticMesh, u: Float) -> FieldValidity:
-    """Look at displacements u (n, 3) mm."""
+    """Check displacements u (n, 3) mm for inverted tets and self-penetration."""
     inner = deformation_gradient(mesh, u)
     jacobian = np.linalg.det(np.concatenate([nodal_gradients(mesh, u), inner], axis=1))
-    bad = np.flatnonzero((jacobian <= 0).any(axis=1))
-    return FieldValidity(bad, float(jacobian.min()), _inside(mesh, u))
+    inverted = np.flatnonzero((jacobian <= 0).any(axis=1))
+    return FieldValidity(inverted, float(jacobian.min()), _find_penetrations(mesh, u))
 
 
-def _inside(mesh: QuadraticMesh, u: Float) -> Float:
-    """Places just outside the deformed surface that its winding number calls inside."""
+def _find_penetrations(mesh: QuadraticMesh, u: Float) -> Float:
+    """Return points (p, 3) mm just outside the surface that lie inside by the winding number."""
     import igl
 
-    faces = boundary_faces(mesh)[:, _SPLIT].reshape(-1, 3)
+    faces = boundary_faces(mesh)[:, _FACE_TRIANGLES].reshape(-1, 3)
     x = mesh.nodes + u
     corners = x[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
-    # A thousandth of an edge outside: the own surface gives 0 there, any other layer 1 or more.
+    # A thousandth of an edge outside, the surface itself gives 0, any other layer 1 or more.
     offset = 1e-3 * np.sqrt(size) * normal / np.maximum(size, 1e-30)
-    places = corners.mean(axis=1) + offset
-    winding = igl.fast_winding_number(x, np.ascontiguousarray(faces), places)
-    return np.asarray(places[np.asarray(winding).ravel() > 0.5])
+    points = corners.mean(axis=1) + offset
+    winding = igl.fast_winding_number(x, np.ascontiguousarray(faces), points)
+    return np.asarray(points[np.asarray(winding).ravel() > 0.5])
 
 
 def deformation_gradient_at_nodes(mesh: QuadraticMesh, u: Float) -> Float:
-    """F (n, 3, 3) at the nodes, averaged over the tets that share each by their volume."""
+    """Return F (n, 3, 3) at the nodes, averaged over adjacent tets by their volume."""
     F = nodal_gradients(mesh, u)
     weight = np.repeat(mesh.weight[:, None], 10, axis=1).ravel()
     nodes, count = mesh.cells.ravel(), len(mesh.nodes)
@@ -91,18 +96,23 @@ def deformation_gradient_at_nodes(mesh: QuadraticMesh, u: Float) -> Float:
 
 
 def principal_stretches(F: Float) -> Float:
-    """Stretches (..., 3) of gradients (..., 3, 3), largest first: the singular values."""
+    """Return the principal stretches (..., 3) of gradients (..., 3, 3), largest first."""
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(_right_cauchy_green(F)), 0))[..., ::-1])
 
 
 def stretch_along(F: Float, direction: Float) -> Float:
-    """|F d| (...) of gradients (..., 3, 3) along rest directions (..., 3), of any length."""
+    """Return the stretches (...) along rest directions (..., 3), of any length.
+
+    Args:
+        F: Deformation gradients (..., 3, 3).
+        direction: Directions (..., 3) at rest.
+    """
     d = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(np.linalg.norm(np.einsum("...aj,...j->...a", F, d), axis=-1))
 
 
 def green_strain(F: Float) -> Float:
-    """E = (F^T F - 1) / 2, (..., 3, 3)."""
+    """Return the Green strain E = (F^T F - 1) / 2, (..., 3, 3)."""
     return np.asarray((_right_cauchy_green(F) - np.eye(3)) / 2)
 
 

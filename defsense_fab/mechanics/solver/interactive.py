@@ -1,4 +1,4 @@
-"""A pose that follows the user's hand: a coarse answer at once, the fine one after it."""
+"""Solve poses while the user changes them: a coarse answer at once, then the fine one."""
 
 from __future__ import annotations
 
@@ -12,18 +12,22 @@ from ..loading.boundary_conditions import BoundaryConditions, State, rest_state
 from .load_stepping import Equilibrium, Status, follow
 from .newton import TOLERANCE, System
 
-#: Tolerance that is enough for the eye: hundredths of a micrometre on bodies of a hand's size, for
-#: about half the work.
+#: Relative residual that is enough for display: errors of hundredths of a micrometer on bodies of
+#: a hand's size, for about half the work.
 VISUAL_TOLERANCE = 1e-4
 Stop = Callable[[], bool]
 
 
 class InteractiveSolver:
-    """Two meshes of one body, each with its last equilibrium and its factorisation.
+    """Two meshes of one body, each with its last equilibrium and its factorization.
 
-    `conditions(mesh)` gives the boundary conditions of a pose on either mesh; poses of the same
-    structure (see `BoundaryConditions.structure`) follow each other without a new analysis. Without
-    a `coarse` mesh, or once it cannot follow, there are fine answers alone.
+    Poses of the same structure (see `BoundaryConditions.structure`) need no new analysis.
+
+    Args:
+        coarse: Mesh for quick answers; None for fine answers only.
+        fine: Mesh of the result.
+        material: Material of both.
+        threads: Number of threads.
     """
 
     def __init__(
@@ -36,8 +40,9 @@ class InteractiveSolver:
         self._meshes = (fine,) if coarse is None else (coarse, fine)
         self._material, self._threads = material, threads
         self._systems: list[System] = []
-        self._states: list[State] = []  # of one pose, the fine one last
-        self._near: State | None = None  # of the coarse mesh, which is ahead while a hand moves
+        self._states: list[State] = []  # of one pose, the fine mesh last
+        # State of the coarse mesh, which runs ahead of the fine one while the user drags.
+        self._coarse_ahead: State | None = None
         if coarse is not None:
             self._locator = PointLocator(coarse)
             self._at = self._locator.find(fine.nodes)
@@ -52,26 +57,36 @@ class InteractiveSolver:
         from_rest: bool = False,
         tolerance: float = TOLERANCE,
     ) -> Equilibrium:
-        """The equilibrium of the fine mesh; `on_coarse` gets u (n, 3) mm on its nodes before.
+        """Solve a pose from the last one, or from rest if it is not reached from there.
 
-        Where it is not reached from the last one, it is sought from rest, as it is at once with
-        `from_rest`: the `amplitude` is then how far the pose came. The last state is kept where the
-        new one is not reached or `stop` says so; `newer` stops the fine answer alone, so that a
-        hand is followed; `tolerance` as `follow` has it, for the fine mesh.
+        The last state is kept if the new one is not reached or the solve is stopped. Once the
+        coarse mesh does not converge, only fine answers follow.
+
+        Args:
+            conditions: Function that gives the pose's boundary conditions on a mesh.
+            on_coarse: Called with the coarse answer, displacements (n, 3) mm of the fine nodes.
+            stop: Returns True to cancel.
+            check: Check the fine answer, see `load_stepping.follow`.
+            newer: Returns True to cancel the fine answer only, when a newer pose waits.
+            from_rest: Solve from rest at once; the `amplitude` is then the share reached.
+            tolerance: Relative residual of the fine answer.
+
+        Returns:
+            The equilibrium of the fine mesh.
         """
         goals = [conditions(mesh) for mesh in self._meshes]
         self._prepare(goals)
-        kept = self._states, self._near
+        previous = self._states, self._coarse_ahead
         if not from_rest:
-            found = self._follow(goals, on_coarse, stop, check, newer, tolerance)
+            result = self._follow(goals, on_coarse, stop, check, newer, tolerance)
             moved = any(state.u.any() for state in self._states)
-            if found.status is not Status.NOT_REACHED or not moved:
-                return found
+            if result.status is not Status.NOT_REACHED or not moved:
+                return result
         self._restart()
-        found = self._follow(goals, on_coarse, stop, check, newer, tolerance)
-        if found.state is None:
-            self._states, self._near = kept
-        return found
+        result = self._follow(goals, on_coarse, stop, check, newer, tolerance)
+        if result.state is None:
+            self._states, self._coarse_ahead = previous
+        return result
 
     @property
     def displacements(self) -> tuple[Float, ...]:
@@ -79,7 +94,7 @@ class InteractiveSolver:
         return tuple(state.u for state in self._states)
 
     def close(self) -> None:
-        """Release the factorisations."""
+        """Release the factorizations."""
         for system in self._systems:
             system.close()
         self._systems = []
@@ -88,7 +103,7 @@ class InteractiveSolver:
         goals = [state.conditions for state in self._states]
         sizes = [len(mesh.nodes) for mesh in self._meshes]
         self._states = [rest_state(g, n) for g, n in zip(goals, sizes, strict=True)]
-        self._near = self._states[0] if len(self._states) > 1 else None
+        self._coarse_ahead = self._states[0] if len(self._states) > 1 else None
 
     def _follow(
         self,
@@ -100,10 +115,10 @@ class InteractiveSolver:
         tolerance: float,
     ) -> Equilibrium:
         ahead, guess = None, None
-        if self._near is not None:
+        if self._coarse_ahead is not None:
             coarse = follow(
                 self._systems[0],
-                self._near,
+                self._coarse_ahead,
                 goals[0],
                 stop=stop,
                 check=False,
@@ -111,7 +126,7 @@ class InteractiveSolver:
             )[-1]
             if coarse.status is Status.CANCELLED:
                 return coarse
-            ahead = self._near = coarse.state  # None: it cannot follow, and is left out
+            ahead = self._coarse_ahead = coarse.state  # None if it did not converge
         if ahead is not None:
             moved = ahead.u - self._states[0].u
             guess = self._locator.displacement(self._at, moved[None])[0]
@@ -141,4 +156,4 @@ class InteractiveSolver:
         self._states = [
             rest_state(g, len(m.nodes)) for m, g in zip(self._meshes, goals, strict=True)
         ]
-        self._near = self._states[0] if len(goals) > 1 else None
+        self._coarse_ahead = self._states[0] if len(goals) > 1 else None

@@ -1,9 +1,9 @@
-"""Vibration modes of a held body, and the natural poses that they propose.
+"""Linearize a body about rest: small loads, vibration modes, and the poses that modes propose.
 
 The paper (DefSense, sec. "Future work") asks for deformations that a user need not invent. The
-lowest modes of a body with a region fixed are those that cost the least energy: what a hand will
-do to it. A mode is read as bend, twist or stretch of the body along the line from the held region
-to the far end, and becomes a pose that rotations or pulls that end.
+lowest modes of a body with a region fixed cost the least energy: they are what a hand will do to
+it. A mode is classified as bend, twist or stretch of the body along the line from the held region
+to the far end, and becomes a pose that turns or pulls that end.
 """
 
 from __future__ import annotations
@@ -27,14 +27,23 @@ from ..loading.boundary_conditions import BoundaryConditions, State, rest_state
 from ..loading.reduction import Reduction
 from .linear_solver import make_solver
 
-# What small forces do to a body at rest, by its tangent there.
-
 
 def small_load_displacement(
     mesh: QuadraticMesh, material: Material, fixed: Int, forces: Float
 ) -> Float:
-    """Displacements (n, 3) mm under nodal `forces` (n, 3) N with the nodes `fixed` (k,) held, to
-    first order: they are too large where the body stiffens as it is bent or drawn."""
+    """Return the displacements under small nodal forces, to first order.
+
+    They are too large if the body stiffens while it is bent or stretched.
+
+    Args:
+        mesh: Mesh of the body.
+        material: Its material.
+        fixed: Numbers (k,) of the nodes that are held.
+        forces: Nodal forces (n, 3) N.
+
+    Returns:
+        Displacements (n, 3) mm.
+    """
     conditions = BoundaryConditions(fixed)
     reduction = Reduction(mesh, conditions)
     state = rest_state(conditions, len(mesh.nodes))
@@ -50,8 +59,18 @@ def small_load_displacement(
 
 
 def line_forces(locator: PointLocator, path: Float, tension: float) -> Float:
-    """Nodal forces (n, 3) N of a line along a `path` (p, 3) mm that slides and is under `tension`
-    N: it pulls at its ends, and presses where it bends."""
+    """Return the nodal forces of a line under tension that slides along its path.
+
+    It pulls at its ends and presses where it bends.
+
+    Args:
+        locator: Locator of the mesh.
+        path: Points (p, 3) mm of the line.
+        tension: Tension, N.
+
+    Returns:
+        Nodal forces (n, 3) N.
+    """
     piece = np.diff(path, axis=0)
     pull = tension * piece / np.linalg.norm(piece, axis=1)[:, None]
     at = locator.find(path)
@@ -63,22 +82,26 @@ def line_forces(locator: PointLocator, path: Float, tension: float) -> Float:
     return out
 
 
-#: The part of the body's length that a proposed pose takes hold of.
-END_FRACTION = 0.08
-SLICES = 12
+END_FRACTION = 0.08  # of the body's length, which a proposed pose holds
+SLICES = 12  # across the body, to classify a mode
 POSE_TURN_RAD = np.deg2rad(30)
 POSE_PULL_FRACTION = 0.15  # of the length
-#: A body is its own mirror image where that lies within so many edges of it; bends of such a one
-#: lean by less than this, rad, if only for its mesh.
-_MIRROR_TOLERANCE_EDGES, _MAX_LEAN_RAD = 0.75, np.deg2rad(10)
+_MIRROR_TOLERANCE_EDGES = 0.75  # mesh edges by which a mirror image may differ from the body
+_MAX_LEAN_RAD = np.deg2rad(10)  # of a symmetric body's bend, caused by its mesh alone
 
 Kind = Literal["bend", "twist", "stretch"]
 
 
 @dataclass(frozen=True)
 class Mode:
-    """`frequency` Hz; `shape` (n, 3), largest displacement 1; what it is and its `order`: how often
-    the movement changes its sign along the body, plus one."""
+    """A vibration mode.
+
+    Attributes:
+        frequency: Hz.
+        shape: (n, 3), displacements scaled so that the largest component is 1.
+        kind: Motion of the body along its axis.
+        order: Number of sign changes of the motion along the body, plus one.
+    """
 
     frequency: float
     shape: Float
@@ -88,9 +111,15 @@ class Mode:
 
 @dataclass(frozen=True)
 class ProposedPose:
-    """Turn the body's end by `rotation` (3,) rad, or move it by `translation` (3,) mm (NaN: free).
+    """A pose that turns or moves the end of the body.
 
-    The end is what lies beyond `origin` (3,) mm in the direction of the unit `axis` (3,).
+    Attributes:
+        name: Name such as `bend_2`.
+        mode: The mode it follows.
+        origin: (3,) mm; the end is the part beyond it in the direction of `axis`.
+        axis: (3,) unit direction from the held region to the end.
+        rotation: (3,) rad, rotation vector of the end.
+        translation: (3,) mm, NaN if free.
     """
 
     name: str
@@ -104,10 +133,20 @@ class ProposedPose:
 def vibration_modes(
     mesh: QuadraticMesh, material: Material, fixed: Int, density: float, count: int = 8
 ) -> list[Mode]:
-    """The lowest `count` modes with the nodes `fixed` (k,) held; density in g/cm^3.
+    """Compute the lowest vibration modes about rest.
 
-    Consistent mass, tangent at rest (Bathe, Finite Element Procedures, ch. 10); eigenvalues by
+    The mass matrix is consistent and the stiffness is the tangent at rest; eigenvalues are found by
     shift and invert.
+
+    Args:
+        mesh: Mesh of the body.
+        material: Its material.
+        fixed: Numbers (k,) of the nodes that are held.
+        density: Density, g/cm^3.
+        count: Number of modes.
+
+    References:
+        Bathe, Finite Element Procedures, ch. 10.
     """
     conditions = BoundaryConditions(fixed)
     reduction = Reduction(mesh, conditions)
@@ -120,7 +159,7 @@ def vibration_modes(
         solver.factor(upper)
         stiffness = (upper + sp.triu(upper, 1).T).tocsr()
         inverse = spl.LinearOperator(upper.shape, matvec=solver.solve, dtype=float)
-        # A fixed start, or the modes of a symmetric body turn from run to run.
+        # A fixed start vector: otherwise the modes of a symmetric body differ from run to run.
         values, vectors = spl.eigsh(
             stiffness,
             count,
@@ -143,7 +182,7 @@ def vibration_modes(
 
 
 def _align_pairs(values: Float, vectors: Float, reduction: Reduction, state: State) -> Float:
-    """Pairs of equal frequency turned to the body's own axes: any mixture is a mode as well."""
+    """Turn pairs of equal frequency to the body's axes; any mixture of them is a mode too."""
     out = vectors.copy()
     k = 0
     while k + 1 < len(values):
@@ -161,7 +200,13 @@ def _align_pairs(values: Float, vectors: Float, reduction: Reduction, state: Sta
 
 
 def propose_poses(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[ProposedPose]:
-    """A pose for each mode that an end can be led through: first-order ones."""
+    """Propose a pose for each first-order mode, which the end of the body can be moved through.
+
+    Args:
+        mesh: Mesh of the body.
+        fixed: Numbers (k,) of the nodes that are held.
+        found: Modes from `vibration_modes`.
+    """
     axis, start, length = _body_axis(mesh, fixed)
     x = mesh.nodes
     along = (x - start) @ axis
@@ -195,29 +240,31 @@ def propose_poses(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[Pr
 
 
 def _is_same_motion(rotation: Float, translation: Float, other: ProposedPose) -> bool:
-    """Whether a handle moved so is moved as in another pose, or backwards: what differs between
-    their modes is not led by the end."""
-    turned, pulled = rotation.any(), not np.isnan(translation).any()
-    if turned != other.rotation.any() or pulled == np.isnan(other.translation).any():
+    """Return whether a handle's motion equals that of another pose, or its reverse.
+
+    The end then cannot tell the two modes apart.
+    """
+    is_rotation, is_translation = rotation.any(), not np.isnan(translation).any()
+    if is_rotation != other.rotation.any() or is_translation == np.isnan(other.translation).any():
         return False
-    a, b = (rotation, other.rotation) if turned else (translation, other.translation)
+    a, b = (rotation, other.rotation) if is_rotation else (translation, other.translation)
     return bool(abs(a @ b) > np.cos(_MAX_LEAN_RAD) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def _body_axis(mesh: QuadraticMesh, fixed: Int) -> tuple[Float, Float, float]:
-    """From the held region to the farthest part: unit direction, start and length (mm)."""
+    """Return the line from the held region to the farthest part: direction, start, length (mm)."""
     start = mesh.nodes[fixed].mean(0)
-    away = np.linalg.norm(mesh.nodes - start, axis=1)
-    tip = mesh.nodes[away.argmax()]  # of the ends of a body held in its middle, one
-    near = np.linalg.norm(mesh.nodes - tip, axis=1) < 0.5 * away.max()
-    far = mesh.nodes[near & (away > 0.9 * away.max())].mean(0)
-    direction = far - start
+    distance = np.linalg.norm(mesh.nodes - start, axis=1)
+    tip = mesh.nodes[distance.argmax()]  # one of two if the body is held in its middle
+    is_near_tip = np.linalg.norm(mesh.nodes - tip, axis=1) < 0.5 * distance.max()
+    end = mesh.nodes[is_near_tip & (distance > 0.9 * distance.max())].mean(0)
+    direction = end - start
     length = float(np.linalg.norm(direction))
     return _snap_to_axis(direction / length), start, length
 
 
 def _snap_to_axis(direction: Float) -> Float:
-    """A unit direction within two degrees of a coordinate axis as that axis."""
+    """Return a coordinate axis in place of a unit direction within two degrees of it."""
     main = int(np.abs(direction).argmax())
     if abs(direction[main]) < np.cos(np.deg2rad(2)):
         return direction
@@ -225,21 +272,23 @@ def _snap_to_axis(direction: Float) -> Float:
 
 
 def _mirror_axes(mesh: QuadraticMesh) -> list[Float]:
-    """Coordinate axes across which the body is its own mirror image, as far as its mesh shows."""
+    """Return the coordinate axes across which the body is mirror symmetric, judged by its mesh."""
     boundary = np.unique(boundary_faces(mesh)[:, :3])
     points = mesh.nodes[boundary]
     tree, middle = cKDTree(points), (points.min(0) + points.max(0)) / 2
-    near = _MIRROR_TOLERANCE_EDGES * mesh.edge_length
+    tolerance = _MIRROR_TOLERANCE_EDGES * mesh.edge_length
     return [
         axis
         for axis in np.eye(3)
-        if tree.query(points - 2 * ((points - middle) @ axis)[:, None] * axis)[0].max() < near
+        if tree.query(points - 2 * ((points - middle) @ axis)[:, None] * axis)[0].max() < tolerance
     ]
 
 
 def _snap_to_mirror(direction: Float, mirrors: list[Float]) -> Float:
-    """The axis of a bend (3,) as a symmetric body has it: across its mirror planes, however its
-    mesh lies. What lies between two stays."""
+    """Return the normal of a mirror plane in place of a bend axis (3,) that is close to it.
+
+    A symmetric body bends so, whatever its mesh is. Other axes stay as they are.
+    """
     for axis in mirrors:
         if abs(direction @ axis) > np.cos(_MAX_LEAN_RAD):
             return np.asarray(np.sign(direction @ axis) * axis)
@@ -247,7 +296,7 @@ def _snap_to_mirror(direction: Float, mirrors: list[Float]) -> Float:
 
 
 def _fit_rigid_motion(arm: Float, u: Float) -> tuple[Float, Float]:
-    """The small rigid motion (velocity, rotation vector) nearest to u (k, 3) at arms (k, 3)."""
+    """Fit a small rigid motion (velocity, rotation vector) to u (k, 3) at arms (k, 3)."""
     zero = np.zeros(len(arm))
     x, y, z = arm.T
     cross = np.stack(
@@ -266,18 +315,18 @@ def _fit_rigid_motion(arm: Float, u: Float) -> tuple[Float, Float]:
 
 
 def _classify(mesh: QuadraticMesh, fixed: Int, u: Float) -> tuple[Kind, int]:
-    """What a mode does to slices across the axis, by their share of the movement."""
+    """Classify a mode by the motion of slices across the axis; return its kind and order."""
     axis, start, _ = _body_axis(mesh, fixed)
     along = (mesh.nodes - start) @ axis
     edges = np.linspace(along.min(), along.max() + 1e-9, SLICES + 1)
     slices = []
     for a, b in pairwise(edges):
-        own = (along >= a) & (along < b)
-        if own.sum() < 4:
+        in_slice = (along >= a) & (along < b)
+        if in_slice.sum() < 4:
             continue
-        center = mesh.nodes[own].mean(0)
-        arm = mesh.nodes[own] - center
-        move, turn = _fit_rigid_motion(arm, u[own])
+        center = mesh.nodes[in_slice].mean(0)
+        arm = mesh.nodes[in_slice] - center
+        move, turn = _fit_rigid_motion(arm, u[in_slice])
         gyration = np.sqrt((np.linalg.norm(np.cross(arm, axis), axis=1) ** 2).mean())
         slices.append([*(move - (move @ axis) * axis), turn @ axis * gyration, move @ axis])
     table = np.array(slices)
@@ -294,7 +343,7 @@ def _classify(mesh: QuadraticMesh, fixed: Int, u: Float) -> tuple[Kind, int]:
 
 
 def _mass_matrix(mesh: QuadraticMesh, reduction: Reduction, density: float) -> sp.csr_matrix:
-    """Consistent mass (t) of the unknowns of free nodes; exact on straight-sided tets."""
+    """Return the consistent mass matrix (t) of the free nodes, exact on straight-sided tets."""
     keep = reduction.dof[:, 0] >= 0
     block = _reference_mass()
     local = density * 4 * mesh.weight[:, None, None] * block
@@ -314,7 +363,7 @@ def _mass_matrix(mesh: QuadraticMesh, reduction: Reduction, density: float) -> s
 
 
 def _reference_mass() -> Float:
-    """Mean of N_a N_b over a tet (10, 10): a conical product rule of degree 5."""
+    """Return the mean of N_a N_b over a tet (10, 10) by a conical product rule of degree 5."""
     points = [roots_jacobi(3, k, 0) for k in (2, 1, 0)]
     a, b, c = np.meshgrid(*((p[0] + 1) / 2 for p in points), indexing="ij")
     w = np.einsum("i,j,k->ijk", *(p[1] for p in points))

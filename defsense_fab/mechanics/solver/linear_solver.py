@@ -1,8 +1,8 @@
-"""Symmetric positive definite sparse solves behind one interface.
+"""Solve symmetric positive definite sparse systems with any of three libraries.
 
-MKL Pardiso where there is MKL (x86); else RSLAB, which is about as quick and has wheels for every
-system; else SciPy's SuperLU, several times slower (`python -m benchmarks.solvers`). The environment
-variable DEFSENSE_SOLVER chooses another one of them.
+MKL Pardiso is used where MKL is installed (x86), else RSLAB, which is about as fast and has wheels
+for every system, else SciPy's SuperLU, which is several times slower
+(`python -m benchmarks.solvers`). The environment variable DEFSENSE_SOLVER selects one of them.
 """
 
 from __future__ import annotations
@@ -28,37 +28,51 @@ class NotPositiveDefinite(Exception):
 
 
 class SymmetricSolver(Protocol):
-    """Factors matrices of one sparsity pattern, given as upper triangles (CSR), and solves."""
+    """A solver for matrices of one sparsity pattern, given as upper triangles (CSR).
+
+    Attributes:
+        name: Name of the library, for people.
+    """
 
     name: str
 
     def factor(self, upper: Any) -> None:
-        """Keep the factor of a matrix. Raises NotPositiveDefinite."""
+        """Factor a matrix and keep the factor.
+
+        Raises:
+            NotPositiveDefinite: If the matrix is not positive definite.
+        """
 
     def solve(self, right: Float) -> Float:
-        """x (n,) or (n, k) with A x = right."""
+        """Return x (n,) or (n, k) with A x = right."""
 
     def close(self) -> None:
         """Release the factor's memory."""
 
 
 def make_solver(threads: int = 1) -> SymmetricSolver:
-    """The fastest solver of this machine, or the one that DEFSENSE_SOLVER names. Raises SolveError
-    where that one is not to be had."""
-    asked = os.environ.get("DEFSENSE_SOLVER")
-    if asked and asked not in _KINDS:
+    """Create the fastest solver of this machine, or the one that DEFSENSE_SOLVER names.
+
+    Args:
+        threads: Number of threads the solver may use.
+
+    Raises:
+        SolveError: If DEFSENSE_SOLVER names an unknown solver or one that is not installed.
+    """
+    requested = os.environ.get("DEFSENSE_SOLVER")
+    if requested and requested not in _SOLVERS:
         raise SolveError(
-            f"{asked!r} is not one of {', '.join(_KINDS)}",
+            f"{requested!r} is not one of {', '.join(_SOLVERS)}",
             code="unknown-solver",
             where="DEFSENSE_SOLVER",
             action="Set one of these, or unset the variable",
-            solver=asked,
+            solver=requested,
         )
-    for name in [asked] if asked else _KINDS:
+    for name in [requested] if requested else _SOLVERS:
         try:
-            return _KINDS[name](threads)
+            return _SOLVERS[name](threads)
         except ImportError as error:
-            if asked:
+            if requested:
                 raise SolveError(
                     f"{name} cannot be used ({error})",
                     code="solver-not-installed",
@@ -66,25 +80,28 @@ def make_solver(threads: int = 1) -> SymmetricSolver:
                     action="Install it, or unset the variable",
                     solver=name,
                 ) from None
-    raise AssertionError("SciPy is there")
+    raise AssertionError("SciPy is always installed")
 
 
 @cache
-def _library() -> Any:
-    """A pypardiso solver that found MKL; left alone each searches the whole environment for 1 s."""
+def _pypardiso_solver() -> Any:
+    """Create a pypardiso solver with the path of MKL set.
+
+    Without the path each solver searches the whole environment, which takes 1 s.
+    """
     import pypardiso
 
     try:
-        found = [
+        libraries = [
             f.locate()
             for f in files("mkl") or ()
             if "mkl_rt" in f.name and (".so" in f.name or f.suffix == ".dll")
         ]
     except PackageNotFoundError:
-        found = []
+        libraries = []
     before = os.environ.get("PYPARDISO_MKL_RT")
-    if found and before is None:
-        os.environ["PYPARDISO_MKL_RT"] = str(found[0])
+    if libraries and before is None:
+        os.environ["PYPARDISO_MKL_RT"] = str(libraries[0])
     try:
         return pypardiso.PyPardisoSolver(mtype=2)
     finally:
@@ -93,24 +110,27 @@ def _library() -> Any:
 
 
 class Pardiso:
-    """MKL Pardiso by Cholesky; the analysis is made once, then only phases 22 and 33 run."""
+    """Cholesky factorization by MKL Pardiso.
+
+    The analysis runs once; afterwards only phases 22 (factor) and 33 (solve) run.
+    """
 
     name = "MKL Pardiso"
 
     def __init__(self, threads: int = 1) -> None:
-        self._solver: Any = copy.copy(_library())
-        for name in ("pt", "iparm", "perm"):  # what a solver of its own must not share
+        self._solver: Any = copy.copy(_pypardiso_solver())
+        for name in ("pt", "iparm", "perm"):  # must not be shared between solvers
             setattr(self._solver, name, getattr(self._solver, name).copy())
         self._solver.set_iparm(1, 1)
         self._solver.set_iparm(2, 2)  # nested dissection
-        self._solver.set_iparm(24, 1)  # two-level parallel factorisation
+        self._solver.set_iparm(24, 1)  # two-level parallel factorization
         self._threads = threads
         self._matrix: Any = None
 
     def _call(self, phase: int, right: Float) -> Float:
         from pypardiso.pardiso_wrapper import PyPardisoError
 
-        # The public factorize() analyses anew each time; the phases can be called alone.
+        # The public factorize() repeats the analysis each time; single phases can be called.
         self._solver.set_phase(phase)
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(ctypes.c_int(self._threads))
         try:
@@ -132,28 +152,31 @@ class Pardiso:
         return self._call(33, columns).reshape(right.shape)
 
     def close(self) -> None:
-        if self._matrix is not None:  # releasing what was never analysed is an error to Pardiso
+        if self._matrix is not None:  # Pardiso fails if nothing was analyzed
             self._solver.free_memory(everything=True)
             self._matrix = None
 
 
 class Rslab:
-    """RSLAB's L D L^T; analysed once. Any number of threads gives the same digits."""
+    """L D L^T factorization by RSLAB, analyzed once.
+
+    Any number of threads gives the same digits.
+    """
 
     name = "RSLAB"
 
     def __init__(self, threads: int = 1) -> None:
         import rslab
 
-        self._analyse = rslab.analyze
+        self._analyze = rslab.analyze
         self._threads = threads
         self._symbolic: Any = None
         self._factor: Any = None
 
     def factor(self, upper: Any) -> None:
-        upper.sort_indices()  # where they are not
+        upper.sort_indices()  # RSLAB requires sorted indices
         if self._symbolic is None:
-            self._symbolic = self._analyse(upper.T, path="ldlt", threads=self._threads)
+            self._symbolic = self._analyze(upper.T, path="ldlt", threads=self._threads)
         try:
             factor = self._symbolic.factor(upper.data)
         except RuntimeError:  # singular, or not finite
@@ -172,22 +195,22 @@ class Rslab:
 
 
 class SuperLU:
-    """SciPy's SuperLU in symmetric mode, on every platform."""
+    """SciPy's SuperLU in symmetric mode, available on every platform."""
 
     name = "SciPy SuperLU"
 
-    def __init__(self, threads: int = 1) -> None:  # noqa: ARG002 - it takes one alone
+    def __init__(self, threads: int = 1) -> None:  # noqa: ARG002 - SuperLU runs in one thread
         self._factor: Any = None
-        self._in_order = False  # whether the factor is of the matrix in that order
-        self._order: Any = None  # (n,), by which little fills in: found once, as the analysis is
+        self._is_ordered = False  # whether the factored matrix is permuted by the order
+        self._order: Any = None  # (n,) fill-reducing order, found by the first factorization
 
     def factor(self, upper: Any) -> None:
         full = (upper + sp.triu(upper, 1).T).tocsc()
-        known = self._order is not None and len(self._order) == full.shape[0]
+        has_order = self._order is not None and len(self._order) == full.shape[0]
         try:
             factor = spl.splu(
-                full[self._order][:, self._order] if known else full,
-                permc_spec="NATURAL" if known else "MMD_AT_PLUS_A",
+                full[self._order][:, self._order] if has_order else full,
+                permc_spec="NATURAL" if has_order else "MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
@@ -195,12 +218,12 @@ class SuperLU:
             raise NotPositiveDefinite from None
         if (factor.U.diagonal() <= 0).any():
             raise NotPositiveDefinite
-        if not known:
+        if not has_order:
             self._order = np.argsort(factor.perm_c)
-        self._factor, self._in_order = factor, known
+        self._factor, self._is_ordered = factor, has_order
 
     def solve(self, right: Float) -> Float:
-        if not self._in_order:
+        if not self._is_ordered:
             return np.asarray(self._factor.solve(right))
         x = np.empty_like(right, dtype=float)
         x[self._order] = self._factor.solve(right[self._order])
@@ -211,7 +234,7 @@ class SuperLU:
 
 
 #: The fastest first.
-_KINDS: Mapping[str, Callable[[int], SymmetricSolver]] = {
+_SOLVERS: Mapping[str, Callable[[int], SymmetricSolver]] = {
     "pardiso": Pardiso,
     "rslab": Rslab,
     "superlu": SuperLU,
@@ -219,6 +242,6 @@ _KINDS: Mapping[str, Callable[[int], SymmetricSolver]] = {
 
 
 def solver_name() -> str:
-    """The name of what `make_solver` gives."""
+    """Return the name of the solver that `make_solver` creates."""
     solver = make_solver()
     return solver.name

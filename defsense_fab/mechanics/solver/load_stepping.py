@@ -1,4 +1,4 @@
-"""From one set of boundary conditions to another in steps that adapt, with a status for each."""
+"""Follow equilibria from one set of boundary conditions to another in adaptive load steps."""
 
 from __future__ import annotations
 
@@ -16,36 +16,42 @@ from ..elements.tet10 import QuadraticMesh
 from ..loading.boundary_conditions import (
     BoundaryConditions,
     State,
-    interpolate_conditions,
     continue_handles,
+    interpolate_conditions,
     rest_state,
 )
 from .fields import check_field
 from .newton import INTERMEDIATE_TOLERANCE, TOLERANCE, Cancelled, System
 
-MIN_STEP = 1 / 16
-#: Matrices of a step after which the next one is larger.
-EASY_STEP_MATRICES = 5
-#: No step rotations a handle further (rad), or the solver could land in another equilibrium.
+MIN_STEP = 1 / 16  # of the way
+EASY_STEP_MATRICES = 5  # a step that takes no more doubles the next one
+#: Largest turn of a handle in one step; beyond, the solver could reach another equilibrium.
 MAX_STEP_TURN_RAD = np.deg2rad(100)
-#: Of the body's size: displacements that differ by less are one equilibrium.
-_SAME = 0.01
+_SAME_EQUILIBRIUM_RTOL = 0.01  # of the body's size, by which one equilibrium may differ
 
 
 class Status(StrEnum):
-    """How a solve ended. NOT_REACHED and CANCELLED come without a field."""
+    """How a solve ended. `NOT_REACHED` and `CANCELLED` come without a field."""
 
     OK = "ok"
-    UNSOUND = "unsound"  # in equilibrium, but inverted, through itself, or one of several
-    UNSTABLE = "unstable"  # in equilibrium, but at a saddle of the energy: the body would buckle
+    UNSOUND = "unsound"  # equilibrium, but inverted, self-penetrating, or one of several
+    UNSTABLE = "unstable"  # equilibrium, but a saddle of the energy: the body would buckle
     NOT_REACHED = "not reached"
     CANCELLED = "cancelled"
 
 
 @dataclass(frozen=True)
 class SolveStatistics:
-    """Counts of linear solves, factorised matrices and load steps; residual relative to the
-    largest nodal force; stored energy (N mm); wall time (s)."""
+    """Effort and accuracy of a solve.
+
+    Attributes:
+        iterations: Number of linear solves.
+        factors: Number of factorized matrices.
+        steps: Number of load steps.
+        residual: Residual relative to the largest nodal force.
+        energy: Potential energy, N mm.
+        seconds: Wall time, s.
+    """
 
     iterations: int
     factors: int
@@ -59,8 +65,13 @@ class SolveStatistics:
 class Equilibrium:
     """The outcome at one load fraction.
 
-    `state` is None unless the equilibrium was reached; `amplitude` is what was reached, and
-    `largest` the state there where it is not the one asked for.
+    Attributes:
+        status: How the solve ended.
+        state: The equilibrium, None if it was not reached.
+        amplitude: Load fraction that was reached.
+        statistics: Effort and accuracy.
+        last_state: State at `amplitude`, if the requested fraction was not reached.
+        problem: What is wrong with the equilibrium, for people.
     """
 
     status: Status
@@ -72,11 +83,12 @@ class Equilibrium:
 
     @property
     def converged(self) -> bool:
+        """Whether the equilibrium was reached."""
         return self.state is not None
 
     @property
     def u(self) -> Float | None:
-        """Displacements (n, 3) mm."""
+        """Displacements (n, 3) mm, None if the equilibrium was not reached."""
         return None if self.state is None else self.state.u
 
 
@@ -89,7 +101,20 @@ def solve_ramp(
     stop: Callable[[], bool] | None = None,
     threads: int = 1,
 ) -> list[Equilibrium]:
-    """Equilibria at increasing load `fractions`, from rest; stops at the first not reached."""
+    """Solve equilibria at increasing load fractions, starting from rest.
+
+    Args:
+        mesh: Mesh of the body.
+        material: Its material.
+        conditions: Boundary conditions at fraction 1.
+        fractions: Increasing load fractions.
+        on_step: Called with the fraction reached after each step.
+        stop: Returns True to cancel.
+        threads: Number of threads.
+
+    Returns:
+        One record per fraction, up to the first that was not reached.
+    """
     system = System(mesh, material, conditions, threads)
     try:
         start = rest_state(conditions, len(mesh.nodes))
@@ -110,72 +135,88 @@ def follow(
     largest_turn: float = MAX_STEP_TURN_RAD,
     tolerance: float = TOLERANCE,
 ) -> list[Equilibrium]:
-    """Equilibria at the `fractions` of the way from `start` (an equilibrium) to `goal`.
+    """Solve equilibria at fractions of the way from one equilibrium to other conditions.
 
-    `start` may be any pose of the same structure: a neighbouring one saves steps. After a fraction
-    that was not reached or a `stop` the list ends with a record without a state. `check` looks for
-    inverted tets and for a surface that passes through itself, and whether the state is a minimum
-    of the energy. `guess` (n, 3) mm is how far the body is expected to move to the goal, as a
-    coarser mesh tells. No step rotations a handle by more than `largest_turn`, rad. `tolerance` is that
-    of the residual at the fractions, relative to the largest nodal force.
+    Args:
+        system: The system, whose structure `goal` must share.
+        start: An equilibrium; one near the goal saves steps.
+        goal: Boundary conditions at fraction 1.
+        fractions: Increasing fractions of the way.
+        on_step: Called with the fraction reached after each step.
+        stop: Returns True to cancel.
+        check: Look for inverted tets and self-penetration, and check that the state is a minimum of
+            the energy.
+        guess: Expected displacement increment (n, 3) mm to the goal, such as that of a coarser
+            mesh. It is used only if one step leads to the goal.
+        largest_turn: Largest turn of a handle in one step, rad.
+        tolerance: Residual at the fractions, relative to the largest nodal force.
+
+    Returns:
+        One record per fraction. After a fraction that was not reached, or a cancellation, the list
+        ends with a record without a state.
+
+    Raises:
+        ValueError: If `goal` has another structure than the system.
     """
     if goal.structure != system.structure:
         raise ValueError("the goal's boundary conditions differ in structure from the system's")
-    home, state, at = start.conditions, start, 0.0
-    largest = 1.0 / math.ceil(max(_turn(home, goal) / largest_turn - 1e-9, 1.0))
-    step = largest
-    if largest < 1 or list(fractions) != [1.0]:
+    home, state, fraction = start.conditions, start, 0.0
+    max_step = 1.0 / math.ceil(max(_turn(home, goal) / largest_turn - 1e-9, 1.0))
+    step = max_step
+    if max_step < 1 or list(fractions) != [1.0]:
         guess = None
     results: list[Equilibrium] = []
     for target in fractions:
-        began = time.perf_counter()
-        smallest = min(MIN_STEP, (target - at) / 4)
+        started_at = time.perf_counter()
+        min_step = min(MIN_STEP, (target - fraction) / 4)
         iterations = factors = steps = 0
         residual = energy = np.inf
         stable = True
 
         def statistics() -> SolveStatistics:
-            seconds = time.perf_counter() - began  # noqa: B023
+            seconds = time.perf_counter() - started_at  # noqa: B023
             return SolveStatistics(iterations, factors, steps, residual, energy, seconds)  # noqa: B023
 
-        while at < target - 1e-12:
-            there = min(at + step, target)
-            if target - there < 0.25 * step:
-                there = target
+        while fraction < target - 1e-12:
+            next_fraction = min(fraction + step, target)
+            if target - next_fraction < 0.25 * step:
+                next_fraction = target
             try:
                 attempt = system.step(
                     state,
-                    interpolate_conditions(home, goal, there),
+                    interpolate_conditions(home, goal, next_fraction),
                     stop,
                     guess,
-                    tolerance if there == target else INTERMEDIATE_TOLERANCE,
+                    tolerance if next_fraction == target else INTERMEDIATE_TOLERANCE,
                 )
-                guess = None  # holds for one step to the goal
+                guess = None  # it is valid for a single step to the goal
             except Cancelled:
-                results.append(Equilibrium(Status.CANCELLED, None, at, statistics(), state))
+                results.append(Equilibrium(Status.CANCELLED, None, fraction, statistics(), state))
                 return results
             iterations += attempt.solves
             factors += attempt.factors
             if attempt.state is None:
-                step = (there - at) / 2
-                if step < smallest:
-                    results.append(Equilibrium(Status.NOT_REACHED, None, at, statistics(), state))
+                step = (next_fraction - fraction) / 2
+                if step < min_step:
+                    results.append(
+                        Equilibrium(Status.NOT_REACHED, None, fraction, statistics(), state)
+                    )
                     return results
                 continue
-            state, at = attempt.state, there
+            state, fraction = attempt.state, next_fraction
             residual, energy, stable = attempt.residual, attempt.energy, attempt.stable
             steps += 1
             if attempt.factors <= EASY_STEP_MATRICES:
-                step = min(2 * step, largest)
+                step = min(2 * step, max_step)
             if on_step:
-                on_step(at)
+                on_step(fraction)
         problem = check_field(system.mesh, state.u).problem() if check else None
         status = Status.OK
         if problem:
             status = Status.UNSOUND
         elif check and not (stable or system.is_stable(state)):
             status, problem = Status.UNSTABLE, "the equilibrium is unstable: the body would buckle"
-        results.append(Equilibrium(status, state, at, statistics(), None, problem))
+        results.append(Equilibrium(status, state, fraction, statistics(), None, problem))
     return results
 
 
@@ -186,21 +227,34 @@ def continue_from_free(
     threads: int = 1,
     stop: Callable[[], bool] | None = None,
 ) -> list[Equilibrium]:
-    """The equilibria with their handles moved on from where they came to lie, where that is asked
-    for. Amplitudes and statistics are those of the way there."""
+    """Apply the further translations of handles whose position the solver has found.
+
+    Args:
+        mesh: Mesh of the body.
+        material: Its material.
+        found: Equilibria of one pose at increasing fractions.
+        threads: Number of threads.
+        stop: Returns True to cancel.
+
+    Returns:
+        The equilibria after the further translation, up to the first that was not reached;
+        equilibria without one are returned as they are.
+    """
     out, system = [], None
     try:
-        for one in found:
-            further = continue_handles(one.state) if one.state is not None else None
-            if further is None:
-                out.append(one)
+        for equilibrium in found:
+            continuation = (
+                continue_handles(equilibrium.state) if equilibrium.state is not None else None
+            )
+            if continuation is None:
+                out.append(equilibrium)
                 continue
-            start, goal = further
+            start, goal = continuation
             if system is None:
                 system = System(mesh, material, goal, threads)
-            (there,) = follow(system, start, goal, stop=stop)
-            out.append(replace(there, amplitude=there.amplitude * one.amplitude))
-            if not there.converged:
+            (moved,) = follow(system, start, goal, stop=stop)
+            out.append(replace(moved, amplitude=moved.amplitude * equilibrium.amplitude))
+            if not moved.converged:
                 break
     finally:
         if system is not None:
@@ -216,35 +270,50 @@ def confirm_equilibria(
     fractions: Sequence[float],
     stop: Callable[[], bool] | None = None,
 ) -> list[Equilibrium]:
-    """What `follow` found at the fractions, those of large rotations compared with what half the
-    steps come to: where that is elsewhere, or nowhere, there is more than one equilibrium, and the
-    one that was found is UNSOUND."""
+    """Compare equilibria of large rotations with those that steps of half the size lead to.
+
+    If those differ or are not reached, there is more than one equilibrium, and the status becomes
+    `UNSOUND`.
+
+    Args:
+        system: The system that `follow` used.
+        start: Its start.
+        goal: Its goal.
+        found: Its result.
+        fractions: Its fractions.
+        stop: Returns True to cancel.
+
+    Returns:
+        The equilibria with their status updated.
+    """
     if _turn(start.conditions, goal) <= MAX_STEP_TURN_RAD:
         return list(found)
-    fewer = follow(
+    halved = follow(
         system, start, goal, fractions, None, stop, check=False, largest_turn=MAX_STEP_TURN_RAD / 2
     )
     size = float(np.linalg.norm(np.ptp(system.mesh.nodes, axis=0)))
     out = list(found)
-    for k, one in enumerate(found):
-        other = fewer[k] if k < len(fewer) else fewer[-1]
-        if one.u is None or other.status is Status.CANCELLED:
+    for k, equilibrium in enumerate(found):
+        comparison = halved[k] if k < len(halved) else halved[-1]
+        if equilibrium.u is None or comparison.status is Status.CANCELLED:
             continue
-        if k >= len(fewer) or other.u is None:
-            problem = "half the steps do not reach it"
+        if k >= len(halved) or comparison.u is None:
+            problem = "steps of half the size do not reach it"
         else:
-            apart = float(np.linalg.norm(one.u - other.u, axis=1).max())
-            if apart <= _SAME * size:
+            distance = float(np.linalg.norm(equilibrium.u - comparison.u, axis=1).max())
+            if distance <= _SAME_EQUILIBRIUM_RTOL * size:
                 continue
-            problem = f"half the steps end {apart:.3g} mm elsewhere"
-        problem += ": there is more than one equilibrium, and a body may take another"
-        both = problem if one.problem is None else f"{one.problem}; {problem}"
-        out[k] = replace(one, status=Status.UNSOUND, problem=both)
+            problem = f"steps of half the size end {distance:.3g} mm away"
+        problem += ": there is more than one equilibrium, and the body may take another"
+        description = (
+            problem if equilibrium.problem is None else f"{equilibrium.problem}; {problem}"
+        )
+        out[k] = replace(equilibrium, status=Status.UNSOUND, problem=description)
     return out
 
 
 def _turn(home: BoundaryConditions, goal: BoundaryConditions) -> float:
-    """How far the handle is turned that is turned the most, rad."""
+    """Return the largest turn of a handle between two conditions, rad."""
     return max(
         (
             float(np.linalg.norm(b.rotation - a.rotation))

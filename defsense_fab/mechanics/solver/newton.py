@@ -1,12 +1,13 @@
-"""Newton's method for static equilibrium at one set of boundary conditions.
+"""Find the static equilibrium at one set of boundary conditions by Newton's method.
 
 Nearly incompressible bodies make the plain method crawl: a step that keeps the volume to first
-order changes it to second order, the bulk modulus makes a huge pressure of that, and the pressure
-spoils the next tangent. So the pressure in the tangent's geometric part is an unknown of its own at
-each quadrature point, moved along by the linearised volume (Magisano, Leonetti & Garcea 2017, "How
-to improve efficiency and robustness of the Newton method in geometrically non-linear structural
-problem discretized via displacement-based finite elements"). The equilibrium is the same, since the
-residual is the true one; the energy may rise on the way, so no line search looks at it.
+order changes it to second order, the bulk modulus turns that into a huge pressure, and the pressure
+spoils the next tangent. Therefore the pressure in the tangent's geometric part is a separate
+unknown at each quadrature point, updated by the linearized volume (Magisano, Leonetti & Garcea
+2017, "How to improve efficiency and robustness of the Newton method in geometrically non-linear
+structural problem discretized via displacement-based finite elements"). The equilibrium
+is the same, because the residual is the true one. The energy may rise between iterates, so no line
+search uses it.
 """
 
 from __future__ import annotations
@@ -31,38 +32,45 @@ from .convergence_aids import HandleRotation, find_stuck_patch
 from .linear_solver import NotPositiveDefinite, make_solver
 
 TOLERANCE = 1e-7  # of the residual, relative to the largest nodal force
-INTERMEDIATE_TOLERANCE = 1e-2  # on the way to a load step that matters
-#: Forces below those of such a strain count as none: at rest the largest would be rounding.
+INTERMEDIATE_TOLERANCE = 1e-2  # of load steps whose result is only the start of the next
+#: Forces below those of this strain count as zero: at rest the largest force is rounding error.
 MIN_STRAIN = 1e-4
 MAX_MATRICES = 30
-#: After so many matrices a step that is not `FAR` from equilibrium any more goes on; another is
-#: given up, since smaller steps are cheaper.
+#: After `PATIENCE` matrices a step continues only if its relative residual is below `FAR_RESIDUAL`;
+#: otherwise it is given up, since smaller steps are cheaper.
 PATIENCE, FAR_RESIDUAL = 12, 0.3
-GUESS_PATIENCE = 2  # with a guess that does not lead near at once
-#: Shares of the tangent's pointwise negative parts to remove until it is positive definite: all of
-#: it is safe, but too stiff where the body is about to crease.
+GUESS_PATIENCE = 2  # the same for a step from a guess
+#: Shares of the tangent's pointwise negative parts that are removed until it is positive definite.
+#: To remove all is safe, but too stiff where the body is about to crease.
 PROJECTION_SHARES = (0.0, 1 / 8, 1.0)
-#: So many matrices in a row with all of it removed, none of which halves a residual that is not
-#: `FAR`: the step leads to a saddle.
+#: A step leads to a saddle after this many matrices in a row with the whole negative part removed,
+#: none of which halves a residual below `FAR_RESIDUAL`.
 MAX_SLOW_MATRICES = 8
-#: A factor is used again as long as each step with it reduces the residual by this factor.
+#: A factorization is reused while each step with it reduces the residual by this factor.
 REUSE_REDUCTION = 8.0
-#: From so many matrices on, and down to so small a relative residual, patches are solved first,
-#: given up when far from equilibrium after so many matrices.
+#: Stuck patches are solved first from this many matrices on, while the relative residual is above
+#: `MIN_PATCH_RESIDUAL`; a patch is given up after `PATCH_PATIENCE` matrices.
 PATCH_AFTER, MIN_PATCH_RESIDUAL, PATCH_PATIENCE = 1, 0.05, 20
 
 
 class Cancelled(Exception):
-    """The caller asked to stop."""
+    """Raised when the caller's `stop` function returns True."""
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """`state` in equilibrium, or None; `last` is where it ended. `solves` counts linear solves and
-    `factors` factorisations of the whole body, those that met no positive pivot included.
+    """The outcome of one solve.
 
-    `stable` tells that the last tangent needed no change to be positive definite, which near
-    equilibrium is the true Hessian: the state is a minimum of the energy, not a saddle.
+    Attributes:
+        state: The equilibrium, None if it was not reached.
+        solves: Number of linear solves.
+        factors: Number of factorizations of the whole body, failed ones included.
+        residual: Largest component of the reduced gradient, relative to the largest nodal force.
+        energy: Potential energy, N mm.
+        stable: Whether the last tangent was positive definite without modification. Near
+            equilibrium it is the true Hessian, so the state is a minimum of the energy, not a
+            saddle.
+        last: The last state, whether in equilibrium or not.
     """
 
     state: State | None
@@ -76,8 +84,7 @@ class Attempt:
 
 @dataclass(frozen=True)
 class _Iterate:
-    """A state with F and the linearised `volume` (m, 4) that its pressures belong to; potential
-    energy, nodal forces, reduced gradient, and its size relative to the largest nodal force."""
+    """A state with its gradients, the linearized volume of its pressures, energy and forces."""
 
     state: State
     F: Float
@@ -92,9 +99,14 @@ class _Iterate:
 
 
 class System:
-    """Mesh, material and the structure of boundary conditions, with the factorisation kept.
+    """Mesh, material and structure of boundary conditions, with the last factorization.
 
-    `loads` are shared where the mesh is a part of the one that they were made for.
+    Args:
+        mesh: Mesh of the body.
+        material: Its material.
+        conditions: Boundary conditions of the structure to solve; amounts may change later.
+        threads: Number of threads.
+        loads: Loads of a larger mesh that this one is part of; new ones by default.
     """
 
     def __init__(
@@ -110,27 +122,28 @@ class System:
         self.loads = loads or Loads(mesh, conditions)
         self.solver = make_solver(threads)
         self._conditions = conditions
-        self._hinged = any(len(h.free_axes) for h in conditions.handles)
-        self._least = MIN_STRAIN * material.shear * mesh.edge_length**2
-        self._whole: Any = None
+        self._has_free_rotation = any(len(h.free_axes) for h in conditions.handles)
+        self._min_force = MIN_STRAIN * material.shear * mesh.edge_length**2
+        self._unsymmetric: Any = None
         self.reset()
 
     def reset(self) -> None:
-        """What earlier solves found out, so that the next takes the way that it takes alone."""
-        self._share = 0  # of SHARES, where the last tangent was positive definite
-        self._missed = False  # whether a lower one was tried in vain
+        """Forget earlier solves, so that the next solve is the same as without them."""
+        self._share = 0  # index of the share that made the last tangent positive definite
+        self._missed = False  # whether a lower share failed in the last attempt
 
     @cached_property
     def structure(self) -> tuple[object, ...]:
-        """What boundary conditions must have in common to use this system."""
+        """Key that boundary conditions must share to use this system."""
         return self._conditions.structure
 
     @cached_property
     def handle_rotation(self) -> HandleRotation:
-        """The predictor's weights."""
+        """Predictor for turning handles."""
         return HandleRotation(self.reduction.active, self._conditions)
 
     def close(self) -> None:
+        """Release the factorization."""
         self.solver.close()
 
     def step(
@@ -142,9 +155,18 @@ class System:
         tolerance: float = TOLERANCE,
         patience: int = PATIENCE,
     ) -> Attempt:
-        """From an equilibrium to the one under `goal`: predictor, then Newton.
+        """Step from an equilibrium to the one under other conditions: predictor, then Newton.
 
-        A `guess` (n, 3) mm of the movement takes the predictor's place where it succeeds.
+        Args:
+            state: The equilibrium to start from.
+            goal: Conditions of the same structure.
+            stop: Returns True to cancel.
+            guess: Guessed displacement increment (n, 3) mm, tried instead of the predictor first.
+            tolerance: Relative residual of the equilibrium.
+            patience: Number of matrices after which a distant step is given up.
+
+        Raises:
+            Cancelled: If `stop` returned True.
         """
         placed = self.reduction.place(state, goal)
         active, material = self.reduction.active, self.material
@@ -189,49 +211,58 @@ class System:
         volume: Float | None = None,
         ease: bool = True,
     ) -> Attempt:
-        """Newton from a state whose prescribed parts are in place.
+        """Run Newton's method from a state whose prescribed parts are in place.
 
-        `volume` (m, 4) is the volume ratio at the quadrature points that their pressures start
-        from; that of the state unless given. `ease` solves patches that hold the method up.
+        Args:
+            state: The start.
+            stop: Returns True to cancel.
+            tolerance: Relative residual of the equilibrium.
+            patience: Number of matrices after which a distant solve is given up.
+            volume: Volume ratios (m, 4) at the quadrature points that the pressures start from; by
+                default those of the state.
+            ease: Solve stuck patches alone.
+
+        Raises:
+            Cancelled: If `stop` returned True.
         """
         now = self._evaluate(state, None, volume)
-        solves = factors = matrices = crawling = 0
+        solves = factors = matrices = slow_matrices = 0
         stable = False
         while not now.is_balanced(tolerance):
             if stop and stop():
                 raise Cancelled
-            tired = matrices >= patience and now.residual > FAR_RESIDUAL
-            spent = tired or crawling >= MAX_SLOW_MATRICES or matrices >= MAX_MATRICES
+            is_far = matrices >= patience and now.residual > FAR_RESIDUAL
+            spent = is_far or slow_matrices >= MAX_SLOW_MATRICES or matrices >= MAX_MATRICES
             if spent or not np.isfinite(now.energy):
                 return Attempt(None, solves, factors, now.residual, now.energy, False, now.state)
             if ease and matrices >= PATCH_AFTER and now.residual > MIN_PATCH_RESIDUAL:
-                eased = self._solve_patch(now, stop)
-                now = self._evaluate(eased) if eased else now
+                patched = self._solve_patch(now, stop)
+                now = self._evaluate(patched) if patched else now
             matrices += 1
             tried, definite = self._factor(now)
             factors += tried
             if not definite:
                 return Attempt(None, solves, factors, now.residual, now.energy, False, now.state)
             stable = self._share == 0
-            before, again = now.residual, False
+            before, is_reused = now.residual, False
             while True:
-                new = self._take_step(now, again)
+                new = self._take_step(now, is_reused)
                 solves += 1
-                if new is None or (again and not new.residual < now.residual):
+                if new is None or (is_reused and not new.residual < now.residual):
                     break
-                quick = new.residual < now.residual / REUSE_REDUCTION
-                now, again = new, True
-                if now.is_balanced(tolerance) or not quick:
+                is_fast = new.residual < now.residual / REUSE_REDUCTION
+                now, is_reused = new, True
+                if now.is_balanced(tolerance) or not is_fast:
                     break
-            if not again:
+            if not is_reused:
                 return Attempt(None, solves, factors, now.residual, now.energy, False, now.state)
             slow = PROJECTION_SHARES[self._share] == 1 and before / 2 < now.residual < FAR_RESIDUAL
-            crawling = crawling + 1 if slow else 0
+            slow_matrices = slow_matrices + 1 if slow else 0
         stable = stable or not self.reduction.size
         return Attempt(now.state, solves, factors, now.residual, now.energy, stable, now.state)
 
     def _solve_patch(self, now: _Iterate, stop: Callable[[], bool] | None) -> State | None:
-        """The state with the patch that holds it up, if any, in equilibrium with the rest held."""
+        """Return the state with its stuck patch, if any, in equilibrium while the rest is held."""
         found = find_stuck_patch(self.reduction, now.gradient)
         if found is None:
             return None
@@ -261,7 +292,7 @@ class System:
         return replace(now.state, u=attempt.last.u)
 
     def is_stable(self, state: State) -> bool:
-        """Whether the true Hessian is positive definite there: a minimum, not a saddle."""
+        """Return whether the true Hessian is positive definite: a minimum, not a saddle."""
         if self.reduction.size == 0:
             return True
         now = self._evaluate(state)
@@ -281,8 +312,11 @@ class System:
         return self._share > 0
 
     def _factor(self, now: _Iterate) -> tuple[int, bool]:
-        """Factor the tangent with the least share removed that makes it positive definite; returns
-        how many were tried, and whether one was."""
+        """Factor the tangent with the smallest share removed that makes it positive definite.
+
+        Returns:
+            The number of factorizations tried, and whether the last one succeeded.
+        """
         state = now.state
         blocks = self.loads.blocks(state.conditions, state.u)
         lag = self.material.volumetric * (
@@ -296,7 +330,7 @@ class System:
             share, second = PROJECTION_SHARES[self._share], None
             if not share:
                 second = now.force
-                if self._hinged:
+                if self._has_free_rotation:
                     second = second + tet10.pressure_forces(self.reduction.active, lag, now.F)
             matrix = self.reduction.matrix(
                 state, self.material, now.F, share, blocks, second, self.threads, lag
@@ -311,24 +345,34 @@ class System:
                 self._share += 1
                 self._missed = self._share == first
         skew = self.loads.skew(state.conditions, state.u)
-        self._whole = None
+        self._unsymmetric = None
         if skew is not None:
             whole = matrix + sp.triu(matrix, 1).T + self.reduction.reduced(state, skew)
-            self._whole = whole.tocsr()
+            self._unsymmetric = whole.tocsr()
         return tried, True
 
     def _solve(self, right: Float) -> Float:
-        """With the tangent of the last `_factor`; where pressure makes it unsymmetric, by GMRES
-        with the factor of its symmetric part as the preconditioner."""
-        if self._whole is None:
+        """Solve with the tangent of the last `_factor`.
+
+        If pressure makes the tangent unsymmetric, GMRES solves with the factorization of the
+        symmetric part as its preconditioner.
+        """
+        if self._unsymmetric is None:
             return self.solver.solve(right)
-        inverse = spl.LinearOperator(self._whole.shape, matvec=self.solver.solve, dtype=float)
-        found, failed = spl.gmres(self._whole, right, M=inverse, rtol=1e-8, maxiter=60)
-        return self.solver.solve(right) if failed else np.asarray(found)
+        inverse = spl.LinearOperator(self._unsymmetric.shape, matvec=self.solver.solve, dtype=float)
+        solution, status = spl.gmres(self._unsymmetric, right, M=inverse, rtol=1e-8, maxiter=60)
+        return self.solver.solve(right) if status else np.asarray(solution)
 
     def energy(self, state: State, pressure: Float) -> float:
-        """Potential energy (N mm) of body and loads, the pressures as dead nodal loads (n, 3) N;
-        inf where the material is not defined."""
+        """Return the potential energy of body and loads, N mm.
+
+        Args:
+            state: The state.
+            pressure: Nodal forces (n, 3) N of the pressures, which count as dead loads.
+
+        Returns:
+            The energy, infinite where the material is not defined.
+        """
         F = tet10.deformation_gradient(self.reduction.active, state.u, self.threads)
         stored = tet10.energy(self.reduction.active, self.material, F, self.threads)
         return stored + self.loads.energy(state.conditions, state.u, pressure)
@@ -348,15 +392,17 @@ class System:
         outer = self.loads.forces(state.conditions, state.u, pressure)
         force = inner - outer
         gradient = self.reduction.gradient(state, force)
-        scale = max(float(np.abs(inner).max()), float(np.abs(outer).max()), self._least)
+        scale = max(float(np.abs(inner).max()), float(np.abs(outer).max()), self._min_force)
         residual = float(np.abs(gradient).max(initial=0.0)) / scale
         if not np.isfinite(scale):
             residual = np.inf
         return _Iterate(state, F, volume, energy, force, gradient, residual)
 
     def _take_step(self, now: _Iterate, whole: bool) -> _Iterate | None:
-        """A step with the last factor, or the largest 1/2^k of it that the material is defined
-        at; with `whole` all of it or nothing."""
+        """Take the Newton step, or the largest 1/2^k of it at which the material is defined.
+
+        With `whole` the full step is taken or none.
+        """
         active = self.reduction.active
         direction, length = self._solve(-now.gradient), 1.0
         while length > 1e-3:
@@ -364,7 +410,7 @@ class System:
             F = tet10.deformation_gradient(active, trial.u, self.threads)
             if np.isfinite(tet10.energy(active, self.material, F, self.threads)):
                 linear = F
-                if self._hinged:  # handles turn by the exponential map
+                if self._has_free_rotation:  # handles turn by the exponential map
                     u = now.state.u + self.reduction.displacement_increment(
                         now.state, length * direction
                     )

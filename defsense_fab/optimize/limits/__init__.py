@@ -1,1 +1,1 @@
-"""What a layout must keep: walls, radii, clearances, parts that can be printed."""
+"""Limits of a layout: walls, radii, clearances and parts that can be printed."""

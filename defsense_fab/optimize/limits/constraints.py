@@ -1,4 +1,4 @@
-"""Wall, radius of curvature and clearance as inequalities g(x) >= 0 with derivatives."""
+"""Express wall, radius of curvature and clearance as inequalities g(x) >= 0 with derivatives."""
 
 from __future__ import annotations
 
@@ -22,16 +22,19 @@ from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Limits
 from .polyline_distance import nearest_on_polyline, nearest_on_strand
 
-# A cord's samples with its straight runs to the surface, and how they move with its parameters.
-
-RUN_SAMPLES = 4  # samples of a straight run to the surface
+RUN_SAMPLES = 4  # of a straight run to the surface
 
 
 @dataclass(frozen=True)
 class FullPath:
-    """Samples `points` (p, 3) mm in order: the run before the path's start, the path, the run
-    after its end. Runs of `runs` (2,) mm follow the path's end tangents; a run of no length has
-    no samples."""
+    """A cord's path with its straight runs to the surface, which follow the path's end tangents.
+
+    Attributes:
+        points: (p, 3) mm, samples in order: the run before the path's start, the path, the run
+            after its end. A run of zero length has no samples.
+        placed: The cord.
+        runs: (2,) mm, lengths of the runs.
+    """
 
     points: Float
     placed: PlacedCord
@@ -39,12 +42,17 @@ class FullPath:
 
     @classmethod
     def of(cls, placed: PlacedCord, runs: Float) -> FullPath:
-        """The cord with runs of so many mm."""
+        """Extend a cord by runs (2,) mm."""
         return cls(_with_runs(placed.points, runs), placed, runs)
 
     def add_rows(self, samples: Int, directions: Float, out: Float) -> None:
-        """Add to out (q, size) the derivatives of how far the samples (q,) move along the
-        directions (q, 3)."""
+        """Add to `out` the derivatives of the motion of samples along directions.
+
+        Args:
+            samples: (q,) numbers of the samples.
+            directions: (q, 3) directions.
+            out: (q, size), changed in place.
+        """
         rows, on, along = _on_path(samples, directions, self.runs, self.placed.points)
         self.placed.add_moves(rows, on, along, out)
 
@@ -67,8 +75,11 @@ def _with_runs(path, runs):  # type: ignore[no-untyped-def]
 
 @compiled()
 def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
-    """What moves the samples (q,) along the directions (q, 3), told by the path's own samples:
-    which of the q (m,), the path's sample (m,), its direction (m, 3)."""
+    """Express the motion of samples (q,) along directions (q, 3) by samples of the path alone.
+
+    Returns for m terms the number of the sample among the q (m,), the sample of the path (m,) and
+    its direction (m, 3).
+    """
     a, count = RUN_SAMPLES * (runs[0] > 0), len(path)
     rows, on = np.empty(2 * len(samples), np.int64), np.empty(2 * len(samples), np.int64)
     along = np.empty((2 * len(samples), 3))
@@ -96,35 +107,46 @@ def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
     return rows[:m], on[:m], along[:m]
 
 
-#: An end further than this from the surface leaves cord that the signal does not count, mm.
-MAX_INLET_MM = 12.0
-#: Part of the limits that the optimiser keeps in hand for what its samples miss, mm.
-MARGIN_MM = 0.1
-_RADIUS_MARGIN = 1.05  # the same for the radius of curvature
-_NO_DISTANCE_MM = 1e3
+MAX_INLET_MM = 12.0  # from a path's end to the surface; the signal ignores the cord in between
+MARGIN_MM = 0.1  # added to the limits for what the optimizer's samples miss
+_RADIUS_MARGIN = 1.05  # factor on the radius of curvature, for the same reason
+_NO_DISTANCE_MM = 1e3  # in place of an infinite distance
 
 
 def exit_distances(sensor: Sensor, surface: Surface) -> Float:
-    """How far (mm) the path's two ends run on straight before they leave the body, (2,); inf where
-    an end does not leave."""
+    """Return the lengths (2,) mm of the straight runs from a path's ends to the surface.
+
+    A length is infinite if the run does not leave the body.
+    """
     ends = sensor.plane.to_world(sensor.curve.points[[0, -1]])
     tangents = sensor.curve.tangents[[0, -1]] @ sensor.plane.axes[:, :2].T
-    found = [
-        surface_queries.hits(e, t, surface)
+    rays = [
+        surface_queries.cast_ray(e, t, surface)
         for e, t in zip(ends, [-tangents[0], tangents[1]], strict=True)
     ]
-    return np.array([hits[0] if len(hits) else np.inf for hits in found])
+    return np.array([hits[0] if len(hits) else np.inf for hits in rays])
 
 
 def run_lengths(ends: Float) -> Float:
-    """How much of the straight runs of `ends` mm to the surface is sampled: not the last 2 mm,
-    whose length changes as a plane tilts."""
+    """Return the sampled lengths of straight runs of `ends` mm to the surface.
+
+    The last 2 mm are left out, because their length changes as a plane tilts.
+    """
     return np.asarray(np.where(np.isfinite(ends) & (ends > 2.1), ends - 2, 0))
 
 
 def required_depth(to_exit: Float, limits: Limits) -> tuple[Float, Float]:
-    """Least depth `to_exit` mm of channel before the surface, with a margin, and how it grows with
-    that: the full wall, also beside a pocket at the end, less in the cone of an inlet."""
+    """Return the smallest depth allowed before a channel's exit, with a margin.
+
+    It is the full wall, also next to a pocket at the end, and less in the cone of an inlet.
+
+    Args:
+        to_exit: Length of channel to the surface, mm.
+        limits: The limits.
+
+    Returns:
+        Depths in mm and their derivatives by `to_exit`.
+    """
     length, diameter = limits.pocket
     slope = MAX_INLET_SLOPE * (1 + MARGIN_MM / limits.depth)
     wide = max(limits.wall + diameter / 2, limits.depth)
@@ -135,22 +157,28 @@ def required_depth(to_exit: Float, limits: Limits) -> tuple[Float, Float]:
 
 @dataclass(frozen=True)
 class _Inlets:
-    """A cord's channel near its two ends, as measured at x = 0, and the limits `least` and `most`
-    (2,) mm of how far the ends may lie from the surface: as drawn at the worst.
+    """A cord's channel near its two ends, as measured at x = 0.
 
-    The `normals` (2, 3) of the surface and the `exits` (2, 3) mm where the straight runs of
-    `runs` (2,) mm leave it; for each sample the length of channel `along` (p,) mm to the nearer
-    end of the track, and which `end` (p,) that is; samples `near` (q,) an end, where limits
-    change quickly, and `far` from both.
+    Attributes:
+        normals: (2, 3) normals of the surface at the exits.
+        exits: (2, 3) mm, points where the straight runs leave the body.
+        runs: (2,) mm, sampled lengths of the runs.
+        shortest: (2,) mm, smallest distances allowed from the ends to the surface; never stricter
+            than the drawing.
+        longest: (2,) mm, the largest distances.
+        near: (q,) numbers of samples near an end, where limits change quickly.
+        away: (r,) numbers of the other samples.
+        along: (p,) mm, length of channel from each sample to the nearer end of the full path.
+        end: (p,) number of that end.
     """
 
     normals: Float
     exits: Float
     runs: Float
-    least: Float
-    most: Float
+    shortest: Float
+    longest: Float
     near: Int
-    far: Int
+    away: Int
     along: Float
     end: Int
 
@@ -164,20 +192,23 @@ class _Inlets:
         out /= np.linalg.norm(out, axis=1, keepdims=True)
         finite = np.isfinite(lengths)
         exits = path[[0, -1]] + np.where(finite, lengths, 0.0)[:, None] * out
-        below = exits - 0.01 * out  # on the surface itself rounding decides what is inside
-        normals = np.where(finite[:, None], -depth.with_gradient(below)[1], 0.0)
+        inner = exits - 0.01 * out  # on the surface rounding would decide what is inside
+        normals = np.where(finite[:, None], -depth.with_gradient(inner)[1], 0.0)
         along = arc_lengths(points)
         i = np.arange(len(points))
         near = np.minimum(i, i[::-1]) < 12 + RUN_SAMPLES
-        both = np.stack([along, along[-1] - along])
-        least = np.minimum(5 * MARGIN_MM, lengths)
-        most = np.maximum(MAX_INLET_MM - 5 * MARGIN_MM, np.where(finite, lengths, 0.0))
-        ends = (both.min(axis=0), both.argmin(axis=0))
-        return cls(normals, exits, runs, least, most, i[near], i[~near], *ends)
+        distances = np.stack([along, along[-1] - along])
+        shortest = np.minimum(5 * MARGIN_MM, lengths)
+        longest = np.maximum(MAX_INLET_MM - 5 * MARGIN_MM, np.where(finite, lengths, 0.0))
+        ends = (distances.min(axis=0), distances.argmin(axis=0))
+        return cls(normals, exits, runs, shortest, longest, i[near], i[~near], *ends)
 
     def lengths(self, track: FullPath, size: int) -> tuple[Float, Float]:
-        """How far the path's ends lie from the surface at the exits, (2,) mm, inf without one, and
-        the derivatives (2, size)."""
+        """Return the distances of the path's ends from the surface along the runs.
+
+        Returns:
+            Distances (2,) mm, infinite without an exit, and derivatives (2, size).
+        """
         value, row = np.full(2, np.inf), np.zeros((2, size))
         path = track.placed.points
         count, first = len(path), RUN_SAMPLES * (self.runs[0] > 0)
@@ -198,10 +229,16 @@ class _Inlets:
 
 
 class Constraints:
-    """All inequalities of a layout, in mm, each at least zero where it is met.
+    """All inequalities of a layout in mm; each is at least zero where it is met.
 
-    Where the channels leave the body is measured at x = 0: for x nearby the surface there counts
-    as flat.
+    The exits of the channels are measured at x = 0; for x nearby the surface there counts as flat.
+
+    Args:
+        surface: The body's surface.
+        depth: Exact depth below it.
+        limits: The limits.
+        cords: Parameters of the cords.
+        stride: Number of neighboring samples of which only the worst one becomes a row.
     """
 
     def __init__(
@@ -219,7 +256,7 @@ class Constraints:
         self._inlets = [_Inlets.of(c, depth, surface) for c in cords]
 
     def __call__(self, x: Float) -> tuple[Float, Float]:
-        """Values (g,) and derivatives (g, size)."""
+        """Return values (g,) and derivatives (g, size) at parameters x (size,)."""
         tracks = [
             FullPath.of(place_cord(cord, x[columns]), inlets.runs)
             for cord, columns, inlets in zip(self._cords, self._columns, self._inlets, strict=True)
@@ -254,45 +291,54 @@ class Constraints:
     def _walls(
         self, tracks: Sequence[FullPath], i: int, depth: Float, inward: Float
     ) -> tuple[list[Float], list[Float]]:
-        """What the depths (q,) of a cord's samples have in hand, and inlets' and cord's lengths."""
+        """Return the margins of a cord's depths (q,), its inlets' lengths and its whole length."""
         inlets, size = self._inlets[i], self._size
         lengths, by = inlets.lengths(tracks[i], self._cords[i].size)
         rest = lengths - inlets.runs
         need, growth = required_depth(inlets.along + rest[inlets.end], self._limits)
         room = depth - need
-        worst = inlets.far[_worst_of_groups(room[inlets.far], self._stride)]
-        few = np.sort(np.concatenate([inlets.near, worst]))
-        row = self._rows(tracks, len(few), (i, few, inward[few]))
+        worst = inlets.away[_worst_of_groups(room[inlets.away], self._stride)]
+        chosen = np.sort(np.concatenate([inlets.near, worst]))
+        row = self._rows(tracks, len(chosen), (i, chosen, inward[chosen]))
         tilt = np.zeros_like(row)
-        tilt[:, self._columns[i]] = growth[few, None] * by[inlets.end[few]]
+        tilt[:, self._columns[i]] = growth[chosen, None] * by[inlets.end[chosen]]
         leaves = np.isfinite(lengths)
         longer = np.zeros((int(leaves.sum()), size))
         longer[:, self._columns[i]] = by[leaves]
-        values = [room[few], (lengths - inlets.least)[leaves], (inlets.most - lengths)[leaves]]
+        values = [
+            room[chosen],
+            (lengths - inlets.shortest)[leaves],
+            (inlets.longest - lengths)[leaves],
+        ]
         rows = [row - tilt, longer, -longer]
         for bound, sign in ((self._limits.shortest, 1), (self._limits.longest, -1)):
             if 0 < bound < np.inf:
-                long, by_long = _length(tracks[i].placed)
-                left = long + lengths[leaves].sum() - bound
+                length, by_length = _length(tracks[i].placed)
+                slack = length + lengths[leaves].sum() - bound
                 wide = np.zeros((1, size))
-                wide[0, self._columns[i]] = sign * (by_long + by[leaves].sum(axis=0))
-                values.append(np.array([sign * left - MARGIN_MM]))
+                wide[0, self._columns[i]] = sign * (by_length + by[leaves].sum(axis=0))
+                values.append(np.array([sign * slack - MARGIN_MM]))
                 rows.append(wide)
         return values, rows
 
     def _rows(
         self, tracks: Sequence[FullPath], count: int, *terms: tuple[int, Int, Float]
     ) -> Float:
-        """Sums (count, size) of how far samples move: terms of cord, samples (count,), and
-        directions (count, 3)."""
+        """Return derivatives (count, size) of sums of samples' motions along directions.
+
+        Each term holds a cord, its samples (count,) and directions (count, 3).
+        """
         out = np.zeros((count, self._size))
         for cord, samples, directions in terms:
             tracks[cord].add_rows(samples, directions, out[:, self._columns[cord]])
         return out
 
     def _distance(self, tracks: Sequence[FullPath], i: int, j: int) -> tuple[Float, Float]:
-        """Every few neighbouring samples of cord i: the one nearest to cord j (or to i's far
-        parts). All samples are looked at; a coarser polyline would cut the bends short."""
+        """Return margins of the distance of cord i from cord j, or from its own other strands.
+
+        Of every few neighboring samples only the nearest becomes a row. All samples are compared,
+        because a coarser polyline would cut the bends short.
+        """
         a, b = tracks[i].points, tracks[j].points
         if i == j:
             distance, segment, where = nearest_on_strand(a, strand_separation(self._limits))
@@ -311,7 +357,7 @@ class Constraints:
 
 
 def _length(placed: PlacedCord) -> tuple[float, Float]:
-    """Length of the path, mm, and the derivative (size,)."""
+    """Return the length of the path, mm, and its derivative (size,)."""
     step = np.diff(placed.points, axis=0)
     size = np.linalg.norm(step, axis=1)
     unit = step / np.maximum(size, 1e-12)[:, None]
@@ -321,12 +367,11 @@ def _length(placed: PlacedCord) -> tuple[float, Float]:
 
 
 def _worst_of_groups(values: Float, count: int) -> Int:
-    """Index of the smallest of every `count` neighbours; looking at all of them misses nothing
-    and keeps the rows few."""
+    """Return the index of the smallest of every `count` neighboring values."""
     padded = np.append(values, np.full(-len(values) % count, np.inf)).reshape(-1, count)
     return np.asarray(padded.argmin(axis=1) + count * np.arange(len(padded)))
 
 
 def strand_separation(limits: Limits) -> float:
-    """Length along one cord from which on two of its points count as separate strands, mm."""
+    """Return the length along a cord (mm) from which two points are on separate strands."""
     return float(np.pi * max(limits.min_radius, limits.clearance / 2))

@@ -1,4 +1,4 @@
-"""Closest points between polylines: the inner loop of clearances."""
+"""Find closest points of polylines: the inner loop of clearances."""
 
 from __future__ import annotations
 
@@ -10,30 +10,47 @@ from ...core.machine.compiled import compiled
 
 
 def nearest_on_polyline(points: Float, line: Float) -> tuple[Float, Int, Float]:
-    """Distance (p,) of points (p, 3) from a polyline (q, 3), the segment (p,) where it is
-    attained, and where on that segment (p,), 0 to 1."""
-    none = np.zeros(0)
-    return _nearest(points, line, none, none, 0.0)  # type: ignore[no-any-return]
+    """Find the closest points of a polyline.
+
+    Args:
+        points: Points (p, 3) mm.
+        line: Polyline (q, 3) mm.
+
+    Returns:
+        Distances (p,) mm, numbers (p,) of the closest segments, and positions (p,) on these
+        segments, 0 to 1.
+    """
+    empty = np.zeros(0)
+    return _nearest(points, line, empty, empty, 0.0)  # type: ignore[no-any-return]
 
 
-def nearest_on_strand(path: Float, apart: float) -> tuple[Float, Int, Float]:
-    """Like `nearest` for a path (p, 3) and itself, where segments less than `apart` mm further
-    along do not count; the distance is inf where none is left."""
+def nearest_on_strand(path: Float, separation: float) -> tuple[Float, Int, Float]:
+    """Find the closest points of a path on its own other strands.
+
+    Args:
+        path: Path (p, 3) mm.
+        separation: Length along the path, mm; nearer segments do not count.
+
+    Returns:
+        As `nearest_on_polyline`; the distance is infinite for points without another strand.
+    """
     along = arc_lengths(path)
     middle, longest = (along[1:] + along[:-1]) / 2, np.diff(along).max()
-    return _nearest(path, path, along, middle, apart + longest)  # type: ignore[no-any-return]
+    return _nearest(path, path, along, middle, separation + longest)  # type: ignore[no-any-return]
 
 
 def path_gaps(paths: Float, line: Float) -> Float:
-    """Least distance (c,) of the points of each path (c, p, 3) from a polyline (q, 3)."""
+    """Return the smallest distance (c,) of each path's points (c, p, 3) from a polyline (q, 3)."""
     distance = nearest_on_polyline(paths.reshape(-1, 3), line)[0].reshape(paths.shape[:2])
     return np.asarray(distance.min(axis=1))
 
 
 @compiled()
-def self_gaps(paths, apart):  # type: ignore[no-untyped-def]
-    """Least distance (c,) of each path (c, p, 3) from itself as in `nearest_strand`, between its
-    points; inf where none are far enough along."""
+def self_gaps(paths, separation):  # type: ignore[no-untyped-def]
+    """Return the smallest distance (c,) of each path (c, p, 3) from its own other strands.
+
+    As in `nearest_on_strand`, but between points; infinite for paths without another strand.
+    """
     out = np.full(len(paths), np.inf)
     count = paths.shape[1]
     along = np.zeros(count)
@@ -48,7 +65,7 @@ def self_gaps(paths, apart):  # type: ignore[no-untyped-def]
             along[p] = along[p - 1] + step
         for p in range(count):
             for q in range(p):
-                if along[p] - along[q] >= apart + longest:
+                if along[p] - along[q] >= separation + longest:
                     square = 0.0
                     for d in range(3):
                         square += (paths[c, p, d] - paths[c, q, d]) ** 2
@@ -58,7 +75,7 @@ def self_gaps(paths, apart):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _nearest(points, line, along, middle, apart):  # type: ignore[no-untyped-def]
+def _nearest(points, line, along, middle, separation):  # type: ignore[no-untyped-def]
     count = len(line) - 1
     distance = np.full(len(points), np.inf)
     segment = np.zeros(len(points), np.int64)
@@ -67,10 +84,12 @@ def _nearest(points, line, along, middle, apart):  # type: ignore[no-untyped-def
     for k in range(count):
         longest = max(longest, np.sqrt(((line[k + 1] - line[k]) ** 2).sum()))
     for p in range(len(points)):
-        start = segment[p - 1] if p > 0 else 0  # neighbours are near to neighbouring segments
+        start = (
+            segment[p - 1] if p > 0 else 0
+        )  # neighboring points are close to neighboring segments
         for turn in range(count + 1):
             k = start if turn == 0 else turn - 1
-            if apart > 0.0 and abs(along[p] - middle[k]) < apart:
+            if separation > 0.0 and abs(along[p] - middle[k]) < separation:
                 continue
             dot, size, gap = 0.0, 0.0, 0.0
             for d in range(3):

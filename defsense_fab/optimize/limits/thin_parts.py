@@ -1,4 +1,4 @@
-"""Parts too small or too thin to print, which cord planes leave where they nearly meet."""
+"""Find slivers: parts too small or too thin to print, left where cord planes nearly meet."""
 
 from __future__ import annotations
 
@@ -11,27 +11,36 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import group_coincident_planes, sample_path
 from ...core.device.device import Sensor
-from ...geometry.parts.cut_orders import cut_orders
+from ...geometry.parts.division import cut_orders
 from ..problem.cord_kinematics import place_cord
 from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Problem, sample_interior
 
-#: Points that stand for the body's volume, and for its surface, where the thinnest wedges end.
+#: Points that sample the body's volume, and its surface, where the thinnest wedges end.
 _VOLUME_POINTS, _SURFACE_POINTS = 3000, 1500
-_MARGIN = 1.2  # what the points may miss
-_MAX_NUMBERED_CELLS = 64  # cells, beyond which those without points are worth leaving out
+_MARGIN = 1.2  # safety factor for what the points miss
+_MAX_NUMBERED_CELLS = 64  # from which on it pays to drop cells without points
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """A part: the cells that it is made of, and the distinct planes that bound it."""
+    """A part of the body.
+
+    Attributes:
+        cells: Set of the cells it consists of, as the bits of a number.
+        planes: Numbers of the distinct planes that bound it.
+    """
 
     cells: int
     planes: tuple[int, ...]
 
 
 class ThinParts:
-    """Looks for slivers by points: the cuts of `geometry/parts/division.py` without solids."""
+    """Finds slivers from sample points: the cuts of `geometry/parts/division.py` without solids.
+
+    Args:
+        problem: The problem, whose body and limits apply.
+    """
 
     def __init__(self, problem: Problem) -> None:
         rng = np.random.default_rng(0)
@@ -43,38 +52,49 @@ class ThinParts:
         self._limits = problem.limits
 
     def __call__(self, sensors: Sequence[Sensor]) -> bool:
-        """Whether the layout leaves slivers."""
-        return self._first(sensors) is not None
+        """Return whether a layout leaves slivers."""
+        return self._find_sliver(sensors) is not None
 
     def guard(
         self, cords: Sequence[CordParameters], old: Float, new: Float
     ) -> tuple[Float, Float] | None:
-        """An inequality at parameters `new` (size,) that rules out the sliver there: value (1,) mm
-        and row (1, size); None without one. Thin parts that were thick at `old` are to be thick,
-        others not to be."""
+        """Return an inequality that rules out the sliver at new parameters.
+
+        A thin part that was thicker at the old parameters must become thick; any other must vanish.
+
+        Args:
+            cords: Parameters of the cords.
+            old: Old parameters (size,) mm.
+            new: New parameters (size,) mm.
+
+        Returns:
+            Value (1,) mm and derivatives (1, size) of the inequality, or None without a sliver.
+        """
         ends = np.cumsum([0, *(c.size for c in cords)])
         parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
         placed = [place_cord(c, new[p]) for c, p in zip(cords, parts, strict=True)]
-        found = self._first([at.sensor() for at in placed])
+        found = self._find_sliver([at.sensor() for at in placed])
         if found is None:
             return None
-        was, value, row = 0.0, 0.0, np.zeros(len(new))
+        old_value, value, row = 0.0, 0.0, np.zeros(len(new))
         point, owners = found
         for owner in owners:
-            now, by = placed[owner].height(point)
-            side = 1.0 if now >= 0 else -1.0
-            value += side * now
-            was += side * place_cord(cords[owner], old[parts[owner]]).height(point)[0]
+            height, by = placed[owner].height(point)
+            side = 1.0 if height >= 0 else -1.0
+            value += side * height
+            old_value += side * place_cord(cords[owner], old[parts[owner]]).height(point)[0]
             row[parts[owner]] += side * by
-        if was > value:
+        if old_value > value:
             return np.array([value - 1.5 * max(value, self._limits.wall)]), row[None]
         return np.array([-value - 1e-2]), -row[None]
 
-    def _first(self, sensors: Sequence[Sensor]) -> tuple[Float, tuple[int, ...]] | None:
-        """The point deepest inside the thinnest sliver of the best order of cuts, and the cords
-        whose planes are the nearest two there."""
-        own = group_coincident_planes([s.plane for s in sensors])
-        planes = [sensors[cords[0]].plane for cords in own]
+    def _find_sliver(self, sensors: Sequence[Sensor]) -> tuple[Float, tuple[int, ...]] | None:
+        """Return the point deepest inside the thinnest sliver, and the cords of its two planes.
+
+        The order of cuts is the best one; the planes are the two nearest to the point.
+        """
+        plane_cords = group_coincident_planes([s.plane for s in sensors])
+        planes = [sensors[cords[0]].plane for cords in plane_cords]
         paths = [sample_path(s)[::6] for s in sensors]
         points = np.concatenate([self._points, *paths])
         heights = np.stack([(points - p.origin) @ p.normal for p in planes])
@@ -90,7 +110,7 @@ class ThinParts:
         best: tuple[int, float] | None = None
         for order in cut_orders(len(planes)):
             runs = [_cell_set(a) for a in along]
-            leaves = list(_cut(_cell_set(cells), runs, list(order), (), own, above))
+            leaves = list(_cut(_cell_set(cells), runs, list(order), (), plane_cords, above))
             rank = (len(leaves), -min(float(volume[_members(x.cells)].sum()) for x in leaves))
             if best is None or rank < best:
                 best, parts = rank, leaves
@@ -105,13 +125,15 @@ class ThinParts:
         if not thin:
             return None
         _, leaf, inside = min(thin, key=lambda x: x[0])
-        near = np.abs(heights[list(leaf.planes)][:, inside])
-        k = int(np.minimum(self._depth[inside], near.min(axis=0)).argmax())
-        two = np.argsort(near[:, k], kind="stable")[:2]
-        return self._points[inside[k]], tuple(own[leaf.planes[i]][0] for i in two.tolist())
+        distances = np.abs(heights[list(leaf.planes)][:, inside])
+        k = int(np.minimum(self._depth[inside], distances.min(axis=0)).argmax())
+        nearest_two = np.argsort(distances[:, k], kind="stable")[:2]
+        return self._points[inside[k]], tuple(
+            plane_cords[leaf.planes[i]][0] for i in nearest_two.tolist()
+        )
 
     def _thickness(self, inside: Int, leaf: Leaf, heights: Float) -> float:
-        """Mean thickness, mm: four times the mean distance from the faces, as in a slab."""
+        """Return the mean thickness, mm: four times the mean distance from the faces."""
         if not len(inside):
             return 0.0
         near = self._depth[inside]
@@ -121,8 +143,10 @@ class ThinParts:
 
 
 def _cells(heights: Float) -> Int:
-    """All planes together divide space into cells: the number (p,) of the one that each point is
-    in, from its heights (i, p) above the planes. Only cells with points in them are numbered."""
+    """Number (p,) the cells of all planes that points are in, from heights (i, p) above the planes.
+
+    Only cells that hold points are numbered.
+    """
     out = np.zeros(heights.shape[1], int)
     for above in heights > 0:
         out = 2 * out + above
@@ -132,7 +156,7 @@ def _cells(heights: Float) -> Int:
 
 
 def _cell_set(cells: Int) -> int:
-    """A set of cells as the bits of one number."""
+    """Return a set of cells as the bits of one number."""
     return sum(1 << c for c in np.flatnonzero(np.bincount(cells)).tolist())
 
 
@@ -143,22 +167,25 @@ def _members(cells: int) -> list[int]:
 def _cut(
     piece: int,
     along: list[int],
-    todo: list[int],
+    remaining: list[int],
     planes: tuple[int, ...],
-    own: list[list[int]],
+    plane_cords: list[list[int]],
     above: list[int],
 ) -> Iterator[Leaf]:
-    """The parts of a piece, a set of cells, for the planes still to cut; `along` are the cells that
-    each cord runs through there, `own` each plane's cords and `above` the cells above it."""
-    for n, i in enumerate(todo):
-        if not any(along[c] for c in own[i]):
+    """Cut a piece, a set of cells, by the planes that remain, and yield its parts.
+
+    `along` holds the cells that each cord runs through, `plane_cords` the cords of each plane and
+    `above` the cells above it.
+    """
+    for n, i in enumerate(remaining):
+        if not any(along[c] for c in plane_cords[i]):
             continue
         low, high = piece & ~above[i], piece & above[i]
         if not (low and high):
             continue
         for half, side in ((low, ~above[i]), (high, above[i])):
-            # A plane's own cords run in both of its halves' skins, and cut no further.
-            rest = [0 if c in own[i] else a & side for c, a in enumerate(along)]
-            yield from _cut(half, rest, todo[n + 1 :], (*planes, i), own, above)
+            # A plane's cords run in the cut faces of both halves and make no further cuts.
+            rest = [0 if c in plane_cords[i] else a & side for c, a in enumerate(along)]
+            yield from _cut(half, rest, remaining[n + 1 :], (*planes, i), plane_cords, above)
         return
     yield Leaf(piece, planes)

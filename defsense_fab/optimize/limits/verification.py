@@ -1,8 +1,8 @@
-"""An independent check of finished layouts on dense samples, apart from the optimiser's code.
+"""Check finished layouts on dense samples, independently of the optimizer's code.
 
-Depth comes from the body's facets by winding number and closest points, inlets by rays, curvature
-from the circle through three neighbouring samples, distances from a k-d tree over dense samples.
-The straight runs from a path's ends to the surface are channels too, and are checked with it.
+Depth comes from the body's facets by winding number and closest points, inlets from rays, curvature
+from the circle through three neighboring samples, and distances from a k-d tree over dense samples.
+The straight runs from a path's ends to the surface are channels too and are checked as well.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..problem.problem import Limits
 from .constraints import MAX_INLET_MM
 
 _TOLERANCE_MM = 1e-3
-_SPACING_MM = 0.25  # mm, between samples
+_SPACING_MM = 0.25  # of samples
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,6 @@ class LimitViolation:
         message: One sentence for people.
         cords: Names of the cords that break the limit: one, or two that are too close.
         value: The measured quantity, mm.
-
     """
 
     code: str
@@ -50,24 +49,40 @@ class LimitViolation:
 
 @dataclass(frozen=True)
 class CordCheck:
-    """Measured numbers of one cord and what it breaks; the samples (b, 3) mm where it does."""
+    """Measured numbers of one cord.
+
+    Attributes:
+        length: Length of the path, mm.
+        min_radius: Smallest radius of curvature, mm.
+        min_wall: Smallest wall away from the inlets, mm.
+        inlets: Lengths of the straight runs from the path's ends to the surface, mm; infinite where
+            a run does not leave the body.
+        violations: Limits that the cord breaks.
+        broken: (b, 3) mm, samples where it breaks them.
+    """
 
     length: float
     min_radius: float
     min_wall: float
     inlets: tuple[float, float]
-    problems: tuple[LimitViolation, ...]
+    violations: tuple[LimitViolation, ...]
     broken: Float
 
 
 @dataclass(frozen=True)
 class LayoutCheck:
-    """All cords' numbers, least centre distance between different cords, and what is broken; the
-    samples (b, 3) mm where it is."""
+    """Measured numbers of a layout.
+
+    Attributes:
+        cords: The numbers of each cord.
+        min_clearance: Smallest distance of the center lines of two cords, mm; None for one cord.
+        violations: All limits that are broken.
+        broken: (b, 3) mm, samples where they are.
+    """
 
     cords: tuple[CordCheck, ...]
     min_clearance: float | None
-    problems: tuple[LimitViolation, ...]
+    violations: tuple[LimitViolation, ...]
     broken: Float
 
 
@@ -77,15 +92,21 @@ def verify(
     limits: Limits,
     depth: SignedDistance | None = None,
 ) -> LayoutCheck:
-    """Check every cord and every pair on samples about 0.25 mm apart; `depth` below the surface,
-    where it is known already."""
+    """Check every cord and every pair of cords on samples about 0.25 mm apart.
+
+    Args:
+        sensors: The cords.
+        surface: The body's surface.
+        limits: What the layout must keep.
+        depth: Depth below the surface, computed if not given.
+    """
     depth = depth or signed_distance_of(surface)
     paths = [sample_path(s, per_span_for_spacing(s.curve, _SPACING_MM)) for s in sensors]
     cords = tuple(
         _check_cord(s, p, surface, limits, depth) for s, p in zip(sensors, paths, strict=True)
     )
     dense = [_with_runs(p, c.inlets) for p, c in zip(paths, cords, strict=True)]
-    problems = [p for c in cords for p in c.problems]
+    violations = [v for c in cords for v in c.violations]
     broken = [c.broken for c in cords]
     closest = None
     for i in range(len(sensors)):
@@ -94,125 +115,147 @@ def verify(
             k = int(gap.argmin())
             closest = float(gap[k]) if closest is None else min(closest, float(gap[k]))
             if gap[k] < limits.clearance - _TOLERANCE_MM:
-                problems.append(
-                    LimitViolation(
-                        "cords-too-close",
-                        f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
-                        f" {gap[k]:.2f} mm near {format_point(dense[i][k])}; {limits.clearance:.2f} mm is"
-                        " needed",
-                        (sensors[i].name, sensors[j].name),
-                        float(gap[k]),
-                    )
+                names = (sensors[i].name, sensors[j].name)
+                message = (
+                    f"cords {names[0]!r} and {names[1]!r} come within {gap[k]:.2f} mm near"
+                    f" {format_point(dense[i][k])}; {limits.clearance:.2f} mm is needed"
                 )
+                violations.append(LimitViolation("cords-too-close", message, names, float(gap[k])))
                 broken.append(dense[i][gap < limits.clearance - _TOLERANCE_MM])
     every = np.concatenate(broken) if broken else np.zeros((0, 3))
-    return LayoutCheck(cords, closest, tuple(problems), every)
+    return LayoutCheck(cords, closest, tuple(violations), every)
+
+
+class _Findings:
+    """The violations of one cord and the samples where they occur."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.violations: list[LimitViolation] = []
+        self.broken: list[Float] = []
+
+    def add(self, code: str, value: float, text: str, samples: Float | None = None) -> None:
+        message = f"cord {self._name!r}{text}"
+        self.violations.append(LimitViolation(code, message, (self._name,), float(value)))
+        if samples is not None:
+            self.broken.append(samples)
 
 
 def _check_cord(
     sensor: Sensor, points: Float, surface: Surface, limits: Limits, depth_of: SignedDistance
 ) -> CordCheck:
-    problems: list[LimitViolation] = []
-    broken = [points[:0]]
-
-    def add(code: str, value: float, message: str) -> None:
-        problems.append(LimitViolation(code, message, (sensor.name,), float(value)))
-
-    name = f"cord {sensor.name!r}"
-    start, end = (
-        _inlet_length(points[0], points[1], surface),
-        _inlet_length(points[-1], points[-2], surface),
-    )
+    findings = _Findings(sensor.name)
+    start = _inlet_length(points[0], points[1], surface)
+    end = _inlet_length(points[-1], points[-2], surface)
     inlets = (start, end)
     path_depth = depth_of(points)
-    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    length = float(step.sum())
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     if path_depth.min() < -_TOLERANCE_MM:
         k = int(path_depth.argmin())
-        add(
+        findings.add(
             "path-leaves-body",
             -path_depth[k],
-            f"{name} leaves the body near {format_point(points[k])}, {-path_depth[k]:.2f} mm outside",
+            f" leaves the body near {format_point(points[k])}, {-path_depth[k]:.2f} mm outside",
+            points[path_depth < -_TOLERANCE_MM],
         )
-        broken.append(points[path_depth < -_TOLERANCE_MM])
     for inlet, which in zip(inlets, ("start", "end"), strict=True):
-        if inlet > MAX_INLET_MM and not problems:
-            add(
+        if inlet > MAX_INLET_MM and not findings.violations:
+            findings.add(
                 "end-far-from-surface",
                 inlet,
-                f"{name}: its {which} lies {inlet:.1f} mm from where it leaves the body; move the"
-                f" end within {MAX_INLET_MM:g} mm of the surface",
+                f": its {which} lies {inlet:.1f} mm from where it leaves the body; move the end"
+                f" within {MAX_INLET_MM:g} mm of the surface",
             )
-    whole = points if problems else _with_runs(points, inlets)
-    depth = depth_of(whole)
-    along = arc_lengths(whole)
-    if not problems:
-        to_exit = np.minimum(along, along[-1] - along)
-        slack = depth - np.minimum(limits.depth, MAX_INLET_SLOPE * to_exit)
-        k = int(slack.argmin())
-        if slack[k] < -_TOLERANCE_MM:
-            wall = depth[k] - limits.channel_diameter / 2
-            add(
-                "wall-too-thin",
-                wall,
-                f"{name} leaves a wall of {wall:.2f} mm near {format_point(whole[k])};"
-                f" {limits.wall:.2f} mm is needed",
-            )
-            broken.append(whole[slack < -_TOLERANCE_MM])
+    leaves = not findings.violations
+    whole = _with_runs(points, inlets) if leaves else points
+    depth, along = depth_of(whole), arc_lengths(whole)
+    if leaves:
+        _check_walls(whole, depth, along, limits, findings)
     inside = np.minimum(along, along[-1] - along) >= limits.depth / MAX_INLET_SLOPE
     wall_depth = depth[inside].min() if inside.any() else depth.max()
-    whole_length = length + sum(inlets)
-    if not problems and not (
-        limits.shortest - _TOLERANCE_MM <= whole_length <= limits.longest + _TOLERANCE_MM
-    ):
-        add(
-            "channel-length-not-allowed",
-            whole_length,
-            f"{name} takes a channel of {whole_length:.1f} mm, and {limits.lengths} by [cord]"
-            " length and min_stretch, with its pockets or free ends",
-        )
+    _check_length(length + sum(inlets), limits, findings)
     radius = bend_radius(points)
-    if radius.min() < limits.min_radius - _TOLERANCE_MM:
-        k = int(radius.argmin())
-        add(
-            "bend-too-tight",
-            radius[k],
-            f"{name} bends to a radius of {radius[k]:.2f} mm near {format_point(points[k + 1])};"
-            f" {limits.min_radius:.2f} mm is needed",
-        )
-        broken.append(points[1:-1][radius < limits.min_radius - _TOLERANCE_MM])
-    far = np.pi * max(limits.min_radius, limits.clearance / 2)
-    few = slice(None, None, 4)
-    a, s = whole[few], along[few]
-    gap = np.linalg.norm(a[:, None] - a[None], axis=2)
-    gap[np.abs(s[:, None] - s) < far + 1] = np.inf
-    if gap.min() < limits.clearance - _TOLERANCE_MM:
-        k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
-        add(
-            "cord-near-itself",
-            gap.min(),
-            f"{name} comes within {gap.min():.2f} mm of itself near {format_point(a[k])};"
-            f" {limits.clearance:.2f} mm is needed",
-        )
-        broken.append(a[(gap < limits.clearance - _TOLERANCE_MM).any(axis=1)])
+    _check_radius(points, radius, limits, findings)
+    _check_strands(whole, along, limits, findings)
     return CordCheck(
         length,
         float(radius.min()),
         float(wall_depth - limits.channel_diameter / 2),
         inlets,
-        tuple(problems),
-        np.concatenate(broken),
+        tuple(findings.violations),
+        np.concatenate([points[:0], *findings.broken]),
     )
 
 
+def _check_walls(
+    whole: Float, depth: Float, along: Float, limits: Limits, findings: _Findings
+) -> None:
+    """Check the wall of a channel with samples (p, 3) at depths (p,) and arc lengths (p,) mm."""
+    to_exit = np.minimum(along, along[-1] - along)
+    slack = depth - np.minimum(limits.depth, MAX_INLET_SLOPE * to_exit)
+    k = int(slack.argmin())
+    if slack[k] < -_TOLERANCE_MM:
+        wall = depth[k] - limits.channel_diameter / 2
+        findings.add(
+            "wall-too-thin",
+            wall,
+            f" leaves a wall of {wall:.2f} mm near {format_point(whole[k])};"
+            f" {limits.wall:.2f} mm is needed",
+            whole[slack < -_TOLERANCE_MM],
+        )
+
+
+def _check_length(length: float, limits: Limits, findings: _Findings) -> None:
+    """Check the length (mm) of a channel from surface to surface."""
+    allowed = limits.shortest - _TOLERANCE_MM <= length <= limits.longest + _TOLERANCE_MM
+    if not findings.violations and not allowed:
+        findings.add(
+            "channel-length-not-allowed",
+            length,
+            f" takes a channel of {length:.1f} mm, and {limits.lengths} by [cord] length and"
+            " min_stretch, with its pockets or free ends",
+        )
+
+
+def _check_radius(points: Float, radius: Float, limits: Limits, findings: _Findings) -> None:
+    """Check radii of curvature (p - 2,) mm at the inner samples of a path (p, 3)."""
+    if radius.min() < limits.min_radius - _TOLERANCE_MM:
+        k = int(radius.argmin())
+        findings.add(
+            "bend-too-tight",
+            radius[k],
+            f" bends to a radius of {radius[k]:.2f} mm near {format_point(points[k + 1])};"
+            f" {limits.min_radius:.2f} mm is needed",
+            points[1:-1][radius < limits.min_radius - _TOLERANCE_MM],
+        )
+
+
+def _check_strands(whole: Float, along: Float, limits: Limits, findings: _Findings) -> None:
+    """Check the distance of a channel from its own other strands, on every fourth sample."""
+    separation = np.pi * max(limits.min_radius, limits.clearance / 2)
+    every_fourth = slice(None, None, 4)
+    a, s = whole[every_fourth], along[every_fourth]
+    gap = np.linalg.norm(a[:, None] - a[None], axis=2)
+    gap[np.abs(s[:, None] - s) < separation + 1] = np.inf
+    if gap.min() < limits.clearance - _TOLERANCE_MM:
+        k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
+        findings.add(
+            "cord-near-itself",
+            gap.min(),
+            f" comes within {gap.min():.2f} mm of itself near {format_point(a[k])};"
+            f" {limits.clearance:.2f} mm is needed",
+            a[(gap < limits.clearance - _TOLERANCE_MM).any(axis=1)],
+        )
+
+
 def _inlet_length(end: Float, before: Float, surface: Surface) -> float:
-    """How far a channel runs on straight from its path's end to the surface, mm."""
-    found = surface_queries.hits(end, end - before, surface)
-    return float(found[0]) if len(found) else float("inf")
+    """Return the length (mm) of the straight run from a path's end to the surface, or infinity."""
+    hits = surface_queries.cast_ray(end, end - before, surface)
+    return float(hits[0]) if len(hits) else float("inf")
 
 
 def _with_runs(path: Float, inlets: tuple[float, float]) -> Float:
-    """The path (p, 3) with samples of its straight runs to the surface."""
+    """Return the path (p, 3) with samples of its straight runs to the surface."""
 
     def run(end: Float, before: Float, inlet: float) -> Float:
         if not 0.01 < inlet <= MAX_INLET_MM:

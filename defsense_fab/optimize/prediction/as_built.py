@@ -19,8 +19,8 @@ from ...geometry.channels.cord_channels import Channel, make_channels
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.moulds.records import MouldRules
 from ...geometry.parts.parts import make_parts
-from ...geometry.parts.records import PartSet, PartRules
-from ...sensing.built_cord import BuiltCord, needed_prestretch
+from ...geometry.parts.records import PartRules, PartSet
+from ...sensing.built_cord import BuiltCord, required_prestretch
 from ...sensing.response import mean_strain
 from ..limits.verification import verify
 from .design_task import DesignTask, beyond_path, limits, pocket_diameter, wires
@@ -81,7 +81,7 @@ def fabricate(
     bay: Prism | None = None,
 ) -> PartSet:
     """The device's parts. Raises FabricationError where a cord or a part fails a check."""
-    problems = verify(sensors, surface, limits(device)).problems
+    problems = verify(sensors, surface, limits(device)).violations
     if problems:
         raise FabricationError(
             problems[0].message,
@@ -152,7 +152,7 @@ def _channels(
 def _allows(device: Device, surface: Surface, sensors: Sequence[Sensor]) -> bool:
     """Whether the paths keep the limits of the device."""
     try:
-        return not verify(sensors, surface, limits(device)).problems
+        return not verify(sensors, surface, limits(device)).violations
     except DeviceError:  # no length is left at all
         return False
 
@@ -198,7 +198,7 @@ def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:
 
 def prestretch_for(strain: Float) -> float:
     """How far a held cord is stretched as it is laid, by the body's mean strains (s,) along it."""
-    return needed_prestretch(float(np.min(strain, initial=0.0)))
+    return required_prestretch(float(np.min(strain, initial=0.0)))
 
 
 def scored_by_paths(

@@ -21,7 +21,7 @@ from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.moulds.moulds import check_openings, make_moulds
 from ...geometry.parts.records import PartSet
 from ..refinement.refine import OptimizedLayout, report_part
-from ..search.plane_directions import face_directions, count_slanted
+from ..search.plane_directions import count_slanted, face_directions
 from .as_built import as_made, assumed_cords, fabricate, mould_rules, with_relief
 from .design_task import DesignTask
 from .open_joints import overstretched
@@ -54,6 +54,8 @@ class Trial:
     warnings: tuple[str, ...] = ()
     problem: str | None = None
     made: PartSet | None = field(default=None, repr=False, compare=False)
+    as_built: Device | None = field(default=None, repr=False, compare=False)
+    relief_notes: tuple[str, ...] = ()
 
     @property
     def built(self) -> float:
@@ -174,7 +176,7 @@ def make_on_trial(
     `directions` (k, 3)."""
     slants = _slanted(found, directions)
     try:
-        device, _ = with_relief(device, task, surface, found.sensors, bay)
+        device, relief_notes = with_relief(device, task, surface, found.sensors, bay)
         made = fabricate(device, surface, found.sensors, lambda *_: None, None, bay)
         if device.fabrication.kind == "cast":
             check_openings(made, mould_rules(device))
@@ -193,4 +195,6 @@ def make_on_trial(
         free if device.fabrication.pockets else 0,
         (*made.warnings, *overstretched(device, made, built.cords)),
         made=made,
+        as_built=device,
+        relief_notes=tuple(relief_notes),
     )

@@ -11,9 +11,9 @@ import numpy as np
 from ...core.curve import distinct_planes
 from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError, StorageError
-from ...geometry.bodies.body_record import load_body_record, load_surface
-from ...sensing.layout import CordPath, LayoutRecord, WeighedRecord, load_layout
-from ...sensing.weighed_layouts import load_weighed
+from ...store.body import load_body_record, load_surface
+from ...store.build import Build
+from ...store.layout import CordPath, LayoutRecord, WeighedRecord, load_layout, load_weighed
 from ..refinement.refine import OptimizedLayout
 from ..search import baselines
 from ..search.plane_directions import face_directions
@@ -104,7 +104,7 @@ def compare_layouts(
     eye, made on trial with their bands; each is `found` as soon as it is known. Raises a
     DefsenseError where the build of `folder` has no layout."""
     layout, known = load_layout(folder), weighed_layouts(folder)
-    task = load_task(device, folder)
+    task = load_task(device, Build(folder))
     count = len(layout.sensors)
     new = [(DRAWN, tuple(device.sensors))] if device.sensors else []
     report(0.0, "laying cords out by eye")

@@ -13,7 +13,7 @@ from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.constraint_check import check_constraints
-from ...mechanics.solver.linear_response import small_load_displacement, line_forces
+from ...mechanics.solver.linear_response import line_forces, small_load_displacement
 from ...mechanics.solver.linear_solver import NotPositiveDefinite
 from ...sensing.built_cord import BuiltCord
 from .design_task import DesignTask

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import igl
 import numpy as np
@@ -13,15 +12,12 @@ from ...core.arrays import Bool, Float
 from ...core.device.device import DECODERS, Device, FabricationSpec
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
-from ...decoding.expected_errors import NONE, UnseenStates, unseen_states
-from ...geometry.bodies.body_record import load_surface
-from ...geometry.bodies.meshing.mesh_file import load_mesh
+from ...decoding.expected_errors import NONE, UnseenStates, choose_unseen_states
 from ...geometry.channels.wire_channels import Wires
 from ...geometry.kernels.cutting_tools import Prism
 from ...mechanics.elements.point_location import PointLocator
-from ...mechanics.elements.tet10 import QuadraticMesh
-from ...mechanics.solver.field_files import load_fields
-from ...sensing.built_cord import CordReading, held, held_taut
+from ...sensing.built_cord import CordReading, held_response, taut_response
+from ...store.build import Build
 from ..problem.cord_signals import SignalModel
 from ..problem.problem import Limits, Problem
 from ..studies.tolerance_monte_carlo import Tolerances
@@ -105,11 +101,11 @@ def pocket_diameter(device: Device) -> float:
 def sensing(device: Device) -> tuple[SignalModel, float]:
     """How the device's cords sense as far as that is known before they have ends, and the noise of
     (R - R0)/R0 of a long one."""
-    reading, f = CordReading.of(device), device.fabrication
+    reading, f = CordReading.from_device(device), device.fabrication
     response, scale = reading.response, 1.0
     if f.assembly == "held":
         p = _PRESTRETCH if f.prestretch is None else f.prestretch
-        found = held_taut if f.prestretch is None else held
+        found = taut_response if f.prestretch is None else held_response
         response = found(reading.response, p)
         scale = (1 + float(reading.response(np.array(p)))) / (1 + p)
     pocket = _likely_depth(device)
@@ -187,7 +183,7 @@ class DesignTask:
     @property
     def unseen(self) -> UnseenStates:
         """The states by which the design is judged."""
-        return unseen_states(self.weights, self.held_out)
+        return choose_unseen_states(self.weights, self.held_out)
 
     def with_decoder(self, kind: str) -> DesignTask:
         """The same for another decoder."""
@@ -203,11 +199,9 @@ def decoders(device: Device, task: DesignTask) -> tuple[str, ...]:
     return DECODERS[:1] if task.unseen.how == NONE else DECODERS
 
 
-def load_task(device: Device, folder: Path) -> DesignTask:
-    """What there is to optimise, from the files of the earlier stages."""
-    surface = load_surface(folder)
-    locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
-    found = load_fields(folder)
+def load_task(device: Device, build: Build) -> DesignTask:
+    """Return what there is to optimize, from the simulated poses of a build."""
+    surface, locator, found = build.surface, build.locator, build.fields
     points, weights = markers(device, surface, locator)
     moved = locator.displacement(locator.find(points), found.displacements)
     everything = Problem(
@@ -227,7 +221,7 @@ def load_task(device: Device, folder: Path) -> DesignTask:
         markers=everything.markers[np.append(0, seen + 1)],
     )
     names, held_out = ("rest", *found.names), np.append(False, found.held_out)
-    reading = CordReading.of(device)
+    reading = CordReading.from_device(device)
     return DesignTask(
         everything,
         design,

@@ -14,8 +14,8 @@ from ...core.arrays import Float
 from ...core.curve import Hermite, catmull_rom
 from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError
-from ...geometry.bodies.body_record import load_surface
 from ...geometry.kernels.surface_queries import SignedDistance
+from ...store.build import Build
 from ..limits.verification import LayoutCheck, verify
 from ..refinement.refine import optimize_layout, report_part
 from ..search.baselines import middle_plane
@@ -49,10 +49,11 @@ class LayoutJudge:
 
     def __init__(self, device: Device, folder: Path) -> None:
         """Raises a DefsenseError where the poses are not simulated."""
-        self._task: DesignTask = load_task(device, folder)
+        build = Build(folder)
+        self._task: DesignTask = load_task(device, build)
         kinds = decoders(device, self._task)
         self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
-        self.surface = load_surface(folder)
+        self.surface = build.surface
         self._depth = SignedDistance(self.surface)
 
     @property

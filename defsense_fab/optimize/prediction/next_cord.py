@@ -156,7 +156,7 @@ def _map(
             laid, good = cords.short(middle, along, length)
         gain = np.full(len(laid), np.nan)
         if good.any():
-            gain[good] = tests.error - tests.errors(*cords.read(laid[good]))
+            gain[good] = tests.error - tests.support.errors(*cords.read(laid[good]))
         tried += int(good.sum())
         best, which = _best_of_each(gain.reshape(len(some), DIRECTIONS))
         drop[first : first + at] = best

@@ -40,7 +40,7 @@ def overstretched(device: Device, made: PartSet, cords: Sequence[BuiltCord]) -> 
         loose = cord.length / (1 + (cord.prestretch or 0.0)) + cord.series
         lead = device.fabrication.lead
         waiting = [
-            cord_assembly.pulled(between, loose, e.pocket, ferrule, 0.0 if e.pocket else lead)
+            cord_assembly.crimping_strain(between, loose, e.pocket, ferrule, 0.0 if e.pocket else lead)
             for e in channel.ends
             if e.wire in ("mouth", "outside")
         ]

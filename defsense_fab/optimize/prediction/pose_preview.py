@@ -8,21 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.device.build_folder import finished_build
 from ...core.device.device import Device, MaterialSpec, Pose
 from ...core.device.regions import Shape
 from ...core.errors import DeviceError, MeshingError
 from ...core.mesh import Surface, TetMesh
-from ...core.device.build_folder import finished_build
-from ...geometry.bodies.body_record import load_surface
 from ...geometry.bodies.meshing import mesh_store
-from ...geometry.bodies.meshing.mesh_file import (
-    FILE,
-    RECORD,
-    load_mesh,
-    load_mesh_record,
-    load_region_nodes,
-)
-from ...geometry.bodies.meshing.region_conforming import conform
+from ...geometry.bodies.meshing.region_conforming import conform_to_regions
 from ...geometry.bodies.meshing.tetrahedra import tetrahedralize
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
@@ -32,6 +24,8 @@ from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.interactive import VISUAL_TOLERANCE, InteractiveSolver, Stop
 from ...mechanics.solver.load_stepping import Equilibrium, Status
 from ...mechanics.solver.newton import TOLERANCE
+from ...store.body import load_surface
+from ...store.mesh import FILE, RECORD, load_mesh, load_mesh_record, load_region_nodes
 
 #: Edge length of the coarse mesh, in edges of the fine one: a fifteenth of its tets or less.
 COARSER = 2.5
@@ -102,11 +96,11 @@ class PosePreview:
         self.close()
         shapes = list(device.regions.values())
         same = all(n in self._fits and _same(s, self._fits[n]) for n, s in device.regions.items())
-        fine = self._made if same else conform(self._made, shapes)
+        fine = self._made if same else conform_to_regions(self._made, shapes)
         self._fine = QuadraticMesh.from_linear(fine)
         self._low = None
         if self._coarse is not None:
-            self._low = QuadraticMesh.from_linear(conform(self._coarse, shapes))
+            self._low = QuadraticMesh.from_linear(conform_to_regions(self._coarse, shapes))
         return True
 
     @property
@@ -117,7 +111,9 @@ class PosePreview:
     def take_coarse(self, coarse: TetMesh) -> None:
         """Give coarse answers, too, from now on."""
         self._coarse = coarse
-        self._low = QuadraticMesh.from_linear(conform(coarse, list(self.device.regions.values())))
+        self._low = QuadraticMesh.from_linear(
+            conform_to_regions(coarse, list(self.device.regions.values()))
+        )
         self.close()
 
     def edit(

@@ -11,9 +11,9 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Pose
 from ...core.errors import SolveError
-from ...mechanics.solver.field_files import load_levels
 from ...mechanics.solver.interactive import Stop
 from ...mechanics.solver.load_stepping import Status
+from ...store.fields import load_levels
 from .pose_preview import PosePreview
 
 #: Shares that are solved where no build has them.

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...decoding.decoders import Trained, fit_decoder
 from ...core.prediction import Prediction
-from ...decoding.expected_errors import measure, unseen_states, UnseenStates
+from ...decoding.decoders import AnyDecoder, fit_decoder
+from ...decoding.expected_errors import UnseenStates, choose_unseen_states, measure_errors
 from ...sensing.built_cord import BuiltCord
 from ..problem.problem import Problem
 from .design_task import DesignTask
@@ -21,7 +21,7 @@ def left_out_error(task: DesignTask, cords: Sequence[BuiltCord]) -> float:
     decoder's training in turn."""
     signals, noise = read(task, cords)
     states = [w for w, held in zip(task.weights, task.held_out, strict=True) if not held]
-    left_out = unseen_states(states, np.zeros(len(states), bool))
+    left_out = choose_unseen_states(states, np.zeros(len(states), bool))
     flat = task.design.markers.reshape(len(states), -1)
     return _on_unseen(task.design, left_out, signals[~task.held_out], noise, flat)[0]
 
@@ -43,7 +43,7 @@ class Scored:
     cords: tuple[BuiltCord, ...]
     signals: Float
     errors: Float
-    decoder: Trained
+    decoder: AnyDecoder
 
 
 def predict(task: DesignTask, cords: Sequence[BuiltCord]) -> Scored:
@@ -57,8 +57,8 @@ def predict(task: DesignTask, cords: Sequence[BuiltCord]) -> Scored:
     guess = decoder(signals).reshape(n, k, 3)
     noisy = decoder.noise_variance(signals, noise).reshape(n, k, 3).sum(2)
     variance = noisy @ problem.marker_weights
-    seen = measure(guess[seen_by], problem.markers[seen_by], problem.marker_weights)
-    every = measure(guess, problem.markers, problem.marker_weights)
+    seen = measure_errors(guess[seen_by], problem.markers[seen_by], problem.marker_weights)
+    every = measure_errors(guess, problem.markers, problem.marker_weights)
     expected = np.sqrt(every.per_state**2 + variance)
     rmse = dict(zip(names, expected.tolist(), strict=True))
     unseen = task.unseen
@@ -91,7 +91,7 @@ def _on_unseen(
     for seen, test in unseen.folds:
         decoder = fit_decoder(problem.decoder, signals[seen], flat[seen], noise)
         guess = decoder(signals[test]).reshape(shape)
-        found = measure(guess, problem.markers[test], problem.marker_weights)
+        found = measure_errors(guess, problem.markers[test], problem.marker_weights)
         variance = decoder.noise_variance(signals[test], noise).reshape(shape).sum(2)
         square += float((found.per_state**2).sum())
         noisy += float((variance @ problem.marker_weights).sum())

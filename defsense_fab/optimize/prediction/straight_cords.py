@@ -9,7 +9,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.curve import Hermite, Plane, catmull_rom, per_span_for_signal, sample_path
 from ...core.device.device import Sensor
-from ...sensing.built_cord import held
+from ...sensing.built_cord import held_response
 from ...sensing.response import Response
 from ..problem.cord_signals import CordCarrier, SignalModel
 from ..search.candidates import CandidateBatch, find_feasible
@@ -88,10 +88,10 @@ class StraightCords:
         conducting = np.empty(len(ends))
         for prestretch, own in self._by_prestretch(answers):
             if prestretch is not None:
-                answers[:, own] = held(task.reading.response, prestretch)(answers[:, own])
-            conducting[own] = task.reading.conducting(1.0, prestretch) * length[own]
+                answers[:, own] = held_response(task.reading.response, prestretch)(answers[:, own])
+            conducting[own] = task.reading.conducting_length(1.0, prestretch) * length[own]
         signals = answers * conducting / (conducting + series)
-        noise = task.reading.noise_of(task.reading.ohm_per_mm * (conducting + series))
+        noise = task.reading.noise_at(task.reading.ohm_per_mm * (conducting + series))
         return np.concatenate([np.zeros((1, len(ends))), signals]), noise
 
     def sensor(self, name: str, ends: Float) -> Sensor:

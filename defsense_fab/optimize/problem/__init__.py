@@ -1,1 +1,1 @@
-"""What is optimised: cords, their signals, the objective and its derivatives."""
+"""The optimization problem: cords, their signals, the objective and its derivatives."""

@@ -1,4 +1,4 @@
-"""A cord at given parameters: its samples, and how they and its limits follow the parameters."""
+"""Place a cord at given parameters, and differentiate its samples and limits by them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,17 @@ from .cord_parameters import FRAME_SIZE, CordParameters
 
 @dataclass(frozen=True, slots=True)
 class PlacedCord:
-    """Stacked control points and tangents (2 k, 2), samples `points` (p, 3) mm in the rest frame,
-    and the same `local` (p, 2) in the plane, off its pivot (3,); the plane's axes (3, 3) and their
-    derivatives `turns` (t, 3, 3) by its turns, t = 3 or 0."""
+    """A cord at given parameters.
+
+    Attributes:
+        cord: The parameters' definition.
+        stack: (2 k, 2) mm, control points above tangents.
+        points: (p, 3) mm, samples of the path in the rest frame.
+        local: (p, 2) mm, the same samples in the plane, relative to the pivot.
+        pivot: (3,) mm, the point that the plane turns about.
+        axes: (3, 3), axes of the plane in columns.
+        turns: (t, 3, 3), derivatives of the axes by the turns; t = 3, or 0 for a fixed plane.
+    """
 
     cord: CordParameters
     stack: Float
@@ -29,13 +37,13 @@ class PlacedCord:
     turns: Float
 
     def sensor(self) -> Sensor:
+        """Return the sensor at these parameters."""
         cord, k = self.cord, len(self.stack) // 2
         plane = Plane(self.pivot - self.axes[:, :2] @ cord.center, self.axes)
         return replace(cord.sensor, plane=plane, curve=Hermite(self.stack[:k], self.stack[k:]))
 
     def pull(self, by_points: Float) -> Float:
-        """Derivatives (size, s) of s values by the parameters, from those by the points
-        (p, 3, s)."""
+        """Return derivatives (size, s) by the parameters from those by the points (p, 3, s)."""
         out = np.zeros((self.cord.size, by_points.shape[2]))
         _pull(
             self.cord.basis_of_rows, self.local, self.axes, self.turns, self.cord.moves, by_points,
@@ -44,14 +52,20 @@ class PlacedCord:
         return out
 
     def pull_one(self, by_points: Float) -> Float:
-        """The same (size,) for one value, from (p, 3)."""
+        """Return the derivatives (size,) of one value from those by the points (p, 3)."""
         out, count = np.zeros((1, self.cord.size)), len(by_points)
         self.add_moves(np.zeros(count, np.int64), np.arange(count), by_points, out)
         return np.asarray(out[0])
 
     def add_moves(self, rows: Int, samples: Int, directions: Float, out: Float) -> None:
-        """Add to the rows (q,) of out (..., size) the derivatives of how far the samples (q,) move
-        along the directions (q, 3)."""
+        """Add the derivatives of the motion of samples along directions.
+
+        Args:
+            rows: (q,) rows of `out` to add to.
+            samples: (q,) numbers of the samples.
+            directions: (q, 3) directions.
+            out: (..., size), changed in place.
+        """
         if self.cord.size:
             _add_moves(
                 self.cord.basis_of_rows, self.local, self.axes, self.turns, self.cord.moves,
@@ -59,7 +73,7 @@ class PlacedCord:
             )  # fmt: skip
 
     def height(self, point: Float) -> tuple[float, Float]:
-        """How far the point (3,) lies above the plane, mm, and the derivative (size,)."""
+        """Return the height of a point (3,) mm above the plane, mm, and its derivative (size,)."""
         by = np.zeros(self.cord.size)
         if self.cord.has_plane:
             by[-FRAME_SIZE:-3] = -self.cord.moves @ self.axes[:, 2]
@@ -67,11 +81,17 @@ class PlacedCord:
         return float((point - self.pivot) @ self.axes[:, 2]), by
 
     def turning(self, radius: float) -> tuple[Float, Float]:
-        """How far from turning tighter than `radius` mm, (q,) at span ends and inside, then how far
-        from standing still there, and the derivatives (2 q, size).
+        """Return the margins of the path's curvature and speed at q samples.
 
-        1 - radius |curvature|, and the speed over the least that a path may have, less one: where
-        the speed vanishes a path has a cusp, and its curvature means nothing.
+        The margin of curvature is 1 - radius |curvature|; that of the speed is its ratio to the
+        smallest speed allowed, minus one. Where the speed vanishes the path has a cusp and no
+        curvature.
+
+        Args:
+            radius: Smallest radius of curvature, mm.
+
+        Returns:
+            Margins (2 q,), curvature first, and their derivatives (2 q, size).
         """
         cord, k = self.cord, len(self.cord.first)
         d, dd = cord.first @ self.stack, cord.second @ self.stack
@@ -84,7 +104,8 @@ class PlacedCord:
         f, s = cord.first[:, cord.rows], cord.second[:, cord.rows]
         derivative = np.zeros((2 * k, cord.size))
         inside = derivative[:, : 2 * len(cord.rows)]
-        grown = np.where(speed > least, 3 * turn * cross / scale**2, 0.0)  # by the square of speed
+        # Derivative by the square of the speed.
+        grown = np.where(speed > least, 3 * turn * cross / scale**2, 0.0)
         for axis, by_cross in enumerate(
             (f * dd[:, 1:] - d[:, 1:] * s, d[:, :1] * s - f * dd[:, :1])
         ):
@@ -95,7 +116,7 @@ class PlacedCord:
 
 
 def place_cord(cord: CordParameters, x: Float) -> PlacedCord:
-    """The cord at parameters x (size,)."""
+    """Place a cord at parameters x (size,) mm."""
     stack, pivot, axes = cord.stack.copy(), cord.pivot.copy(), cord.sensor.plane.axes.copy()
     points, local = np.empty((len(cord.basis), 3)), np.empty((len(cord.basis), 2))
     turns = np.empty((3 if cord.has_plane else 0, 3, 3))
@@ -141,8 +162,10 @@ def _place(  # type: ignore[no-untyped-def]
 
 @compiled()
 def _turn(axes, k, c, s, rest):  # type: ignore[no-untyped-def]
-    """Turn axes (3, 3) about their own axis k by the angle of cosine c and sine s, in place; with
-    the derivatives of both and rest = 0, the derivative."""
+    """Turn axes (3, 3) about their axis k, in place, by the angle of cosine c and sine s.
+
+    With the derivatives of both and rest = 0 the result is the derivative of the axes.
+    """
     i, j = (k + 1) % 3, (k + 2) % 3
     for d in range(3):
         a, b = axes[d, i], axes[d, j]
@@ -151,7 +174,7 @@ def _turn(axes, k, c, s, rest):  # type: ignore[no-untyped-def]
 
 @compiled()
 def _pull(basis, local, axes, turns, moves, by_points, out):  # type: ignore[no-untyped-def]
-    """Add the derivatives by the points (p, 3, s), carried on to the parameters, to out."""
+    """Add the derivatives by the points (p, 3, s), propagated to the parameters, to `out`."""
     states, rows = by_points.shape[2], basis.shape[1]
     u, v = np.empty(states), np.empty(states)
     total, moment = np.zeros((3, states)), np.zeros((3, 2, states))

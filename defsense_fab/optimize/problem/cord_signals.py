@@ -1,12 +1,12 @@
-"""Cords carried along by the simulated fields: signals, and what they gain as the cords move.
+"""Compute the signals of cords that the simulated fields move, and their derivatives.
 
-The fused loops behind the objective and the candidates: points are found in their tets and moved by
-every state at once, and the derivatives by their rest positions are gathered without ever forming
-the deformation gradients. `sensing/response.py` defines the signal.
+These are the fused loops behind the objective and the candidates. Points are located in their tets
+and moved by all states at once, and the derivatives by their rest positions are gathered without
+forming deformation gradients. `sensing/response.py` defines the signal.
 
-How the loops are written makes them several times faster. States lie innermost. A loop over them
-writes to one array only, or it is not vectorised for fear that arrays overlap. Functions take whole
-paths, for handing over an array costs as much as a point does.
+The loops are written for speed, by a factor of several. States are the innermost index. A loop over
+states writes to one array only; otherwise the compiler assumes that arrays may overlap and does not
+vectorize it. Functions take whole paths, because passing an array costs as much as a point.
 """
 
 from __future__ import annotations
@@ -22,25 +22,31 @@ from ...core.machine.copying import copy_row
 from ...mechanics.elements.point_location import PointLocator, locate_along_path
 from ...mechanics.elements.tet10 import EDGES
 from ...mechanics.elements.threads import count_cores, run_in_chunks
-from ...sensing.response import Response, respond
+from ...sensing.response import Response, evaluate_response
 
-_CHUNK_PATHS = 50  # paths; fewer are not worth a thread
-_MIN_LENGTH_MM = 1e-300  # points that coincide pull nowhere
-#: For each corner of a tet: the nodes on its three edges, and the corners at their other ends.
+_CHUNK_PATHS = 50  # fewer are not worth a thread
+_MIN_LENGTH_MM = 1e-300  # added to lengths, so that coincident points have zero derivatives
+#: For each corner of a tet, the nodes on its three edges and the corners at their other ends.
 _SPOKES = [[(4 + e, a + b - i) for e, (a, b) in enumerate(EDGES) if i in (a, b)] for i in range(4)]
 _ON_EDGES, _BEYOND = (np.array([[s[k] for s in spokes] for spokes in _SPOKES]) for k in (0, 1))
 
 
 @dataclass(frozen=True)
 class SignalModel:
-    """The signal L w / sqrt((L + series)^2 + contact^2) of a path whose middle stretch, of rest
-    length L, is strained.
+    """How a cord senses: the signal L w / sqrt((L + series)^2 + contact^2).
 
-    `hidden` mm at each end are not strained (they lie in pockets). Cord in `series`, mm, conducts
-    and is not strained. What the joints add to the noise of (R - R0)/R0 equals the rest of it for a
-    cord of `contact` mm: divided so, all signals have one noise, that of a very long cord. w is the
-    `response` to the mean strain, or, where that is `local`, the mean of the responses to the
-    strains of the segments (see `sensing/built_cord.py`).
+    L is the rest length of the strained middle part of the path, and w its relative resistance
+    change. The division gives all signals the same noise, that of a very long cord (see
+    `sensing/built_cord.py`).
+
+    Attributes:
+        response: Response w of the cord to strain.
+        local: Whether w is the mean of the responses to the segments' strains, rather than the
+            response to the mean strain.
+        hidden: Length at each end that is not strained because it lies in a pocket, mm.
+        series: Length of cord that conducts but is not strained, mm.
+        contact: Length of a cord whose noise of (R - R0)/R0 equals the noise that the joints add,
+            mm.
     """
 
     response: Response
@@ -51,15 +57,30 @@ class SignalModel:
 
 
 class CordCarrier:
-    """Fields (s, n, 3) mm on the locator's mesh, kept for speed as the nodes' positions (n, 3 s) in
-    all states: tet10 shape functions carry linear fields exactly, the rest positions among them."""
+    """Moves points and cords by all fields at once.
+
+    The nodes' deformed positions (n, 3 s) are interpolated. This is exact, because quadratic shape
+    functions reproduce linear fields such as the rest positions.
+
+    Args:
+        locator: Locator of the mesh.
+        fields: Displacements (s, n, 3) mm of its nodes in s states.
+        model: How cords sense.
+
+    Attributes:
+        states: Number of states.
+        bent: Whether the strained length has derivatives other than 0 and 1 by its segments.
+        answer: The signal model as the compiled loops take it.
+        cells: (m, 10) nodes of the tets.
+        by_bary: (m, 4, 3) gradients of the barycentric coordinates.
+        nodal: (n, 3 s) mm, deformed positions of the nodes.
+    """
 
     def __init__(self, locator: PointLocator, fields: Float, model: SignalModel) -> None:
         self.states = len(fields)
         response = model.response
-        line = response.slope_everywhere is not None  # then the mean of the strains is all
-        self._local = model.local and not line
-        #: Whether the derivatives of the strained lengths are any others than 1 and 0.
+        is_linear = response.linear_slope is not None  # only the mean strain then matters
+        self._local = model.local and not is_linear
         self.bent = self._local or model.hidden > 0
         table = (response.breaks, response.origins, response.pieces)
         self.answer = (self._local, model.hidden, model.series, model.contact**2, *table)
@@ -69,7 +90,7 @@ class CordCarrier:
         self.nodal = np.ascontiguousarray(placed).reshape(len(placed), -1)
 
     def signals(self, paths: Float) -> Float:
-        """(s, c) of polylines (c, p, 3) mm."""
+        """Return the signals (s, c) of polylines (c, p, 3) mm."""
         paths = np.ascontiguousarray(paths, float)
         out = np.empty((len(paths), self.states))
 
@@ -80,7 +101,7 @@ class CordCarrier:
         return np.ascontiguousarray(out.T)
 
     def move(self, points: Float) -> Float:
-        """Deformed positions (s, p, 3) of points (p, 3) mm."""
+        """Return the deformed positions (s, p, 3) mm of points (p, 3) mm."""
         points = np.ascontiguousarray(points, float)
         out = np.empty((len(points), 3 * self.states))
 
@@ -93,8 +114,12 @@ class CordCarrier:
         return np.ascontiguousarray(out.reshape(len(points), 3, -1).transpose(2, 0, 1))
 
     def carry(self, points: Float, ends: Int) -> CarriedCords:
-        """Polylines laid end to end, points (p, 3) mm, line i being points `ends[i]` to
-        `ends[i + 1]`, moved by all states."""
+        """Move several polylines by all states.
+
+        Args:
+            points: Points (p, 3) mm of all lines, one line after the other.
+            ends: (m + 1,) numbers; line i has the points `ends[i]` to `ends[i + 1]`.
+        """
         cell, bary = np.empty(len(points), np.int64), np.empty((len(points), 4))
         moved = np.empty((len(points), 3 * self.states))
         steps = np.empty((len(points), self.states))
@@ -106,10 +131,19 @@ class CordCarrier:
 
 
 class CarriedCords:
-    """Polylines in all states, their `signals` (s, m), and how these depend on the points. What was
-    `found` on the way: the points' tets and weights there, their moved positions, the lengths of
-    segments, the lines' signals with their derivatives by strained length and rest length, and the
-    derivatives of strained lengths by segments, see `_carry`."""
+    """Polylines in all states, with their signals and derivatives.
+
+    Args:
+        carrier: The carrier that moved them.
+        points: Points (p, 3) mm of all lines.
+        ends: (m + 1,) ranges of the lines' points.
+        found: Intermediate arrays of `_carry`: tets and weights of the points, moved positions,
+            lengths of segments, signals with their derivatives by strained length and rest length,
+            and derivatives of strained lengths by segments.
+
+    Attributes:
+        signals: (s, m), signals of the lines.
+    """
 
     def __init__(
         self, carrier: CordCarrier, points: Float, ends: Int, found: tuple[Any, ...]
@@ -118,14 +152,14 @@ class CarriedCords:
         self.signals = found[-2][:, 0].T
 
     def slopes(self) -> Float:
-        """Derivatives (p, 3, s) of each line's signals by its points."""
+        """Return the derivatives (p, 3, s) of each line's signals by its points."""
         c = self._carrier
         out = np.empty((len(self._points), 3, c.states))
         _slopes(self._points, self._ends, c.cells, c.by_bary, c.nodal, *self._found, out)
         return out
 
     def pull(self, by_signals: Float) -> Float:
-        """Derivatives (p, 3) by the points of a value with derivatives (s, m) by the signals."""
+        """Return a value's derivatives (p, 3) by the points from those (s, m) by the signals."""
         c = self._carrier
         out = np.empty_like(self._points)
         _pull(
@@ -136,8 +170,10 @@ class CarriedCords:
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _move(cell, bary, cells, nodal, out):  # type: ignore[no-untyped-def]
-    """Deformed positions (p, 3 s) of points in the tets `cell` (p,). All ten terms at once: half
-    the time of adding row by row."""
+    """Fill deformed positions (p, 3 s) of points in the tets `cell` (p,).
+
+    Summing all ten terms at once takes half the time of adding row by row.
+    """
     for p in range(len(cell)):
         e = cell[p]
         n0, n1, n2, n3, n4 = cells[e, 0], cells[e, 1], cells[e, 2], cells[e, 3], cells[e, 4]
@@ -156,7 +192,7 @@ def _move(cell, bary, cells, nodal, out):  # type: ignore[no-untyped-def]
 
 @compiled(inline="always")
 def _segment_length(points, p):  # type: ignore[no-untyped-def]
-    """How far point p lies from the one before."""
+    """Return the distance of point p from the previous point."""
     x, y = points[p, 0] - points[p - 1, 0], points[p, 1] - points[p - 1, 1]
     z = points[p, 2] - points[p - 1, 2]
     return np.sqrt(x * x + y * y + z * z) + _MIN_LENGTH_MM
@@ -164,8 +200,10 @@ def _segment_length(points, p):  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _measure(moved, first, last, steps, shares, lengths):  # type: ignore[no-untyped-def]
-    """Of the line of points first to last: deformed lengths (p, s) of the segments that end at each
-    point, and the sums (s,) of the `shares` (p,) of them that are strained."""
+    """Fill deformed segment lengths `steps` (p, s) and strained lengths `lengths` (s,) of a line.
+
+    A segment is stored at its end point; `shares` (p,) is the strained share of each segment.
+    """
     states = steps.shape[1]
     lengths[:] = 0.0
     for p in range(first + 1, last):
@@ -180,9 +218,11 @@ def _measure(moved, first, last, steps, shares, lengths):  # type: ignore[no-unt
 
 @compiled(error_model="numpy")
 def _strained(points, first, last, hidden, shares):  # type: ignore[no-untyped-def]
-    """The shares (p,) of the segments that end at points first to last which lie between `hidden`
-    mm from either end of the line, and the rest length of all that is; and the points at which the
-    segments end in which it begins and ends."""
+    """Fill the strained share of each segment: the part at least `hidden` mm from both line ends.
+
+    Returns the rest length of the strained part, and the end points of the segments in which it
+    starts and ends.
+    """
     total = 0.0
     for p in range(first + 1, last):
         total += _segment_length(points, p)
@@ -204,12 +244,13 @@ def _strained(points, first, last, hidden, shares):  # type: ignore[no-untyped-d
 def _signal(  # type: ignore[no-untyped-def]
     points, moved, first, last, answer, steps, shares, lengths, out, bent
 ):
-    """Of the line of points first to last into `out` (3, s): the signals, and their derivatives by
-    the strained length as deformed, and by its rest length. For a local response the length
-    is what it would be if segments were stretched by w in place of eps, the sum of L (1 + w).
+    """Fill `out` (3, s) with a line's signals and their derivatives by deformed and rest length.
 
-    Into `bent` (2, p, s), unless it is empty: the derivatives of the strained length by the
-    deformed lengths of the segments that end at each point, and by their rest lengths.
+    Both lengths are of the strained part. For a local response the deformed length is the sum of
+    L (1 + w) over the segments, as if they were stretched by w instead of their strain.
+
+    `bent` (2, p, s), unless empty, receives the derivatives of the strained length by the deformed
+    and the rest lengths of the segments that end at each point.
     """
     local, hidden, series, contact_square, breaks, origins, pieces = answer
     states = steps.shape[1]
@@ -221,7 +262,7 @@ def _signal(  # type: ignore[no-untyped-def]
             own = _segment_length(points, p)
             for s in range(states):
                 stretch = steps[p, s] / own
-                w, slope = respond(stretch - 1, breaks, origins, pieces)
+                w, slope = evaluate_response(stretch - 1, breaks, origins, pieces)
                 lengths[s] += shares[p] * own * (1 + w)
                 if bent.size:
                     bent[0, p, s] = shares[p] * slope
@@ -231,13 +272,13 @@ def _signal(  # type: ignore[no-untyped-def]
             bent[0, p] = shares[p]
             bent[1, p] = 0.0
     if bent.size and hidden > 0 and begins < ends:
-        # A longer segment before it moves where the strained stretch begins along its segment.
+        # A longer segment before the strained part moves the start of that part along its segment.
         for at, low, high in ((begins, first + 1, begins), (ends, ends + 1, last)):
             own = _segment_length(points, at)
             for s in range(states):
                 dense = steps[at, s] / own
                 if local:
-                    dense = 1 + respond(dense - 1, breaks, origins, pieces)[0]
+                    dense = 1 + evaluate_response(dense - 1, breaks, origins, pieces)[0]
                 for p in range(low, high):
                     bent[1, p, s] += dense
                 bent[1, at, s] += dense * (1 - shares[at])
@@ -246,7 +287,7 @@ def _signal(  # type: ignore[no-untyped-def]
     for s in range(states):
         w, slope = lengths[s] / rest - 1, 1.0
         if not local:
-            w, slope = respond(w, breaks, origins, pieces)
+            w, slope = evaluate_response(w, breaks, origins, pieces)
         out[0, s] = w * rest / whole
         out[1, s] = slope / whole
         out[2, s] = (w * dilution - slope * lengths[s] / rest) / whole
@@ -281,9 +322,11 @@ def _carry(  # type: ignore[no-untyped-def]
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _pulls(ends, moved, steps, weights, bent, out):  # type: ignore[no-untyped-def]
-    """Unit vectors (p + 1, 3 s) of the segments that end at each point times their line's weights
-    (m, s) and their own derivatives `bent[0]`, if any; zero where a line begins and at the very
-    end."""
+    """Fill weighted unit vectors (p + 1, 3 s) of the segments that end at each point.
+
+    The weights are the line's `weights` (m, s) and, if any, the segment's derivatives `bent[0]`.
+    The vectors are zero at the start of a line and after the last point.
+    """
     states = steps.shape[1]
     out[ends[-1]] = 0.0
     for c in range(len(ends) - 1):

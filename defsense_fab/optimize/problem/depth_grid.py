@@ -1,4 +1,4 @@
-"""Depth below the body's surface on a grid, for the many points of candidates."""
+"""Interpolate the depth below the body's surface on a grid, for the many points of candidates."""
 
 from __future__ import annotations
 
@@ -13,13 +13,21 @@ from ...core.machine.compiled import compiled
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import signed_distance_of
 
-#: Nodes of the grid, and its finest spacing, mm.
 _MAX_NODES, _MIN_SPACING_MM = 60_000, 1.0
-_CHUNK_NODES = 250  # nodes at once
+_CHUNK_NODES = 250  # evaluated in one call
 
 
 class DepthGrid:
-    """Depth interpolated on a grid; negative everywhere outside of it."""
+    """Depth below a surface, interpolated on a regular grid.
+
+    Args:
+        surface: The body's surface.
+
+    Attributes:
+        spacing: Distance of neighboring nodes, mm.
+        origin: (3,) mm, the first node.
+        depths: (i, j, k) mm, exact depth at the nodes, negative outside the body.
+    """
 
     def __init__(self, surface: Surface) -> None:
         low, high = surface.bounds
@@ -30,32 +38,42 @@ class DepthGrid:
         nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
         exact = signed_distance_of(surface)
         distance = _evaluate_in_chunks(exact.unsigned, nodes.reshape(-1, 3)).reshape(count)
-        # Between neighbours that are both more than half a step away there is no surface: one
-        # of all that hang together tells for the others.
-        same, kinds = ndimage.label(distance > 0.51 * self.spacing)
-        first = np.unique(same, return_index=True)[1] if kinds else np.zeros(0, int)
-        asked = np.union1d(np.flatnonzero(same == 0), first)
-        inside = np.zeros(same.size, bool)
-        inside[asked] = _evaluate_in_chunks(exact.inside, nodes.reshape(-1, 3)[asked])
-        of_kind = np.zeros(kinds + 1, bool)
-        of_kind[same.ravel()[first]] = inside[first]
-        inside = np.where(same.ravel() > 0, of_kind[same.ravel()], inside).reshape(count)
+        # There is no surface between neighbors that are both more than half a step away from it:
+        # one node of each connected component decides for all of them.
+        component, count_components = ndimage.label(distance > 0.51 * self.spacing)
+        first = np.unique(component, return_index=True)[1] if count_components else np.zeros(0, int)
+        tested = np.union1d(np.flatnonzero(component == 0), first)
+        inside = np.zeros(component.size, bool)
+        inside[tested] = _evaluate_in_chunks(exact.inside, nodes.reshape(-1, 3)[tested])
+        is_inside = np.zeros(count_components + 1, bool)
+        is_inside[component.ravel()[first]] = inside[first]
+        inside = np.where(component.ravel() > 0, is_inside[component.ravel()], inside).reshape(
+            count
+        )
         self.depths = np.where(inside, distance, -distance)
 
     @property
     def error(self) -> float:
-        """How wrong it is beside an edge of the body, about, mm."""
+        """Approximate error next to an edge of the body, mm."""
         return self.spacing / 4
 
     def __call__(self, points: Float) -> Float:
-        """Depth (...,) mm at points (..., 3)."""
+        """Return the depth (...,) mm at points (..., 3) mm, negative outside the body and grid."""
         flat = np.ascontiguousarray(points.reshape(-1, 3))
         found = _interpolate(self.depths, self.origin, self.spacing, flat)
         return np.asarray(found.reshape(points.shape[:-1]))
 
     def exits(self, points: Float, directions: Float, longest: float) -> Float:
-        """How far (c,) mm the rays from points (c, 3) inside along unit directions (c, 3) run
-        before they leave the body; inf where that is more than `longest` mm."""
+        """Return the distances after which rays leave the body.
+
+        Args:
+            points: Starts (c, 3) mm inside the body.
+            directions: Unit directions (c, 3).
+            longest: Largest distance of interest, mm.
+
+        Returns:
+            Distances (c,) mm, infinite where they exceed `longest`.
+        """
         return np.asarray(
             _exits(
                 self.depths,
@@ -68,11 +86,13 @@ class DepthGrid:
         )
 
 
-def _evaluate_in_chunks(told: Callable[[Float], Any], points: Float) -> Any:
-    """What is told of points (p, 3), some at a time: libigl holds the interpreter, and other
-    threads would wait for all of it."""
+def _evaluate_in_chunks(function: Callable[[Float], Any], points: Float) -> Any:
+    """Evaluate a function of points (p, 3) in chunks.
+
+    libigl holds the interpreter, so that other threads would wait for the whole evaluation.
+    """
     return np.concatenate(
-        [told(points[k : k + _CHUNK_NODES]) for k in range(0, len(points), _CHUNK_NODES)]
+        [function(points[k : k + _CHUNK_NODES]) for k in range(0, len(points), _CHUNK_NODES)]
     )
 
 

@@ -1,4 +1,4 @@
-"""Expected squared error of a layout with the decoder eliminated, its gradient and curvature.
+"""Compute the expected squared error of a layout with the decoder eliminated, and derivatives.
 
 Variable projection (Golub & Pereyra 1973): the ridge with the features Phi and the noise weight of
 `decoding/ridge.py` is the least squares problem |A beta - B|^2, A being the centred features over
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...decoding.elimination import expected_square, square_slopes
+from ...decoding.elimination import expected_square, expected_square_gradient
 from .cord_kinematics import PlacedCord, place_cord
 from .cord_parameters import CordParameters
 from .cord_signals import CarriedCords
@@ -24,7 +24,13 @@ from .problem import Problem
 
 @dataclass(frozen=True)
 class QuadraticModel:
-    """Mean squared marker error (mm^2), its gradient (size,), Gauss-Newton matrix (size, size)."""
+    """A quadratic model of the objective.
+
+    Attributes:
+        value: Mean squared marker error, mm^2.
+        gradient: (size,), its gradient by the parameters.
+        hessian: (size, size), the Gauss-Newton matrix.
+    """
 
     value: float
     gradient: Float
@@ -32,38 +38,48 @@ class QuadraticModel:
 
 
 class Objective:
-    """Mean squared marker error as a function of all cords' parameters."""
+    """Mean squared marker error as a function of all cords' parameters.
+
+    Args:
+        problem: The problem.
+        cords: Parameters of the cords of a layout.
+    """
 
     def __init__(self, problem: Problem, cords: Sequence[CordParameters]) -> None:
         self.problem, self.cords = problem, cords
         self._outputs = problem.outputs
         self._features = problem.features(len(cords))
-        self._bent = bool(self._features.second.any())
+        self._bent = bool(self._features.hessian.any())
         self._noise = float(self._features.uncertainty(problem.noise))
         self._ends = np.cumsum([0, *(c.size for c in cords)])
         self._first = np.cumsum([0, *(len(c.basis) for c in cords)])
 
     def split(self, x: Float) -> list[Float]:
+        """Split parameters x (size,) into those of each cord."""
         return [x[a:b] for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
 
     def value(self, x: Float) -> float:
-        """Value at parameters x (size,)."""
+        """Return the value, mm^2, at parameters x (size,)."""
         signals = _prepend_rest(self._carry(x)[1].signals)
         square = expected_square(self._features, signals, self._outputs, self._noise)
         return float(square) / len(signals)
 
     def __call__(self, x: Float) -> tuple[float, Float]:
-        """Value and gradient (size,) at parameters x (size,), for methods that need no more:
-        descents take the `model`."""
+        """Return value and gradient (size,) at parameters x (size,).
+
+        It serves methods that need no curvature; descents use `model`.
+        """
         placed, carried = self._carry(x)
         signals = _prepend_rest(carried.signals)
-        square, slopes = square_slopes(self._features, signals, self._outputs, self._noise)
+        square, slopes = expected_square_gradient(
+            self._features, signals, self._outputs, self._noise
+        )
         by_points = carried.pull(slopes[1:] / len(signals))
         pulled = [p.pull_one(by_points[a:b]) for p, a, b in self._parts(placed)]
         return square / len(signals), np.concatenate(pulled)
 
     def model(self, x: Float) -> QuadraticModel:
-        """The quadratic model at parameters x (size,)."""
+        """Return the quadratic model at parameters x (size,)."""
         S, slopes = self.signals(x)
         jacobians = slopes()
         n, m = S.shape
@@ -75,11 +91,11 @@ class Objective:
         beta = np.linalg.lstsq(R, Q.T @ B, rcond=1e-12)[0]
         residual = A @ beta - B
         by_signal = np.einsum("nfc,fr->cnr", bend, beta)
-        by_slope = self._noise * np.einsum("fcd,fr->cdr", self._features.second, beta)
+        by_slope = self._noise * np.einsum("fcd,fr->cdr", self._features.hessian, beta)
         changes = []
         for j, one, two in zip(jacobians, by_signal, by_slope, strict=True):
             change = np.zeros((len(j), *residual.shape))
-            change[:, 1:n] = j[:, :, None] * one[1:]  # rest has no signal to change
+            change[:, 1:n] = j[:, :, None] * one[1:]  # the signals of rest are zero
             change[:, :n] -= change[:, :n].mean(1, keepdims=True)
             if self._bent:
                 rows = j[:, :, None, None] * two
@@ -94,9 +110,12 @@ class Objective:
         )
 
     def signals(self, x: Float) -> tuple[Float, Callable[[], list[Float]]]:
-        """Signals (n, c) at parameters x (size,), rest first, and the function that gives for each
-        cord the derivatives (own size, n - 1) of its signals in the other states by its own
-        parameters."""
+        """Return the signals at parameters x (size,) and a function for their derivatives.
+
+        Returns:
+            Signals (n, c), rest first, and a function that returns for each cord the derivatives
+            (size of the cord, n - 1) of its signals in the other states by its parameters.
+        """
         placed, carried = self._carry(x)
 
         def jacobians() -> list[Float]:
@@ -111,7 +130,7 @@ class Objective:
         return placed, self.problem.carrier.carry(points, self._first)
 
     def _parts(self, placed: list[PlacedCord]) -> Iterator[tuple[PlacedCord, int, int]]:
-        """Each cord with the first and the last of its points."""
+        """Iterate over the cords with the range of their points."""
         return zip(placed, self._first[:-1].tolist(), self._first[1:].tolist(), strict=True)
 
 

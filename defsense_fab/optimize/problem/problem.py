@@ -1,4 +1,4 @@
-"""What the optimiser works on: the simulated states, the outputs, the cord and the limits."""
+"""Define the optimization problem: simulated states, outputs, the cord and the limits."""
 
 from __future__ import annotations
 
@@ -11,18 +11,16 @@ from ...core.arrays import Float
 from ...core.errors import LayoutError
 from ...core.mesh import Surface
 from ...decoding.elimination import expected_square
-from ...decoding.expected_errors import floor
-from ...decoding.ridge import KINDS, Features
+from ...decoding.expected_errors import affine_error_floor
+from ...decoding.ridge import FEATURES, Features
 from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ...mechanics.elements.point_location import PointLocator
 from .cord_signals import CordCarrier, SignalModel
 from .depth_grid import DepthGrid
 
-# Random points inside the body, evenly or where its strain varies most between the states.
-
 
 def sample_interior(problem: Problem, count: int, rng: np.random.Generator) -> Float:
-    """Points (count, 3) mm spread evenly over the tets' volume."""
+    """Draw random points (count, 3) mm spread evenly over the body's volume."""
     corners = problem.locator.mesh.nodes[problem.locator.mesh.cells[:, :4]]
     volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
     tet = rng.choice(len(volume), count, p=volume / volume.sum())
@@ -33,8 +31,16 @@ def sample_interior(problem: Problem, count: int, rng: np.random.Generator) -> F
 def sample_by_strain(
     problem: Problem, points: Float, count: int, rng: np.random.Generator
 ) -> Float:
-    """`count` of the points (p, 3), with repeats, the more of them the more the Green strain there
-    varies between the states: the paper's advice for where cords should run."""
+    """Draw points, with repeats, in proportion to how much the strain there varies between states.
+
+    The paper (DefSense, CHI 2016) advises cords to run there.
+
+    Args:
+        problem: The problem.
+        points: Points (p, 3) mm to draw from.
+        count: Number of points to draw.
+        rng: Random generator.
+    """
     varies = np.sqrt(green_strains(problem, points).var(axis=0).sum((1, 2)))
     if varies.sum() <= 0:
         varies = np.ones(len(points))
@@ -42,27 +48,36 @@ def sample_by_strain(
 
 
 def green_strains(problem: Problem, points: Float) -> Float:
-    """Green strain (n, p, 3, 3) at points (p, 3) mm in all states, rest first."""
+    """Return the Green strain (n, p, 3, 3) at points (p, 3) mm in all states, rest first."""
     found = problem.locator.find(points)
     F = np.eye(3) + problem.locator.gradient(found, problem.fields)
     E = (F.swapaxes(-1, -2) @ F - np.eye(3)) / 2
     return np.concatenate([np.zeros((1, *E.shape[1:])), E])
 
 
-_MIN_MARKER_MOTION_MM = 1e-6  # mm
+_MIN_MARKER_MOTION_MM = 1e-6  # below, markers count as unmoved
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Least wall, radius of curvature and centre distance of cords; channel diameter; least and
-    greatest length of a channel from surface to surface; length and diameter of the pockets at its
-    ends, 0 without; all mm."""
+    """What every layout must keep, all in mm.
+
+    Attributes:
+        wall: Smallest wall between a channel and the surface.
+        min_radius: Smallest radius of curvature.
+        clearance: Smallest distance of the center lines of two cords.
+        channel_diameter: Diameter of the channels.
+        smallest_part: Smallest part as a fraction of the body; planes that nearly meet leave
+            slivers.
+        shortest: Smallest length of a channel from surface to surface.
+        longest: Largest length of a channel.
+        pocket: Length and diameter of the pockets at a channel's ends, zero without pockets.
+    """
 
     wall: float
     min_radius: float
     clearance: float
     channel_diameter: float
-    #: Smallest part as a fraction of the body: cord planes that nearly meet leave slivers.
     smallest_part: float = 0.01
     shortest: float = 0.0
     longest: float = np.inf
@@ -70,24 +85,34 @@ class Limits:
 
     @property
     def lengths(self) -> str:
-        """The lengths of channels that are allowed, in words."""
+        """The allowed lengths of channels, for people."""
         if np.isinf(self.longest):
-            return f"{self.shortest:.1f} mm are asked for at least"
+            return f"at least {self.shortest:.1f} mm are required"
         return f"{self.shortest:.1f} to {self.longest:.1f} mm are allowed"
 
     @property
     def depth(self) -> float:
-        """Least distance of a cord's centre line from the surface."""
+        """Smallest distance of a cord's center line from the surface."""
         return self.wall + self.channel_diameter / 2
 
 
 @dataclass(frozen=True)
 class Problem:
-    """States `fields` (s, n, 3) mm without rest; `markers` (s + 1, k, 3) mm displacements, rest
-    first; `marker_weights` (k,) summing to one; how cords `sense`, and their `noise`, the standard
-    deviation of (R - R0)/R0 of a long one.
+    """The simulated states of a body, the outputs to predict and the cords that may sense them.
 
-    Raises LayoutError for values that are not finite, and for states that move no marker.
+    Attributes:
+        surface: The body's surface at rest.
+        locator: Locator of the mesh.
+        fields: (s, n, 3) mm, displacements of the nodes in s states, without rest.
+        markers: (s + 1, k, 3) mm, displacements of the markers, rest first.
+        marker_weights: (k,), weights that sum to one.
+        sense: How cords sense.
+        noise: Standard deviation of (R - R0)/R0 of a long cord.
+        limits: What layouts must keep.
+        decoder: Kind of the decoder.
+
+    Raises:
+        LayoutError: If a value is not finite or no state moves a marker.
     """
 
     surface: Surface
@@ -120,29 +145,29 @@ class Problem:
             )
 
     def with_decoder(self, kind: str) -> Problem:
-        """The same for another decoder; what was made once is shared."""
+        """Return the same problem for another decoder, sharing what is already computed."""
         out = replace(self, decoder=kind)
         made = {"carrier", "depth", "grid", "outputs"} & vars(self).keys()
         vars(out).update({k: vars(self)[k] for k in made})
         return out
 
     def features(self, cords: int) -> Features:
-        """What the decoder that will be used sees of the signals."""
-        return KINDS[self.decoder](cords)
+        """Return the decoder's features of the signals of so many cords."""
+        return FEATURES[self.decoder](cords)
 
     @cached_property
     def carrier(self) -> CordCarrier:
-        """What moves cords with the fields; made once, its tables are large."""
+        """Carrier that moves cords with the fields; computed once, since its tables are large."""
         return CordCarrier(self.locator, self.fields, self.sense)
 
     @cached_property
     def depth(self) -> SignedDistance:
-        """Exact depth below the surface."""
+        """Function for the exact depth below the surface."""
         return signed_distance_of(self.surface)
 
     @cached_property
     def grid(self) -> DepthGrid:
-        """Depth on a grid, for very many points."""
+        """Depth interpolated on a grid, for very many points."""
         return DepthGrid(self.surface)
 
     @cached_property
@@ -151,31 +176,52 @@ class Problem:
         return reduce_outputs(self.markers, self.marker_weights)
 
     def deform(self, points: Float) -> Float:
-        """Deformed positions (s, ..., 3) of rest points (..., 3)."""
+        """Return deformed positions (s, ..., 3) mm of rest points (..., 3) mm."""
         moved = self.carrier.move(points.reshape(-1, 3))
         return moved.reshape(len(self.fields), *points.shape)
 
     def signals(self, points: Float) -> Float:
-        """Signals (s + 1, ...) of polylines (..., p, 3), the zero of rest first, all with the same
-        `noise`: see `SignalModel`."""
+        """Return the signals of polylines, all with the same `noise` (see `SignalModel`).
+
+        Args:
+            points: Polylines (..., p, 3) mm at rest.
+
+        Returns:
+            Signals (s + 1, ...), the zero of rest first.
+        """
         shape = points.shape[:-2]
         moved = self.carrier.signals(points.reshape(-1, *points.shape[-2:]))
         return np.concatenate([np.zeros((1, *shape)), moved.reshape(len(self.fields), *shape)])
 
     def floor(self, sensors: int) -> float:
-        return floor(self.outputs, sensors)
+        """Return the smallest RMSE (mm) of an affine map of so many signals without noise."""
+        return affine_error_floor(self.outputs, sensors)
 
     def expected_error(self, signals: Float) -> Float:
-        """Expected RMSE (mm) of the best decoder under noise, for each set of signals
-        (..., n, c)."""
+        """Return the expected RMSE (mm) of the best decoder under noise.
+
+        Args:
+            signals: Sets of signals (..., n, c) of n states, rest first, and c cords.
+
+        Returns:
+            RMSE (...,) of each set.
+        """
         features = self.features(signals.shape[-1])
         square = expected_square(features, signals, self.outputs, self.noise)
         return np.asarray(np.sqrt(np.maximum(square, 0) / len(self.markers)))
 
 
 def reduce_outputs(markers: Float, weights: Float) -> Float:
-    """Centred outputs (n, r), r at most n, of marker displacements (n, k, 3) mm with weights (k,):
-    the squared norm of a row is the state's mean squared distance from the mean."""
+    """Reduce marker displacements to few centered outputs.
+
+    Args:
+        markers: Displacements (n, k, 3) mm.
+        weights: Weights (k,) that sum to one.
+
+    Returns:
+        Outputs (n, r) with r at most n. The squared norm of a row is the weighted mean squared
+        distance of the state's markers from the mean state.
+    """
     flat = (markers * np.sqrt(weights)[:, None]).reshape(len(markers), -1)
     u, s, _ = np.linalg.svd(flat - flat.mean(0), full_matrices=False)
     return np.asarray(u * s)

@@ -1,1 +1,1 @@
-"""Descents from a selected layout to the best one found."""
+"""Refine selected layouts by descents, and keep the best one."""

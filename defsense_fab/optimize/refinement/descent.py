@@ -1,4 +1,4 @@
-"""One descent from a layout: the objective under its constraints, by quadratic programmes."""
+"""Descend from a layout: minimize the objective under the limits by quadratic programs."""
 
 from __future__ import annotations
 
@@ -12,18 +12,23 @@ from ..limits.constraints import MARGIN_MM, Constraints
 from ..limits.thin_parts import ThinParts
 from ..problem.cord_kinematics import place_cord
 from ..problem.cord_parameters import CordParameters, independent_parameters, shared_parameters
-from ..problem.objective import QuadraticModel, Objective
+from ..problem.objective import Objective, QuadraticModel
 from ..problem.problem import Problem
 from ..search.starting_layouts import Layout
 from .sqp import minimize
 
-#: What a descent may use up of the margin of the limits, mm: the rest is for what samples miss.
+#: Part of the limits' margin that a descent may use up; the rest covers what samples miss.
 MAX_MARGIN_USE_MM = 0.6 * MARGIN_MM
 
 
 def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
-    """A slight push off a drawing: symmetric drawings are saddle points. Cords in one plane stay in
-    one if `tied`; otherwise they were only drawn there, and need not."""
+    """Move a layout slightly at random, because symmetric drawings are saddle points.
+
+    Args:
+        layout: The layout.
+        rng: Random generator.
+        tied: Keep cords that share a plane in one plane; otherwise each moves by itself.
+    """
     cords, spread = shared_parameters(layout) if tied else independent_parameters(layout)
     return _apply_parameters(cords, spread @ rng.normal(0, 1.5, spread.shape[1]), layout)
 
@@ -38,12 +43,20 @@ def descend(
     forgiven: float = MAX_MARGIN_USE_MM,
     follow: Callable[[Layout, float], None] | None = None,
 ) -> Layout:
-    """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
-    `forgiven` mm of the limits' margin may be used up where the layout does so; `show` as in
-    `minimise`, and `follow` the layout after each step, with its expected RMSE (mm). Coplanar cords
-    stay so; no slivers come where none are."""
+    """Descend from a layout; coplanar cords stay coplanar, and no slivers appear.
+
+    Args:
+        problem: The problem.
+        sensors: The layout to start from.
+        iterations: Largest number of iterations.
+        tolerance: Stop when an iteration gains a smaller share of the squared error.
+        slivers: Detector of slivers.
+        show: Called after each step with the share of iterations done and the squared error.
+        forgiven: Part of the limits' margin (mm) that may be used up if the layout does so.
+        follow: Called after each step with the layout and its expected RMSE (mm).
+    """
     cords, spread = shared_parameters(sensors)
-    if not spread.shape[1]:  # a plane that another, locked cord holds is no freedom
+    if not spread.shape[1]:  # nothing is free, as when a locked cord holds the plane
         return sensors
     objective = Objective(problem, cords)
     constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
@@ -60,7 +73,7 @@ def descend(
         found = slivers.guard(cords, spread @ old, spread @ new)
         return None if found is None else (found[0], found[1] @ spread)
 
-    def followed(y: Float, value: float) -> None:
+    def report_step(y: Float, value: float) -> None:
         if follow is not None:
             follow(_apply_parameters(cords, spread @ y, sensors), float(np.sqrt(value)))
 
@@ -74,13 +87,13 @@ def descend(
         loosest=forgiven,
         guard=guard if not slivers(sensors) else None,
         show=show,
-        follow=followed,
+        follow=report_step,
     )
     return _apply_parameters(cords, spread @ found.x, sensors)
 
 
 def _apply_parameters(cords: Sequence[CordParameters], x: Float, layout: Layout) -> Layout:
-    """The layout with its cords at parameters x (size,), as free as before."""
+    """Return the layout with its cords at parameters x (size,), as free as before."""
     parts = np.split(x, np.cumsum([c.size for c in cords[:-1]]))
     moved = zip(cords, parts, layout, strict=True)
     return tuple(replace(place_cord(c, part).sensor(), free=s.free) for c, part, s in moved)

@@ -1,4 +1,4 @@
-"""From the paths as drawn, or none, to the best layout found: selection, then descents."""
+"""Find the best layout, starting from drawn cords or none: selection, then descents."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from ...core.device.device import PLANE_FREEDOMS, Sensor
 from ...core.errors import LayoutError
 from ..limits.thin_parts import ThinParts
 from ..limits.verification import verify
-from ..problem.cord_parameters import effective_freedom, change_frame
+from ..problem.cord_parameters import change_frame, effective_freedom
 from ..problem.problem import Problem
 from ..search.starting_layouts import Layout, candidate_choices, no_room_error, select_starts
 from .descent import MAX_MARGIN_USE_MM, descend, jitter
 
-# Layouts to the digits that they are told to: processors differ in those behind them.
-
-#: Decimals of lengths in mm, and of directions: far finer than any printer, far coarser than what
-#: is left of rounding where a search has come to the same layout.
+#: Decimals of lengths (mm) and of directions to which layouts are rounded: much finer than any
+#: printer, and much coarser than differences between processors that find the same layout.
 _LENGTH_DECIMALS, _DIRECTION_DECIMALS = 4, 6
 
 
 def round_layout(layout: Layout) -> Layout:
-    """The layout with what is free of each cord rounded; what was given stays where it is, and
-    cords in one plane that is free stay in it, in the frame of the first of them."""
+    """Round the free quantities of a layout; fixed ones stay as they are.
+
+    Cords in one free plane stay in it, in the frame of the first of them.
+    """
     out: list[Sensor] = []
     for sensor, lead in zip(layout, _first_in_planes(layout), strict=True):
         free = effective_freedom(sensor, layout)
@@ -40,7 +40,7 @@ def round_layout(layout: Layout) -> Layout:
 
 
 def _first_in_planes(layout: Layout) -> list[Sensor]:
-    """Of each cord the first one in its plane."""
+    """Return for each cord the first cord in its plane."""
     return [next(s for s in layout if s.plane.coincides(sensor.plane)) for sensor in layout]
 
 
@@ -71,27 +71,31 @@ def _round_values(values: Float, decimals: int) -> Float:
 
 
 Report = Callable[[float, str], None]
-#: Gets a layout and its expected RMSE, mm: the best so far, or what a descent has come to.
+#: Called with a layout and its expected RMSE, mm.
 LayoutCallback = Callable[[Layout, float], None]
 
-_SHORT_ITERATIONS, _LONG_ITERATIONS, _FINISH_ROUNDS = (
-    15,
-    40,
-    3,
-)  # iterations of a descent; descents of a finish
-_SHORT_TOLERANCE, _FINISH_TOLERANCE = 1e-3, 2e-4  # relative gain that a descent still goes on for
-_CONVERGENCE_RTOL = 2e-3  # relative gain of a descent that ends a finish
+_SHORT_ITERATIONS, _LONG_ITERATIONS = 15, 40  # of the first descents, and of the final ones
+_FINISH_ROUNDS = 3  # descents in a row that finish a layout, at most
+_SHORT_TOLERANCE, _FINISH_TOLERANCE = 1e-3, 2e-4  # smallest relative gain per iteration
+_CONVERGENCE_RTOL = 2e-3  # relative gain of a descent below which a layout is finished
 
 
 class Cancelled(Exception):
-    """Raised by a callback to stop the search: the best layout so far is the result."""
+    """Raised by a callback to stop the search; the result is then the best layout so far."""
 
 
 @dataclass(frozen=True)
 class OptimizedLayout:
-    """The best layout that keeps every limit, its expected RMSE (mm), whether its planes leave
-    slivers, the RMSE of all descents, and what the search set out from: the drawing, or the first
-    selection where cords were added."""
+    """The result of a search.
+
+    Attributes:
+        sensors: The best layout that keeps every limit.
+        rmse: Its expected RMSE, mm.
+        slivers: Whether its planes leave slivers.
+        starts: Expected RMSE (mm) after each descent.
+        initial: The layout that the search started from: the drawing, or the first selection if
+            cords were added.
+    """
 
     sensors: Layout
     rmse: float
@@ -101,14 +105,14 @@ class OptimizedLayout:
 
 
 def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
-    """Expected RMSE (mm) of the best decoder for these cords."""
+    """Return the expected RMSE (mm) of the best decoder for a layout."""
     columns = [problem.signals(sample_path(s)) for s in sensors]
     return float(problem.expected_error(np.stack(columns, axis=1)))
 
 
 def evaluate_unchanged(problem: Problem, sensors: Layout) -> OptimizedLayout | None:
-    """The layout as it is, or None where it breaks a limit."""
-    if verify(sensors, problem.surface, problem.limits).problems:
+    """Return the layout as it is with its error, or None if it breaks a limit."""
+    if verify(sensors, problem.surface, problem.limits).violations:
         return None
     slivers = ThinParts(problem)(sensors)
     return OptimizedLayout(sensors, layout_error(problem, sensors), slivers, (), sensors)
@@ -129,25 +133,38 @@ def optimize_layout(
     watch: LayoutCallback | None = None,
     follow: LayoutCallback | None = None,
 ) -> OptimizedLayout:
-    """Improve the drawn cords that are free, and add `extra` ones, in at most `planes` planes if
-    given (or as many as are drawn), and those free in path and plane in planes square to one of the
-    unit `normals` (k, 3) if given. Cords that are selected in one plane stay in it.
+    """Improve the free quantities of drawn cords and add further cords.
 
-    Thousands of candidates for each cord are screened, and `starts` layouts selected from shares
-    of them; with a limit on planes and no extra cords, pushed copies of the drawing take their
-    place. All these and the drawing itself take a short descent, and the best `finalists` go on
-    until they stand still. Only layouts that pass an independent check compete, and one
-    whose planes leave slivers loses to any that leave none. A drawing, which must pass itself, is
-    the result where nothing better was found, unless there are `normals`. `watch` gets each layout
-    that is the best so far, and `follow` where each step of a descent has come to, whatever limits
-    that breaks. `report`, `watch` and `follow` may raise Cancelled.
+    Thousands of candidates for each cord are screened, and several layouts are selected from random
+    shares of them. With a limit on planes and no extra cords, randomly moved copies of the drawing
+    take their place. All of them and the drawing take a short descent, and the best continue until
+    they converge. Only layouts that pass an independent check compete, and one whose planes leave
+    slivers loses to any that leaves none. Cords that are selected in one plane stay in it.
 
-    Raises LayoutError where the drawing breaks a limit, and where there is no room for more cords.
+    Args:
+        problem: The problem.
+        drawn: Cords of the drawing, which must keep the limits. Without `normals`, the drawing is
+            the result if nothing better is found.
+        rng: Random generator.
+        report: Called with the share of the work done and a description; may raise Cancelled.
+        extra: Number of cords to add.
+        planes: Largest number of distinct planes, or of those drawn if these are more; unlimited by
+            default.
+        normals: Unit normals (k, 3) of the planes that cords free in path and plane may take.
+        starts: Number of layouts to descend from.
+        finalists: Number of descents that continue.
+        candidates: Number of candidates per cord.
+        watch: Called with each new best layout; may raise Cancelled.
+        follow: Called with the layout after each step of a descent, whatever limits it breaks; may
+            raise Cancelled.
+
+    Raises:
+        LayoutError: If the drawing breaks a limit, or the body has no room for the extra cords.
     """
     drawn = tuple(drawn)
     check = verify(drawn, problem.surface, problem.limits)
-    if check.problems:
-        broken = check.problems[0]
+    if check.violations:
+        broken = check.violations[0]
         raise LayoutError(
             broken.message,
             code=broken.code,
@@ -156,32 +173,34 @@ def optimize_layout(
             cords=broken.cords,
             value=broken.value,
         )
-    most = None if planes is None else max(planes, len(distinct_planes([s.plane for s in drawn])))
-    best = _Best(problem, watch, most)
+    max_planes = (
+        None if planes is None else max(planes, len(distinct_planes([s.plane for s in drawn])))
+    )
+    best = _Best(problem, watch, max_planes)
     initial: Layout = ()
     if not extra:
         initial = drawn
-        settled = not any(s.free for s in drawn)
-        if normals is None or settled:
+        is_fixed = not any(s.free for s in drawn)
+        if normals is None or is_fixed:
             best.offer(drawn, trusted=True)
-        if settled:
+        if is_fixed:
             return OptimizedLayout(drawn, *best.rank[::-1], (), drawn)
-    reached: list[float] = []
+    errors: list[float] = []
     try:
         show = partial(report_part, report, 0.0, 0.25)
-        begun = _start_layouts(
+        layouts = _start_layouts(
             problem, drawn, rng, show, extra, planes, normals, starts, candidates, best
         )
-        initial = initial or (round_layout(begun[0]) if begun else ())
+        initial = initial or (round_layout(layouts[0]) if layouts else ())
         show = partial(report_part, report, 0.25, 1.0)
-        reached.extend(_improve(problem, begun, finalists, best, show, follow))
+        errors.extend(_improve(problem, layouts, finalists, best, show, follow))
         report(1.0, f"best {best.rank[1]:.3g} mm")
     except Cancelled:
         if not best.layout:
             raise
     if not best.layout:
         raise no_room_error(problem, len(drawn) + extra)
-    return OptimizedLayout(best.layout, *best.rank[::-1], tuple(reached), initial or best.layout)
+    return OptimizedLayout(best.layout, *best.rank[::-1], tuple(errors), initial or best.layout)
 
 
 def _start_layouts(
@@ -196,35 +215,35 @@ def _start_layouts(
     candidates: int,
     best: _Best,
 ) -> list[Layout]:
-    """The layouts that descents set out from."""
-    if planes is not None and not extra:  # the planes are few already; candidates lie in others
+    """Return the layouts that descents start from."""
+    if planes is not None and not extra:  # candidates would lie in other planes
         return [drawn, *(jitter(drawn, rng, tied=True) for _ in range(starts - 1))]
     report(0.0, "candidates")
     cords = candidate_choices(problem, drawn, extra, candidates, rng, planes, normals)
-    begun = select_starts(
+    layouts = select_starts(
         problem, cords, starts, planes, best.slivers, rng, partial(report_part, report, 0.4, 1)
     )
-    for layout in begun:
+    for layout in layouts:
         best.offer(layout)
     if not extra and normals is None:
-        begun.append(jitter(drawn, rng, tied=False))
-    return begun
+        layouts.append(jitter(drawn, rng, tied=False))
+    return layouts
 
 
 def _improve(
     problem: Problem,
-    begun: Sequence[Layout],
+    layouts: Sequence[Layout],
     finalists: int,
     best: _Best,
     report: Report,
     follow: LayoutCallback | None,
 ) -> Iterator[float]:
-    """Short descents of all and finishes of the best, and the error (mm) that each comes to."""
-    short, reached = [], []
-    for i, layout in enumerate(begun):
-        low, high = (0.5 * (i + k) / len(begun) for k in (0, 1))
-        what = f"descent {i + 1} of {len(begun)}"
-        show = partial(_report_value, partial(report_part, report, low, high), what)
+    """Descend briefly from all layouts and finish the best; yield the error (mm) of each."""
+    short, errors = [], []
+    for i, layout in enumerate(layouts):
+        low, high = (0.5 * (i + k) / len(layouts) for k in (0, 1))
+        description = f"descent {i + 1} of {len(layouts)}"
+        show = partial(_report_value, partial(report_part, report, low, high), description)
         short.append(
             descend(
                 problem,
@@ -236,19 +255,19 @@ def _improve(
                 follow=follow,
             )
         )
-        reached.append(layout_error(problem, short[-1]))
+        errors.append(layout_error(problem, short[-1]))
         best.offer(short[-1])
-        yield reached[-1]
-    ranked = sorted(range(len(short)), key=lambda i: (best.slivers(short[i]), reached[i]))
-    for n, i in enumerate(_drop_duplicates(ranked, reached)[:finalists]):
+        yield errors[-1]
+    ranked = sorted(range(len(short)), key=lambda i: (best.slivers(short[i]), errors[i]))
+    for n, i in enumerate(_drop_duplicates(ranked, errors)[:finalists]):
         low, high = (0.5 + 0.5 * (n + k) / finalists for k in (0, 1))
-        what = f"finishing {n + 1} of {finalists}"
-        show = partial(_report_value, partial(report_part, report, low, high), what)
+        description = f"finishing {n + 1} of {finalists}"
+        show = partial(_report_value, partial(report_part, report, low, high), description)
         yield _finish(problem, short[i], best, show, follow)
 
 
 def _drop_duplicates(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:
-    """Without those that are as good as the one before: they have come to the same layout."""
+    """Drop layouts as good as the previous one, since they have converged to the same layout."""
     out = list(ranked[:1])
     for a, b in itertools.pairwise(ranked):
         if abs(errors[b] - errors[a]) > 1e-5 * errors[a]:
@@ -257,7 +276,15 @@ def _drop_duplicates(ranked: Sequence[int], errors: Sequence[float]) -> list[int
 
 
 def report_part(report: Report, low: float, high: float, fraction: float, what: str) -> None:
-    """Report a fraction of a part of the whole."""
+    """Report the progress of one part of the work.
+
+    Args:
+        report: Called with the share of the whole work and the description.
+        low: Share of the whole at which the part starts.
+        high: Share at which it ends.
+        fraction: Share of the part that is done.
+        what: Description.
+    """
     report(low + (high - low) * fraction, what)
 
 
@@ -266,7 +293,7 @@ def _report_value(report: Report, what: str, done: float, value: float) -> None:
 
 
 class _Best:
-    """The best layout offered that passes; one with slivers only for want of others."""
+    """Keeps the best layout that passes the check; one with slivers only if there is no other."""
 
     def __init__(self, problem: Problem, watch: LayoutCallback | None, planes: int | None) -> None:
         self._problem, self._watch, self._planes = problem, watch, planes
@@ -275,8 +302,11 @@ class _Best:
         self.rank: tuple[bool, float] = (True, np.inf)
 
     def offer(self, layout: Layout, trusted: bool = False) -> bool:
-        """Take the layout if it is the best now, and tell whether it would be but for a limit that
-        it breaks; `trusted` ones are known to pass the check, and stay as they are."""
+        """Take a layout if it is the best so far and passes the check.
+
+        Returns whether it would be the best but breaks a limit. A `trusted` layout has passed the
+        check and is neither rounded nor checked.
+        """
         layout = layout if trusted else round_layout(layout)
         rank = (self.slivers(layout), layout_error(self._problem, layout))
         if rank >= self.rank:
@@ -289,9 +319,12 @@ class _Best:
         return False
 
     def _passes(self, layout: Layout) -> bool:
-        if self._planes is not None and len(distinct_planes([s.plane for s in layout])) > self._planes:
+        if (
+            self._planes is not None
+            and len(distinct_planes([s.plane for s in layout])) > self._planes
+        ):
             return False
-        return not verify(layout, self._problem.surface, self._problem.limits).problems
+        return not verify(layout, self._problem.surface, self._problem.limits).violations
 
 
 def _finish(
@@ -301,11 +334,11 @@ def _finish(
     show: Callable[[float, float], None],
     follow: LayoutCallback | None,
 ) -> float:
-    """Error (mm) after descents in a row, until it stands still and the check passes.
+    """Repeat descents until the error converges and the check passes; return the error (mm).
 
-    Inlets shift as planes tilt, and only a new descent measures them anew.
+    Inlets shift as planes tilt, and only a new descent measures them again.
     """
-    error, forgiven = layout_error(problem, layout), MAX_MARGIN_USE_MM
+    error, margin_use = layout_error(problem, layout), MAX_MARGIN_USE_MM
     for _ in range(_FINISH_ROUNDS):
         layout = descend(
             problem,
@@ -314,13 +347,13 @@ def _finish(
             _FINISH_TOLERANCE,
             best.slivers,
             show,
-            forgiven,
+            margin_use,
             follow,
         )
         before, error = error, layout_error(problem, layout)
-        refused = best.offer(layout)
-        if abs(before - error) < _CONVERGENCE_RTOL * error and not refused:
+        is_refused = best.offer(layout)
+        if abs(before - error) < _CONVERGENCE_RTOL * error and not is_refused:
             break
-        if refused:  # by what was forgiven, perhaps
-            forgiven = 0.0
+        if is_refused:  # perhaps because of the margin that was used up
+            margin_use = 0.0
     return error

@@ -1,1 +1,1 @@
-"""Candidate cords and the layouts selected from them."""
+"""Generate candidate cords and select layouts from them."""

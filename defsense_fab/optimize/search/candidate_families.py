@@ -1,5 +1,8 @@
-"""Families of smooth candidate cords: variations of a drawing, paths through the body from one
-side to another, and paths there and back with both ends at the body's base."""
+"""Generate families of smooth candidate cords.
+
+The families are variations of a drawing, paths through the body from one side to another, and paths
+there and back with both ends at the body's base.
+"""
 
 from __future__ import annotations
 
@@ -10,40 +13,46 @@ from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom, curvature
 from ...core.device.device import PLANE_FREEDOMS, Sensor
 from ..problem.cord_parameters import CordParameters
-from ..problem.problem import Problem, sample_interior, sample_by_strain
+from ..problem.problem import Problem, sample_by_strain, sample_interior
 from .candidates import CandidateBatch
 
 _WAVES = 4  # sine waves over a path
-_START_DEPTH_MM = 2.0  # a path begins so far below the surface, mm; its channel runs on straight
-_LEAD_MM = 8.0  # the straight beginning of a path, mm
-_PROBE_SAMPLES = 16  # points at which waves look for the surface
-_SPREADS = (0.05, 0.15, 0.5)  # how far directions lie off an axis
+_START_DEPTH_MM = 2.0  # of a path's start below the surface; its channel continues straight
+_LEAD_MM = 8.0  # straight start of a path
+_PROBE_SAMPLES = 16  # of a path, to keep waves away from the surface
+_SPREADS = (0.05, 0.15, 0.5)  # standard deviations of directions about an axis
 _KNOTS = 8  # control points of a path through the body
 
 
 def vary_sensor(
     sensor: Sensor, count: int, spread: float, rng: np.random.Generator
 ) -> CandidateBatch:
-    """The sensor itself and `count` variations; `spread` mm is the size of the largest ones.
+    """Generate the sensor itself and random variations of it.
 
     Planes are moved and, unless they keep their direction, rolled about the path's chord by up to
-    90 degrees either way, and tilted; paths take a sum of sine waves over their chord. First and
-    last control points and the end tangents stay in the plane.
+    90 degrees either way, and tilted. Paths get a sum of sine waves across their chord. The first
+    and last control points and the end tangents stay in the plane.
+
+    Args:
+        sensor: The sensor.
+        count: Number of variations.
+        spread: Size of the largest variations, mm.
+        rng: Random generator.
     """
     k = len(sensor.curve.points)
     count = count if sensor.free else 0
     n = count + 1
-    size = rng.uniform(0, 1, n) * spread  # small variations are the ones that a tight body takes
+    size = rng.uniform(0, 1, n) * spread  # a tight body takes only small variations
     size[0] = 0
     points = np.repeat(sensor.curve.points[None], n, axis=0)
     tangents = np.repeat(sensor.curve.tangents[None], n, axis=0)
     origins = np.repeat(sensor.plane.origin[None], n, axis=0)
     axes = np.repeat(sensor.plane.axes[None], n, axis=0)
     if not sensor.free.isdisjoint(PLANE_FREEDOMS):
-        freedom = CordParameters(sensor)
+        parameters = CordParameters(sensor)
         angles = np.stack([rng.uniform(-np.pi / 2, np.pi / 2, n), rng.normal(0, 0.5, n)], axis=1)
         angles[0] = 0
-        angles[:, 1] *= size / freedom.reach
+        angles[:, 1] *= size / parameters.reach
         if "plane" not in sensor.free:
             angles[:] = 0
         chord = sensor.curve.points[-1] - sensor.curve.points[0]
@@ -51,8 +60,8 @@ def vary_sensor(
         roll = (turn * Rotation.from_euler("XY", angles) * turn.inv()).as_matrix()
         axes = sensor.plane.axes @ roll
         offset = rng.uniform(-1, 1, n) * size
-        pivot = sensor.plane.to_world(freedom.center) + offset[:, None] * sensor.plane.normal
-        origins = pivot - axes[:, :, :2] @ freedom.center
+        pivot = sensor.plane.to_world(parameters.center) + offset[:, None] * sensor.plane.normal
+        origins = pivot - axes[:, :, :2] @ parameters.center
     batch = CandidateBatch(sensor, origins, axes, points, tangents)
     if "path" in sensor.free and k > 4:
         batch = batch.waved(_waves(n, k, rng), size)
@@ -62,8 +71,16 @@ def vary_sensor(
 def waves_through_body(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None = None
 ) -> CandidateBatch:
-    """Waves about straight lines from surface to surface, mostly along the body, and where its
-    strain is lively, in planes of any direction or square to one of the unit `normals` (k, 3)."""
+    """Generate waves about straight lines from surface to surface.
+
+    The lines run mostly along the body, half of them through points where the strain varies most.
+
+    Args:
+        problem: The problem.
+        count: Number of lines; those that fit become candidates.
+        rng: Random generator.
+        normals: Unit normals (k, 3) of the planes; any direction by default.
+    """
     middle, direction = _sample_lines(problem, count, rng, normals)
     return _add_waves(problem, middle, direction, _frames(direction, rng, normals), rng)
 
@@ -71,7 +88,14 @@ def waves_through_body(
 def waves_in_plane(
     problem: Problem, plane: Plane, count: int, rng: np.random.Generator
 ) -> CandidateBatch:
-    """Waves about straight lines from surface to surface in one plane."""
+    """Generate waves about straight lines from surface to surface in one plane.
+
+    Args:
+        problem: The problem.
+        plane: The plane.
+        count: Number of lines.
+        rng: Random generator.
+    """
     points = sample_interior(problem, 4000, rng)
     points -= ((points - plane.origin) @ plane.normal)[:, None] * plane.normal
     points = points[problem.grid(points) > problem.limits.depth]
@@ -92,8 +116,14 @@ def waves_in_plane(
 def straight_batch(
     problem: Problem, middle: Float, direction: Float, axes: Float
 ) -> CandidateBatch:
-    """Straight cords through points (c, 3) inside along unit directions (c, 3), the x of the
-    planes' axes (c, 3, 3), from surface to surface; those that are long enough."""
+    """Return the straight cords from surface to surface that are long enough.
+
+    Args:
+        problem: The problem.
+        middle: Points (c, 3) mm inside the body.
+        direction: Unit directions (c, 3) of the cords.
+        axes: Axes (c, 3, 3) of the planes, whose x is the direction.
+    """
     back, ahead = _surface_distances(problem, middle, direction)
     length = back + ahead - 2 * _START_DEPTH_MM
     good = np.isfinite(length) & (length > 3 * _START_DEPTH_MM)
@@ -111,8 +141,16 @@ def straight_batch(
 def there_and_back(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None = None
 ) -> CandidateBatch:
-    """Two legs side by side from the end of the body that moves least, joined by a half circle;
-    `normals` as in `through`."""
+    """Generate cords of two parallel legs joined by a half circle.
+
+    Both ends are at the end of the body that moves least.
+
+    Args:
+        problem: The problem.
+        count: Number of lines; those that fit become candidates.
+        rng: Random generator.
+        normals: Unit normals (k, 3) of the planes; any direction by default.
+    """
     middle, direction = _sample_lines(problem, count, rng, normals)
     back, ahead = _surface_distances(problem, middle, direction)
     inside = np.isfinite(back + ahead)
@@ -120,21 +158,21 @@ def there_and_back(
     ends = [middle - back[:, None] * direction, middle + ahead[:, None] * direction]
     moved = [np.linalg.norm(problem.deform(p) - p, axis=-1).mean(0) for p in ends]
     direction = np.where((moved[1] < moved[0])[:, None], -direction, direction)
-    turned = moved[1] < moved[0]
-    back, ahead = np.where(turned, ahead, back), np.where(turned, back, ahead)
+    is_reversed = moved[1] < moved[0]
+    back, ahead = np.where(is_reversed, ahead, back), np.where(is_reversed, back, ahead)
     axes = _frames(direction, rng, normals)
     across = axes[:, :, 1]
     up, down = (problem.grid.exits(middle, s * across, 4 * _body_width(problem)) for s in (1, -1))
     widest = (up + down) / 2 - problem.limits.depth
-    least = problem.limits.min_radius * 1.1
-    wide = (widest >= least) & np.isfinite(widest)
+    min_radius = problem.limits.min_radius * 1.1
+    is_wide = (widest >= min_radius) & np.isfinite(widest)
     middle, direction, back, ahead, axes, across, up, down, widest = (
-        a[wide] for a in (middle, direction, back, ahead, axes, across, up, down, widest)
+        a[is_wide] for a in (middle, direction, back, ahead, axes, across, up, down, widest)
     )
-    radius = least + rng.uniform(0, 1, len(middle)) * (widest - least)
+    radius = min_radius + rng.uniform(0, 1, len(middle)) * (widest - min_radius)
     middle = middle + ((up - down) / 2)[:, None] * across
     top = rng.uniform(-0.5, 1, len(middle)) * (ahead - problem.limits.depth)
-    legs = [  # from the turn's beginning to the surface
+    legs = [  # from the start of the half circle to the surface
         problem.grid.exits(
             middle + (top - radius)[:, None] * direction + (s * radius)[:, None] * across,
             -direction,
@@ -169,7 +207,7 @@ def there_and_back(
 
 
 def _waves(count: int, knots: int, rng: np.random.Generator) -> Float:
-    """Random sums of sine waves (count, knots), one mm high, about; more waves are gentler."""
+    """Return random sums of sine waves (count, knots), about 1 mm high; short waves are lower."""
     k = np.arange(1, _WAVES + 1)[:, None]
     shape = np.sin(k * np.pi * np.linspace(0, 1, knots)) / k
     return np.asarray(rng.normal(0, 0.5, (count, _WAVES)) @ shape)
@@ -178,8 +216,10 @@ def _waves(count: int, knots: int, rng: np.random.Generator) -> Float:
 def _add_waves(
     problem: Problem, middle: Float, direction: Float, axes: Float, rng: np.random.Generator
 ) -> CandidateBatch:
-    """Straight paths with waves of up to half the body's width, less where they would turn too
-    tightly or come too near the surface."""
+    """Return straight paths with waves of up to half the body's width.
+
+    Waves are reduced where they would turn too tightly or come too close to the surface.
+    """
     paths = straight_batch(problem, middle, direction, axes)
     size = rng.uniform(0, 1, len(paths)) * _body_width(problem) / 2
     waves = _waves(len(paths), _KNOTS, rng)
@@ -195,8 +235,7 @@ def _add_waves(
 def _sample_lines(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None
 ) -> tuple[Float, Float]:
-    """Points inside (c, 3) and unit directions (c, 3), each in a plane square to one of the
-    `normals` if given."""
+    """Draw points inside (c, 3) and unit directions (c, 3), perpendicular to one of the normals."""
     points = sample_interior(problem, 4000, rng)
     values, vectors = np.linalg.eigh(np.cov(points.T))
     deep = points[problem.grid(points) > problem.limits.depth]
@@ -207,8 +246,8 @@ def _sample_lines(
     middle = np.concatenate([some, sample_by_strain(problem, deep[:2000], count - half, rng)])
     # Mostly along the longest axis; a stout body takes other directions, too.
     choice = rng.choice(3, count, p=values / values.sum())
-    off = rng.normal(0, 1, (count, 3)) * rng.choice(_SPREADS, (count, 1))
-    direction = vectors[:, choice].T + off
+    deviation = rng.normal(0, 1, (count, 3)) * rng.choice(_SPREADS, (count, 1))
+    direction = vectors[:, choice].T + deviation
     if normals is not None:
         n = normals[rng.integers(len(normals), size=count)]
         direction -= np.einsum("ci,ci->c", direction, n)[:, None] * n
@@ -218,16 +257,18 @@ def _sample_lines(
 
 
 def _surface_distances(problem: Problem, middle: Float, direction: Float) -> tuple[Float, Float]:
-    """How far the surface lies back and ahead, (c,) mm each."""
+    """Return the distances (c,) mm to the surface backward and forward."""
     longest = float(np.linalg.norm(np.ptp(problem.surface.bounds, axis=0)))
     back, ahead = (problem.grid.exits(middle, s * direction, longest) for s in (-1, 1))
     return back, ahead
 
 
 def _frames(direction: Float, rng: np.random.Generator, normals: Float | None) -> Float:
-    """Planes' axes (c, 3, 3) with x along the directions (c, 3), and as normal one of the `normals`
-    that is square to that. Where none are given, a normal at random or, for half of them, square to
-    one of the coordinate axes, which symmetric bodies follow."""
+    """Return axes (c, 3, 3) of planes with x along the directions (c, 3).
+
+    The normal is one of the `normals` perpendicular to x. By default it is random, and for half of
+    the planes near a coordinate axis, because symmetric bodies follow these.
+    """
     if normals is not None:
         square = np.abs(direction @ normals.T) < 1e-9
         which = (square * rng.random(square.shape)).argmax(axis=1)
@@ -243,11 +284,11 @@ def _frames(direction: Float, rng: np.random.Generator, normals: Float | None) -
 
 
 def _body_width(problem: Problem) -> float:
-    """The middle one of the body's three sizes, mm: what a path may swing across."""
+    """Return the middle one of the body's three sizes, mm, which paths may swing across."""
     return float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
 
 
 def _template_sensor(knots: int) -> Sensor:
-    """What proposed cords have in common; their arrays hold the rest."""
+    """Return the sensor whose name and freedom proposed cords have."""
     plane, points = Plane(np.zeros(3), np.eye(3)), np.zeros((knots, 2))
     return Sensor("proposed", plane, Hermite(points, points), frozenset({"path", "plane"}))

@@ -1,4 +1,4 @@
-"""Pools of candidate cords by the thousand: screened, and their signals in one batch."""
+"""Hold candidate cords in arrays, screen them by the limits, and compute their signals."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ...core.device.device import Sensor
 from ...geometry.kernels.surface_queries import SignedDistance
 from ...mechanics.elements.threads import count_cores, run_in_chunks
 from ..limits.constraints import (
-    MAX_INLET_MM,
     MARGIN_MM,
+    MAX_INLET_MM,
     RUN_SAMPLES,
     required_depth,
     run_lengths,
@@ -24,17 +24,20 @@ from ..limits.polyline_distance import self_gaps
 from ..problem.depth_grid import DepthGrid
 from ..problem.problem import Limits, Problem
 
-# Which of many candidates keep wall, radius and distance from themselves, on coarse samples.
-
-# Candidate cords as arrays, many of one kind at once.
-
 COARSE_SAMPLES = 40  #: Points of a candidate's path.
 
 
 @dataclass(frozen=True)
 class CandidateBatch:
-    """Candidates as arrays: plane `origins` (c, 3) and `axes` (c, 3, 3), control `points` and
-    `tangents` (c, k, 2); name and freedom are those of `like`."""
+    """Candidate cords as arrays.
+
+    Attributes:
+        like: Sensor whose name and freedom the candidates have.
+        origins: (c, 3) mm, origins of the planes.
+        axes: (c, 3, 3), axes of the planes in columns.
+        points: (c, k, 2) mm, control points.
+        tangents: (c, k, 2) mm, tangents.
+    """
 
     like: Sensor
     origins: Float
@@ -46,25 +49,32 @@ class CandidateBatch:
         return len(self.points)
 
     def paths(self, count: int) -> Float:
-        """`count` points of each path, evenly spread over the parameter, (c, count, 3) mm."""
+        """Return `count` points of each path, evenly spaced in the parameter, (c, count, 3) mm."""
         few = hermite_basis(self.points.shape[1], 24)[0][self.at(count)]
         local = few @ np.concatenate([self.points, self.tangents], axis=1)
         return np.asarray(self.origins[:, None] + local @ self.axes[:, :, :2].swapaxes(1, 2))
 
     def at(self, count: int) -> Int:
-        """Which of a path's samples, 24 a span, `paths` takes."""
+        """Return the numbers of the samples, 24 a span, that `paths` takes."""
         last = 24 * (self.points.shape[1] - 1)
         return np.asarray(np.round(np.linspace(0, last, count)).astype(int))
 
     def out(self) -> Float:
-        """Unit directions (c, 2, 3) in which the straight runs leave the paths' ends."""
+        """Return the unit directions (c, 2, 3) of the straight runs from the paths' ends."""
         ends = self.tangents[:, [0, -1]] @ self.axes[:, :, :2].swapaxes(1, 2)
         size = np.maximum(np.linalg.norm(ends, axis=2, keepdims=True), 1e-12)
         return np.asarray(ends / size * np.array([[-1.0], [1.0]]))
 
     def waved(self, waves: Float, size: Float) -> CandidateBatch:
-        """With waves (c, k) of `size` (c,) mm across their chords; paths of size 0 stay as they
-        are, and so do the first and last two control points and the end tangents."""
+        """Add waves across the paths' chords.
+
+        The first and last two control points and the end tangents stay, and so do paths with waves
+        of size 0.
+
+        Args:
+            waves: Waves (c, k) at the control points.
+            size: Their sizes (c,) mm.
+        """
         chord = self.points[:, -1] - self.points[:, 0]
         length = np.linalg.norm(chord, axis=1, keepdims=True)
         side = np.stack([-chord[:, 1], chord[:, 0]], axis=1) / np.maximum(length, 1e-6)
@@ -76,10 +86,12 @@ class CandidateBatch:
         return replace(self, points=points, tangents=tangents)
 
     def take(self, which: Int) -> CandidateBatch:
+        """Return the candidates of the given numbers."""
         arrays = (self.origins, self.axes, self.points, self.tangents)
         return CandidateBatch(self.like, *(a[which] for a in arrays))
 
     def sensor(self, i: int) -> Sensor:
+        """Return candidate `i` as a sensor."""
         return replace(
             self.like,
             plane=Plane(self.origins[i], self.axes[i]),
@@ -90,7 +102,14 @@ class CandidateBatch:
 def find_feasible(
     batch: CandidateBatch, depth: SignedDistance, grid: DepthGrid, limits: Limits
 ) -> Int:
-    """Indices of the candidates that keep the limits."""
+    """Return the numbers of the candidates that keep the limits on coarse samples.
+
+    Args:
+        batch: The candidates.
+        depth: Exact depth below the surface.
+        grid: Depth on a grid, for the first tests.
+        limits: The limits.
+    """
     kept = np.arange(len(batch))
 
     def narrow(good: Bool) -> None:
@@ -99,7 +118,7 @@ def find_feasible(
 
     bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
     narrow(np.asarray(bend * limits.min_radius < 0.98))
-    for count in (8, COARSE_SAMPLES):  # most fail at a few points already
+    for count in (8, COARSE_SAMPLES):  # most candidates fail at a few points already
         narrow(np.asarray(grid(batch.paths(count)).min(axis=1) > 0))
     paths, out = batch.paths(COARSE_SAMPLES), batch.out()
     ends = np.stack(
@@ -133,8 +152,7 @@ def find_feasible(
 
 
 def _with_runs(paths: Float, out: Float, runs: Float) -> Float:
-    """Paths (c, p, 3) with samples of their straight runs of `runs` (c, 2) mm along `out`
-    (c, 2, 3)."""
+    """Return paths (c, p, 3) with samples of their runs (c, 2) mm along `out` (c, 2, 3)."""
     s = (np.arange(RUN_SAMPLES) + 1)[:, None] / RUN_SAMPLES
     start = paths[:, :1] + (runs[:, 0, None, None] * s) * out[:, None, 0]
     end = paths[:, -1:] + (runs[:, 1, None, None] * s) * out[:, None, 1]
@@ -143,7 +161,13 @@ def _with_runs(paths: Float, out: Float, runs: Float) -> Float:
 
 @dataclass(frozen=True)
 class Pool:
-    """Feasible candidates for one cord, batch after batch: paths (c, p, 3) mm, signals (n, c)."""
+    """Feasible candidates for one cord.
+
+    Attributes:
+        batches: The candidates, in order.
+        paths: (c, p, 3) mm, coarse paths of all candidates.
+        signals: (n, c), their signals in all states, rest first.
+    """
 
     batches: tuple[CandidateBatch, ...]
     paths: Float
@@ -154,7 +178,7 @@ class Pool:
 
     @classmethod
     def of(cls, problem: Problem, sensor: Sensor) -> Pool:
-        """A pool of one."""
+        """Create a pool of a single cord."""
         plane, curve = sensor.plane, sensor.curve
         arrays = (plane.origin, plane.axes, curve.points, curve.tangents)
         batch = CandidateBatch(sensor, *(a[None] for a in arrays))
@@ -163,11 +187,11 @@ class Pool:
 
     @classmethod
     def empty(cls, problem: Problem) -> Pool:
-        """A pool without candidates."""
+        """Create a pool without candidates."""
         return cls((), np.zeros((0, COARSE_SAMPLES, 3)), np.zeros((len(problem.markers), 0)))
 
     def sensor(self, i: int, name: str, free: frozenset[str]) -> Sensor:
-        """Candidate i."""
+        """Return candidate `i` with the given name and freedom."""
         for batch in self.batches:
             if i < len(batch):
                 return replace(batch.sensor(i), name=name, free=free)
@@ -175,7 +199,7 @@ class Pool:
         raise IndexError(i)
 
     def plus(self, other: Pool) -> Pool:
-        """This pool and another."""
+        """Return the candidates of this pool and another."""
         return Pool(
             self.batches + other.batches,
             np.concatenate([self.paths, other.paths]),
@@ -186,10 +210,15 @@ class Pool:
 def build_pool(
     problem: Problem, makers: Sequence[Callable[[], CandidateBatch]], keep_first: bool = False
 ) -> Pool:
-    """Candidates that keep the limits, of all makers, and their signals; `keep_first` keeps the
-    very first even if it does not. Makers run on all cores."""
+    """Collect the candidates that keep the limits, and compute their signals.
+
+    Args:
+        problem: The problem.
+        makers: Functions that make candidates; they run on all cores.
+        keep_first: Keep the very first candidate even if it breaks a limit.
+    """
     kept: list[CandidateBatch] = [None] * len(makers)  # type: ignore[list-item]
-    problem.grid, problem.depth, problem.carrier  # noqa: B018 - made once, for all threads
+    problem.grid, problem.depth, problem.carrier  # noqa: B018 - computed once for all threads
 
     def work(start: int, stop: int) -> None:
         for n in range(start, stop):

@@ -1,1 +1,1 @@
-"""Studies of layouts: number of cords, tolerances, risks."""
+"""Study layouts: number of cords, tolerances and risks."""

@@ -1,4 +1,4 @@
-"""How the error falls with the number of cords, and where more of them stop paying."""
+"""Find layouts of increasing numbers of cords, and the number beyond which more pay little."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..problem.problem import Problem
 from ..refinement.refine import OptimizedLayout, layout_error, optimize_layout, report_part
 from ..search.starting_layouts import FREE, Layout, no_room_error
 
-_STARTS = 6  # of one cord; fewer the more cords there are, which take longer
+_STARTS = 6  # for one cord; fewer for more cords, which take longer
 
 
 def add_cord(
@@ -28,21 +28,29 @@ def add_cord(
     report: Callable[[float, str], None],
     planes: int | None = None,
 ) -> Layout:
-    """The layout with one cord more where it helps most; the others stay. At most `planes` planes.
+    """Add the cord that helps most to a layout whose other cords stay.
 
-    Raises LayoutError where there is no room for it.
+    Args:
+        problem: The problem.
+        layout: The cords that stay.
+        rng: Random generator.
+        report: Called with the share of the work done and a description.
+        planes: Largest number of distinct planes; unlimited by default.
+
+    Raises:
+        LayoutError: If the body has no room for another cord.
     """
     locked = [replace(s, free=frozenset()) for s in layout]
     found: list[OptimizedLayout] = []
-    # In one of the planes that are there, and in one of its own where that is allowed.
-    room = planes is None or planes > len(distinct_planes([s.plane for s in locked]))
-    kinds = (0, planes) if room else (0,)
-    for n, most in enumerate(kinds):
-        show = partial(report_part, report, n / len(kinds), (n + 1) / len(kinds))
+    # In one of the present planes, and in a new one if that is allowed.
+    may_add_plane = planes is None or planes > len(distinct_planes([s.plane for s in locked]))
+    plane_limits = (0, planes) if may_add_plane else (0,)
+    for n, limit in enumerate(plane_limits):
+        show = partial(report_part, report, n / len(plane_limits), (n + 1) / len(plane_limits))
         with suppress(LayoutError):
             found.append(
                 optimize_layout(
-                    problem, locked, rng, show, extra=1, planes=most, starts=3, finalists=1
+                    problem, locked, rng, show, extra=1, planes=limit, starts=3, finalists=1
                 )
             )
     if not found:
@@ -60,20 +68,33 @@ def layouts_by_count(
     begin: Layout = (),
     planes: int | None = None,
 ) -> Iterator[tuple[int, Layout]]:
-    """The best layouts of up to so many cords, for rising numbers: the error never rises.
+    """Find the best layouts for increasing numbers of cords; the error never increases.
 
-    Every number is searched for afresh and from the layout before with one cord more; where
-    neither is better, or better only with slivers, that layout stands again. `begin` is the layout
-    of the number before the first, where it is known; `planes` is the most planes.
+    For each number the search starts from nothing, and from the previous layout with one cord more.
+    If neither result is better, or only with slivers, the previous layout is returned again.
 
-    Raises LayoutError where the body has no room for more.
+    Args:
+        problem: The problem.
+        counts: Increasing numbers of cords.
+        seed: Seed of the random draws.
+        report: Called with the share of the work done and a description.
+        begin: Layout of the number before the first, if it is known.
+        planes: Largest number of distinct planes; unlimited by default.
+
+    Yields:
+        Each number with its layout.
+
+    Raises:
+        LayoutError: If the body has no room for more cords.
     """
     before, slivers = begin, ThinParts(problem)
     for n, count in enumerate(counts):
-        rng = np.random.default_rng((seed, count))  # the same wherever the study began
+        rng = np.random.default_rng(
+            (seed, count)
+        )  # the same whichever number the study starts with
         low, high = n / len(counts), (n + 1) / len(counts)
         middle = (low + high) / 2
-        fresh, grown = (
+        report_new, report_grown = (
             partial(report_part, report, low, middle),
             partial(report_part, report, middle, high),
         )
@@ -81,16 +102,18 @@ def layouts_by_count(
         found: list[OptimizedLayout] = []
         with suppress(LayoutError):
             found.append(
-                optimize_layout(problem, (), rng, fresh, extra=count, planes=planes, starts=starts)
+                optimize_layout(
+                    problem, (), rng, report_new, extra=count, planes=planes, starts=starts
+                )
             )
         if before:
             with suppress(LayoutError):
-                found.append(_grow(problem, before, rng, grown, planes, starts // 2))
+                found.append(_grow(problem, before, rng, report_grown, planes, starts // 2))
         if not found:
             raise no_room_error(problem, count)
         best = min(found, key=lambda f: (f.slivers, f.rmse))
-        clean = not best.slivers or (bool(before) and slivers(before))
-        if not before or (clean and best.rmse < layout_error(problem, before)):
+        is_clean = not best.slivers or (bool(before) and slivers(before))
+        if not before or (is_clean and best.rmse < layout_error(problem, before)):
             before = best.sensors
         yield count, before
 
@@ -110,8 +133,17 @@ def _grow(
 
 
 def find_knee(counts: Sequence[int], errors: Float) -> int:
-    """The number of cords beyond which more pay least: where the curve of the errors' logarithms
-    lies deepest below the line between its ends (Satopaa et al. 2011)."""
+    """Return the number of cords beyond which more pay least.
+
+    It is where the logarithm of the error is furthest below the line between the curve's ends.
+
+    Args:
+        counts: Numbers of cords, increasing.
+        errors: Error of each number.
+
+    References:
+        Satopaa et al. 2011, "Finding a Kneedle in a Haystack".
+    """
     if len(counts) < 3:
         return int(counts[int(np.argmin(errors))])
     x = np.asarray(counts, float)

@@ -1,8 +1,8 @@
-"""How far built devices will scatter about a prediction: Monte Carlo over what a maker cannot hold.
+"""Predict how the errors of built devices scatter, by Monte Carlo over manufacturing tolerances.
 
-Each draw is one device: its cords lie off their grooves' axes, differ in their response, are
-stretched more or less as they are laid, and its poses are not taken to the full amplitude; its
-decoder is the best for its own signals and their noise, which long training comes to, and is tested
+Each draw is one device. Its cords lie off the axes of their grooves, differ in their response and
+are stretched more or less during assembly, and its poses do not reach the full amplitude. Its
+decoder is the best for its signals and their noise, which long training converges to, and is tested
 on a session of noisy frames of other states.
 """
 
@@ -14,24 +14,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...decoding.decoders import Trained, fit_decoder
+from ...decoding.decoders import AnyDecoder, fit_decoder
 from ...decoding.expected_errors import UnseenStates
 from ...sensing.built_cord import PRESTRETCH_SPREAD, BuiltCord, CordReading
 from ..problem.problem import Problem, reduce_outputs
 
-#: A cord wanders in its groove between so many points along its path.
-_WANDER_KNOTS = 5
-#: Of its length: a path that leaves its line by less has no plane.
-_STRAIGHT_RTOL = 1e-6
+_WANDER_KNOTS = 5  # points along a path between which a cord wanders in its groove
+_STRAIGHT_RTOL = 1e-6  # of its length, by which a straight path may leave its line
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """`offset` mm is the largest distance of a cord from its groove's axis, either way in the plane
-    and across it; `gauge` and `amplitude` are relative standard deviations, of the cords' gauge
-    factors and of the poses' amplitudes; `prestretch` that of a held cord's pre-stretch, a strain;
-    `compression` the share of its slope that a response may lack below zero strain, at most;
-    `frames` is the length of the test."""
+    """Tolerances of built devices.
+
+    Attributes:
+        offset: Largest distance of a cord from its groove's axis, in the plane and across it, mm.
+        gauge: Relative standard deviation of the cords' gauge factors.
+        amplitude: Relative standard deviation of the poses' amplitudes.
+        prestretch: Standard deviation of a held cord's pre-stretch, a strain.
+        compression: Largest share of its slope that a response may lack below zero strain.
+        frames: Number of frames of the test.
+    """
 
     offset: float = 0.3
     gauge: float = 0.05
@@ -43,8 +46,13 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class ToleranceBand:
-    """RMSE (mm) of built devices on the states tested: median, and the limits between which 90 % of
-    them lie."""
+    """RMSE (mm) of built devices on the tested states.
+
+    Attributes:
+        median: Median of all devices.
+        low: Lower limit of the central 90 %.
+        high: Upper limit.
+    """
 
     median: float
     low: float
@@ -60,15 +68,26 @@ def tolerance_band(
     draws: int = 200,
     tolerances: Tolerances | None = None,
 ) -> ToleranceBand:
-    """The band that devices with these planar cords are expected in, on the states of the problem
-    that are `unseen`."""
-    like: list[Trained] = []
-    found = []
+    """Predict the band of errors of built devices on unseen states.
+
+    Args:
+        problem: The problem.
+        cords: The planar cords of the layout.
+        reading: How cords are read.
+        rng: Random generator.
+        unseen: States to train and to test on.
+        draws: Number of devices.
+        tolerances: Tolerances; the usual ones by default.
+    """
+    decoders: list[AnyDecoder] = []
+    errors = []
     for _ in range(draws):
-        some = tolerances or Tolerances()
-        rmse, like = simulate_session(problem, cords, reading, rng, some, unseen, like)
-        found.append(rmse)
-    low, median, high = np.quantile(found, [0.05, 0.5, 0.95])
+        used_tolerances = tolerances or Tolerances()
+        rmse, decoders = simulate_session(
+            problem, cords, reading, rng, used_tolerances, unseen, decoders
+        )
+        errors.append(rmse)
+    low, median, high = np.quantile(errors, [0.05, 0.5, 0.95])
     return ToleranceBand(float(median), float(low), float(high))
 
 
@@ -79,51 +98,68 @@ def simulate_session(
     rng: np.random.Generator,
     tolerances: Tolerances,
     unseen: UnseenStates,
-    like: Sequence[Trained] = (),
-) -> tuple[float, list[Trained]]:
-    """RMSE (mm) of one device on its test frames, which show the states tested at random, and its
-    decoders, one for each fold; see `fit_decoder` for those of another device, `like`."""
+    like: Sequence[AnyDecoder] = (),
+) -> tuple[float, list[AnyDecoder]]:
+    """Simulate a test session of one device, whose frames show the tested states at random.
+
+    Args:
+        problem: The problem.
+        cords: The cords as designed.
+        reading: How cords are read.
+        rng: Random generator.
+        tolerances: Tolerances of the device.
+        unseen: States to train and to test on.
+        like: Decoders of a similar device to start from, see `fit_decoder`.
+
+    Returns:
+        RMSE (mm) and the device's decoders, one for each fold.
+    """
     mixing = _amplitude_mixing(unseen, len(problem.markers), rng, tolerances.amplitude)
     columns, sigma = [], []
     for designed in cords:
-        cord, own = sample_built_cord(designed, reading, rng, tolerances)
+        cord, cord_reading = sample_built_cord(designed, reading, rng, tolerances)
         moved = cord.path + np.tensordot(mixing, problem.deform(cord.path) - cord.path, 1)
-        columns.append(np.append(0.0, own.signals(cord, moved)))
-        sigma.append(own.noise(cord))
+        columns.append(np.append(0.0, cord_reading.signals(cord, moved)))
+        sigma.append(cord_reading.noise(cord))
     S, noise = np.stack(columns, axis=1), np.array(sigma)
     rest = problem.markers[:1]
     scaled = np.concatenate([rest, rest + np.tensordot(mixing, problem.markers[1:] - rest, 1)])
     O = reduce_outputs(scaled, problem.marker_weights)  # noqa: E741
-    which = np.sort(rng.integers(len(unseen.tested), size=tolerances.frames))
-    shown = unseen.tested[which]
-    read = S[shown] + noise * rng.normal(0, 1, (tolerances.frames, len(cords)))
+    picks = np.sort(rng.integers(len(unseen.tested), size=tolerances.frames))
+    states = unseen.tested[picks]
+    read = S[states] + noise * rng.normal(0, 1, (tolerances.frames, len(cords)))
     square, decoders = 0.0, []
-    for k, (seen, test) in enumerate(unseen.folds):
-        begun = like[k] if like else None
-        decoders.append(fit_decoder(problem.decoder, S[seen], O[seen], noise, begun))
-        mine = np.isin(shown, test)
-        square += float(((decoders[-1](read[mine]) - O[shown[mine]]) ** 2).sum())
+    for k, (train, test) in enumerate(unseen.folds):
+        start = like[k] if like else None
+        decoders.append(fit_decoder(problem.decoder, S[train], O[train], noise, start))
+        in_fold = np.isin(states, test)
+        square += float(((decoders[-1](read[in_fold]) - O[states[in_fold]]) ** 2).sum())
     return float(np.sqrt(square / tolerances.frames)), decoders
 
 
 def _amplitude_mixing(
     unseen: UnseenStates, count: int, rng: np.random.Generator, sigma: float
 ) -> Float:
-    """Weights (s, s) of the s = count - 1 states without rest in what a device shows instead: each
-    path of loading is taken a little less or more far, through parabolas between its states. A
-    state that is alone on its path stays: a share of a large rotation is no state of the body."""
+    """Return the mixture (s, s) of the states without rest that a device shows in their place.
+
+    Each loading path is followed a little less or more far, through parabolas between its states. A
+    state that is alone on its path stays, because a share of a large rotation is not a state of the
+    body.
+    """
     out = np.eye(count - 1)
     for states, fractions in unseen.paths:
         factor = max(1 + rng.normal(0, sigma), 0.0)
         if len(states) < 2:
             continue
-        known = np.append(0.0, fractions)
-        for k, at in zip(states, factor * fractions, strict=True):
-            near = np.argsort(np.abs(known - at), kind="stable")[:3]
+        all_fractions = np.append(0.0, fractions)
+        for k, fraction in zip(states, factor * fractions, strict=True):
+            nearest = np.argsort(np.abs(all_fractions - fraction), kind="stable")[:3]
             out[k - 1] = 0.0
-            for i in near:
-                others = near[near != i]
-                weight = np.prod((at - known[others]) / (known[i] - known[others]))
+            for i in nearest:
+                others = nearest[nearest != i]
+                weight = np.prod(
+                    (fraction - all_fractions[others]) / (all_fractions[i] - all_fractions[others])
+                )
                 if i:
                     out[k - 1, states[i - 1] - 1] += weight
     return out
@@ -132,20 +168,32 @@ def _amplitude_mixing(
 def sample_built_cord(
     cord: BuiltCord, reading: CordReading, rng: np.random.Generator, tolerances: Tolerances
 ) -> tuple[BuiltCord, CordReading]:
-    """One of the cords that a maker may get for this one, and how it is read."""
+    """Draw a built cord for a designed one.
+
+    Args:
+        cord: The cord as designed.
+        reading: How cords are read.
+        rng: Random generator.
+        tolerances: Tolerances of the device.
+
+    Returns:
+        The built cord and how it is read.
+    """
     path = _off_axis(cord.path, rng, tolerances.offset)
     factor = 1 + rng.normal(0, tolerances.gauge)
-    more = rng.normal(0, tolerances.prestretch)
-    lacking = rng.uniform(0, tolerances.compression)
+    extra_prestretch = rng.normal(0, tolerances.prestretch)
+    missing_slope = rng.uniform(0, tolerances.compression)
     if cord.prestretch is None:
-        return replace(cord, path=path), reading.gauge_spread(factor, 1 - lacking)
-    laid = max(cord.prestretch + more, 0.0)
-    return replace(cord, path=path, prestretch=laid), reading.gauge_spread(factor)
+        return replace(cord, path=path), reading.scale_gauge_factor(factor, 1 - missing_slope)
+    prestretch = max(cord.prestretch + extra_prestretch, 0.0)
+    return replace(cord, path=path, prestretch=prestretch), reading.scale_gauge_factor(factor)
 
 
 def _normal(path: Float) -> Float:
-    """Unit normal (3,) of the plane of a path (p, 3), or where it is straight that across it which
-    is nearest to an axis; the same whatever rounding does."""
+    """Return the unit normal (3,) of the plane of a path (p, 3), independently of rounding.
+
+    For a straight path it is the perpendicular direction nearest to a coordinate axis.
+    """
     _, size, axes = np.linalg.svd(path - path.mean(0), full_matrices=False)
     normal = axes[2]
     if size[1] < _STRAIGHT_RTOL * size[0]:
@@ -156,7 +204,7 @@ def _normal(path: Float) -> Float:
 
 
 def _off_axis(path: Float, rng: np.random.Generator, offset: float) -> Float:
-    """The path (p, 3) of a cord that wanders in its groove, by up to `offset` either way."""
+    """Return the path (p, 3) of a cord that wanders in its groove by up to `offset` mm."""
     normal = _normal(path)
     across = np.cross(normal, np.gradient(path, axis=0))
     across /= np.linalg.norm(across, axis=1, keepdims=True)

@@ -5,7 +5,7 @@ import numpy as np
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.kernels.cutting_tools import frame
+from defsense_fab.geometry.kernels.cutting_tools import axes_from_normal
 from defsense_fab.optimize.limits.verification import verify
 
 
@@ -23,7 +23,7 @@ def random_layout(surface, limits, seed):
         for _ in range(40 if careful else 1):
             sensor = _cord(body, surface, axis, limits, plane, rng, f"c{k + 1}")
             if sensor is not None and not (
-                careful and verify([*out, sensor], surface, limits).problems
+                careful and verify([*out, sensor], surface, limits).violations
             ):
                 out.append(sensor)
                 break
@@ -38,7 +38,7 @@ def _cord(body, surface, axis, limits, plane, rng, name):
         if rng.random() < 0.7:  # along the body
             normal -= (normal @ axis) * axis * rng.uniform(0.7, 1.0)
         normal /= np.linalg.norm(normal)
-        plane = Plane(origin, frame(normal))
+        plane = Plane(origin, axes_from_normal(normal))
     turned = body.transform(np.column_stack([plane.axes.T, -plane.axes.T @ plane.origin]))
     section = turned.slice(0.0)
     inner = section.offset(-limits.depth * rng.uniform(1.0, 2.0))

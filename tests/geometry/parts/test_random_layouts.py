@@ -10,8 +10,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from defsense_fab.optimize.prediction.as_built import fabricate
-from defsense_fab.optimize.prediction.design_task import limits
 
 from defsense_fab.core.device.device import BaySpec
 from defsense_fab.core.device.device_file import load_device
@@ -19,11 +17,13 @@ from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.printing.export import write_stl
-from defsense_fab.geometry.printing.print_bed import laid
+from defsense_fab.geometry.printing.print_bed import lay_flat
 from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.prediction.as_built import fabricate
+from defsense_fab.optimize.prediction.design_task import limits
 from tests.geometry import slicer
 from tests.geometry.parts.random_layouts import random_layout
-from tests.places import DEVICES
+from tests.support.places import DEVICES
 
 COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "4"))
 
@@ -72,7 +72,7 @@ def test_a_random_layout_is_made_well_or_refused(name, seed, tmp_path):
     assert all(p.diameter >= 3 and p.length >= 4 for p in made.pins)
     total = 0.0
     for part in made.parts:
-        solid = triangle_kernel.to_manifold(laid(part.surface, part.down), part.name)
+        solid = triangle_kernel.to_manifold(lay_flat(part.surface, part.down), part.name)
         total += solid.volume()
         write_stl(part.surface, tmp_path / f"{part.name}.stl")
     assert total + made.cut_out == pytest.approx(body(name)[1].volume, rel=1e-4)
@@ -87,7 +87,7 @@ def test_what_keeps_the_limits_is_made(name):
     kept = [
         seed
         for seed in range(COUNT)
-        if not verify(layout(name, seed), surface, limits(device)).problems
+        if not verify(layout(name, seed), surface, limits(device)).violations
     ]
     made = [seed for seed in kept if not isinstance(parts(name, seed), str)]
     assert len(kept) >= max(1, COUNT // 4)

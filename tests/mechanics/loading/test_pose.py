@@ -30,7 +30,7 @@ from defsense_fab.mechanics.loading.pose import mix_poses
 from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from tests.conftest import structured_bar
-from tests.errors import raises
+from tests.support.errors import raises
 
 REGIONS = {
     "base": Box(np.array([-1, -16, -16]), np.array([10, 16, 16])),

@@ -35,7 +35,7 @@ def full(upper):
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 def test_gradient_and_hessian_by_finite_differences(mesh, clamp, case):
-    """Along random directions of the unknowns, handle rotations by the exponential map."""
+    """Along random directions of the unknowns, handles turn by the exponential map."""
     slides = (Slide(np.flatnonzero(np.abs(mesh.nodes[:, 1] + 15) < 1e-6), np.array([0, 1.0, 0])),)
     drags = (PointDrag(np.array([80.0, 3, 4]), np.array([0, 1.0, 2]), 0.3),)
     turned = "free_axes" in case or "translation" in case

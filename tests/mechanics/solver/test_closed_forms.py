@@ -17,7 +17,7 @@ from defsense_fab.mechanics.solver.fields import deformation_gradient_at_nodes, 
 from defsense_fab.mechanics.solver.linear_response import small_load_displacement, line_forces
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.sensing.response import Response, signals
+from defsense_fab.sensing.response import Response, cord_signals
 from tests.conftest import structured_bar
 from tests.mechanics.elements.test_material import stress_of
 
@@ -163,7 +163,7 @@ def orders(meshes, solve, lines):
         locator = PointLocator(mesh)
         at = locator.find(lines.reshape(-1, 3))
         moved.append(locator.displacement(at, solve(mesh)[None])[0].reshape(lines.shape))
-        measured.append(signals(lines, (lines + moved[-1])[None], Response.line(1.0))[0])
+        measured.append(cord_signals(lines, (lines + moved[-1])[None], Response.line(1.0))[0])
         sizes.append(np.cbrt(mesh.volume / len(mesh.cells)))
     off_u = [np.sqrt(((m - moved[-1]) ** 2).mean()) for m in moved[:-1]]
     off_s = [np.sqrt(((m - measured[-1]) ** 2).mean()) for m in measured[:-1]]

@@ -38,7 +38,7 @@ from defsense_fab.mechanics.solver.load_stepping import (
 )
 from defsense_fab.mechanics.solver.newton import Cancelled, System
 from tests.conftest import structured_bar
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.mechanics.conftest import MODELS
 
 MATERIAL = MODELS["neo-hookean"]

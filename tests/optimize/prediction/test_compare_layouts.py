@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from defsense_fab.sensing.layout import (
+from defsense_fab.store.layout import (
     CordPath,
     load_layout,
     load_prediction,
     save_layout,
     WeighedRecord,
 )
-from defsense_fab.sensing.weighed_layouts import load_weighed, save_weighed, WeighedCords
+from defsense_fab.store.layout import load_weighed, save_weighed, WeighedCords
 from defsense_fab.optimize.prediction.compare_layouts import FULL, SIMPLE, weighed_layouts
 from defsense_fab.optimize.prediction.preference import preferred
 

@@ -14,7 +14,7 @@ from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.sensing.built_cord import BuiltCord
 from tests.conftest import structured_bar
-from tests.places import BAR
+from tests.support.places import BAR
 
 PATH = np.stack([np.linspace(10, 140, 131), np.zeros(131), np.full(131, 12.0)], axis=1)
 

@@ -12,7 +12,7 @@ from defsense_fab.core.device.device import DECODERS
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.decoding.expected_errors import LEFT_OUT, NONE
-from tests.places import DEVICES
+from tests.support.places import DEVICES
 
 
 @pytest.fixture(scope="module")

@@ -37,7 +37,7 @@ def test_ends_near_the_skin_go_on_to_it_and_others_stay():
 def test_a_drawn_cord_keeps_the_limits_that_the_build_checks():
     cord = Sensor("drawn", PLANE, drawn_curve(BODY, PLANE, wave(-30, 180)))
     limits = Limits(1.2, 5.0, 3.4, 2.2)
-    assert verify([cord], BODY, limits).problems == ()
+    assert verify([cord], BODY, limits).violations == ()
 
 
 def test_the_longest_part_within_a_body_is_taken():

@@ -7,7 +7,7 @@ from defsense_fab.optimize.prediction.open_joints import least_across, LEAST_OPE
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.sensing.built_cord import BuiltCord
-from tests.places import BAR
+from tests.support.places import BAR
 
 
 def told(length, wires, joints=2, pocket=7.0):

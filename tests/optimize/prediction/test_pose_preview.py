@@ -7,13 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.mechanics.solver.field_files import load_levels
-from defsense_fab.geometry.bodies.meshing.mesh_file import (
-    load_mesh,
-    load_mesh_record,
-    load_region_nodes,
-    save_mesh,
-)
+from defsense_fab.store.fields import load_levels
+from defsense_fab.store.mesh import load_mesh, load_mesh_record, load_region_nodes, save_mesh
 from defsense_fab.workflow.build import stage_simulate
 from defsense_fab.optimize.prediction import pose_ramp
 from defsense_fab.optimize.prediction.pose_preview import coarse_mesh, load_preview, PosePreview

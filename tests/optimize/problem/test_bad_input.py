@@ -7,7 +7,7 @@ import numpy as np
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.refinement.refine import optimize_layout
 from defsense_fab.optimize.studies.risks import find_risks
-from tests.errors import raises
+from tests.support.errors import raises
 
 
 def quiet(fraction, message):

@@ -7,11 +7,11 @@ import pytest
 
 from defsense_fab.core.curve import sample_path
 from defsense_fab.core.response import ResponseSpec
-from defsense_fab.decoding.ridge import fit
+from defsense_fab.decoding.ridge import fit_ridge
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.refinement.refine import optimize_layout
-from defsense_fab.sensing.response import response_of
+from defsense_fab.sensing.response import build_response
 from tests.conftest import structured_bar
 from tests.optimize import exact
 
@@ -26,7 +26,7 @@ def design(problem, cords, seed=0, **more):
     """The layout, and the RMSE without noise on the states that it was designed on."""
     rng = np.random.default_rng(seed)
     found = optimize_layout(problem, [], rng, lambda f, m: None, extra=cords, **more)
-    assert not verify(found.sensors, problem.surface, problem.limits).problems
+    assert not verify(found.sensors, problem.surface, problem.limits).violations
     return found.sensors
 
 
@@ -39,7 +39,7 @@ def error(problem, sensors, on=None):
     flat = [
         p.markers.reshape(len(p.markers), -1) / np.sqrt(p.markers.shape[1]) for p in (problem, on)
     ]
-    decoder = fit(problem.features(len(sensors)), trained, flat[0], problem.noise)
+    decoder = fit_ridge(problem.features(len(sensors)), trained, flat[0], problem.noise)
     square = ((decoder(tested) - flat[1]) ** 2).sum(1)
     return float(np.sqrt(square[0 if on is problem else 1 :].mean()))
 
@@ -78,7 +78,7 @@ def test_a_fitted_response_gives_layouts_as_good_as_the_true_one(make):
         replace(
             make(exact.MIXTURES, noise=0.002),
             sense=SignalModel(
-                response_of(ResponseSpec("quadratic", spec[t], (-0.07, 0.07))), local=True
+                build_response(ResponseSpec("quadratic", spec[t], (-0.07, 0.07))), local=True
             ),
         )
         for t in (True, False)

@@ -119,7 +119,7 @@ def made(seed):
         found = optimize_layout(problem, drawn, rng, lambda f, m: None, **search)
     except LayoutError as error:
         reason = error
-    broken = verify(drawn, problem.surface, problem.limits).problems
+    broken = verify(drawn, problem.surface, problem.limits).violations
     if broken or reason:
         assert reason.code == (broken[0].code if broken else "no-room-for-cords")
         assert not broken or reason.data["cords"] == broken[0].cords
@@ -135,7 +135,7 @@ def made(seed):
         shortest=limits.shortest - _TOLERANCE,
         longest=limits.longest + _TOLERANCE,
     )
-    assert verify(found.sensors, problem.surface, slack).problems == ()
+    assert verify(found.sensors, problem.surface, slack).violations == ()
     assert len(found.sensors) == len(drawn) + extra
     paths = [s.plane.to_world(s.curve.sample(200)) for s in found.sensors]
     for i, path in enumerate(paths):

@@ -24,8 +24,8 @@ from defsense_fab.optimize.search.candidate_families import vary_sensor
 from defsense_fab.optimize.search.candidates import Pool
 from defsense_fab.optimize.search.starting_layouts import select_candidates
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
-from defsense_fab.sensing.response import mean_strain, response_of, signals
-from tests.errors import raises
+from defsense_fab.sensing.response import mean_strain, build_response, cord_signals
+from tests.support.errors import raises
 from tests.optimize.conftest import LIMITS
 from tests.sensing.reference import signal_gradient
 
@@ -61,7 +61,7 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
         at = problem.locator.find(path)
         moved = path + problem.locator.displacement(at, problem.fields)
         F = np.eye(3) + problem.locator.gradient(at, problem.fields)
-        expected, slopes = signal_gradient(path, moved, F, problem.sense.response.slope_everywhere)
+        expected, slopes = signal_gradient(path, moved, F, problem.sense.response.linear_slope)
         assert found[:, c] == pytest.approx(expected, abs=1e-12)
         assert problem.signals(path)[1:] == pytest.approx(expected, abs=1e-12)
         own = by_points[ends[c] : ends[c + 1]]
@@ -135,7 +135,7 @@ def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, stra
     )
     assert found.rmse < start / 4
     assert found.rmse == pytest.approx(layout_error(problem, found.sensors))
-    assert not verify(found.sensors, problem.surface, LIMITS).problems
+    assert not verify(found.sensors, problem.surface, LIMITS).violations
 
 
 def test_locked_cords_stay(problem, straight):
@@ -162,7 +162,7 @@ def test_a_proposal_keeps_the_limits(problem):
     )
     assert [s.name for s in found.sensors] == ["cord-1", "cord-2"]
     assert found.rmse <= layout_error(problem, found.initial)
-    assert not verify(found.sensors, problem.surface, LIMITS).problems
+    assert not verify(found.sensors, problem.surface, LIMITS).violations
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_broken_limits_are_found(bar, straight, change, code):
     sensor = straight()
     points = np.array(change(sensor.curve.points))
     sensor = replace(sensor, curve=Hermite(points, catmull_rom(points)))
-    problems = verify([sensor], bar, LIMITS).problems
+    problems = verify([sensor], bar, LIMITS).violations
     assert code in {p.code for p in problems}, problems
 
 
@@ -191,17 +191,17 @@ def _locked(points, tangents=None):
 def test_the_straight_runs_to_the_surface_are_checked_too(bar):
     left = [[10.5, 2.2], [16, 4], [26, 6], [45, 7], [60, 7], [90, 7], [120, 7], [140, 7], [148, 7]]
     right = [[x, -y] for x, y in left]
-    problems = verify([_locked(left), _locked(right)], bar, LIMITS).problems
+    problems = verify([_locked(left), _locked(right)], bar, LIMITS).violations
     assert any(p.code == "cords-too-close" and p.value < 0.1 for p in problems), problems
     skimming = [[11, 12.6], [20, 11], [40, 8], [60, 8], [90, 8], [120, 8], [140, 8], [148, 8]]
-    problems = verify([_locked(skimming)], bar, LIMITS).problems
+    problems = verify([_locked(skimming)], bar, LIMITS).violations
     assert "wall-too-thin" in {p.code for p in problems}, problems
 
 
 def test_a_path_that_turns_back_on_itself_is_found(bar, straight):
     points = straight().curve.points
     tangents = [[8, 0], [8, 0], [26, 0], [26, 0], [-26, 0], [26, 0], [8, 0], [8, 0]]
-    problems = verify([_locked(points, tangents)], bar, LIMITS).problems
+    problems = verify([_locked(points, tangents)], bar, LIMITS).violations
     assert any(p.code == "bend-too-tight" and p.value < 0.005 for p in problems), problems
 
 
@@ -237,7 +237,7 @@ def test_a_plane_that_a_locked_cord_holds_is_no_freedom(problem, straight):
             candidates=200,
         )
         assert found.rmse <= layout_error(problem, drawn)
-        assert not verify(found.sensors, problem.surface, LIMITS).problems
+        assert not verify(found.sensors, problem.surface, LIMITS).violations
     assert found.sensors[1].plane.coincides(drawn[0].plane)
 
 
@@ -250,12 +250,12 @@ def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
         asked = replace(problem, limits=limits)
         found = optimize_layout(asked, drawn, np.random.default_rng(0), lambda f, m: None, **search)
         (cord,) = verify(found.sensors, problem.surface, limits).cords
-        assert not cord.problems
+        assert not cord.violations
         return found, cord.length + sum(cord.inlets)
 
     free, length = best(LIMITS)
     assert not bounds.shortest < length < bounds.longest
-    problems = verify(free.sensors, problem.surface, bounds).problems
+    problems = verify(free.sensors, problem.surface, bounds).violations
     assert "channel-length-not-allowed" in {p.code for p in problems}
     found, length = best(bounds)
     assert bounds.shortest < length < bounds.longest
@@ -270,11 +270,11 @@ def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
 
 
 def test_cords_that_cross_are_found(bar, straight):
-    problems = verify([straight("a"), straight("b", y=1.0)], bar, LIMITS).problems
+    problems = verify([straight("a"), straight("b", y=1.0)], bar, LIMITS).violations
     (close,) = [p for p in problems if p.code == "cords-too-close"]
     assert close.cords == ("a", "b")
     assert close.value == pytest.approx(1.0, abs=0.005)
-    assert not verify([straight("a"), straight("b", y=4.0)], bar, LIMITS).problems
+    assert not verify([straight("a"), straight("b", y=4.0)], bar, LIMITS).violations
 
 
 def test_variations_keep_the_ends_and_the_planes_orthonormal(straight):
@@ -356,7 +356,7 @@ def test_signals_and_slopes_of_any_response(problem, straight, model, coefficien
     """Those of cords as they are built in, over their noise, and finite differences along a random
     direction."""
     spec = ResponseSpec(model, coefficients, (-0.1, 0.1))
-    response, (hidden, series, contact) = response_of(spec), ends
+    response, (hidden, series, contact) = build_response(spec), ends
     sense = SignalModel(response, local, *ends)
     bent = replace(problem, sense=sense)
     rng = np.random.default_rng(0)
@@ -370,7 +370,7 @@ def test_signals_and_slopes_of_any_response(problem, straight, model, coefficien
         cord, moved = BuiltCord(middle, series, None), np.array(moved)
         noise = reading.noise(cord) * (cord.length + series) / problem.noise
         mean = response(mean_strain(middle, moved))
-        expected = (signals(middle, moved, response) if local else mean) * cord.length / noise
+        expected = (cord_signals(middle, moved, response) if local else mean) * cord.length / noise
         assert bent.signals(path)[1:] == pytest.approx(expected, abs=1e-12)
     carried = bent.carrier.carry(points, ends)
     step = rng.normal(0, 1e-5, points.shape)

@@ -13,7 +13,7 @@ from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
 from defsense_fab.optimize.search.baselines import manual_layout, middle_plane, visual_layout
 from tests.conftest import box_surface, structured_bar
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.optimize import exact
 
 
@@ -33,7 +33,7 @@ def test_full_beats_visual_beats_manual(bends):
     errors = [layout_error(bends, layout) for layout in layouts]
     assert errors[0] > 3 * errors[1] > 3 * 1.5 * errors[2]
     for layout in layouts:
-        assert not verify(layout, bends.surface, bends.limits).problems
+        assert not verify(layout, bends.surface, bends.limits).violations
     assert len(distinct_planes([s.plane for s in layouts[0]])) == 1
     along = [s.plane.axes[:, 0] for layout in layouts[:2] for s in layout]
     assert np.abs(along) == pytest.approx(np.repeat([[1.0, 0, 0]], 6, axis=0))

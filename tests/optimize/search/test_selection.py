@@ -19,10 +19,10 @@ def straight(name, y):
 def test_a_cord_is_found_beside_two_that_lie_close_to_each_other(problem, apart):
     """They keep their clearance of 3.4 mm, by less than coarse samples of paths could tell."""
     locked = (straight("a", -apart / 2), straight("b", apart / 2))
-    assert not verify(locked, problem.surface, problem.limits).problems
+    assert not verify(locked, problem.surface, problem.limits).violations
     found = optimize_layout(
         problem, locked, np.random.default_rng(1), lambda *_: None, extra=1, starts=1,
         finalists=1, candidates=1500,
     )  # fmt: skip
     assert [s.name for s in found.sensors] == ["a", "b", "cord-1"]
-    assert not verify(found.sensors, problem.surface, problem.limits).problems
+    assert not verify(found.sensors, problem.surface, problem.limits).violations

@@ -9,7 +9,7 @@ from defsense_fab.core.curve import distinct_planes
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
 from defsense_fab.optimize.studies.cord_count import layouts_by_count, find_knee, add_cord
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.optimize.conftest import LIMITS
 
 
@@ -22,7 +22,7 @@ def test_the_error_never_rises_with_the_number_of_cords(problem):
     errors = [layout_error(problem, layout) for _, layout in found]
     assert [n for n, _ in found] == [1, 2, 3]
     assert errors == sorted(errors, reverse=True)
-    assert not any(verify(layout, problem.surface, LIMITS).problems for _, layout in found)
+    assert not any(verify(layout, problem.surface, LIMITS).violations for _, layout in found)
 
 
 def test_a_study_that_goes_on_finds_the_same(problem):
@@ -39,7 +39,7 @@ def test_the_next_cord_leaves_the_others(problem, straight):
     assert list(layout[:2]) == drawn
     assert len(layout) == 3
     assert layout_error(problem, layout) < layout_error(problem, drawn)
-    assert not verify(layout, problem.surface, LIMITS).problems
+    assert not verify(layout, problem.surface, LIMITS).violations
 
 
 @pytest.mark.parametrize("planes", [1, 2])
@@ -55,7 +55,7 @@ def test_a_limit_on_planes(problem, planes):
         candidates=3000,
     )
     assert len(distinct_planes([s.plane for s in found.sensors])) <= planes
-    assert not verify(found.sensors, problem.surface, LIMITS).problems
+    assert not verify(found.sensors, problem.surface, LIMITS).violations
     assert found.rmse <= layout_error(problem, found.initial)
 
 
@@ -79,7 +79,7 @@ def test_a_limit_on_planes_leaves_drawn_cords_where_they_are(problem, straight):
             assert after.free == before.free
             if "plane" not in before.free:
                 assert distinct_planes([before.plane, after.plane]) == [before.plane]
-        assert not verify(found.sensors, problem.surface, LIMITS).problems
+        assert not verify(found.sensors, problem.surface, LIMITS).violations
 
 
 def test_cancelling_keeps_the_best_so_far(problem):

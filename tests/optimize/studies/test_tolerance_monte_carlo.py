@@ -11,7 +11,7 @@ from defsense_fab.decoding.expected_errors import HELD_OUT, NONE, UnseenStates
 from defsense_fab.optimize.refinement.refine import layout_error
 from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
-from defsense_fab.sensing.response import signals
+from defsense_fab.sensing.response import cord_signals
 
 TWISTS = np.array([-1, -0.5, 0.5, 1])  # of the states of `problem`
 EXACT = Tolerances(offset=0, gauge=0, amplitude=0, prestretch=0, compression=0)
@@ -52,7 +52,7 @@ def built(problem, layout, rng):
         path = sample_path(sensor) + rng.uniform(-0.3, 0.3, (1, 3)) * [0, 1, 1]
         at = problem.locator.find(path)
         u = problem.locator.displacement(at, amplitude[:, None, None] * problem.fields)
-        columns.append((1 + rng.normal(0, 0.05)) * signals(path, path + u, problem.sense.response))
+        columns.append((1 + rng.normal(0, 0.05)) * cord_signals(path, path + u, problem.sense.response))
     S = np.concatenate([np.zeros((1, 2)), np.stack(columns, axis=1)])
     markers = problem.markers * np.concatenate([[1], amplitude])[:, None, None]
     shown = rng.integers(len(S), size=2000)
