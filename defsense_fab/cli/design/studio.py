@@ -56,7 +56,7 @@ def _studio(options: argparse.Namespace) -> int:
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e7)
     from ...core.machine.local_access import Access
-    from ...runtime.view.page_server import close_page, HOST, serve_page, page_link
+    from ...runtime.view.page_server import HOST, close_page, page_link, serve_page
     from ...studio.page.studio import Studio
     from ...studio.project.agreement import Agreement
 

@@ -1,1 +1,1 @@
-"""The device on a page in the browser, as it moves."""
+"""Show the moving device on a page in the browser."""

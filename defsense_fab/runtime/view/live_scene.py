@@ -1,5 +1,4 @@
-"""The device in three dimensions: its surface, its cords by their strain, its markers by their
-uncertainty."""
+"""The device in three dimensions: its surface, its cords colored by signal, and its markers."""
 
 from __future__ import annotations
 
@@ -11,16 +10,43 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ..frames.live_frame import LiveFrame, Quality
 from .camera import look_at_body
-from .cord_mesh import carrying_weights, tube_faces, tube_vertices
+from .cord_mesh import skinning_weights, tube_faces, tube_vertices
 
-# What a view shows of a device besides its frames.
+#: Colors of the body by the quality of the frame, from 0 to 255.
+BODY_COLORS = {
+    Quality.TRUSTED: (120, 170, 215),
+    Quality.UNTRAINED: (225, 185, 95),
+    Quality.FALLBACK: (225, 145, 95),
+    Quality.LOST: (150, 150, 150),
+}
+#: Colors of lines in plots, distinct for color-blind people, too (Okabe & Ito 2008).
+LINES = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
+_TRACK_COLOR = (20, 20, 20)  # of markers as seen by cameras
+_SHORTER_COLOR, _REST_COLOR, _LONGER_COLOR = (40, 90, 200), (225, 225, 225), (205, 35, 45)
+_UNKNOWN_COLOR = (90, 90, 90)
+_NARROW_COLOR, _WIDE_COLOR = (40, 150, 80), (215, 40, 60)  # of the intervals of markers
+
+_MAX_CORD_POINTS = 40
+_MARKER_SIZE = 0.013  # of the body's diagonal
+_TRACK_SIZE = 0.7  # of the size of markers
+_DEFAULT_SIZE_MM = 100.0  # of devices without a surface
 
 
 @dataclass(frozen=True)
 class ViewedDevice:
-    """The surface at rest: `vertices` (v, 3) mm and `faces` (f, 3); none where only markers are
-    known. `cords` by name, each (p, 3) mm at rest. Of the c `channels`, signals in training were
-    from `low` (c,) to `high` (c,); marker intervals were usually `radius` mm wide."""
+    """What a view shows of a device besides its frames.
+
+    Attributes:
+        name: Name of the device.
+        vertices: Vertices of the surface at rest (v, 3), mm; None if only markers are known.
+        faces: Triangles (f, 3), or None.
+        channels: Names of the c channels.
+        cords: Paths (p, 3) of the cords at rest, mm, in the order of the channels.
+        cord_radius: Radius of the cords, mm.
+        low: Smallest signals in the training (c,).
+        high: Largest signals in the training (c,).
+        radius: Typical radius of the markers' 90 % intervals, mm.
+    """
 
     name: str
     vertices: Float | None
@@ -33,50 +59,47 @@ class ViewedDevice:
     radius: float
 
 
-# Colours of cords and markers, as (n, 3) from 0 to 255.
-
-#: The body by how far its shape is to be believed.
-BODY = {
-    Quality.TRUSTED: (120, 170, 215),
-    Quality.UNTRAINED: (225, 185, 95),
-    Quality.FALLBACK: (225, 145, 95),
-    Quality.LOST: (150, 150, 150),
-}
-_SHORTER, _REST, _LONGER = (40, 90, 200), (225, 225, 225), (205, 35, 45)
-#: Of the cords' signals over time, told apart by colour-blind people, too (Okabe & Ito 2008).
-LINES = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
-#: Markers as cameras saw them.
-TRACKS = (20, 20, 20)
-_SURE, _UNSURE = (40, 150, 80), (215, 40, 60)
-
-
 def cord_color(signal: float, low: float, high: float) -> tuple[int, int, int]:
-    """Blue where resistance falls, red where it rises, as far as it went in training."""
+    """Return the color of a cord: blue if its resistance falls, red if it rises.
+
+    Args:
+        signal: Its signal (R - R0)/R0.
+        low: Smallest signal in the training, for the full blue.
+        high: Largest signal in the training, for the full red.
+    """
     if not np.isfinite(signal):
-        return 90, 90, 90
-    end, limit = (_LONGER, high) if signal > 0 else (_SHORTER, low)
-    return _mixed(_REST, end, signal / limit if limit else 0.0)
+        return _UNKNOWN_COLOR
+    end, limit = (_LONGER_COLOR, high) if signal > 0 else (_SHORTER_COLOR, low)
+    return _mix(_REST_COLOR, end, signal / limit if limit else 0.0)
 
 
-def marker_colors(radius: Float, usual: float) -> Int:
-    """Green where intervals are as wide as usual, red where they are three times that."""
-    share = np.clip((np.nan_to_num(radius, nan=3 * usual) / max(usual, 1e-9) - 1) / 2, 0, 1)
-    out = np.array(_SURE) + share[:, None] * (np.array(_UNSURE) - np.array(_SURE))
-    return np.asarray(np.rint(out), dtype=np.uint8)
+def marker_colors(radius: Float, typical: float) -> Int:
+    """Return colors (m, 3): green for typical intervals, red for three times as wide ones.
+
+    Args:
+        radius: Radius of the markers' 90 % intervals (m,), mm; NaN if unknown.
+        typical: Typical radius, mm.
+    """
+    share = np.clip((np.nan_to_num(radius, nan=3 * typical) / max(typical, 1e-9) - 1) / 2, 0, 1)
+    narrow, wide = np.array(_NARROW_COLOR), np.array(_WIDE_COLOR)
+    return np.asarray(np.rint(narrow + share[:, None] * (wide - narrow)), dtype=np.uint8)
 
 
-def _mixed(a: tuple[int, ...], b: tuple[int, ...], share: float) -> tuple[int, int, int]:
+def _mix(a: tuple[int, ...], b: tuple[int, ...], share: float) -> tuple[int, int, int]:
     x = min(max(share, 0.0), 1.0)
-    r, g, blue = (round(p + x * (q - p)) for p, q in zip(a, b, strict=True))
-    return r, g, blue
-
-
-_CORD_POINTS = 40
-_MARKER = 0.013  # of the body's diagonal
+    red, green, blue = (round(p + x * (q - p)) for p, q in zip(a, b, strict=True))
+    return red, green, blue
 
 
 class LiveScene:
-    """Under `name` in a viser server's scene; with `look`, browsers look at it as they come."""
+    """The device in a viser server's scene.
+
+    Args:
+        server: The viser server.
+        device: The device.
+        name: Name of its node in the scene.
+        look: Whether browsers look at the device when they connect.
+    """
 
     def __init__(
         self, server: Any, device: ViewedDevice, name: str = "/device", *, look: bool = True
@@ -85,28 +108,36 @@ class LiveScene:
         scene = server.scene
         self._root = scene.add_frame(name, show_axes=False)
         scene.set_up_direction("+z")
-        size = 100.0
+        size = _DEFAULT_SIZE_MM
         if device.vertices is not None and device.faces is not None:
             low, high = device.vertices.min(axis=0), device.vertices.max(axis=0)
             size = float(np.linalg.norm(high - low))
             self._mesh = scene.add_mesh_simple(
-                f"{name}/surface", device.vertices.astype(np.float32),
-                device.faces.astype(np.uint32), color=(120, 170, 215), opacity=0.55, side="double",
-            )  # fmt: skip
+                f"{name}/surface",
+                device.vertices.astype(np.float32),
+                device.faces.astype(np.uint32),
+                color=BODY_COLORS[Quality.TRUSTED],
+                opacity=0.55,
+                side="double",
+            )
             scene.add_grid(
-                f"{name}/ground", width=2 * size, height=2 * size, cell_size=10.0,
-                section_size=50.0, position=(*((low + high) / 2)[:2], float(low[2] - 0.05 * size)),
-            )  # fmt: skip
+                f"{name}/ground",
+                width=2 * size,
+                height=2 * size,
+                cell_size=10.0,
+                section_size=50.0,
+                position=(*((low + high) / 2)[:2], float(low[2] - 0.05 * size)),
+            )
             if look:
                 look_at_body(server, device.vertices)
-        self._marker_size = _MARKER * size
-        self._cords = self._carried()
+        self._marker_size = _MARKER_SIZE * size
+        self._cords = _carried_cords(device)
         self._tubes = [
             scene.add_mesh_simple(
                 f"{name}/{channel}",
                 tube_vertices(rest, device.cord_radius).astype(np.float32),
                 tube_faces(len(rest)).astype(np.uint32),
-                color=cord_color(0.0, -1.0, 1.0),
+                color=_REST_COLOR,
             )
             for channel, (rest, _) in zip(device.channels, self._cords, strict=False)
         ]
@@ -116,59 +147,68 @@ class LiveScene:
 
     @property
     def visible(self) -> bool:
-        """Whether all of it is shown."""
+        """Whether the device is shown."""
         return bool(self._root.visible)
 
     @visible.setter
-    def visible(self, shown: bool) -> None:
-        self._root.visible = shown
+    def visible(self, is_visible: bool) -> None:
+        self._root.visible = is_visible
 
     def close(self) -> None:
-        """Take it out of the scene."""
+        """Remove the device from the scene."""
         self._root.remove()
 
     def show(self, frame: LiveFrame) -> None:
-        """One frame."""
+        """Show a frame."""
         device = self._device
         if self._mesh is not None and frame.vertices is not None and device.vertices is not None:
             self._mesh.vertices = frame.vertices.astype(np.float32)
-            self._mesh.color = BODY[frame.quality]
-            moved = frame.vertices - device.vertices
+            self._mesh.color = BODY_COLORS[frame.quality]
+            displacements = frame.vertices - device.vertices
             for k, (tube, (rest, weights)) in enumerate(zip(self._tubes, self._cords, strict=True)):
-                tube.vertices = tube_vertices(rest + weights @ moved, device.cord_radius).astype(
-                    np.float32
-                )
+                path = rest + weights @ displacements
+                tube.vertices = tube_vertices(path, device.cord_radius).astype(np.float32)
                 signal, low, high = frame.signals[k], device.low[k], device.high[k]
                 tube.color = cord_color(float(signal), float(low), float(high))
         colors = marker_colors(frame.radius, device.radius)
         points = frame.markers.astype(np.float32)
         if self._markers is None:
             self._markers = self._scene.add_point_cloud(
-                f"{self._name}/markers", points, colors, point_size=self._marker_size,
-                point_shape="circle", precision="float32",
-            )  # fmt: skip
+                f"{self._name}/markers",
+                points,
+                colors,
+                point_size=self._marker_size,
+                point_shape="circle",
+                precision="float32",
+            )
         else:
             self._markers.points, self._markers.colors = points, colors
         if frame.tracks is not None:
             self._show_tracks(frame.tracks)
 
     def _show_tracks(self, tracks: Float) -> None:
-        """Where cameras saw the markers, in black."""
-        seen = tracks[np.isfinite(tracks).all(axis=1)].astype(np.float32)
-        if self._tracks is None and len(seen):
+        """Show in black where cameras see the markers."""
+        points = tracks[np.isfinite(tracks).all(axis=1)].astype(np.float32)
+        if self._tracks is None and len(points):
             self._tracks = self._scene.add_point_cloud(
-                f"{self._name}/tracks", seen, TRACKS, point_size=0.7 * self._marker_size,
-                point_shape="diamond", precision="float32",
-            )  # fmt: skip
+                f"{self._name}/tracks",
+                points,
+                _TRACK_COLOR,
+                point_size=_TRACK_SIZE * self._marker_size,
+                point_shape="diamond",
+                precision="float32",
+            )
         elif self._tracks is not None:
-            self._tracks.points = seen
+            self._tracks.points = points
 
-    def _carried(self) -> list[tuple[Float, Any]]:
-        device = self._device
-        if device.vertices is None:
-            return []
-        out = []
-        for path in device.cords:
-            some = np.linspace(0, len(path) - 1, min(_CORD_POINTS, len(path))).round().astype(int)
-            out.append((path[some], carrying_weights(path[some], device.vertices)))
-        return out
+
+def _carried_cords(device: ViewedDevice) -> list[tuple[Float, Any]]:
+    """Return the points of each cord at rest (p, 3), mm, and their weights (p, v)."""
+    if device.vertices is None:
+        return []
+    cords = []
+    for path in device.cords:
+        count = min(_MAX_CORD_POINTS, len(path))
+        points = path[np.linspace(0, len(path) - 1, count).round().astype(int)]
+        cords.append((points, skinning_weights(points, device.vertices)))
+    return cords

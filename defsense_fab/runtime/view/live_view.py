@@ -1,4 +1,4 @@
-"""The view as an output: every device's newest frame, on a page of its own or as a part of one."""
+"""Show frames on a page in the browser, as an output with a scene and a panel."""
 
 from __future__ import annotations
 
@@ -12,63 +12,140 @@ from typing import Any
 
 import numpy as np
 
-from ..frames.live_frame import LiveFrame, Quality
+from ..frames.live_frame import LiveFrame, Note, Quality
 from .live_scene import LINES, LiveScene, ViewedDevice
-from .local_page import end_page, local_page
+from .page_server import close_page, serve_page
 
-# A place for a view on a page that shows other things, too.
+#: Default port of the page.
+PORT = 8080
+
+_PLOT_DURATION_S = 15.0
+_PLOT_POINTS = 400
+_PANEL_INTERVAL_S = 0.2  # between two updates of the panel
+_NOTES_INTERVAL_S = 0.5  # between two updates of notes, which also change without frames
+#: Labels of the button for animations.
+RECORD_LABEL, STOP_LABEL = "Record animation", "Stop and save"
+_QUALITY_TEXTS = {
+    Quality.TRUSTED: "**trusted**",
+    Quality.UNTRAINED: "**untrained**: the readings are outside the range of the training",
+    Quality.FALLBACK: "**fallback**: decoded without {}",
+    Quality.LOST: "**lost**: the last good shape is shown",
+}
 
 
 @dataclass(frozen=True)
 class PagePlace:
-    """A viser `server`, and the `folder` of its panel in which a view has one of its own."""
+    """A place for a view on a page that also shows other things.
+
+    Attributes:
+        server: The viser server.
+        folder: Folder of its panel that the view's own folder is added to.
+    """
 
     server: Any
     folder: Any
 
 
-# Beside the device: how far it is to be believed, controls, signals, how late all of it is.
-
-_SECONDS = 15.0  # of signals that are drawn
-_EVERY = 0.2  # s between two drawings of them
-_TOLD = 0.5  # s between two looks at notes, which come while no frame does, too
-_RECORD, _STOP = "Record the animation", "Stop, and write it"
-_SAID = {
-    Quality.TRUSTED: "**trusted**",
-    Quality.UNTRAINED: "**untrained**: the readings lie outside of the training",
-    Quality.FALLBACK: "**fallback**: decoded without {}",
-    Quality.LOST: "**lost**: the last good shape stands",
-}
-
-
 @dataclass
 class PanelActions:
-    """What the panel's buttons do, and what it asks for. `record` starts (True) and stops an
-    animation, and says in a sentence what came of it, without it there is no button; `recording` is
-    whether one is being recorded. `notes` on the whole run, in place of the frame's, and `latency`
-    in a sentence may be set once there is something to tell them."""
+    """The actions of the panel's buttons, and the sources of its texts.
+
+    Attributes:
+        rest: Takes the present readings as those at rest; None for no button.
+        record: Starts (True) or stops (False) an animation, and returns a message about it; None
+            for no button.
+        is_recording: Tells whether an animation is being recorded.
+        notes: Returns notes on the whole run, which replace those of the frame.
+        latency: Returns a sentence about the latency.
+    """
 
     rest: Callable[[], None] | None = None
     record: Callable[[bool], str] | None = None
-    recording: Callable[[], bool] = lambda: False
-    notes: Callable[[], Sequence[str]] | None = None
+    is_recording: Callable[[], bool] = lambda: False
+    notes: Callable[[], Sequence[Note | str]] | None = None
     latency: Callable[[], str] | None = None
 
 
 class LivePanel:
-    """In a viser server's panel; `close` it before the server."""
+    """A panel with quality, controls, signals, latency and buttons.
+
+    Close it before the server.
+
+    Args:
+        server: The viser server.
+        device: The device.
+        actions: What the buttons do.
+    """
 
     def __init__(self, server: Any, device: ViewedDevice, actions: PanelActions) -> None:
-        import viser.uplot as uplot
-
         gui = server.gui
-        self._device, self._actions, self._drawn = device, actions, 0.0
-        self._said = gui.add_markdown(f"### {device.name}\nwaiting for samples")
+        self._actions, self._updated_at = actions, 0.0
+        self._summary = gui.add_markdown(f"### {device.name}\nwaiting for samples")
         self._controls: dict[str, Any] = {}
         self._gui = gui
-        self._folder = gui.add_folder("Controls")
+        self._controls_folder = gui.add_folder("Controls")
         self._rows: deque[tuple[float, Any]] = deque()
-        with gui.add_folder("Signals (R - R0)/R0, last 15 s"):
+        self._plot = self._add_plot(device)
+        self._notes = gui.add_markdown("")
+        self._record_button: Any = None
+        self._add_buttons()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._update_notes, name="panel", daemon=True)
+        self._thread.start()
+
+    @property
+    def summary(self) -> str:
+        """Markdown of the quality and the latency."""
+        return str(self._summary.content)
+
+    @property
+    def notes(self) -> str:
+        """Markdown of the notes."""
+        return str(self._notes.content)
+
+    def close(self) -> None:
+        """End the thread that updates the notes."""
+        self._stop.set()
+        self._thread.join()
+
+    def show(self, frame: LiveFrame) -> None:
+        """Show a frame; the panel is updated a few times a second."""
+        self._rows.append((frame.time, frame.signals))
+        while frame.time - self._rows[0][0] > _PLOT_DURATION_S:
+            self._rows.popleft()
+        now = time.monotonic()
+        if now - self._updated_at < _PANEL_INTERVAL_S:
+            return
+        self._updated_at = now
+        self._summary.content = "\n\n".join(self._summary_lines(frame))
+        if self._actions.notes is None:
+            self._show_notes(frame.notes)
+        self._show_controls(frame)
+        times = np.array([t for t, _ in self._rows])
+        values = np.array([s for _, s in self._rows]).reshape(len(times), -1)
+        step = max(len(times) // _PLOT_POINTS, 1)
+        self._plot.data = (
+            times[::step] - times[-1],
+            *(np.nan_to_num(v) for v in values[::step].T),
+        )
+
+    def _summary_lines(self, frame: LiveFrame) -> list[str]:
+        lines = [
+            f"### {frame.device}",
+            _QUALITY_TEXTS[frame.quality].format(frame.lost_channel),
+        ]
+        if np.isfinite(frame.radius).any():
+            lines.append(f"markers within ± {float(np.nanmean(frame.radius)):.1f} mm (90 %)")
+        if frame.tracking_error is not None:
+            lines.append(f"cameras (black): {frame.tracking_error:.1f} mm apart (RMS)")
+        if self._actions.latency is not None:
+            lines.append(self._actions.latency())
+        return lines
+
+    def _add_plot(self, device: ViewedDevice) -> Any:
+        import viser.uplot as uplot
+
+        with self._gui.add_folder("Signals (R - R0)/R0, last 15 s"):
             empty = (np.zeros(1), *(np.zeros(1) for _ in device.channels))
             series = (
                 uplot.Series(label="s"),
@@ -77,54 +154,13 @@ class LivePanel:
                     for k, n in enumerate(device.channels)
                 ),
             )
-            self._plot = gui.add_uplot(
-                empty, series, aspect=1.6, scales={"x": uplot.Scale(time=False, auto=True)}
-            )
-        self._notes = gui.add_markdown("")
-        self._record: Any = None
-        self._add_buttons()
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._go_on, name="panel", daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def show(self, frame: LiveFrame) -> None:
-        """One frame; it is drawn some times a second."""
-        self._rows.append((frame.time, frame.signals))
-        while frame.time - self._rows[0][0] > _SECONDS:
-            self._rows.popleft()
-        now = time.monotonic()
-        if now - self._drawn < _EVERY:
-            return
-        self._drawn = now
-        said = _SAID[frame.quality].format(frame.lost)
-        radius = float(np.nanmean(frame.radius)) if np.isfinite(frame.radius).any() else None
-        lines = [f"### {frame.device}", said]
-        if radius is not None:
-            lines.append(f"markers within ± {radius:.1f} mm (90 %)")
-        if frame.off is not None:
-            lines.append(f"cameras (black): {frame.off:.1f} mm off (RMS)")
-        if self._actions.latency is not None:
-            lines.append(self._actions.latency())
-        self._said.content = "\n\n".join(lines)
-        if self._actions.notes is None:
-            self._tell(frame.notes)
-        self._show_controls(frame)
-        when = np.array([t for t, _ in self._rows])
-        values = np.array([s for _, s in self._rows]).reshape(len(when), -1)
-        step = max(len(when) // 400, 1)
-        self._plot.data = (
-            when[::step] - when[-1],
-            *(np.nan_to_num(v) for v in values[::step].T),
-        )
+            scales = {"x": uplot.Scale(time=False, auto=True)}
+            return self._gui.add_uplot(empty, series, aspect=1.6, scales=scales)
 
     def _show_controls(self, frame: LiveFrame) -> None:
         for name, value in frame.controls.items():
             if name not in self._controls:
-                with self._folder:
+                with self._controls_folder:
                     label = self._gui.add_markdown(name)
                     bar = self._gui.add_progress_bar(0.0)
                 self._controls[name] = (label, bar)
@@ -136,66 +172,80 @@ class LivePanel:
         rest, record = self._actions.rest, self._actions.record
         if rest is not None:
             button = self._gui.add_button(
-                "At rest now", hint="Take the readings of this moment for the device's rest"
+                "At rest now", hint="Take the present readings as those of the device at rest"
             )
             button.on_click(lambda _, rest=rest: rest())
         if record is not None:
-            self._record_button(record)
+            self._add_record_button(record)
 
-    def _record_button(self, record: Callable[[bool], str]) -> None:
-        button = self._record = self._gui.add_button(_RECORD, color="red")
-        told = self._gui.add_markdown("")
-        self._label()
+    def _add_record_button(self, record: Callable[[bool], str]) -> None:
+        button = self._record_button = self._gui.add_button(RECORD_LABEL, color="red")
+        message = self._gui.add_markdown("")
+        self._update_label()
 
         def clicked(_: Any) -> None:
-            button.disabled = True  # while a file is written, a second click would begin anew
+            button.disabled = True  # a second click, while a file is written, would start again
             try:
-                told.content = record(not self._actions.recording())
-                self._label()
+                message.content = record(not self._actions.is_recording())
+                self._update_label()
             finally:
                 button.disabled = False
 
         button.on_click(clicked)
 
-    def _label(self) -> None:
-        """What the button would do now: recordings begin and end without it, too."""
-        said = _STOP if self._actions.recording() else _RECORD
-        if self._record is not None and self._record.label != said:
-            self._record.label = said
+    def _update_label(self) -> None:
+        """Show what the button would do now; recordings also start and end without it."""
+        label = STOP_LABEL if self._actions.is_recording() else RECORD_LABEL
+        if self._record_button is not None and self._record_button.label != label:
+            self._record_button.label = label
 
-    def _tell(self, notes: Sequence[str]) -> None:
+    def _show_notes(self, notes: Sequence[Note | str]) -> None:
         content = "\n".join(f"- {note}" for note in notes)
         if self._notes.content != content:
             self._notes.content = content
 
-    def _go_on(self) -> None:
-        while not self._over.wait(_TOLD):
+    def _update_notes(self) -> None:
+        while not self._stop.wait(_NOTES_INTERVAL_S):
             if self._actions.notes is not None:
-                self._tell(self._actions.notes())
-            self._label()
-
-
-PORT = 8080
+                self._show_notes(self._actions.notes())
+            self._update_label()
 
 
 class LiveView:
-    """An `Output` on a page at http://127.0.0.1:`place`, or in a place of a page that is there,
-    which is left as it was. Raises OutputError for a port that is taken, and where viser is not
-    installed."""
+    """An `Output` on a page at http://127.0.0.1, or in a place of an existing page.
+
+    Closing it leaves an existing page as it was.
+
+    Args:
+        device: The device.
+        actions: What the panel's buttons do.
+        place: Port of the page, or the place.
+
+    Attributes:
+        server: The viser server.
+        port: Port of the page.
+        panel: The panel.
+        scene: The scene.
+
+    Raises:
+        OutputError: The port is in use, or viser is not installed.
+    """
 
     name, trouble = "view", None
 
     def __init__(
-        self, device: ViewedDevice, actions: PanelActions | None = None,
+        self,
+        device: ViewedDevice,
+        actions: PanelActions | None = None,
         place: int | PagePlace = PORT,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._folder: Any = None
         if isinstance(place, PagePlace):
             self.server: Any = place.server
             with place.folder:
                 self._folder = self.server.gui.add_folder(f"{device.name} live")
         else:
-            self.server = local_page(place, f"{device.name} live")
+            self.server = serve_page(place, f"{device.name} live")
         self.port = int(self.server.get_port())
         with self._folder or nullcontext():
             self.panel = LivePanel(self.server, device, actions or PanelActions())
@@ -207,21 +257,25 @@ class LiveView:
 
     @property
     def about(self) -> str:
+        """Description with the address of the page."""
         return f"view: {self.url}"
 
     @property
     def url(self) -> str:
+        """Address of the page."""
         return f"http://127.0.0.1:{self.port}"
 
     def send(self, frame: LiveFrame) -> None:
+        """Show a frame."""
         with self.server.atomic():
             self.scene.show(frame)
             self.panel.show(frame)
 
     def close(self) -> None:
+        """Close the page, or remove the view from it."""
         self.panel.close()
         if self._folder is None:
-            end_page(self.server)
+            close_page(self.server)
             return
         self.scene.close()
         self._folder.remove()

@@ -92,10 +92,10 @@ class Studio:
         self._server.scene.reset()
         self.page = make()
 
-    def _refused(self, client: Any, name: str, why: str) -> None:
+    def _refused(self, client: Any, name: str, why: object) -> None:
         """An upload that was not taken."""
         if isinstance(self.page, StartPage):
-            self.page.refuse(name, why)
+            self.page.refuse(name, str(why))
         if client is not None:
             client.add_notification(
                 "The upload is not taken", f"{name[:80]}: {why}", color="orange"

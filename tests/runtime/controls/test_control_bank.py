@@ -9,7 +9,7 @@ from defsense_fab.core.errors import ControlError
 from defsense_fab.runtime.controls.control_bank import ControlBank, OneEuro
 from defsense_fab.runtime.controls.control_spec import ControlSpec, Shaping, plain_name
 from defsense_fab.runtime.controls.pose_amplitudes import PoseBasis, PoseRamp
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.bars import POSES, STEPS, bent, markers, poses
 
 SD = np.full(40, 0.5)

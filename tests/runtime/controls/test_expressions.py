@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from defsense_fab.core.errors import ControlError
 from defsense_fab.runtime.controls.expressions import compile_expression
-from tests.errors import raises
+from tests.support.errors import raises
 
 VALUES = {"up": 0.6, "down": 0.1, "twist": -0.5}
 

@@ -10,7 +10,7 @@ from defsense_fab.runtime.controls.pose_amplitudes import (
     PoseBasis,
     PoseRamp,
 )
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.bars import POSES, STEPS, bent, markers, poses, pulled, twisted
 
 SD = 0.5

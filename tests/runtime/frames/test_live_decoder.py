@@ -12,7 +12,7 @@ from defsense_fab.runtime.frames.live_faults import SwapWatch
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
 from defsense_fab.training.regression.intervals import fit_trained_range
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.training.conftest import recorded as recorded_fixture
 
 recorded = recorded_fixture

@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.outputs.gamepad_output import GamepadOutput, default_mapping, events
 from defsense_fab.runtime.outputs.settings import GamepadMapping, GamepadSettings
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.live_frames import frame, frame_before_rest
 
 

@@ -11,7 +11,7 @@ from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs import lsl_output
 from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, channel_values
 from defsense_fab.runtime.outputs.settings import LslSettings
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.live_frames import frame, frame_before_rest
 
 

@@ -13,7 +13,7 @@ from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs.osc_output import OscOutput
 from defsense_fab.runtime.outputs.settings import OscSettings
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.live_frames import frame
 
 

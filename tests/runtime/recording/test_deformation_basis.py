@@ -7,7 +7,7 @@ import pytest
 
 from defsense_fab.core.errors import LiveError
 from defsense_fab.runtime.recording.gltf_animation import deformation_basis
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.recording_bars import animation
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.core.errors import StorageError
 from defsense_fab.runtime.recording.animation_recorder import RowFile
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.full_disk import fill
 
 

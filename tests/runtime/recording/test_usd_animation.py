@@ -11,7 +11,7 @@ from pxr import Tf, Usd, UsdGeom
 from defsense_fab.core.errors import LiveError, StorageError
 from defsense_fab.runtime.recording import usd_animation
 from defsense_fab.runtime.recording.usd_animation import write_usd
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.recording_bars import animation
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from benchmarks.grid import grid_of_tets
+from tests.support.grid import grid_of_tets
 
 
 def bar(cells: tuple[int, int, int] = (20, 4, 4), size=(150.0, 30.0, 30.0)):

@@ -1,4 +1,4 @@
-"""Points in a rectangle of the picture, and the triangle under the mouse."""
+"""Points in a rectangle of the picture, and the triangle that a ray hits."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.runtime.view.camera import View, hit, in_rectangle
+from defsense_fab.runtime.view.camera import View, in_rectangle, intersect_ray
 from tests.conftest import box_surface
 
 AHEAD = View(np.array([0.0, 0.0, -10.0]), np.eye(3), np.pi / 2, 2.0)  # along z, y down
 
 
-def test_a_rectangle_takes_what_appears_in_it_and_nothing_behind_the_camera():
+def test_rectangle_selects_visible_points_in_front_of_the_camera():
     points = np.array(
         [[0, 0, 0], [9, 0, 0], [-9, 4, 0], [0, 0, 30], [0, 0, -20], [0, -9, 0]], float
     )
@@ -27,7 +27,7 @@ def test_a_rectangle_takes_what_appears_in_it_and_nothing_behind_the_camera():
     assert upper.tolist() == [False, False, False, False, False, True]
 
 
-def test_the_view_of_a_camera_that_is_turned():
+def test_rotated_camera():
     turn = Rotation.from_euler("y", 90, degrees=True)  # looks along x
     x, y, z, w = turn.as_quat()
     camera = SimpleNamespace(position=(0, 0, 0), wxyz=(w, x, y, z), fov=np.pi / 2, aspect=1.0)
@@ -38,11 +38,19 @@ def test_the_view_of_a_camera_that_is_turned():
     assert right.tolist() == [False, False, True]
 
 
-def test_a_ray_meets_the_nearest_triangle():
+def test_ray_hits_the_nearest_triangle():
     body = box_surface([0, -1, -1], [4, 1, 1])
-    met = hit(body.vertices, body.faces, np.array([-5.0, 0.3, 0.2]), np.array([1.0, 0, 0]))
+    met = intersect_ray(
+        body.vertices, body.faces, np.array([-5.0, 0.3, 0.2]), np.array([1.0, 0, 0])
+    )
     assert met is not None
     face, weights = met
     assert weights @ body.vertices[body.faces[face]] == pytest.approx([0, 0.3, 0.2])
-    assert hit(body.vertices, body.faces, np.array([-5.0, 0, 0]), np.array([-1.0, 0, 0])) is None
-    assert hit(body.vertices, body.faces, np.array([-5.0, 5, 0]), np.array([1.0, 0, 0])) is None
+    assert (
+        intersect_ray(body.vertices, body.faces, np.array([-5.0, 0, 0]), np.array([-1.0, 0, 0]))
+        is None
+    )
+    assert (
+        intersect_ray(body.vertices, body.faces, np.array([-5.0, 5, 0]), np.array([1.0, 0, 0]))
+        is None
+    )

@@ -1,9 +1,9 @@
-"""Colours say the sign of a strain and the width of an interval."""
+"""Colors show the sign of a strain and the width of an interval."""
 
 import numpy as np
 
 from defsense_fab.runtime.frames.live_frame import Quality
-from defsense_fab.runtime.view.live_scene import BODY, cord_color, marker_colors
+from defsense_fab.runtime.view.live_scene import BODY_COLORS, cord_color, marker_colors
 
 
 def test_cords_are_blue_where_shorter_red_where_longer_grey_where_lost():
@@ -23,5 +23,5 @@ def test_markers_turn_red_as_their_intervals_widen():
     assert (unknown == wide).all()
 
 
-def test_every_quality_has_a_colour():
-    assert set(BODY) == set(Quality)
+def test_every_quality_has_a_color():
+    assert set(BODY_COLORS) == set(Quality)

@@ -1,4 +1,4 @@
-"""The panel beside the device: what it tells, and its button for animations."""
+"""The panel next to the device: its texts, and its button for animations."""
 
 import contextlib
 import threading
@@ -7,18 +7,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from defsense_fab.runtime.frames.live_frame import Note
+from defsense_fab.runtime.view import live_view
 from defsense_fab.runtime.view.live_scene import ViewedDevice
 from defsense_fab.runtime.view.live_view import LivePanel, PanelActions
 from tests.runtime.live_frames import frame, wait_for
 
 pytest.importorskip("viser")
+RECORD, STOP = live_view.RECORD_LABEL, live_view.STOP_LABEL
 DEVICE = ViewedDevice(
     "bar", None, None, ("a", "b"), (), 1.0, np.zeros(2), np.ones(2), 0.4
 )  # fmt: skip
 
 
 class Gui:
-    """What viser's panel is asked for, without a server."""
+    """A panel of viser without a server."""
 
     def __init__(self):
         self.buttons = {}
@@ -45,59 +48,59 @@ class Gui:
 @contextlib.contextmanager
 def panel(actions):
     gui = Gui()
-    made = LivePanel(SimpleNamespace(gui=gui), DEVICE, actions)
+    live = LivePanel(SimpleNamespace(gui=gui), DEVICE, actions)
     try:
-        yield made, gui
+        yield live, gui
     finally:
-        made.close()
+        live.close()
 
 
-def test_the_frame_s_notes_where_there_are_no_others():
-    with panel(PanelActions()) as (made, gui):
-        made.show(frame(notes=("cord a is open",)))
-        assert made._notes.content == "- cord a is open"
+def test_notes_of_the_frame_are_shown():
+    with panel(PanelActions()) as (live, gui):
+        live.show(frame(notes=(Note("torn", "cord a is open"),)))
+        assert live.notes == "- cord a is open"
         assert gui.buttons == {}
 
 
-def test_notes_of_the_run_are_told_while_no_frame_comes():
+def test_notes_of_the_run_are_shown_without_frames():
     notes = ["port: the read-out board is gone"]
     actions = PanelActions()
-    with panel(actions) as (made, _):
+    with panel(actions) as (live, _):
         actions.notes, actions.latency = lambda: notes, lambda: "12 ms late"
-        assert wait_for(lambda: made._notes.content == "- port: the read-out board is gone")
-        made.show(frame(notes=("cord a is open",)))
-        assert "12 ms late" in made._said.content
+        assert wait_for(lambda: live.notes == "- port: the read-out board is gone")
+        live.show(frame(notes=(Note("torn", "cord a is open"),)))
+        assert "12 ms late" in live.summary
         notes.clear()
-        assert wait_for(lambda: made._notes.content == "")
+        assert wait_for(lambda: live.notes == "")
 
 
-def test_the_button_is_what_is_being_recorded():
-    """By a flag, or in vain: it never says what is not so."""
-    state, asked = {"on": True, "fails": False}, []
+def test_label_of_the_button_follows_the_recording():
+    """Recordings also start without the button, and may fail to start."""
+    state, requests = {"on": True, "fails": False}, []
 
     def record(on):
-        asked.append(on)
+        requests.append(on)
         if not state["fails"]:
             state["on"] = on
         return "no room" if state["fails"] else "done"
 
     with panel(PanelActions(None, record, lambda: state["on"])) as (_, gui):
         (button,) = gui.buttons.values()
-        assert button.label == "Stop, and write it"
+        assert button.label == STOP
         button.click()
-        assert (asked, button.label) == ([False], "Record the animation")
+        assert (requests, button.label) == ([False], RECORD)
         state["fails"] = True
         button.click()
-        assert (asked, button.label) == ([False, True], "Record the animation")
-        state["on"] = True  # begun by someone else
-        assert wait_for(lambda: button.label == "Stop, and write it")
+        assert (requests, button.label) == ([False, True], RECORD)
+        state["on"] = True  # started elsewhere
+        assert wait_for(lambda: button.label == STOP)
 
 
-def test_the_button_waits_while_a_file_is_written():
-    begun, go = threading.Event(), threading.Event()
+def test_button_is_disabled_while_a_file_is_written():
+    started, go = threading.Event(), threading.Event()
 
     def record(on):
-        begun.set()
+        started.set()
         assert go.wait(60)
         return "written"
 
@@ -105,7 +108,7 @@ def test_the_button_waits_while_a_file_is_written():
         (button,) = gui.buttons.values()
         thread = threading.Thread(target=button.click)
         thread.start()
-        assert begun.wait(60)
+        assert started.wait(60)
         assert button.disabled
         go.set()
         thread.join()

@@ -1,4 +1,4 @@
-"""Who may see a page, and what it does with what it is sent."""
+"""Pages are served to authorized clients only, and survive invalid data."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import pytest
 
 from defsense_fab.core.errors import OutputError
 from defsense_fab.core.machine.local_access import Access
-from defsense_fab.runtime.view.local_page import end_page, local_page, page_link, plain_markdown
-from defsense_fab.runtime.view.upload_limit import MOST, limit_uploads
-from tests.errors import raises
+from defsense_fab.runtime.view.page_server import close_page, escape_markdown, page_link, serve_page
+from defsense_fab.runtime.view.upload_limit import MAX_UPLOAD_BYTES, limit_uploads
+from tests.support.errors import raises
 
 viser = pytest.importorskip("viser")
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
@@ -32,22 +32,22 @@ def free_port():
 
 @pytest.fixture(scope="module")
 def page():
-    made = local_page(free_port(), "test")
-    yield made
-    end_page(made)
+    server = serve_page(free_port(), "test")
+    yield server
+    close_page(server)
 
 
 @pytest.fixture(scope="module")
 def open_page():
-    """A page for other machines."""
+    """Serve a page to other machines."""
     access = Access("0.0.0.0", TOKEN)
-    made = local_page(free_port(), "test", access, "0.0.0.0")
-    yield made
-    end_page(made)
+    server = serve_page(free_port(), "test", access, "0.0.0.0")
+    yield server
+    close_page(server)
 
 
-def ask(server, path="/", **headers):
-    """Status, headers and body of an answer."""
+def request(server, path="/", **headers):
+    """Return status, headers and body of an answer."""
     connection = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=LONG)
     try:
         connection.request("GET", path, headers=headers)
@@ -65,7 +65,7 @@ def socket_of(server, **headers):
 
 
 def browser(server):
-    """A socket that viser takes for a browser: it has told its camera."""
+    """Open a socket that viser takes for a browser, because it sends its camera."""
     client = socket_of(server)
     client.send(CAMERA)
     until(lambda: server.get_clients())
@@ -82,50 +82,49 @@ CAMERA = message(
 )  # fmt: skip
 
 
-def until(found):
-    """Wait for what another thread does."""
+def until(condition):
+    """Wait for another thread."""
     end = time.monotonic() + LONG
-    while not found():
+    while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
 
 
-def test_other_machines_need_the_token_of_the_link_on_page_and_socket(open_page):
+def test_other_machines_need_the_token_on_page_and_socket(open_page):
     port = open_page.get_port()
-    assert ask(open_page)[0] == 403
-    assert b"the link that `defsense studio` prints" in ask(open_page)[2]
-    assert ask(open_page, "/?token=wrong")[0] == 403
-    assert ask(open_page, "/?token=" + TOKEN, Origin="http://elsewhere.example")[0] == 403
-    status, headers, body = ask(open_page, "/?token=" + TOKEN)
+    assert request(open_page)[0] == 403
+    assert request(open_page, "/?token=wrong")[0] == 403
+    assert request(open_page, "/?token=" + TOKEN, Origin="http://elsewhere.example")[0] == 403
+    status, headers, body = request(open_page, "/?token=" + TOKEN)
     assert status == 200
     assert b"<html" in body
     cookie = headers["Set-Cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
     assert headers["Referrer-Policy"] == "no-referrer"
-    kept = cookie.split(";")[0]
-    assert ask(open_page, Cookie=f"other=1; {kept}")[0] == 200
-    assert ask(open_page, Cookie=f"defsense-{port}=wrong")[0] == 403
-    assert ask(open_page, Cookie=kept.replace(str(port), str(port + 1)))[0] == 403
+    cookie_pair = cookie.split(";")[0]
+    assert request(open_page, Cookie=f"other=1; {cookie_pair}")[0] == 200
+    assert request(open_page, Cookie=f"defsense-{port}=wrong")[0] == 403
+    assert request(open_page, Cookie=cookie_pair.replace(str(port), str(port + 1)))[0] == 403
     with pytest.raises(InvalidStatus, match="403"), socket_of(open_page):
         pass
     with (
         pytest.raises(InvalidStatus, match="403"),
-        socket_of(open_page, Cookie=kept, Origin="http://elsewhere.example"),
+        socket_of(open_page, Cookie=cookie_pair, Origin="http://elsewhere.example"),
     ):
         pass
-    with socket_of(open_page, Cookie=kept) as client:
+    with socket_of(open_page, Cookie=cookie_pair) as client:
         assert client.recv(timeout=LONG)
 
 
 def test_this_machine_needs_no_token_and_gets_no_cookie(page):
-    status, headers, _ = ask(page)
+    status, headers, _ = request(page)
     assert status == 200
     assert headers["Set-Cookie"] is None
-    assert ask(page, Host="elsewhere.example")[0] == 403
+    assert request(page, Host="elsewhere.example")[0] == 403
 
 
-def test_the_link_has_what_other_machines_need():
+def test_link_has_address_and_token():
     access = Access("0.0.0.0", TOKEN)
     assert re.fullmatch(rf"http://[^/]+:8090/\?token={TOKEN}", page_link("0.0.0.0", 8090, access))
     assert "0.0.0.0" not in page_link("0.0.0.0", 8090, access)
@@ -135,15 +134,15 @@ def test_the_link_has_what_other_machines_need():
 
 def test_an_address_of_another_machine_is_told():
     with raises(OutputError, "address-unavailable", host="192.0.2.1"):
-        local_page(free_port(), "test", host="192.0.2.1")
+        serve_page(free_port(), "test", host="192.0.2.1")
     with raises(OutputError, "address-unavailable", host="no such name"):
-        local_page(free_port(), "test", host="no such name")
+        serve_page(free_port(), "test", host="no such name")
 
 
 @pytest.mark.parametrize("path", ["/../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/..\\..\\x",
                                   "//etc/passwd", "/assets/../../../_viser.py"])  # fmt: skip
 def test_files_outside_of_the_page_are_not_served(page, path):
-    assert ask(page, path)[0] in (400, 404)
+    assert request(page, path)[0] in (400, 404)
 
 
 @pytest.mark.parametrize(
@@ -166,23 +165,23 @@ def test_garbage_on_the_socket_ends_at_most_its_own_connection(page, sent):
                 client.send(sent)
                 client.recv(timeout=0.2)
             except (ConnectionClosed, TimeoutError):
-                pass  # either is well
+                pass  # both are correct
         other.ping().wait(LONG)
-    assert page._share_tunnel is None  # nobody opens a way to it from elsewhere
+    assert page._share_tunnel is None  # no tunnel can be opened
     with socket_of(page) as client:
         assert client.recv(timeout=LONG)
 
 
-def test_names_of_others_are_no_html():
+def test_html_is_escaped():
     for text in ("<script>alert(1)</script>", "<img src=x onerror=y>", "</p>", "<!-- x -->",
                  "![x](/dev/zero)"):  # fmt: skip
-        plain = plain_markdown(f"## {text}")
+        plain = escape_markdown(f"## {text}")
         assert not re.search(r"<[a-zA-Z/!?]|!\[", plain)
         assert plain.replace("\u2060", "") == f"## {text}"
-    assert plain_markdown("2 < 3, **bold**, `a<b`!") == "2 < 3, **bold**, `a<\u2060b`!"
+    assert escape_markdown("2 < 3, **bold**, `a<b`!") == "2 < 3, **bold**, `a<\u2060b`!"
 
 
-def test_all_markdown_of_a_page_comes_by_there(page):
+def test_all_markdown_of_a_page_is_escaped(page):
     handle = page.gui.add_markdown("<b>one</b>")
     assert "<b" not in handle._markdown
     handle.content = "<b>two</b>![x](/dev/zero)"
@@ -193,19 +192,19 @@ def test_all_markdown_of_a_page_comes_by_there(page):
 
 @pytest.fixture(scope="module")
 def limited(page):
-    told = []
-    made = limit_uploads(page, lambda client, name, why: told.append((name, why)))
-    made.told = told
-    return made
+    refused = []
+    server = limit_uploads(page, lambda client, name, reason: refused.append((name, reason.code)))
+    server.refused = refused
+    return server
 
 
 @pytest.fixture
 def upload(page, limited):
-    """A button, and what came by it."""
-    limited.told.clear()
-    button, came = page.gui.add_upload_button("x"), []
-    button.on_upload(lambda event: came.append(event.target.value))
-    yield button, came
+    """Add a button; return it with the files that it receives."""
+    limited.refused.clear()
+    button, received = page.gui.add_upload_button("x"), []
+    button.on_upload(lambda event: received.append(event.target.value))
+    yield button, received
     button.remove()
 
 
@@ -224,57 +223,57 @@ def part(button, index, content, uuid="one"):
     )  # fmt: skip
 
 
-def test_two_gigabytes_are_refused_before_a_byte_of_them_is_kept(page, limited, upload):
-    button, came = upload
+def test_large_file_is_refused_before_any_byte_is_kept(page, limited, upload):
+    button, received = upload
     with browser(page) as client:
         client.send(announced(button, 2 * 2**30, "huge.stl"))
         client.send(part(button, 0, b"x" * 512 * 1024))
-        until(lambda: limited.told)
+        until(lambda: limited.refused)
         client.ping().wait(LONG)
-        assert limited.told == [("huge.stl", "it has 2,048 MB, and 200 MB is the most")]
-        assert limited.kept == 0
-        # a file that is small enough still comes, on the same connection
+        assert limited.refused == [("huge.stl", "upload-too-large")]
+        assert limited.received_bytes == 0
+        # A small file still arrives on the same connection.
         client.send(announced(button, 3, "small.stl", "two"))
         client.send(part(button, 0, b"abc", "two"))
-        until(lambda: came)
-    assert (came[0].name, came[0].content) == ("small.stl", b"abc")
+        until(lambda: received)
+    assert (received[0].name, received[0].content) == ("small.stl", b"abc")
 
 
-@pytest.mark.parametrize(("size", "parts"), [(10, 10**9), (-1, 0), (MOST, 1)])
-def test_announcements_that_lie_are_refused(page, limited, upload, size, parts):
+@pytest.mark.parametrize(("size", "parts"), [(10, 10**9), (-1, 0), (MAX_UPLOAD_BYTES, 1)])
+def test_invalid_announcements_are_refused(page, limited, upload, size, parts):
     button, _ = upload
     with socket_of(page) as client:
         client.send(announced(button, size, parts=parts))
-        until(lambda: limited.told)
-    assert "cannot be right" in limited.told[0][1]
+        until(lambda: limited.refused)
+    assert limited.refused[0][1] == "upload-invalid"
 
 
-def test_a_file_that_grows_beyond_what_was_announced_is_dropped(page, limited, upload):
-    button, came = upload
+def test_file_larger_than_announced_is_dropped(page, limited, upload):
+    button, received = upload
     with socket_of(page) as client:
         client.send(announced(button, 600 * 1024))
         client.send(part(button, 0, b"x" * 512 * 1024))
         client.send(part(button, 1, b"x" * 512 * 1024))
-        until(lambda: limited.told)
-        assert limited.told == [("x.stl", "it is larger than was announced")]
-        assert limited.kept == 0
-    assert not came
+        until(lambda: limited.refused)
+        assert limited.refused == [("x.stl", "upload-longer-than-announced")]
+        assert limited.received_bytes == 0
+    assert not received
 
 
-def test_parts_of_another_browser_are_not_taken(page, limited, upload):
-    button, came = upload
+def test_parts_from_another_browser_are_ignored(page, limited, upload):
+    button, received = upload
     with browser(page) as one, browser(page) as other:
         one.send(announced(button, 3))
-        until(lambda: limited._under_way)
+        until(lambda: limited.uploads)
         other.send(part(button, 0, b"abc"))
         other.ping().wait(LONG)
-        assert limited.kept == 0
+        assert limited.received_bytes == 0
         one.send(part(button, 0, b"def"))
-        until(lambda: came)
-    assert came[0].content == b"def"
+        until(lambda: received)
+    assert received[0].content == b"def"
 
 
-def test_only_what_takes_files_is_given_any(page, limited, upload):
+def test_only_upload_buttons_receive_files(page, limited, upload):
     slider = page.gui.add_slider("x", 0, 10, 1, 5)
     with browser(page) as client:
         client.send(announced(slider, 3))
@@ -284,8 +283,8 @@ def test_only_what_takes_files_is_given_any(page, limited, upload):
     slider.remove()
 
 
-def test_a_browser_that_goes_on_sending_what_was_refused_is_cut_off(page, limited, upload):
-    button, came = upload
+def test_browser_that_sends_a_refused_file_is_disconnected(page, limited, upload):
+    button, received = upload
 
     def send_all(client):
         client.send(announced(button, 2 * 2**30))
@@ -297,14 +296,14 @@ def test_a_browser_that_goes_on_sending_what_was_refused_is_cut_off(page, limite
     with browser(page) as client:
         client.send(announced(button, 3))
         client.send(part(button, 0, b"abc"))
-        until(lambda: came)
+        until(lambda: received)
 
 
-def test_few_uploads_are_under_way_at_once(page, limited, upload):
+def test_number_of_uploads_is_limited(page, limited, upload):
     button, _ = upload
     with socket_of(page) as client:
         for k in range(6):
             client.send(announced(button, 600 * 1024, uuid=f"u{k}"))
-        until(lambda: len(limited.told) == 2)
-        assert "uploads are under way" in limited.told[0][1]
-    until(lambda: not limited._under_way)  # gone with the browser
+        until(lambda: len(limited.refused) == 2)
+        assert limited.refused[0][1] == "uploads-at-limit"
+    until(lambda: not limited.uploads)  # gone with the browser

@@ -1,0 +1,220 @@
+"""Serve viser pages to this machine alone, or to everyone who has the link with its token.
+
+Viser answers every request that reaches its port, and browsers send requests on behalf of any page
+that is open in them: a page of another origin could steer a device or edit a design. So each
+request is checked by its headers before viser sees it. Texts on a page are never taken for HTML,
+because names and messages come from the files of others.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import http
+import io
+import logging
+import re
+import socket
+import threading
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import OutputError
+from ...core.machine.local_access import LOCAL_HOSTS, Access
+from ...core.machine.optional_libraries import optional
+
+#: The address at which pages are served to this machine alone.
+HOST = "127.0.0.1"
+_ANY_HOST = ("0.0.0.0", "::")  # noqa: S104  # compared, not bound
+_DOCUMENTATION_ADDRESS = ("192.0.2.1", 9)  # reserved for documentation: nothing answers
+#: Clients that send invalid data are closed; tracebacks of that help nobody.
+_socket_log = logging.getLogger(f"{__name__}.sockets")
+_patch_lock = threading.Lock()  # held while viser's function to listen is replaced
+
+_WORD_JOINER = "\u2060"  # invisible; it separates what would be a tag or an image
+_TAG_OR_IMAGE = re.compile(r"<(?=[A-Za-z/!?])|!(?=\[)")
+
+
+def escape_markdown(markdown: str, image_root: Path | None = None) -> str:  # noqa: ARG001 - viser's
+    """Return Markdown in which HTML tags and images are shown as text.
+
+    Viser renders HTML in Markdown as it is, scripts included, and reads the files that images name.
+    But a device that is called `<script>` must not run.
+
+    Args:
+        markdown: The text.
+        image_root: Not used; viser passes it.
+    """
+    return _TAG_OR_IMAGE.sub(lambda match: match[0] + _WORD_JOINER, markdown)
+
+
+def serve_page(port: int, label: str, access: Access | None = None, host: str = HOST) -> Any:
+    """Start a viser server at http://`host`:`port`.
+
+    Args:
+        port: The port.
+        label: Title of the page.
+        access: Who may open it; by default this machine alone.
+        host: Address to listen on.
+
+    Returns:
+        The `viser.ViserServer`.
+
+    Raises:
+        OutputError: The port is in use, the host is not an address of this machine, or viser is not
+            installed.
+    """
+    with optional(OutputError, "the page", "live"):
+        import viser
+        import websockets.asyncio.server as sockets
+        from viser import _gui_handles, _messages
+    _check_free(host, port)
+    for logger in ("websockets", "viser"):
+        logging.getLogger(logger).setLevel(logging.ERROR)
+    _socket_log.setLevel(logging.CRITICAL)
+    original = sockets.serve
+    guarded = _guard(original, access or Access(host), port)
+    # Viser prints its address in a box.
+    with _patch_lock, contextlib.redirect_stdout(io.StringIO()):
+        sockets.serve = guarded  # type: ignore[assignment,misc]
+        try:
+            server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+        finally:
+            sockets.serve = original  # type: ignore[misc]
+    _gui_handles._parse_markdown = escape_markdown
+    # Any page could request a tunnel to an external server, which would publish it.
+    for request in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(request)
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
+    server.gui.main_panel.dock_right()
+    return server
+
+
+def _guard(listen: Any, access: Access, port: int) -> Any:
+    """Wrap the function that listens, so that it refuses requests without access."""
+
+    def guarded(*arguments: Any, process_request: Any = None, **options: Any) -> Any:
+        def answer(connection: Any, request: Any) -> Any:
+            headers = request.headers
+            reason = access.refusal(
+                ", ".join(headers.get_all("Host")), headers.get_all("Origin")
+            ) or _token_refusal(access, port, request.path, headers.get_all("Cookie"))
+            if reason is not None:
+                return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
+            response = None if process_request is None else process_request(connection, request)
+            if response is not None:
+                _set_cookie(access, port, response.headers)
+            return response
+
+        return listen(*arguments, process_request=answer, logger=_socket_log, **options)
+
+    return guarded
+
+
+def page_link(host: str, port: int, access: Access) -> str:
+    """Return the link to open in a browser.
+
+    For other machines it has the address of this machine in its network, and the token.
+
+    Args:
+        host: Address that the server listens on.
+        port: Its port.
+        access: Who may open the page.
+    """
+    name = _own_address() if host in _ANY_HOST else host
+    bracketed = f"[{name}]" if ":" in name else name
+    return f"http://{bracketed}:{port}" + (f"/?token={access.token}" if access.token else "")
+
+
+def close_page(server: Any) -> None:
+    """Stop a viser server, without the text that it prints."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+def _own_address() -> str:
+    """Return this machine's address in its network, or its name if it is in none."""
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+        try:
+            probe.connect(_DOCUMENTATION_ADDRESS)  # nothing is sent
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()
+
+
+def _check_free(host: str, port: int) -> None:
+    """Raise OutputError for a busy port.
+
+    Viser would silently take the next free port, and the user would open another program's page.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+    except OSError:
+        raise _no_address(host) from None
+    with contextlib.closing(socket.socket(family, socket.SOCK_STREAM)) as probe:
+        # On Windows SO_REUSEADDR would share the port of another program.
+        option = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+        probe.setsockopt(socket.SOL_SOCKET, option, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            if host not in LOCAL_HOSTS and error.errno == errno.EADDRNOTAVAIL:
+                raise _no_address(host) from None
+            raise OutputError(
+                "is in use by another program",
+                code="port-busy",
+                where=f"port {port}",
+                action=f"Choose another port, such as {port + 10}",
+                port=port,
+            ) from None
+
+
+def _no_address(host: str) -> OutputError:
+    return OutputError(
+        "this machine has no such address",
+        code="address-unavailable",
+        where=f"host {host}",
+        action="Use an address of this machine, or 0.0.0.0",
+        host=host,
+    )
+
+
+# The page opens its socket at an address without the token. So the token is kept in a cookie, which
+# the browser sends along.
+
+
+def _token_refusal(access: Access, port: int, path: str, cookies: list[str]) -> str | None:
+    """Return why a request is refused; None if it has the token, or needs none."""
+    if access.has_token(path) or any(access.is_token(v) for v in _cookie_values(cookies, port)):
+        return None
+    return "open the link that `defsense studio` prints: it ends with the token"
+
+
+def _set_cookie(access: Access, port: int, headers: Any) -> None:
+    """Add the token to an answer.
+
+    The cookie is for this page alone, hidden from scripts, and never sent from pages of others.
+    Links on the page do not reveal the token.
+    """
+    if access.token:
+        name = _cookie_name(port)
+        headers["Set-Cookie"] = f"{name}={access.token}; Path=/; HttpOnly; SameSite=Strict"
+        headers["Referrer-Policy"] = "no-referrer"
+
+
+def _cookie_values(cookies: list[str], port: int) -> list[str]:
+    values = []
+    for text in cookies:
+        try:
+            cookie = SimpleCookie(text).get(_cookie_name(port))
+        except CookieError:
+            continue
+        if cookie is not None:
+            values.append(cookie.value)
+    return values
+
+
+def _cookie_name(port: int) -> str:
+    """Return a name with the port: cookies of two pages on one machine would replace each other."""
+    return f"defsense-{port}"
