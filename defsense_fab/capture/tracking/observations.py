@@ -1,4 +1,8 @@
-"""What one camera saw of each tag over time, and at times between its frames."""
+"""Tags that cameras saw over time: their storage on disk, and positions between frames.
+
+Six cameras that watch twenty tags for an hour see thirteen million of them, 1.8 GB. Each step of
+the work needs only some seconds of them at a time, so they are stored in a temporary file.
+"""
 
 from __future__ import annotations
 
@@ -16,26 +20,26 @@ from ...core.arrays import Bool, Float, Int
 from ...core.storage.files import storage_errors
 from ..tags.detection import TagView
 
-# The tags that a camera saw in all its frames, on disk where they are many.
-#
-# Six cameras that watch twenty tags for an hour see thirteen million of them: 1.8 GB, of which any
-# step of the work needs some seconds at a time.
-
-_IN_MEMORY = 8_000_000  # bytes of a camera's tags that are kept without a file
-_TAGS = 20_000  # that are looked at together
-_ROW = np.dtype(
+MAX_MEMORY_BYTES = 8_000_000  # of a camera's tags that are stored without a file
+BLOCK_TAGS = 20_000  # processed together
+ROW_TYPE = np.dtype(
     [("id", np.int64), ("corners", np.float64, (4, 2)), ("covariance", np.float32, (5, 2, 2))]
 )
 
 
 class TagStore:
-    """Tags one after the other, in a temporary file of `folder` (None: where the system has them)
-    that is gone with this object. Covariances are kept in single precision."""
+    """Tags in sequence, in a temporary file that is deleted with this object.
+
+    Covariances are stored in single precision.
+
+    Args:
+        folder: Folder of the file; the system's folder for temporary files by default.
+    """
 
     def __init__(self, folder: Path | None = None) -> None:
         self._where = folder or Path(tempfile.gettempdir())
         self._file = tempfile.SpooledTemporaryFile(  # noqa: SIM115 - open as long as the store
-            _IN_MEMORY, dir=str(self._where)
+            MAX_MEMORY_BYTES, dir=str(self._where)
         )
         self._count = 0
         weakref.finalize(self, self._file.close)
@@ -44,34 +48,49 @@ class TagStore:
         return self._count
 
     def add(self, view: TagView) -> None:
-        """Tags after those before. Raises StorageError, as when the disk is full."""
-        rows = np.empty(len(view.ids), _ROW)
+        """Append the tags of a view.
+
+        Raises:
+            StorageError: If they cannot be written, for example because the disk is full.
+        """
+        rows = np.empty(len(view.ids), ROW_TYPE)
         rows["id"], rows["corners"], rows["covariance"] = view.ids, view.corners, view.covariance
         with storage_errors(self._where):
             self._file.seek(0, 2)
             self._file.write(rows.tobytes())
         self._count += len(rows)
 
-    def read(self, which: Int) -> NDArray[Any]:
-        """Of the tags `which` (n,), rows (n,) with `id`, `corners` (4, 2) px without distortion,
-        and the `covariance` (5, 2, 2) px^2 of each and of their mean. Those that follow each other
-        are read at once."""
-        out = np.empty(len(which), _ROW)
-        ends = np.append(np.flatnonzero(np.diff(which) != 1) + 1, len(which))
-        begin = 0
+    def read(self, indices: Int) -> NDArray[Any]:
+        """Read tags; consecutive ones are read at once.
+
+        Args:
+            indices: Indices of the tags (n,).
+
+        Returns:
+            Rows (n,) with `id`, `corners` (4, 2), px without distortion, and `covariance` (5, 2,
+            2), px^2, of each corner and last of their mean.
+        """
+        rows = np.empty(len(indices), ROW_TYPE)
+        ends = np.append(np.flatnonzero(np.diff(indices) != 1) + 1, len(indices))
+        start = 0
         for end in ends[ends > 0]:
             with storage_errors(self._where):
-                self._file.seek(int(which[begin]) * _ROW.itemsize)
-                data = self._file.read(int(end - begin) * _ROW.itemsize)
-            out[begin:end] = np.frombuffer(data, _ROW)
-            begin = int(end)
-        return out
+                self._file.seek(int(indices[start]) * ROW_TYPE.itemsize)
+                data = self._file.read(int(end - start) * ROW_TYPE.itemsize)
+            rows[start:end] = np.frombuffer(data, ROW_TYPE)
+            start = int(end)
+        return rows
 
 
 @dataclass(frozen=True)
 class FrameTags:
-    """The tags in t frames of one camera: those of frame k are the ones from `first` (t,) up to
-    `last` (t,) of a store."""
+    """The tags in t frames of one camera.
+
+    Attributes:
+        store: Store of the tags.
+        first: Index of each frame's first tag (t,).
+        last: Index after each frame's last tag (t,).
+    """
 
     store: TagStore
     first: Int
@@ -79,62 +98,85 @@ class FrameTags:
 
     @property
     def count(self) -> Int:
-        """How many tags each frame shows (t,)."""
+        """Number of tags in each frame (t,)."""
         return np.asarray(self.last - self.first)
 
     def only(self, frames: Bool | Int) -> FrameTags:
-        """Some of the frames."""
+        """Return some of the frames."""
         return FrameTags(self.store, self.first[frames], self.last[frames])
 
     def without(self, frames: Bool) -> FrameTags:
-        """The same frames, some of which (t,) show nothing."""
+        """Return the same frames, where those of a mask (t,) have no tags."""
         return FrameTags(self.store, self.first, np.where(frames, self.first, self.last))
 
     def find(self, frames: Int) -> tuple[Int, Int]:
-        """Of all tags (n,) in the frames (k,): which of the store they are, and in which of those
-        frames, 0 to k - 1."""
+        """Find all tags in frames.
+
+        Args:
+            frames: Indices of the frames (k,).
+
+        Returns:
+            Indices of the tags in the store (n,), and for each tag the position of its frame, 0 to
+            k - 1.
+        """
         first, count = self.first[frames], self.count[frames]
         position = np.repeat(np.arange(len(frames)), count)
         before = np.repeat(np.cumsum(count) - count, count)
         return first[position] + np.arange(len(position)) - before, position
 
     def survey(self) -> tuple[Int, Int]:
-        """The numbers of all tags, and of those that some frame shows twice."""
-        numbers, twice = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        for frames in blocks(len(self.first), int(self.count.max(initial=1))):
-            which, position = self.find(frames)
-            ids = self.store.read(which)["id"]
+        """Return the numbers of all tags, and of those that some frame shows twice."""
+        numbers, repeated = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for frames in frame_blocks(len(self.first), int(self.count.max(initial=1))):
+            indices, position = self.find(frames)
+            ids = self.store.read(indices)["id"]
             order = np.lexsort((ids, position))
-            again = (np.diff(ids[order]) == 0) & (np.diff(position[order]) == 0)
+            is_repeated = (np.diff(ids[order]) == 0) & (np.diff(position[order]) == 0)
             numbers.append(np.unique(ids))
-            twice.append(np.unique(ids[order][1:][again]))
-        return np.unique(np.concatenate(numbers)), np.unique(np.concatenate(twice))
+            repeated.append(np.unique(ids[order][1:][is_repeated]))
+        return np.unique(np.concatenate(numbers)), np.unique(np.concatenate(repeated))
 
 
-def stored(views: Iterable[TagView], folder: Path | None = None) -> FrameTags:
-    """Of frames, one after the other. Raises StorageError."""
-    store, last = TagStore(folder), [0]
+def store_views(views: Iterable[TagView], folder: Path | None = None) -> FrameTags:
+    """Store the tags of consecutive frames.
+
+    Raises:
+        StorageError: If they cannot be written.
+    """
+    store, ends_list = TagStore(folder), [0]
     for view in views:
         store.add(view)
-        last.append(len(store))
-    ends = np.array(last, np.int64)
+        ends_list.append(len(store))
+    ends = np.array(ends_list, np.int64)
     return FrameTags(store, ends[:-1], ends[1:])
 
 
-def blocks(frames: int, tags: int, most: int = _TAGS) -> Iterator[Int]:
-    """Numbers of so many frames, as many at a time as can be looked at together: in which there are
-    at `most` so many tags."""
-    step = max(most // max(tags, 1), 1)
-    for begin in range(0, frames, step):
-        yield np.arange(begin, min(begin + step, frames))
+def frame_blocks(frames: int, tags: int, max_tags: int = BLOCK_TAGS) -> Iterator[Int]:
+    """Divide frames into blocks that can be processed together.
+
+    Args:
+        frames: Number of frames.
+        tags: Number of tags in a frame.
+        max_tags: Largest number of tags in a block.
+
+    Yields: Indices of the frames in each block.
+    """
+    step = max(max_tags // max(tags, 1), 1)
+    for start in range(0, frames, step):
+        yield np.arange(start, min(start + step, frames))
 
 
-_SAME = 5e-4  # s: frames this near in time are taken as simultaneous
-_FAR = 2.5  # periods, between frames that are interpolated
+SIMULTANEOUS_S = 5e-4  # s: frames this near in time are taken as simultaneous
+MAX_GAP_PERIODS = 2.5  # periods, between frames that are interpolated
 
 
-class Observed(Protocol):
-    """t frames of one camera, m tags: `time` (t,) s, increasing; numbers `ids` (m,)."""
+class ObservationSource(Protocol):
+    """Tags that one camera saw in t frames: an interface.
+
+    Attributes:
+        time: Times of the frames (t,), s, increasing.
+        ids: Numbers of the tags (m,).
+    """
 
     @property
     def time(self) -> Float: ...
@@ -143,15 +185,20 @@ class Observed(Protocol):
     def ids(self) -> Int: ...
 
     def part(self, frames: Int) -> Observations:
-        """What the frames (k,) show."""
+        """Return the observations in some of the frames (k,)."""
         ...
 
 
 @dataclass(frozen=True)
 class Observations:
-    """t frames of one camera, m tags: `time` (t,) s, increasing; numbers `ids` (m,); `corners`
-    (t, m, 4, 2) px without distortion, NaN where not seen, and the `covariance` (t, m, 5, 2, 2)
-    px^2 of each, and last of their mean."""
+    """Observations of m tags in t frames of one camera.
+
+    Attributes:
+        time: Times of the frames (t,), s, increasing.
+        ids: Numbers of the tags (m,).
+        corners: Corners (t, m, 4, 2), px without distortion, NaN where not visible.
+        covariance: Covariances (t, m, 5, 2, 2), px^2, of each corner and last of their mean.
+    """
 
     time: Float
     ids: Int
@@ -159,7 +206,7 @@ class Observations:
     covariance: Float
 
     def part(self, frames: Int) -> Observations:
-        """Some of the frames (k,)."""
+        """Return the observations in some of the frames (k,)."""
         return Observations(
             self.time[frames], self.ids, self.corners[frames], self.covariance[frames]
         )
@@ -167,8 +214,14 @@ class Observations:
 
 @dataclass(frozen=True)
 class StoredObservations:
-    """As `Observations`, of `tags` in t frames that are read as they are needed; `chosen` (n,) of
-    the store's tags are those that count."""
+    """Observations that are read from a store when needed.
+
+    Attributes:
+        time: Times of the frames (t,), s, increasing.
+        ids: Numbers of the tags (m,).
+        tags: Tags in the frames.
+        chosen: Whether each of the store's tags counts (n,).
+    """
 
     time: Float
     ids: Int
@@ -176,10 +229,10 @@ class StoredObservations:
     chosen: Bool
 
     def part(self, frames: Int) -> Observations:
-        """What some of the frames (k,) show."""
-        which, position = self.tags.find(frames)
-        good = self.chosen[which]
-        rows, position = self.tags.store.read(which)[good], position[good]
+        """Read the observations in some of the frames (k,)."""
+        indices, position = self.tags.find(frames)
+        is_chosen = self.chosen[indices]
+        rows, position = self.tags.store.read(indices)[is_chosen], position[is_chosen]
         k, m = len(frames), len(self.ids)
         corners, covariance = np.full((k, m, 4, 2), np.nan), np.full((k, m, 5, 2, 2), np.nan)
         column = _columns(self.ids, rows["id"])
@@ -188,69 +241,88 @@ class StoredObservations:
         return Observations(self.time[frames], self.ids, corners, covariance)
 
     def only(self, frames: Bool) -> StoredObservations:
-        """Some of the frames, by a mask (t,)."""
+        """Return the frames of a mask (t,)."""
         return replace(self, time=self.time[frames], tags=self.tags.only(frames))
 
     def without(self, frames: Bool) -> StoredObservations:
-        """The same frames, some of which (t,) show nothing."""
+        """Return the same frames, where those of a mask (t,) show nothing."""
         return replace(self, tags=self.tags.without(frames))
 
 
 def observe(time: Float, tags: FrameTags, ids: Int) -> StoredObservations:
-    """Tags of frames at times (t,) s by number, others than `ids` (m,) left out. Of a number that
-    is twice in an image, the one nearer to where the tag was last is taken; neither where it was
-    not seen before."""
+    """Choose at most one tag of each number in each frame.
+
+    If an image shows a number twice, the tag nearer to its last place is chosen; without a last
+    place, none.
+
+    Args:
+        time: Times of the frames (t,), s.
+        tags: Tags in the frames.
+        ids: Numbers of the tags to observe (m,).
+    """
     chosen = np.zeros(len(tags.store), bool)
     last = np.full((len(ids), 2), np.nan)
-    for frames in blocks(len(time), int(tags.count.max(initial=1))):
-        which, position = tags.find(frames)
-        rows = tags.store.read(which)
+    for frames in frame_blocks(len(time), int(tags.count.max(initial=1))):
+        indices, position = tags.find(frames)
+        rows = tags.store.read(indices)
         column = _columns(ids, rows["id"])
-        middle = rows["corners"].mean(axis=1)
-        there = column >= 0
-        place = position * len(ids) + column
-        order = np.argsort(np.where(there, place, -1), kind="stable")
-        again = order[1:][(np.diff(place[order]) == 0) & there[order[1:]]]
-        doubtful = np.unique(column[again])
-        single = there & ~np.isin(column, doubtful)
-        chosen[which[single]] = True
-        last[column[single]] = middle[single]  # of several the last one stays
-        for k in doubtful:
-            mine = np.flatnonzero(column == k)
-            for found in np.split(mine, np.flatnonzero(np.diff(position[mine])) + 1):
-                if len(found) > 1 and np.isnan(last[k]).any():
+        center = rows["corners"].mean(axis=1)
+        is_wanted = column >= 0
+        cell = position * len(ids) + column
+        order = np.argsort(np.where(is_wanted, cell, -1), kind="stable")
+        repeats = order[1:][(np.diff(cell[order]) == 0) & is_wanted[order[1:]]]
+        ambiguous = np.unique(column[repeats])
+        is_single = is_wanted & ~np.isin(column, ambiguous)
+        chosen[indices[is_single]] = True
+        last[column[is_single]] = center[is_single]  # of several the last one stays
+        for k in ambiguous:
+            candidates = np.flatnonzero(column == k)
+            for group in np.split(candidates, np.flatnonzero(np.diff(position[candidates])) + 1):
+                if len(group) > 1 and np.isnan(last[k]).any():
                     continue
-                away = np.linalg.norm(middle[found] - last[k], axis=1)
-                nearest = found[int(away.argmin()) if len(found) > 1 else 0]
-                chosen[which[nearest]] = True
-                last[k] = middle[nearest]
+                distance = np.linalg.norm(center[group] - last[k], axis=1)
+                nearest = group[int(distance.argmin()) if len(group) > 1 else 0]
+                chosen[indices[nearest]] = True
+                last[k] = center[nearest]
     return StoredObservations(time, ids, tags, chosen)
 
 
 def _columns(ids: Int, numbers: Int) -> Int:
-    """Where the numbers (n,) are among the ids (m,), -1 for those that are not."""
+    """Return the positions of numbers (n,) among the ids (m,); -1 for those that are not there."""
     if not len(ids):
         return np.full(len(numbers), -1)
     order = np.argsort(ids)
-    at = order[np.clip(np.searchsorted(ids, numbers, sorter=order), 0, len(ids) - 1)]
-    return np.asarray(np.where(ids[at] == numbers, at, -1))
+    column = order[np.clip(np.searchsorted(ids, numbers, sorter=order), 0, len(ids) - 1)]
+    return np.asarray(np.where(ids[column] == numbers, column, -1))
 
 
-def middles(seen: Observed) -> Float:
-    """Middles of the tags (t, m, 2) px, NaN where not seen."""
-    out = np.empty((len(seen.time), len(seen.ids), 2))
-    for frames in blocks(len(seen.time), len(seen.ids)):
-        out[frames] = seen.part(frames).corners.mean(axis=2)
-    return out
+def tag_centers(observations: ObservationSource) -> Float:
+    """Return the centers of the tags (t, m, 2), px, NaN where not visible."""
+    centers = np.empty((len(observations.time), len(observations.ids), 2))
+    for frames in frame_blocks(len(observations.time), len(observations.ids)):
+        centers[frames] = observations.part(frames).corners.mean(axis=2)
+    return centers
 
 
-def at(seen: Observed, time: Float, late: float = 0.0) -> tuple[Float, Float]:
-    """Corners (n, m, 4, 2) and covariances (n, m, 5, 2, 2) at other times (n,), s, of a camera to
-    whose times `late` s are added: along a cubic through four frames, or a line where they lack the
-    tag; NaN where the frames beside do."""
-    n, m = len(time), len(seen.ids)
+def interpolate(
+    observations: ObservationSource, time: Float, delay: float = 0.0
+) -> tuple[Float, Float]:
+    """Interpolate observations at other times.
+
+    The path is a cubic through four frames, or a line if one of them lacks the tag.
+
+    Args:
+        observations: Observations of one camera.
+        time: Times (n,), s.
+        delay: Time that is added to the camera's times, s.
+
+    Returns:
+        Corners (n, m, 4, 2), px, and covariances (n, m, 5, 2, 2), px^2; NaN where neighboring
+        frames lack the tag.
+    """
+    n, m = len(time), len(observations.ids)
     corners, covariance = np.full((n, m, 4, 2), np.nan), np.full((n, m, 5, 2, 2), np.nan)
-    clock = seen.time + late
+    clock = observations.time + delay
     count = len(clock)
     if not count or not n:
         return corners, covariance
@@ -261,44 +333,57 @@ def at(seen: Observed, time: Float, late: float = 0.0) -> tuple[Float, Float]:
         nearest = np.where(closer, nearest, before)
     else:
         nearest = before
-    same = np.abs(clock[nearest] - time) <= _SAME
-    inside = ~same & (time > clock[0]) & (time < clock[-1]) & (count > 1)
-    a = np.clip(np.searchsorted(clock, time[inside]) - 1, 0, max(count - 2, 0))
-    beside = np.clip(a[:, None] + np.arange(-1, 3), 0, count - 1)
-    read = np.unique(np.concatenate([nearest[same], beside.ravel()]))
-    part = replace(seen.part(read), time=clock[read])
+    is_same = np.abs(clock[nearest] - time) <= SIMULTANEOUS_S
+    is_inside = ~is_same & (time > clock[0]) & (time < clock[-1]) & (count > 1)
+    previous = np.clip(np.searchsorted(clock, time[is_inside]) - 1, 0, max(count - 2, 0))
+    neighbors = np.clip(previous[:, None] + np.arange(-1, 3), 0, count - 1)
+    needed = np.unique(np.concatenate([nearest[is_same], neighbors.ravel()]))
+    part = replace(observations.part(needed), time=clock[needed])
 
-    k = np.searchsorted(read, nearest[same])
-    corners[same], covariance[same] = part.corners[k], part.covariance[k]
-    if not inside.any():
+    k = np.searchsorted(needed, nearest[is_same])
+    corners[is_same], covariance[is_same] = part.corners[k], part.covariance[k]
+    if not is_inside.any():
         return corners, covariance
-    far = _FAR * float(np.median(np.diff(clock)))
-    step = clock[a + 1] - clock[a]
-    w = (time[inside] - clock[a]) / step
-    w = np.where(step <= far, w, np.nan)[:, None, None, None]
-    k, after = np.searchsorted(read, a), np.searchsorted(read, a + 1)
-    corners[inside] = (1 - w) * part.corners[k] + w * part.corners[after]
-    w = w[..., None]
-    covariance[inside] = (1 - w) ** 2 * part.covariance[k] + w**2 * part.covariance[after]
-    four = (a >= 1) & (a + 2 < count)
-    _curve(part, time, np.flatnonzero(inside)[four], k[four], far, corners)
+    max_gap = MAX_GAP_PERIODS * float(np.median(np.diff(clock)))
+    step = clock[previous + 1] - clock[previous]
+    share = (time[is_inside] - clock[previous]) / step
+    share = np.where(step <= max_gap, share, np.nan)[:, None, None, None]
+    k, following = np.searchsorted(needed, previous), np.searchsorted(needed, previous + 1)
+    corners[is_inside] = (1 - share) * part.corners[k] + share * part.corners[following]
+    share = share[..., None]
+    covariance[is_inside] = (1 - share) ** 2 * part.covariance[k] + share**2 * part.covariance[
+        following
+    ]
+    has_four = (previous >= 1) & (previous + 2 < count)
+    _interpolate_cubic(
+        part, time, np.flatnonzero(is_inside)[has_four], k[has_four], max_gap, corners
+    )
     return corners, covariance
 
 
-def _curve(seen: Observations, time: Float, rows: Int, a: Int, far: float, corners: Float) -> None:
-    """Put cubic polynomials through four frames in place of lines, where there are four: a hand's
-    acceleration bends the way between two frames by some hundredths of a millimetre."""
+def _interpolate_cubic(
+    observations: Observations,
+    time: Float,
+    rows: Int,
+    previous: Int,
+    max_gap: float,
+    corners: Float,
+) -> None:
+    """Replace lines by cubic polynomials through four frames, in place.
+
+    A hand's acceleration bends the path between two frames by some hundredths of a millimeter.
+    """
     if not len(rows):
         return
-    four = a[:, None] + np.arange(-1, 3)
-    at_ = seen.time[four]
-    near = (np.diff(at_, axis=1) <= far).all(axis=1)
-    rows, four, at_ = rows[near], four[near], at_[near]
-    out = np.zeros((len(rows), *corners.shape[1:]))
+    frames = previous[:, None] + np.arange(-1, 3)
+    times = observations.time[frames]
+    is_near = (np.diff(times, axis=1) <= max_gap).all(axis=1)
+    rows, frames, times = rows[is_near], frames[is_near], times[is_near]
+    values = np.zeros((len(rows), *corners.shape[1:]))
     for k in range(4):
         others = [n for n in range(4) if n != k]
-        above = (time[rows, None] - at_[:, others]).prod(axis=1)
-        weight = above / (at_[:, [k]] - at_[:, others]).prod(axis=1)
-        out += weight[:, None, None, None] * seen.corners[four[:, k]]
-    there = np.isfinite(out)
-    corners[rows] = np.where(there, out, corners[rows])
+        numerator = (time[rows, None] - times[:, others]).prod(axis=1)
+        weight = numerator / (times[:, [k]] - times[:, others]).prod(axis=1)
+        values += weight[:, None, None, None] * observations.corners[frames[:, k]]
+    is_known = np.isfinite(values)
+    corners[rows] = np.where(is_known, values, corners[rows])

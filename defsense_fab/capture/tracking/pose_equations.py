@@ -1,7 +1,8 @@
-"""What views of tags tell of the poses of their cameras, in any span of frames.
+"""Normal equations of the cameras' poses, from views of tags, for any span of frames.
 
-Places of tags are eliminated from the normal equations of a camera's pose (Schur complement; Triggs
-et al. 2000, 6), frame by frame; sums over the first so many frames give those of any span.
+Positions of tags are eliminated from the normal equations of a camera's pose, frame by frame (Schur
+complement; Triggs et al. 2000, section 6). Cumulative sums over frames give the equations of any
+span.
 """
 
 from __future__ import annotations
@@ -14,22 +15,28 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera, cross_matrices, rotation_matrices
-from .reconstruction import square
+from .reconstruction import tag_corners
 
-_STEPS = 6  # of Gauss and Newton for the tags' poses
-_FLOOR = 0.05  # px, standard deviation of a corner at least
-#: rad and mm, standard deviations of a pose's change.
-PRIOR = np.array([0.05] * 3 + [20.0] * 3)
-_PIECES = 30  # of all frames, that tell how far poses scatter
-_ODD = 3.0  # times as far as the other tags of a frame: tags that count less
-_TAGS = 3000  # that are in memory at once
+GAUSS_NEWTON_STEPS = 6  # for the tags' poses
+MIN_CORNER_SIGMA_PX = 0.05
+#: Standard deviations of a pose's change, rad and mm.
+POSE_PRIOR = np.array([0.05] * 3 + [20.0] * 3)
+SCATTER_PIECES = 30  # of all frames, from which the scatter of poses is estimated
+OUTLIER_FACTOR = 3.0  # residual relative to the frame's other tags, above which a tag counts less
+BLOCK_TAGS = 3000  # in memory at once
 
 
 @dataclass(frozen=True)
 class SharedViews:
-    """n tags of `size` mm that two of v cameras see in some frames: the frame of each (n,), of
-    which there are `count`; corners (n, v, 4, 2) px without distortion, NaN where not seen, and the
-    variance (n, v) px^2 of their coordinates."""
+    """n views of tags that at least two of v cameras see.
+
+    Attributes:
+        size: Side of the tags, mm.
+        frame: Frame of each tag (n,).
+        count: Number of frames.
+        corners: Corners (n, v, 4, 2), px without distortion, NaN where not visible.
+        variance: Variance of the corners' coordinates (n, v), px^2.
+    """
 
     size: float
     frame: Int
@@ -39,24 +46,39 @@ class SharedViews:
 
     @property
     def seen(self) -> Bool:
-        """Which cameras see a tag (n, v)."""
+        """Whether each camera sees each tag (n, v)."""
         return np.asarray(np.isfinite(self.corners).all(axis=(2, 3)))
 
 
 def shared_views(frames: Int, corners: Float, covariance: Float, size: float) -> SharedViews:
-    """Of corners (k, m, v, 4, 2) px and covariances (k, m, v, 5, 2, 2) px^2 of k frames."""
-    there = np.isfinite(corners).all(axis=(3, 4))
-    rows = np.argwhere(there.sum(axis=2) >= 2)
-    at = rows[:, 0], rows[:, 1]
-    variance = np.trace(covariance[at][:, :, :4], axis1=3, axis2=4).mean(axis=2) / 2
-    return SharedViews(size, rows[:, 0], len(frames), corners[at], variance)
+    """Collect the tags that at least two cameras see.
+
+    Args:
+        frames: Indices of the frames (k,).
+        corners: Corners (k, m, v, 4, 2), px without distortion.
+        covariance: Covariances (k, m, v, 5, 2, 2), px^2, of each corner and last of their mean.
+        size: Side of the tags, mm.
+    """
+    is_visible = np.isfinite(corners).all(axis=(3, 4))
+    rows = np.argwhere(is_visible.sum(axis=2) >= 2)
+    indices = rows[:, 0], rows[:, 1]
+    variance = np.trace(covariance[indices][:, :, :4], axis1=3, axis2=4).mean(axis=2) / 2
+    return SharedViews(size, rows[:, 0], len(frames), corners[indices], variance)
 
 
 @dataclass(frozen=True)
 class PoseEquations:
-    """Of the first so many frames (k + 1, ...) the normal equations of each camera's pose: N
-    (k + 1, v, 6, 6) and g (k + 1, v, 6); how far (v,) the picture moves by them, as the mean of
-    squares (k + 1, v, 6, 6) with its count (k + 1, v); and the variance over that stated."""
+    """Cumulative normal equations of the poses of v cameras.
+
+    Entry k holds the sum over the first k frames.
+
+    Attributes:
+        N: Normal matrices (k + 1, v, 6, 6).
+        g: Right sides (k + 1, v, 6).
+        picture: Sums of squared image motion per pose change (k + 1, v, 6, 6).
+        tags: Numbers of tags (k + 1, v).
+        inflation: Ratio of the residuals' variance to the stated variance.
+    """
 
     N: Float
     g: Float
@@ -65,22 +87,29 @@ class PoseEquations:
     inflation: float
 
     def pose(self, c: int, lo: int, hi: int) -> tuple[Float, Float]:
-        """Change of a camera's pose (6,) by frames [lo, hi), and the inverse (6, 6) of its normal
-        equations."""
-        inverse = np.linalg.inv(self.N[hi, c] - self.N[lo, c] + np.diag(1 / PRIOR**2))
+        """Solve for the change of a camera's pose by the frames [lo, hi).
+
+        Returns:
+            The change (6,), and the inverse of its normal matrix (6, 6).
+        """
+        inverse = np.linalg.inv(self.N[hi, c] - self.N[lo, c] + np.diag(1 / POSE_PRIOR**2))
         return inverse @ (self.g[hi, c] - self.g[lo, c]), inverse
 
     def scatter(self, c: int, ends: Sequence[int]) -> Float:
-        """Mean square (6, 6) over frames by which pieces of the spans between `ends` differ from
-        their spans' poses."""
+        """Return the mean square (6, 6) over frames by which pieces differ from their span's pose.
+
+        Args:
+            c: Camera.
+            ends: Limits of the spans.
+        """
         total, pieces = np.zeros((6, 6)), 0
-        long = max((ends[-1] - ends[0]) / _PIECES, 1.0)
+        length = max((ends[-1] - ends[0]) / SCATTER_PIECES, 1.0)
         for lo, hi in pairwise(ends):
-            edges = np.linspace(lo, hi, int(np.ceil((hi - lo) / long)) + 1).astype(int)
+            edges = np.linspace(lo, hi, int(np.ceil((hi - lo) / length)) + 1).astype(int)
             N, g = np.diff(self.N[edges, c], axis=0), np.diff(self.g[edges, c], axis=0)
-            left = g - N @ self.pose(c, lo, hi)[0]
-            total += left.T @ left
-            pieces += len(left)
+            residual = g - N @ self.pose(c, lo, hi)[0]
+            total += residual.T @ residual
+            pieces += len(residual)
         spans = len(ends) - 1
         return total * pieces / max(pieces - spans, 1) / (ends[-1] - ends[0])
 
@@ -88,30 +117,37 @@ class PoseEquations:
 def pose_equations(
     cameras: Sequence[Camera], views: SharedViews, R: Float, T: Float
 ) -> PoseEquations:
-    """For cameras that stand at R (k, v, 3, 3) and T (k, v, 3) in each frame."""
+    """Build the equations for cameras with given poses in each frame.
+
+    Args:
+        cameras: The v cameras.
+        views: Tags that they share.
+        R: Rotations (k, v, 3, 3).
+        T: Translations (k, v, 3), mm.
+    """
     v = len(cameras)
     N, g = np.zeros((views.count + 1, v, 6, 6)), np.zeros((views.count + 1, v, 6))
     picture, tags = np.zeros((views.count + 1, v, 6, 6)), np.zeros((views.count + 1, v))
-    every = []
-    for part in _parts(views):
-        chi, *each = _of_tags(cameras, part, R, T)
-        every.append(chi)
-        for total, values in zip((N, g, picture, tags), each, strict=True):
+    chi_parts = []
+    for part in _frame_parts(views):
+        chi, *values_of_parts = _tag_equations(cameras, part, R, T)
+        chi_parts.append(chi)
+        for total, values in zip((N, g, picture, tags), values_of_parts, strict=True):
             np.add.at(total, part.frame + 1, values)
-    chi = np.concatenate(every) if every else np.zeros(0)
+    chi = np.concatenate(chi_parts) if chi_parts else np.zeros(0)
     inflation = max(float(np.median(chi)), 1.0) if len(chi) else 1.0
     N, g, picture, tags = (np.cumsum(x, axis=0) for x in (N, g, picture, tags))
     return PoseEquations(N, g, picture, tags, inflation)
 
 
-def _parts(views: SharedViews) -> Iterator[SharedViews]:
-    """Some frames at a time, for the matrices of all take much memory."""
+def _frame_parts(views: SharedViews) -> Iterator[SharedViews]:
+    """Divide views into parts, because the matrices of all take much memory."""
     starts = np.searchsorted(views.frame, np.arange(views.count + 1))
-    at = 0
-    while at < views.count:
-        to = int(np.searchsorted(starts, starts[at] + _TAGS, side="right")) - 1
-        to = min(max(to, at + 1), views.count)
-        rows = slice(int(starts[at]), int(starts[to]))
+    first = 0
+    while first < views.count:
+        last = int(np.searchsorted(starts, starts[first] + BLOCK_TAGS, side="right")) - 1
+        last = min(max(last, first + 1), views.count)
+        rows = slice(int(starts[first]), int(starts[last]))
         if rows.stop > rows.start:
             yield replace(
                 views,
@@ -119,81 +155,104 @@ def _parts(views: SharedViews) -> Iterator[SharedViews]:
                 corners=views.corners[rows],
                 variance=views.variance[rows],
             )
-        at = to
+        first = last
 
 
-def _of_tags(
+def _tag_equations(
     cameras: Sequence[Camera], views: SharedViews, R: Float, T: Float
 ) -> tuple[Float, Float, Float, Float, Float]:
-    """Of each tag: chi square over its degrees of freedom (n,); N (n, v, 6, 6) and g (n, v, 6) of
-    the cameras' poses without its own; how far they move the picture, the sum of squares
-    (n, v, 6, 6); and which cameras see it (n, v)."""
-    use, (n, v) = views.seen, views.seen.shape
+    """Eliminate the pose of each of n tags.
+
+    Returns:
+        Chi square over its degrees of freedom (n,); normal matrices (n, v, 6, 6) and right sides
+        (n, v, 6) of the cameras' poses; sums of squared image motion (n, v, 6, 6); and whether each
+        camera sees the tag (n, v).
+    """
+    is_visible, (n, v) = views.seen, views.seen.shape
     focal = np.stack([c.focal for c in cameras])[:, None]
-    middle = np.stack([c.matrix[:2, 2] for c in cameras])[:, None]
-    px = np.where(use[..., None, None], views.corners, 0.0)
-    w = np.where(use, 1 / np.maximum(views.variance, _FLOOR**2), 0.0)
+    center = np.stack([c.matrix[:2, 2] for c in cameras])[:, None]
+    pixels = np.where(is_visible[..., None, None], views.corners, 0.0)
+    w = np.where(is_visible, 1 / np.maximum(views.variance, MIN_CORNER_SIGMA_PX**2), 0.0)
     R, T = R[views.frame], T[views.frame]
-    model = square(views.size)
-    turn, place = _poses(R, T, (px - middle) / focal, use, model)
-    for step in range(_STEPS + 1):
-        turned = model @ np.swapaxes(turn, 1, 2)  # (n, 4, 3)
-        X = np.einsum("nvij,nkj->nvki", R, turned + place[:, None]) + T[:, :, None]
+    model = tag_corners(views.size)
+    tag_rotation, tag_position = _initial_tag_poses(
+        R, T, (pixels - center) / focal, is_visible, model
+    )
+    for step in range(GAUSS_NEWTON_STEPS + 1):
+        rotated = model @ np.swapaxes(tag_rotation, 1, 2)  # (n, 4, 3)
+        X = np.einsum("nvij,nkj->nvki", R, rotated + tag_position[:, None]) + T[:, :, None]
         z = np.maximum(X[..., 2:], 1.0)
         plane = X[..., :2] / z
-        miss = np.where(use[..., None, None], px - plane * focal - middle, 0.0)
+        miss = np.where(is_visible[..., None, None], pixels - plane * focal - center, 0.0)
         D = np.zeros((*plane.shape, 3))
         D[..., 0, 0] = D[..., 1, 1] = 1.0
         D[..., 2] = -plane
-        D *= (focal / z)[..., None] * use[..., None, None, None]
+        D *= (focal / z)[..., None] * is_visible[..., None, None, None]
         DR = D @ R[:, :, None]
-        own = np.concatenate([-DR @ cross_matrices(turned)[:, None], DR], axis=-1)
-        own = own.reshape(n, v, 8, 6)
-        wj = w[..., None, None] * own
-        A = np.einsum("nvka,nvkb->nab", wj, own) + 1e-9 * np.eye(6)
+        by_tag = np.concatenate([-DR @ cross_matrices(rotated)[:, None], DR], axis=-1)
+        by_tag = by_tag.reshape(n, v, 8, 6)
+        wj = w[..., None, None] * by_tag
+        A = np.einsum("nvka,nvkb->nab", wj, by_tag) + 1e-9 * np.eye(6)
         a = np.einsum("nvka,nvk->na", wj, miss.reshape(n, v, 8))
-        if step == _STEPS:
+        if step == GAUSS_NEWTON_STEPS:
             break
         d = np.linalg.solve(A, a[..., None])[..., 0]
-        size = np.linalg.norm(d[:, :3], axis=1, keepdims=True)
-        d[:, :3] *= np.minimum(1.0, 0.3 / np.maximum(size, 1e-12))
-        turn, place = rotation_matrices(d[:, :3]) @ turn, place + d[:, 3:]
-    chi = (w * (miss**2).sum(axis=(2, 3))).sum(axis=1) / (8 * use.sum(axis=1) - 6)
-    trust = _trust(chi, views)[:, None]
-    by = np.concatenate([-D @ cross_matrices(X), D], axis=-1).reshape(n, v, 8, 6)
-    wb = (trust * w)[..., None, None] * by
-    across = np.einsum("nvka,nvkb->nvab", wb, own)  # camera by tag
+        angle = np.linalg.norm(d[:, :3], axis=1, keepdims=True)
+        d[:, :3] *= np.minimum(1.0, 0.3 / np.maximum(angle, 1e-12))
+        tag_rotation, tag_position = (
+            rotation_matrices(d[:, :3]) @ tag_rotation,
+            tag_position + d[:, 3:],
+        )
+    chi = (w * (miss**2).sum(axis=(2, 3))).sum(axis=1) / (8 * is_visible.sum(axis=1) - 6)
+    weight = _robust_weights(chi, views)[:, None]
+    by_camera = np.concatenate([-D @ cross_matrices(X), D], axis=-1).reshape(n, v, 8, 6)
+    wb = (weight * w)[..., None, None] * by_camera
+    across = np.einsum("nvka,nvkb->nvab", wb, by_tag)  # camera by tag
     solved = np.linalg.solve(A[:, None], np.swapaxes(across, 2, 3))
-    solved = solved / np.maximum(trust, 1e-12)[..., None, None]
-    N = np.einsum("nvka,nvkb->nvab", wb, by) - across @ solved
+    solved = solved / np.maximum(weight, 1e-12)[..., None, None]
+    N = np.einsum("nvka,nvkb->nvab", wb, by_camera) - across @ solved
     g = np.einsum("nvka,nvk->nva", wb, miss.reshape(n, v, 8))
     g -= (across @ np.linalg.solve(A, a[..., None])[:, None])[..., 0]
-    picture = np.einsum("nvka,nvkb->nvab", by, by) / 4
-    return chi, N, g, picture, use.astype(float)
+    picture = np.einsum("nvka,nvkb->nvab", by_camera, by_camera) / 4
+    return chi, N, g, picture, is_visible.astype(float)
 
 
-def _trust(chi: Float, views: SharedViews) -> Float:
-    """Weights (n,) of tags by how much worse they fit than the others of their frame do."""
+def _robust_weights(chi: Float, views: SharedViews) -> Float:
+    """Return weights (n,) of tags by how much worse they fit than their frame's other tags."""
     order = np.lexsort((chi, views.frame))
     starts = np.searchsorted(views.frame[order], np.arange(views.count + 1))
-    middle = (starts[:-1] + starts[1:]) // 2
-    usual = np.full(views.count, 1.0)
-    there = starts[1:] > starts[:-1]
-    usual[there] = np.maximum(chi[order][middle[there]], 1.0)
-    return np.asarray(1 / (1 + (chi / (_ODD**2 * usual[views.frame])) ** 2))
+    medians = (starts[:-1] + starts[1:]) // 2
+    usual_chi = np.full(views.count, 1.0)
+    has_tags = starts[1:] > starts[:-1]
+    usual_chi[has_tags] = np.maximum(chi[order][medians[has_tags]], 1.0)
+    return np.asarray(1 / (1 + (chi / (OUTLIER_FACTOR**2 * usual_chi[views.frame])) ** 2))
 
 
-def _poses(R: Float, T: Float, plane: Float, use: Bool, model: Float) -> tuple[Float, Float]:
-    """Rotations (n, 3, 3) and places (n, 3) of squares whose corners are nearest to all rays
-    through `plane` (n, v, 4, 2)."""
+def _initial_tag_poses(
+    R: Float, T: Float, plane: Float, is_visible: Bool, model: Float
+) -> tuple[Float, Float]:
+    """Return the squares whose corners are nearest to all rays.
+
+    Args:
+        R: Rotations of the cameras (n, v, 3, 3).
+        T: Translations of the cameras (n, v, 3), mm.
+        plane: Corners (n, v, 4, 2) on the plane at unit distance.
+        is_visible: Whether each camera sees the tag (n, v).
+        model: Corners of the square (4, 3), mm.
+
+    Returns:
+        Rotations (n, 3, 3) and positions (n, 3), mm.
+    """
     ray = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1) @ R
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
     center = -np.einsum("nvji,nvj->nvi", R, T)
-    P = (np.eye(3) - ray[..., :, None] * ray[..., None, :]) * use[..., None, None, None]
-    g = np.einsum("nvkij,nvj->nki", P, center)
-    X = np.linalg.solve(P.sum(axis=1) + 1e-12 * np.eye(3), g[..., None])[..., 0]
-    middle = X.mean(axis=1)
-    u, _, vt = np.linalg.svd(np.swapaxes(X - middle[:, None], 1, 2) @ model)
+    projectors = (np.eye(3) - ray[..., :, None] * ray[..., None, :]) * is_visible[
+        ..., None, None, None
+    ]
+    g = np.einsum("nvkij,nvj->nki", projectors, center)
+    X = np.linalg.solve(projectors.sum(axis=1) + 1e-12 * np.eye(3), g[..., None])[..., 0]
+    center_of_tag = X.mean(axis=1)
+    u, _, vt = np.linalg.svd(np.swapaxes(X - center_of_tag[:, None], 1, 2) @ model)
     sign = np.ones((len(X), 3))
     sign[:, 2] = np.linalg.det(u) * np.linalg.det(vt)
-    return (u * sign[:, None]) @ vt, middle
+    return (u * sign[:, None]) @ vt, center_of_tag

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from benchmarks.alignment import frames, loop
-from defsense_fab.capture.tracking.alignment import NARROW, align, turned
-from defsense_fab.capture.tracking.rest_pose import places, rest_pose
+from defsense_fab.capture.tracking.alignment import MIN_WIDTH, align, rotate_covariances
+from defsense_fab.capture.tracking.rest_pose import design_positions, find_rest_pose
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Markers
-from tests.errors import raises
+from tests.support.errors import raises
 
 REST = np.array([[0, 0, 0], [40, 0, 5], [35, 20, 0], [5, 25, 10], [20, 10, 15], [60, 5, 0.0]])
 
@@ -27,7 +27,7 @@ def moved(points, rotation, shift):
 def off_one_line(rest, used):
     """Whether the markers are, by the singular values of the documented rule."""
     s = np.linalg.svd(rest[used] - rest[used].mean(axis=0), compute_uv=False)
-    return np.hypot(s[1], s[2]) > NARROW * s[0]
+    return np.hypot(s[1], s[2]) > MIN_WIDTH * s[0]
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
@@ -167,7 +167,9 @@ def test_covariances_are_those_of_sampled_errors():
         scale = np.trace(found)
         assert np.abs(found - told.covariance[0, k]).max() < 0.03 * scale
     spin = Rotation.from_matrix(sampled.rotation @ R).as_rotvec()
-    assert told.turn[0] == pytest.approx(np.sqrt(np.linalg.eigvalsh(np.cov(spin.T))[-1]), rel=0.03)
+    assert told.rotation_sigma[0] == pytest.approx(
+        np.sqrt(np.linalg.eigvalsh(np.cov(spin.T))[-1]), rel=0.03
+    )
     np.testing.assert_allclose(told.sigma[0] ** 2, np.einsum("mii->mi", told.covariance[0]))
 
 
@@ -177,9 +179,9 @@ def test_covariances_turn_with_the_points():
     sigma = rng.uniform(0.1, 2, (3, 2, 3))
     full = np.einsum("tmi,ij->tmij", sigma**2, np.eye(3))
     expected = np.einsum("tij,tmjk,tlk->tmil", R, full, R)
-    np.testing.assert_allclose(turned(sigma, R), expected, atol=1e-13)
-    np.testing.assert_allclose(turned(full, R), expected, atol=1e-13)
-    np.testing.assert_allclose(turned(expected, R.swapaxes(1, 2)), full, atol=1e-12)
+    np.testing.assert_allclose(rotate_covariances(sigma, R), expected, atol=1e-13)
+    np.testing.assert_allclose(rotate_covariances(full, R), expected, atol=1e-13)
+    np.testing.assert_allclose(rotate_covariances(expected, R.swapaxes(1, 2)), full, atol=1e-12)
 
 
 def test_noise_that_hides_the_shape_is_refused():
@@ -190,7 +192,7 @@ def test_noise_that_hides_the_shape_is_refused():
     assert out.ok.tolist() == [True, False]
     assert np.isnan(out.points[1]).all()
     assert np.isnan(out.sigma[1]).all()
-    assert align(points, REST, sigma=sigma, doubt=10.0).ok.all()
+    assert align(points, REST, sigma=sigma, max_rotation_sigma=10.0).ok.all()
     unknown = align(points, REST, sigma=sigma * np.nan)
     assert unknown.ok.all()
     assert np.isnan(unknown.sigma).all()
@@ -212,14 +214,14 @@ def test_rest_pose_from_noisy_frames_that_move():
     rng = np.random.default_rng(6)
     points = resting(300, rng)
     sigma = np.where(np.isfinite(points), 0.1, np.nan)
-    out = rest_pose(points, sigma, REST)
+    out = find_rest_pose(points, sigma, REST)
     assert np.abs(out.points - REST).max() < 0.04  # noise 0.1 over some 180 frames, 4 sigma
     assert 0.1 < out.spread.min() <= out.spread.max() < 0.18  # 0.17 less what alignment takes up
     assert out.frames <= 300
     assert out.seen.max() <= np.isfinite(points[..., 0]).sum(axis=0).max()
-    assert not out.moved.any()
-    free = rest_pose(points)
-    assert np.isnan(free.away).all()
+    assert not out.is_misplaced.any()
+    free = find_rest_pose(points)
+    assert np.isnan(free.distance).all()
     between = np.linalg.norm(free.points[:, None] - free.points, axis=2)
     np.testing.assert_allclose(between, np.linalg.norm(REST[:, None] - REST, axis=2), atol=0.06)
 
@@ -229,8 +231,8 @@ def test_better_frames_count_for_more():
     good, bad = resting(20, rng, noise=0.01, missing=0), resting(200, rng, noise=1.0, missing=0)
     points = np.concatenate([good, bad])
     sigma = np.where(np.arange(220) < 20, 0.01, 1.0)[:, None, None] * np.ones(points.shape)
-    assert np.abs(rest_pose(points, sigma, REST).points - REST).max() < 0.015
-    assert np.abs(rest_pose(points, None, REST).points - REST).max() > 0.05
+    assert np.abs(find_rest_pose(points, sigma, REST).points - REST).max() < 0.015
+    assert np.abs(find_rest_pose(points, None, REST).points - REST).max() > 0.05
 
 
 def test_places_of_one_camera_pull_the_rest_pose_little():
@@ -241,14 +243,14 @@ def test_places_of_one_camera_pull_the_rest_pose_little():
     points = resting(100, rng, seen, 0.02, 0.0)
     sigma = np.full(points.shape, 0.02)
     sigma[:, 5] = 2.0
-    off = np.linalg.norm(rest_pose(points, sigma, REST).points - REST, axis=1)
+    off = np.linalg.norm(find_rest_pose(points, sigma, REST).points - REST, axis=1)
     assert off[:5].max() < 0.1
-    alike = rest_pose(points, np.full(points.shape, 0.02), REST).points - REST
+    alike = find_rest_pose(points, np.full(points.shape, 0.02), REST).points - REST
     assert np.linalg.norm(alike, axis=1)[:5].max() > 0.5
     seen[5] += [0, 2, 0]
     points = resting(100, rng, seen, 0.02, 0.0)
-    assert not rest_pose(points, sigma, REST).moved.any()
-    assert rest_pose(points, None, REST).moved.tolist() == [False] * 5 + [True]
+    assert not find_rest_pose(points, sigma, REST).is_misplaced.any()
+    assert find_rest_pose(points, None, REST).is_misplaced.tolist() == [False] * 5 + [True]
 
 
 def test_markers_glued_elsewhere_are_told_and_pull_nothing():
@@ -258,12 +260,12 @@ def test_markers_glued_elsewhere_are_told_and_pull_nothing():
     design = np.vstack([REST, [[0, 0, 40.0]]])
     design[4] = np.nan  # of no place in the design
     points = np.concatenate([resting(100, rng, glued, 0.02, 0.2), np.full((100, 1, 3), np.nan)], 1)
-    out = rest_pose(points, None, design)
-    assert np.flatnonzero(out.moved).tolist() == [1]
-    assert out.away[1] == pytest.approx(12, abs=0.05)
+    out = find_rest_pose(points, None, design)
+    assert np.flatnonzero(out.is_misplaced).tolist() == [1]
+    assert out.distance[1] == pytest.approx(12, abs=0.05)
     assert np.abs(out.points[:6] - glued).max() < 0.05
     assert np.isnan(out.points[6]).all()
-    assert np.isnan(out.away[[4, 6]]).all()
+    assert np.isnan(out.distance[[4, 6]]).all()
     assert out.seen[6] == 0
 
 
@@ -272,8 +274,8 @@ def test_several_markers_glued_elsewhere_are_told():
     design = rng.uniform(-40, 40, (9, 3))
     glued = design.copy()
     glued[[0, 4, 5, 8]] += [30, 20, 0]  # all one way: the mean would go with them
-    out = rest_pose(resting(20, rng, glued, 0.02, 0.0), None, design)
-    assert np.flatnonzero(out.moved).tolist() == [0, 4, 5, 8]
+    out = find_rest_pose(resting(20, rng, glued, 0.02, 0.0), None, design)
+    assert np.flatnonzero(out.is_misplaced).tolist() == [0, 4, 5, 8]
     assert np.abs(out.points - glued).max() < 0.1
 
 
@@ -291,19 +293,19 @@ def test_a_rest_pose_that_cannot_be_found_is_refused():
     rng = np.random.default_rng(9)
     points = resting(10, rng, missing=0)
     with raises(CaptureError, "markers-misplaced", total=6):
-        rest_pose(points * 1.5, None, REST)
+        find_rest_pose(points * 1.5, None, REST)
     with raises(CaptureError, "markers-too-few", count=2):
-        rest_pose(points, None, np.where(np.arange(6)[:, None] < 2, REST, np.nan))
+        find_rest_pose(points, None, np.where(np.arange(6)[:, None] < 2, REST, np.nan))
     points[:, 2:] = np.nan
     with raises(CaptureError, "rest-pose-not-visible", frames=10):
-        rest_pose(points, None, REST, ids=np.arange(6))
+        find_rest_pose(points, None, REST, ids=np.arange(6))
     with raises(CaptureError, "rest-pose-not-visible", frames=0):
-        rest_pose(np.empty((0, 6, 3)))
+        find_rest_pose(np.empty((0, 6, 3)))
 
 
 def test_places_of_markers_by_number():
     axes = np.tile(np.eye(3), (2, 1, 1))
     design = Markers("d", "4X4_50", 10, np.array([7, 3]), REST[:2], axes, np.array([True, False]))
-    found = places(design, np.array([3, 5, 7]))
+    found = design_positions(design, np.array([3, 5, 7]))
     np.testing.assert_array_equal(found[[0, 2]], REST[[1, 0]])
     assert np.isnan(found[1]).all()

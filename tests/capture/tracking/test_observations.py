@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.capture.tags.detection import TagView
 from defsense_fab.capture.tracking.camera_clocks import find_offset
-from defsense_fab.capture.tracking.observations import Observations, at
+from defsense_fab.capture.tracking.observations import Observations, interpolate
 from tests.capture.rigs import collect, flat, rig, spread, tags
 
 
@@ -33,13 +33,13 @@ def test_between_frames_corners_are_interpolated():
     corners[2] = np.nan
     seen = Observations(time, np.array([5]), corners, spread((6, 1), 1.0))
     asked = np.array([-0.05, 0.0, 0.025, 0.1004, 0.15, 0.25, 0.3, 0.5, 0.75, 0.9])
-    got, covariance = at(seen, asked)
+    got, covariance = interpolate(seen, asked)
     expected = [np.nan, 0, 0.25, 1.0, np.nan, np.nan, 3, np.nan, 7.5, np.nan]
     assert got[:, 0, 0, 0] == pytest.approx(expected, nan_ok=True)
     assert covariance[2, 0, 0, 0, 0] == pytest.approx(0.75**2 + 0.25**2)
     for few in (0, 1):
         part = Observations(time[:few], seen.ids, corners[:few], seen.covariance[:few])
-        assert np.isfinite(at(part, asked)[0]).sum() == few * 8
+        assert np.isfinite(interpolate(part, asked)[0]).sum() == few * 8
 
 
 def watched(cameras, late, speed=1.0, noise=0.03, seconds=3.0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tracking.track_filters import possible
+from defsense_fab.capture.tracking.track_filters import find_reachable
 
 RATE, T = 30.0, 90
 TIME = np.arange(T) / RATE
@@ -17,7 +17,7 @@ def moving(m=2, apart=60.0, reach=40.0):
 
 
 def gate(points, sigma=0.05, time=TIME):
-    return possible(time, points, np.full(points.shape, sigma))
+    return find_reachable(time, points, np.full(points.shape, sigma))
 
 
 def test_smooth_motion_with_gaps_is_kept():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tracking.reconstruction import locate_single, square
+from defsense_fab.capture.tracking.reconstruction import locate_single, tag_corners
 from tests.capture.rigs import flat, rig, spread, tags
 from tests.twin.views import turn
 
@@ -31,7 +31,7 @@ def test_without_noise_a_tag_is_where_it_is():
 def test_the_covariance_is_that_of_many_trials(tilt):
     view = rig(1)[0]
     axes = view.rotation.T @ np.diag([1, -1, -1.0]) @ turn(tilt)
-    X = np.repeat((square(SIZE) @ axes.T)[None], 600, axis=0)
+    X = np.repeat((tag_corners(SIZE) @ axes.T)[None], 600, axis=0)
     found, error, covariance = trial(X, 0.04, 1)
     assert found.used.all()
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from defsense_fab.capture.tracking.track_filters import smooth
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Tracks
-from tests.errors import raises
+from tests.support.errors import raises
 
 
 def made(time, points, sigma=None):

@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.capture.tags.detection import TagView
 from defsense_fab.capture.tracking import observations
-from defsense_fab.capture.tracking.observations import Observations, at, blocks, observe, stored
+from defsense_fab.capture.tracking.observations import Observations, interpolate, frame_blocks, observe, store_views
 from tests.capture.rigs import collect
 
 
@@ -22,10 +22,10 @@ def views(frames, rng):
 
 @pytest.mark.parametrize("in_memory", [0, 10**9])
 def test_what_was_added_is_read_in_any_order(tmp_path, monkeypatch, in_memory):
-    monkeypatch.setattr(observations, "_IN_MEMORY", in_memory)
+    monkeypatch.setattr(observations, "MAX_MEMORY_BYTES", in_memory)
     rng = np.random.default_rng(0)
     shown = views(200, rng)
-    tags = stored(shown, tmp_path)
+    tags = store_views(shown, tmp_path)
     assert tags.count.tolist() == [len(v.ids) for v in shown]
     frames = rng.permutation(200)[:60]
     which, position = tags.find(frames)
@@ -51,8 +51,8 @@ def test_parts_are_what_the_whole_is(monkeypatch):
     shown, time, ids = views(300, rng), np.arange(300) / 30, np.array([5, 0, 3])
     whole = collect(time, shown, ids)
     assert 0.2 < np.isfinite(whole.corners[..., 0, 0]).mean() < 0.6
-    monkeypatch.setattr(observations, "_TAGS", 40)
-    seen = observe(time, stored(shown), ids)
+    monkeypatch.setattr(observations, "BLOCK_TAGS", 40)
+    seen = observe(time, store_views(shown), ids)
     frames = np.arange(300)
     for part in (frames, frames[::-7], np.array([4, 4, 80]), frames[:0]):
         found = seen.part(part)
@@ -60,12 +60,12 @@ def test_parts_are_what_the_whole_is(monkeypatch):
         np.testing.assert_array_equal(found.corners, whole.corners[part])
         np.testing.assert_array_equal(found.covariance, whole.covariance[part])
     asked = rng.uniform(-0.1, 10.1, 500)
-    for one, other in zip(at(seen, asked, 0.004), at(whole, asked, 0.004), strict=True):
+    for one, other in zip(interpolate(seen, asked, 0.004), interpolate(whole, asked, 0.004), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 def test_blocks_are_all_frames_once():
     for frames, tags in ((0, 5), (1, 0), (5000, 20), (50_000, 1), (3, 10**6)):
-        parts = list(blocks(frames, tags))
+        parts = list(frame_blocks(frames, tags))
         assert np.concatenate([np.zeros(0, int), *parts]).tolist() == list(range(frames))
         assert max((len(p) * tags for p in parts), default=0) <= max(20_000, tags)
