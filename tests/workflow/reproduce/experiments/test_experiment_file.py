@@ -8,8 +8,9 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import ExperimentError
 from defsense_fab.workflow.reproduce.experiments.examples import example_names, find_experiments
 from defsense_fab.workflow.reproduce.experiments.experiment_file import load_experiment
-from tests.errors import raises
-from tests.places import BAR, ROOT
+from tests.support.errors import raises
+from tests.support.errors import raises
+from tests.support.places import BAR, ROOT
 
 ABOUT = 'about = "Three cords."'
 GOOD = """schema = 1
@@ -121,7 +122,7 @@ def test_unknown_names_are_told_with_the_nearest(tmp_path, monkeypatch):
         find_experiments(["baar"])
     with pytest.raises(ExperimentError, match="bar: is given twice"):
         find_experiments(["bar", "bar"])
-    with pytest.raises(ExperimentError, match="no such file"):
+    with raises(ExperimentError, "file-not-found"):
         find_experiments([str(tmp_path)])
 
 
