@@ -3,7 +3,7 @@
     python -m benchmarks.bodies                       # all bodies
     python -m benchmarks.bodies armadillo flat --limit 300
     python -m benchmarks.bodies --file bunny.obj --scale 1500 --until mesh
-    python -m benchmarks.bodies --defective           # those of benchmarks.defective_bodies
+    python -m benchmarks.bodies --defective           # those of tests.support.defective_bodies
 
 Each body is read, meshed and built up to the parts with a standard device (two bends of its ends
 along its longest axis, two cords) by a process of its own with a time limit and an empty cache of
@@ -30,10 +30,46 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.organic_bodies import BODIES, write_stl
-from benchmarks.organic_device import write_device
-from benchmarks.stages import cpu
 from defsense_fab.core.mesh import Surface
+
+from .organic_bodies import BODIES, write_stl
+from .stages import cpu
+
+# The standard device of a body: two bends of its ends along its longest axis, two cords.
+
+#: Of the body's length, what an end holds; about how many tets it has; their edges, mm.
+_END, _TETS, _EDGES = 0.1, 5000, (3.0, 12.0)
+
+
+def write_device(folder: Path, body: Path, surface: Surface, scale: float = 1.0) -> None:
+    """`device.toml` in `folder` for the file `body` there, whose surface (mm, scaled) is given."""
+    low, high = surface.bounds
+    along = int((high - low).argmax())
+    size = float((high - low).max())
+    edge = float(np.clip(np.cbrt(8.5 * surface.volume / _TETS), *_EDGES))
+    axes = [k for k in range(3) if k != along]
+    text = [
+        f'schema = 1\nname = "{folder.name}"\n\n[body]\nmesh = "{body.name}"\nscale = {scale}\n',
+        '[material]\nname = "silicone-shore-30a"\n',
+        f"[mesh]\nedge_length = {edge:.3g}\n\n[regions]",
+    ]
+    for name, at, sign in (("base", low, -1), ("tip", high, 1)):
+        origin, normal = [0.0, 0.0, 0.0], [0, 0, 0]
+        origin[along] = float(at[along] - sign * _END * size)
+        normal[along] = sign
+        text.append(f"{name} = {{ half_space = {{ origin = {origin}, normal = {normal} }} }}")
+    for name, k in zip(("nod", "sway"), axes, strict=True):
+        axis = [int(i == k) for i in range(3)]
+        text.append(
+            f'\n[[poses]]\nname = "{name}"\nfixed = ["base"]\n[[poses.handles]]\nregion = "tip"\n'
+            f'rotate = {{ axis = {axis}, degrees = 25 }}\ntranslate = "free"'
+        )
+    text.append(
+        '\n[outputs]\nmarkers = 30\nanchor = "base"\n\n[cord]\nname = "rubber-2mm"\nnoise = 0.002\n'
+        '\n[fabrication]\nprocess = "fdm-tpu"\n\n[design]\nsensors = 2\n'
+    )
+    (folder / "device.toml").write_text("\n".join(text))
+
 
 ALONE = ("netgen", "ftetwild")
 
@@ -87,7 +123,7 @@ def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
     from defsense_fab.geometry.bodies.body import SIZE_RANGE_MM
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
     from defsense_fab.geometry.bodies.meshing.mesh_quality import measure_quality
-    from defsense_fab.geometry.bodies.meshing.meshers import run_mesher, RunMonitor
+    from defsense_fab.geometry.bodies.meshing.meshers import RunMonitor, run_mesher
 
     (file,) = folder.glob("body.*")
     surface, _, _ = read_mesh(file, scale, SIZE_RANGE_MM)
@@ -174,13 +210,13 @@ def told(name: str, ours: dict[str, Any], others: dict[str, dict[str, Any]], sli
 
 
 def defective() -> dict[str, Callable[[Path], None]]:
-    """Writers of the bodies of `benchmarks.defective_bodies`, by name."""
+    """Writers of the bodies of `tests.support.defective_bodies`, by name."""
 
     def write(path: Path, make: Callable[[int, int], Any]) -> None:
         made = make(4, 0)
         write_stl(Surface(made.vertices, made.faces), path)
 
-    makers = import_module("benchmarks.defective_bodies").BODIES
+    makers = import_module("tests.support.defective_bodies").BODIES
     return {name: partial(write, make=make) for name, make in makers.items()}
 
 

@@ -26,8 +26,8 @@ from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.tags.detection import BoardFinder, Detector, TagFollower, TagView
 from defsense_fab.capture.tags.tag_patterns import CharucoBoard, Dictionary, dictionary
 from defsense_fab.capture.tracking.alignment import align
-from defsense_fab.capture.tracking.observations import observe, stored
-from defsense_fab.capture.tracking.reconstruction import reconstruct, square
+from defsense_fab.capture.tracking.observations import observe, store_views
+from defsense_fab.capture.tracking.reconstruction import reconstruct, tag_corners
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
 from defsense_fab.twin.filming.camera_optics import Optics
@@ -115,7 +115,7 @@ def calibrated(true: list[Camera], optics: Optics, seed: int = 0) -> list[Camera
 
 def corners_of(views: list[TagView], count: int = TAGS) -> tuple[Float, Float]:
     first = np.zeros(1, int)
-    seen = [observe(np.zeros(1), stored([v]), np.arange(count)).part(first) for v in views]
+    seen = [observe(np.zeros(1), store_views([v]), np.arange(count)).part(first) for v in views]
     return np.stack([s.corners for s in seen], 2), np.stack([s.covariance for s in seen], 2)
 
 
@@ -153,7 +153,7 @@ def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[F
 def plain(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[Float]], Result]:
     """ArucoDetector and one camera's PnP, as tutorials have it, averaged over the cameras."""
     detector = cv2.aruco.ArucoDetector(family.table, cv2.aruco.DetectorParameters())
-    model = square(side)
+    model = tag_corners(side)
 
     def run(images: list[Float]) -> Result:
         sums, count = np.zeros((TAGS, 3)), np.zeros(TAGS)
@@ -185,7 +185,7 @@ def apriltags(rig: list[Camera], side: float) -> Callable[[list[Float]], Result]
                 flat = camera.to_plane(np.asarray(tag.corners) - 0.5)
                 # Its corners go the other way round: from the bottom left, against the clock.
                 _, _, t = cv2.solvePnP(
-                    square(side), flat[::-1].copy(), np.eye(3), None,
+                    tag_corners(side), flat[::-1].copy(), np.eye(3), None,
                     flags=cv2.SOLVEPNP_IPPE_SQUARE,
                 )  # fmt: skip
                 t = t.ravel()
@@ -255,7 +255,7 @@ def cpu(frames: int = 40, count: int = 12, rounds: int = 5) -> None:
     def located(finders: Sequence[Detector | TagFollower]) -> None:
         views = [[f.find(i) for i in film] for f, film in zip(finders, films, strict=True)]
         number = np.arange(frames)
-        seen = [observe(number / 30, stored(v), np.arange(count)).part(number) for v in views]
+        seen = [observe(number / 30, store_views(v), np.arange(count)).part(number) for v in views]
         corners, spread = (np.stack([getattr(s, n) for s in seen], 2)
                            for n in ("corners", "covariance"))  # fmt: skip
         reconstruct(rig, corners, spread, SIDE)

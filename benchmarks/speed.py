@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import agreement
-from benchmarks.grid import grid_of_tets
+from tests.support.grid import grid_of_tets
 from benchmarks.robustness import material
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.point_location import PointLocator

@@ -11,9 +11,9 @@ from defsense_fab.calibration.reading_checks import drift
 from defsense_fab.calibration.readings import PLAYS, Geometry, Memory, half_width, joined
 from defsense_fab.calibration.response_fit import Data, fit, model
 from defsense_fab.core.errors import CalibrationError
-from defsense_fab.sensing.response import response_of
+from defsense_fab.sensing.response import build_response
 from tests.calibration.sessions import readings
-from tests.errors import raises
+from tests.support.errors import raises
 
 LINE = (lambda e: 2 * e, "line")
 QUADRATIC = (lambda e: 2 * e + 8 * e * e, "quadratic")
@@ -36,7 +36,7 @@ def test_exact_readings_give_the_response_back(true, name):
     found = calibrate(readings(true, noise=0), draws=30)
     assert found.response.model == name
     e = np.linspace(-0.066, 0.066, 21)
-    assert response_of(found.response)(e) == pytest.approx([true(x) for x in e], abs=2e-5)
+    assert build_response(found.response)(e) == pytest.approx([true(x) for x in e], abs=2e-5)
     assert found.k_res == pytest.approx(2.0, abs=1e-3)
 
 

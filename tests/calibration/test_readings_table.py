@@ -11,7 +11,7 @@ from defsense_fab.calibration.readings_table import read_table
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError
 from tests.calibration.sessions import GEOMETRY, readings, table
-from tests.errors import raises
+from tests.support.errors import raises
 
 GOOD = readings(lambda e: 2 * e)
 AT_NINE = {"place": "a.csv:9"}

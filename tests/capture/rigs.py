@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from defsense_fab.capture.tracking.observations import observe, stored
-from defsense_fab.capture.tracking.reconstruction import square
+from defsense_fab.capture.tracking.observations import observe, store_views
+from defsense_fab.capture.tracking.reconstruction import tag_corners
 from tests.twin.views import camera, turn
 
 EYES = {"left": (-120, -380, 60), "right": (120, -380, 60), "top": (0, -300, 260)}
@@ -21,7 +21,7 @@ def tags(n, rng, size=15.0, tilt=0.5):
     out = []
     for _ in range(n):
         axes = turn(*rng.uniform(-tilt, tilt, 3)) @ turn(np.pi / 2)
-        out.append(square(size) @ axes.T + rng.uniform(-40, 40, 3))
+        out.append(tag_corners(size) @ axes.T + rng.uniform(-40, 40, 3))
     return np.array(out)
 
 
@@ -39,4 +39,4 @@ def spread(shape, sigma):
 
 def collect(time, views, ids):
     """What a few frames show of the tags `ids`, all of it in memory."""
-    return observe(time, stored(views), ids).part(np.arange(len(views)))
+    return observe(time, store_views(views), ids).part(np.arange(len(views)))

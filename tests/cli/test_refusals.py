@@ -10,7 +10,7 @@ import pytest
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CapacityError
 from defsense_fab.workflow.build import stage_body
-from tests.places import BAR
+from tests.support.places import BAR
 
 
 def refused(capsys, arguments):

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.core.camera import Camera, check_names, distort, undistort
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Tracks
-from tests.errors import raises
+from tests.support.errors import raises
 
 LENSES = [
     (0.0, 0.0, 0.0, 0.0),

@@ -13,7 +13,7 @@ from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.firmware.build import FIRMWARE
 from tests.firmware.conftest import collect
 

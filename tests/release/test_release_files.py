@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from defsense_fab.core.version import __version__
-from tests.places import ROOT
+from tests.support.places import ROOT
 
 
 def _read(name):

@@ -11,7 +11,7 @@ import zipfile
 
 import pytest
 
-from tests.places import ROOT
+from tests.support.places import ROOT
 
 _BUILD = "import sys; from setuptools import build_meta as b; b.build_{kind}(sys.argv[1])"
 

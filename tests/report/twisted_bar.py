@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from benchmarks.grid import grid_of_tets
+from tests.support.grid import grid_of_tets
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.storage import typed_json
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh

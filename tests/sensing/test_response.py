@@ -20,7 +20,7 @@ from defsense_fab.sensing.response import (
     relative_change,
 )
 
-from ..errors import raises
+from ..support.errors import raises
 from .reference import signal_gradient
 
 # Cord signals against closed forms and finite differences.

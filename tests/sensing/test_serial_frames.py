@@ -6,7 +6,7 @@ import random
 import pytest
 
 from defsense_fab.sensing.serial_frames import Info, Sample, Stream, Text, decode, encode
-from tests.places import FIRMWARE
+from tests.support.places import FIRMWARE
 
 GOLDEN = FIRMWARE / "golden.txt"
 LINES = [

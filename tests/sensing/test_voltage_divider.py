@@ -7,8 +7,8 @@ import pytest
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.sensing.voltage_divider import Dividers, choose_reference, measure_reference
-from tests.errors import raises
-from tests.places import FIRMWARE
+from tests.support.errors import raises
+from tests.support.places import FIRMWARE
 
 PAGE = FIRMWARE / "README.md"
 

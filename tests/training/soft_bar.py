@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.decoding.ridge import affine, fit, quadratic
+from defsense_fab.decoding.ridge import affine_features, fit_ridge, quadratic_features
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.decoding.trained_model import Branch, Intervals, TrainedModel, TrainedRange
 from defsense_fab.training.data.dataset import Dataset, Recording
@@ -78,7 +78,7 @@ def dataset(*recordings):
     return Dataset("bar", "abc", CHANNELS, IDS, REST, recordings or (recording(),))
 
 
-def trained(data, features=affine, past=None, noise=1e-4):
+def trained(data, features=affine_features, past=None, noise=1e-4):
     """A model of the first recording, with intervals that hold on what it was trained on."""
     r = data.recordings[0]
     past = past or Past()
@@ -91,7 +91,7 @@ def trained(data, features=affine, past=None, noise=1e-4):
         axis=1,
     )
     own = r.visible.all(1)
-    decoder = fit(features(z.shape[1]), z[own], r.points[own].reshape(own.sum(), -1), noise)
+    decoder = fit_ridge(features(z.shape[1]), z[own], r.points[own].reshape(own.sum(), -1), noise)
     value, turn = np.linalg.eigh(np.cov(z[own].T) + 1e-9 * np.eye(z.shape[1]))
     within = TrainedRange(z[own].mean(0), turn / np.sqrt(value), 1.0, z.min(0), z.max(0))
     within = replace(within, usual=float(np.quantile(within.distance(z[own]), 0.99)))
@@ -104,4 +104,4 @@ def trained(data, features=affine, past=None, noise=1e-4):
     )  # fmt: skip
 
 
-__all__ = ["affine", "quadratic"]
+__all__ = ["affine_features", "quadratic_features"]

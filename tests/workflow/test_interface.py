@@ -25,7 +25,7 @@ from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
 from defsense_fab.store.manifest import load_manifest
 from defsense_fab.store.mesh import load_mesh
 from defsense_fab.training.models import train_device
-from tests.places import ROOT
+from tests.support.places import ROOT
 from tests.workflow.conftest import small_bar
 
 

@@ -8,7 +8,7 @@ from defsense_fab.calibration.clearance import write_clearance
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
-from tests.places import DEVICES
+from tests.support.places import DEVICES
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from defsense_fab.calibration.readings import joined
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.core.response import ResponseSpec
-from defsense_fab.sensing.response import Response, response_of
+from defsense_fab.sensing.response import Response, build_response
 from defsense_fab.twin.electronics.cords import CordTraits, CordTwins
 from tests.calibration.sessions.sessions import begin, SPECIMEN
 
@@ -73,7 +73,7 @@ def recover(tmp_path, seed, k=2.0, q=0.0, **traits):
     for n, length in enumerate((150.0, 200.0)):
         folder = tmp_path / f"{seed}-{length:g}"
         record_twin(
-            folder, CordTraits(response_of(spec), **traits), seed=10 * seed + n, length=length
+            folder, CordTraits(build_response(spec), **traits), seed=10 * seed + n, length=length
         )
         parts.append(measure(folder).readings)
     return calibrate(joined(parts), draws=60)

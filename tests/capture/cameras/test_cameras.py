@@ -19,7 +19,7 @@ from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.renderer import render
 from defsense_fab.twin.scenes.scene import Patch, Scene
 from tests.capture.rigs import rig
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.views import turn
 
 BOARD = CharucoBoard()

@@ -6,7 +6,7 @@ import pytest
 
 from defsense_fab.capture.cameras.image_sources import Timing, Video, timing
 from defsense_fab.core.errors import CaptureError
-from tests.errors import raises
+from tests.support.errors import raises
 
 RNG = np.random.default_rng(0)
 FRAMES = RNG.integers(0, 255, (20, 48, 64), dtype=np.uint8)

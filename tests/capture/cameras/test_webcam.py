@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.capture.cameras import image_sources as webcams
 from defsense_fab.capture.cameras.image_sources import Webcam
 from defsense_fab.core.errors import CaptureError
-from tests.errors import raises
+from tests.support.errors import raises
 
 
 class Capture:

@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.capture.clocks.led_detection import LedDetector
 from defsense_fab.core.errors import CaptureError
-from tests.errors import raises
+from tests.support.errors import raises
 
 STAY = 11.49
 

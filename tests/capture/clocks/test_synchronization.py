@@ -8,7 +8,7 @@ from defsense_fab.capture.clocks.led_schedule import LED_PERIOD_MS, find_schedul
 from defsense_fab.capture.clocks.synchronization import synchronize_by_led, synchronize_by_motion
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.sensing.voltage_divider import conversion_time
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.film import Shutter
 
 START, OFFSET, DRIFT = 100.0, 0.05, 1e-4

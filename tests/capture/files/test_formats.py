@@ -16,8 +16,8 @@ from defsense_fab.capture.files.track_conversion import marker_numbers
 from defsense_fab.capture.files.trc import read_trc
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.markers import Tracks
-from tests.errors import raises
-from tests.places import VICON
+from tests.support.errors import raises
+from tests.support.places import VICON
 
 from . import c3d_format
 from .test_tracks_csv import made, same

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from defsense_fab.capture.files.tracks_csv import read_csv, write_csv
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.markers import Tracks
-from tests.errors import raises
+from tests.support.errors import raises
 
 HEADER = "frame,time,id,x,y,z,sx,sy,sz"
 ROW = "0,0.5,7,1,2,3,0.1,0.1,0.4"

@@ -23,7 +23,7 @@ from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Info, Sample, encode
 from defsense_fab.twin.electronics.cords import CordTraits, SpecimenTwin
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
-from tests.errors import raises
+from tests.support.errors import raises
 
 
 def board(speed=1.0):

@@ -16,8 +16,8 @@ from defsense_fab.capture.readout.recording import Recorder, Replay, has_frames,
 from defsense_fab.capture.readout.source import Event, RecordingEnd, StampedSample
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.serial_frames import NOT_READ, Sample
-from tests.errors import raises
-from tests.places import ROOT
+from tests.support.errors import raises
+from tests.support.places import ROOT
 
 #: Times that the writer is killed.
 KILLS = int(os.environ.get("DEFSENSE_KILLS", "4"))

@@ -13,7 +13,7 @@ from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
 from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.capture.sessions import sample_table
 
-from benchmarks import memory
+from tests.support import memory
 from defsense_fab.capture.files.formats import read_tracks, write_tracks
 
 SECONDS = 20.0
@@ -185,7 +185,7 @@ def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the memory")
 def test_memory_grows_little_by_the_minute(tmp_path):
-    """An hour of six cameras has to fit into 1 GB (`benchmarks/memory.py`), of which imports take
+    """An hour of six cameras has to fit into 1 GB (`tests/support/memory.py`), of which imports take
     190 MB and the work on any length 200 MB."""
     needed = []
     for minutes in (1, 3):

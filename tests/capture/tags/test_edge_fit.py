@@ -14,7 +14,7 @@ from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Backdrop, Ellipse, Patch, Scene
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.twin.views import STRONG_DISTORTION, turn
 
 FOCAL = 700.0

@@ -27,7 +27,7 @@ from defsense_fab.capture.tags.tag_patterns import (
     save_board,
 )
 from defsense_fab.core.errors import CaptureError, StorageError
-from tests.errors import raises
+from tests.support.errors import raises
 
 DPI = 600
 PX = DPI / 25.4  # in a mm

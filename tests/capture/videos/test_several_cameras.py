@@ -7,11 +7,11 @@ import pytest
 from defsense_fab.capture.videos.video_detection import VideoDetections
 from defsense_fab.capture.videos.video_tracks import assemble
 
-from benchmarks.late_stamps import trial
+from tests.support.late_stamps import trial
 from defsense_fab.capture.cameras.image_sources import timing
 from defsense_fab.capture.cameras.rig_file import Rig
 from defsense_fab.capture.tags.detection import TagView
-from defsense_fab.capture.tracking.observations import stored
+from defsense_fab.capture.tracking.observations import store_views
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from tests.capture.rigs import flat, rig, spread, tags
@@ -43,7 +43,7 @@ def filmed(seen_by, taken_as, rng, late=0.0, frames=FRAMES):
         px = flat(camera, shown) + rng.normal(scale=NOISE, size=(*shown.shape[:3], 2))
         px = (px - camera.matrix[:2, 2]) / camera.focal * named.focal + named.matrix[:2, 2]
         views = [TagView(np.arange(8), p, spread((8,), NOISE), p) for p in px]
-        out.append(VideoDetections(time, stored(views), timing(time), frames))
+        out.append(VideoDetections(time, store_views(views), timing(time), frames))
     return out, corners
 
 
@@ -121,7 +121,7 @@ def test_one_of_two_that_was_bumped_is_placed_anew(by):
     shown = [
         views_of(w[1])[part] for w, part in ((watched, slice(half)), (after, slice(half, None)))
     ]
-    watched[1] = replace(watched[1], tags=stored([*shown[0], *shown[1]]))
+    watched[1] = replace(watched[1], tags=store_views([*shown[0], *shown[1]]))
     found = assemble(watched, Rig(true), SIZE, ["a", "b"])
     (moved,) = found.quality["moved"]
     assert moved["time"] == pytest.approx(half / 30, abs=0.05)

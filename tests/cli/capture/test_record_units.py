@@ -9,7 +9,7 @@ from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.cli.main import main
 from defsense_fab.core.markers import Markers
 from defsense_fab.twin.live.capture_setup import CaptureOptions, unit_name
-from tests.places import BAR
+from tests.support.places import BAR
 
 
 @pytest.mark.parametrize(

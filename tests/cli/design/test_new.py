@@ -15,7 +15,7 @@ from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.workflow.starts import dropped_body
-from tests.places import DEVICES
+from tests.support.places import DEVICES
 
 BLOB = str(DEVICES / "blob" / "blob.stl")
 

@@ -15,7 +15,7 @@ from defsense_fab.training.models.model_file import write_model
 from defsense_fab.training.models.train_device import train_dataset
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
 from tests.training import soft_bar as bar
-from tests.training.models.data.files_of_others import write_csv
+from tests.training.recordings.files_of_others import write_csv
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.schema.document import parse_document
 from defsense_fab.core.storage.package_data import read_rows
-from tests.errors import raises
+from tests.support.errors import raises
 
 FIGURES = "diameter = 1.2\nohm_per_mm = 9.8\ngauge_factor = 1.4\nmax_strain = 0.8\n"
 

@@ -11,8 +11,8 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.storage.package_data import read_rows
-from tests.errors import raises
-from tests.places import BAR
+from tests.support.errors import raises
+from tests.support.places import BAR
 
 
 @pytest.fixture

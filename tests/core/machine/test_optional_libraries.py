@@ -12,8 +12,8 @@ import pytest
 from defsense_fab.core.errors import CaptureError, DefsenseError
 from defsense_fab.core.machine import optional_libraries
 from defsense_fab.core.machine.optional_libraries import CORE, missing, optional, pip_install
-from tests.errors import raises
-from tests.places import ROOT
+from tests.support.errors import raises
+from tests.support.places import ROOT
 
 PACKAGE = ROOT / "defsense_fab"
 #: Modules of what the extras bring, where they are not called as their distribution.
@@ -23,10 +23,10 @@ _ELSEWHERE = {
     "runtime/recording/usd_animation.py": "require_usd is called before",
     "runtime/outputs/lsl_output.py": "live_file guards the import of this module",
     "runtime/outputs/websocket_output.py": "live_file guards the import of this module",
-    "runtime/view/live_view.py": "drawn on a page that local_page has opened",
-    "runtime/view/upload_limit.py": "drawn on a page that local_page has opened",
-    "studio/measure/recording_screen.py": "drawn on a page that local_page has opened",
-    "studio/optimise/watched_search.py": "drawn on a page that local_page has opened",
+    "runtime/view/live_view.py": "drawn on a page that serve_page has opened",
+    "runtime/view/upload_limit.py": "drawn on a page that serve_page has opened",
+    "studio/measure/recording_screen.py": "drawn on a page that serve_page has opened",
+    "studio/optimise/watched_search.py": "drawn on a page that serve_page has opened",
     "runtime/outputs/midi_ports.py": "tells by `missing` itself, which of two packages brings it",
     "workflow/study/runs/cluster.py": "called once `connected` has imported it",
     "workflow/study/results/study_table.py": "writes CSV without it",
@@ -101,9 +101,9 @@ def _usd(path):
 
 
 def _page(path):
-    from defsense_fab.runtime.view.local_page import local_page
+    from defsense_fab.runtime.view.page_server import serve_page
 
-    local_page(0, "a page")
+    serve_page(0, "a page")
 
 
 def _cluster(path):

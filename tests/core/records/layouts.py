@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from defsense_fab.sensing.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
+from defsense_fab.store.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
 
 from defsense_fab.core.prediction import Prediction
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from defsense_fab.core.storage import typed_json
-from defsense_fab.sensing.layout import layout_hash, load_layout
+from defsense_fab.store.layout import layout_hash, load_layout
 
 from tests.core.records.layouts import layout
 

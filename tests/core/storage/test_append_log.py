@@ -4,7 +4,7 @@ import threading
 
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.storage.append_log import AppendLog, LogLines
-from tests.errors import raises
+from tests.support.errors import raises
 
 
 def test_lines_of_several_threads_stay_whole(tmp_path):

@@ -12,7 +12,7 @@ import pytest
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.storage.files import check_folder, file_lock, replace_folder, unused_path
 
-from ...errors import raises
+from ...support.errors import raises
 
 # One holder of a lock at a time, whatever the order of opening, locking and leaving.
 

@@ -7,11 +7,11 @@ from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.mesh_repair import read_mesh, repair
+from defsense_fab.geometry.bodies.mesh_repair import read_mesh, repair_mesh
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.geometry.kernels import occ
 from defsense_fab.geometry.printing.export import write_3mf, write_stl
-from tests.errors import raises
+from tests.support.errors import raises
 
 
 def fine(surface, times=3):
@@ -29,20 +29,20 @@ def test_soup_and_small_holes_and_turned_faces_are_repaired(bar):
     faces = faces[1:].copy()
     faces[10] = faces[10][::-1]
     soup = vertices[faces].reshape(-1, 3)
-    v, f, done = repair(soup, np.arange(len(soup)).reshape(-1, 3), "x.stl")
+    v, f, done = repair_mesh(soup, np.arange(len(soup)).reshape(-1, 3), "x.stl")
     assert Surface(v, f).volume == pytest.approx(bar.volume, rel=1e-9)
     assert len(done) == 3  # vertices merged, a hole closed, faces turned
 
 
 def test_inside_out_is_turned(bar):
-    v, f, done = repair(bar.vertices, bar.faces[:, ::-1], "x")
+    v, f, done = repair_mesh(bar.vertices, bar.faces[:, ::-1], "x")
     assert Surface(v, f).volume == pytest.approx(135000)
     assert len(done) == 1
 
 
 def test_a_wide_hole_is_refused_with_its_place(bar):
     with raises(BodyError, "hole-too-wide", edges=4) as caught:
-        repair(bar.vertices, bar.faces[2:], "box.stl")
+        repair_mesh(bar.vertices, bar.faces[2:], "box.stl")
     assert "box.stl" in str(caught.value)
 
 
@@ -50,7 +50,7 @@ def test_two_pieces_are_refused(bar):
     v = np.concatenate([bar.vertices, bar.vertices + 500])
     f = np.concatenate([bar.faces, bar.faces + len(bar.vertices)])
     with raises(BodyError, "separate-pieces", count=2):
-        repair(v, f, "x")
+        repair_mesh(v, f, "x")
 
 
 def test_a_surface_that_passes_through_itself_is_refused_with_its_place(bar):
@@ -60,10 +60,10 @@ def test_a_surface_that_passes_through_itself_is_refused_with_its_place(bar):
     folded = vertices.copy()
     folded[end] += (vertices[end, :1] - 120) * np.array([-2.2, 0, 1.0])
     with raises(BodyError, "repair-moves-too-far") as caught:
-        repair(folded, faces, "x")
+        repair_mesh(folded, faces, "x")
     assert caught.value.data["distance"] == pytest.approx(30, rel=0.02)
     bent = vertices + np.where(end[:, None], (vertices[:, :1] - 120) * np.array([-0.4, 0, 1]), 0)
-    assert repair(bent, faces, "x")[2] == []
+    assert repair_mesh(bent, faces, "x")[2] == []
 
 
 def test_a_body_far_from_the_origin_is_refused(bar, tmp_path):

@@ -1,8 +1,8 @@
-"""Damaged files of bodies: a seeded few of those of `benchmarks/body_fuzz.py`."""
+"""Damaged files of bodies: a seeded few of those of `tests/support/body_fuzz.py`."""
 
 import pytest
 
-from benchmarks.body_fuzz import built, mutated, outcome
+from tests.support.body_fuzz import built, mutated, outcome
 
 
 @pytest.mark.slow

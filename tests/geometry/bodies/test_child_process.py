@@ -15,7 +15,7 @@ from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
-from tests.errors import raises
+from tests.support.errors import raises
 
 BOX = "import build123d as bd\nimport helper\ndef body(): return bd.Box(helper.SIZE, 10, 10)\n"
 #: Writes its process's number, starts another process, and sleeps.
@@ -174,7 +174,7 @@ def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
             found.extend(
                 int(line.split()[0])
                 for line in said.stdout.splitlines()
-                if str(tmp_path) in line and "netgen" in line
+                if str(tmp_path) in line and "meshers" in line
             )
         time.sleep(1)
         os.kill(os.getpid(), signal.SIGINT)

@@ -6,11 +6,11 @@ import pytest
 
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body_file import read_body_file
-from defsense_fab.geometry.bodies.mesh_files import kind_of_file
+from defsense_fab.geometry.bodies.mesh_files import detect_format
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
 from defsense_fab.geometry.printing.export import write_stl
 from tests.conftest import box_surface
-from tests.errors import raises
+from tests.support.errors import raises
 
 BOX = box_surface([0, 0, 0], [40, 20, 10])
 
@@ -34,16 +34,16 @@ def ply(surface):
 
 def test_kinds_are_known_by_content(tmp_path):
     write_stl(BOX, tmp_path / "box.stl")
-    assert kind_of_file((tmp_path / "box.stl").read_bytes()) == ".stl"
-    assert kind_of_file(b"solid x\nfacet normal 0 0 1\n") == ".stl"
-    assert kind_of_file(obj(BOX)) == ".obj"
-    assert kind_of_file(ply(BOX)) == ".ply"
-    assert kind_of_file(b"/* by a program */\nISO-10303-21;\nHEADER;") == ".step"
-    assert kind_of_file(b"PK\x03\x04....3D/3dmodel.model") == ".3mf"
+    assert detect_format((tmp_path / "box.stl").read_bytes()) == ".stl"
+    assert detect_format(b"solid x\nfacet normal 0 0 1\n") == ".stl"
+    assert detect_format(obj(BOX)) == ".obj"
+    assert detect_format(ply(BOX)) == ".ply"
+    assert detect_format(b"/* by a program */\nISO-10303-21;\nHEADER;") == ".step"
+    assert detect_format(b"PK\x03\x04....3D/3dmodel.model") == ".3mf"
     for other in (b"", b"solid ground", b"\x89PNG\r\n", b"import os\n", b"PK\x03\x04word/",
                   b"\0" * 84,
                   b"<html>v 1 2 3 f 1 2 3"):  # fmt: skip
-        assert kind_of_file(other) is None, other
+        assert detect_format(other) is None, other
 
 
 def test_meshes_are_read_whatever_materials_they_name(tmp_path):

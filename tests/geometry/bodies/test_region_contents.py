@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.regions import Box, Cylinder, HalfSpace, Sphere
-from defsense_fab.geometry.bodies.regions import holds_body, place, where
+from defsense_fab.geometry.bodies.regions import describe_extent, describe_region, holds_body
 
 V = np.array
 
@@ -27,7 +27,7 @@ def test_what_a_region_holds(bar, shape, held):
 
 
 def test_places_are_told_in_words(bar):
-    assert "(0, -15, -15)" in place(bar)
-    text = where(HalfSpace(V([0, 0, 12.0]), V([0, 0, -1.0])))
+    assert "(0, -15, -15)" in describe_extent(bar)
+    text = describe_region(HalfSpace(V([0, 0, 12.0]), V([0, 0, -1.0])))
     assert "(0, 0, 12)" in text
     assert "(0, 0, -1)" in text

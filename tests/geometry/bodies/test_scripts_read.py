@@ -6,7 +6,7 @@ import pytest
 
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.script_source import read_parameters, read_script
-from tests.errors import raises
+from tests.support.errors import raises
 
 SCRIPT = """
 from typing import Annotated, Literal

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.orientation import Y_UP, Z_UP, standing
+from defsense_fab.geometry.bodies.orientation import Y_UP, Z_UP, viewing_axes
 from tests.conftest import box_surface
 
 
@@ -39,8 +39,8 @@ PIN = turned([(0, 0.5), (10, 9), (90, 12), (109, 7), (118, 0.5)])
 
 @pytest.mark.parametrize("body", [FIGURE, PIN], ids=["on a flat foot", "tall, on no foot"])
 def test_figures_stand_in_either_convention(body):
-    assert (standing(body) == Z_UP).all()
-    assert (standing(y_up(body)) == Y_UP).all()
+    assert (viewing_axes(body) == Z_UP).all()
+    assert (viewing_axes(y_up(body)) == Y_UP).all()
 
 
 @pytest.mark.parametrize(
@@ -55,18 +55,18 @@ def test_figures_stand_in_either_convention(body):
     ids=["lying", "tall", "flat", "egg", "cube"],
 )
 def test_up_is_z_where_nothing_says_otherwise(body):
-    assert (standing(body) == Z_UP).all()
+    assert (viewing_axes(body) == Z_UP).all()
 
 
 def test_long_bodies_are_seen_from_their_long_side():
-    right, up, back = standing(box_surface([-15, 0, -15], [15, 150, 15]))
+    right, up, back = viewing_axes(box_surface([-15, 0, -15], [15, 150, 15]))
     assert right.tolist() == [0, 1, 0]
     assert up.tolist() == [0, 0, 1]
     assert back.tolist() == [1, 0, 0]
     # An animal with y up, long in z.
     body = y_up(FIGURE)
     long = Surface(body.vertices * [1, 1, 4], body.faces)
-    right, up, back = standing(long)
+    right, up, back = viewing_axes(long)
     assert up.tolist() == [0, 1, 0]
     assert abs(right[2]) == 1
     assert np.cross(right, up).tolist() == back.tolist()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.geometry.channels.planar_routing import HEADINGS, Grid, Way, search
+from defsense_fab.geometry.channels.planar_routing import HEADINGS, Grid, PlanarRoute, find_route
 
 CELL = 0.25
 
@@ -19,14 +19,14 @@ def walls(x, y):
 
 def begun(start, heading, radius=2.0):
     return [
-        Way(np.array(start, float), heading, radius, (side,) * n)
+        PlanarRoute(np.array(start, float), heading, radius, (side,) * n)
         for side in (1, -1)
         for n in (3, 6, 9, 12)
     ]
 
 
 def test_a_way_is_made_of_runs_and_turns_of_its_radius():
-    way = Way(np.array([1.0, 2.0]), 0.3, 2.5, (1,) * 6 + (0,) * 5 + (-1,) * 12 + (0,) * 2)
+    way = PlanarRoute(np.array([1.0, 2.0]), 0.3, 2.5, (1,) * 6 + (0,) * 5 + (-1,) * 12 + (0,) * 2)
     fine = way.sample(0.05)
     steps = np.linalg.norm(np.diff(fine, axis=0), axis=1)
     assert steps.sum() == pytest.approx(way.length, rel=1e-3)
@@ -52,7 +52,7 @@ def test_the_search_goes_round_what_is_in_the_way():
         block = np.hypot(x - 20, y - 10) - 6
         return np.minimum(walls(x, y), block)
 
-    way = search(begun([5, 10], np.pi), grid(room, lambda x, y: (x > 36) & (abs(y - 10) < 2)))
+    way = find_route(begun([5, 10], np.pi), grid(room, lambda x, y: (x > 36) & (abs(y - 10) < 2)))
     points = way.sample(0.1)
     assert np.hypot(points[:, 0] - 20, points[:, 1] - 10).min() >= 6
     assert walls(points[5:, 0], points[5:, 1]).min() >= 0
@@ -65,7 +65,7 @@ def test_the_search_ends_where_there_is_no_way():
     def shut(x, y):
         return np.minimum(walls(x, y), abs(x - 20) - 1)
 
-    assert search(begun([5, 10], np.pi), grid(shut, lambda x, y: x > 36)) is None
+    assert find_route(begun([5, 10], np.pi), grid(shut, lambda x, y: x > 36)) is None
     nowhere = grid(walls, lambda x, y: np.zeros_like(x, bool))
-    assert search(begun([5, 10], np.pi), nowhere) is None
-    assert search([], grid(walls, lambda x, y: x > 36)) is None
+    assert find_route(begun([5, 10], np.pi), nowhere) is None
+    assert find_route([], grid(walls, lambda x, y: x > 36)) is None

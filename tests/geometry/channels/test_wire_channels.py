@@ -10,7 +10,7 @@ from defsense_fab.core.curve import Hermite, Plane, bend_radius, catmull_rom
 from defsense_fab.core.device.device import BaySpec, BodySpec, Sensor
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.connector_bay import recess
+from defsense_fab.geometry.bodies.connector_bay import place_bay
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.planar_routing import HEADINGS
 from defsense_fab.geometry.channels.wire_channels import Wires
@@ -18,7 +18,7 @@ from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.export import write_stl
-from tests.errors import raises
+from tests.support.errors import raises
 
 BAY = BaySpec(np.array([0.0, 0, 0]), (14.0, 7.0, 8.0))
 WIRES = Wires(1.1, 1.3)
@@ -52,8 +52,8 @@ def body():
 
     solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
     whole = occ.tessellate(solid, 0.05)
-    bay = recess(BAY, whole)
-    solid = occ.without(solid, [bay])
+    bay = place_bay(BAY, whole)
+    solid = occ.cut_out(solid, [bay])
     return Body(occ.tessellate(solid, 0.05), occ.volume(solid), solid, (), bay)
 
 
@@ -155,9 +155,9 @@ def test_without_a_bay_wires_leave_beside_the_mouth(bar):
 
 
 def test_a_wire_that_has_no_way_says_why_and_leaves_by_its_mouth(bar):
-    far = recess(replace(BAY, at=np.array([75.0, 0, -15])), bar)
+    far = place_bay(replace(BAY, at=np.array([75.0, 0, -15])), bar)
     body = triangle_kernel.to_surface(
-        triangle_kernel.without(triangle_kernel.to_manifold(bar, "bar"), [far])
+        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [far])
     )
     under = cord("under", [0, 0, 0], [[2, -11], [10, -11], [75, -3], [140, -11], [148, -11]],
                  (0, 1, 0))  # fmt: skip
@@ -198,9 +198,9 @@ def test_a_bend_keeps_off_its_own_cord(bar):
 
 
 def test_seats_keep_out_of_the_bay(bar):
-    wide = recess(BaySpec(np.array([75.0, 0, 15]), (24.0, 24.0, 6.0)), bar)
+    wide = place_bay(BaySpec(np.array([75.0, 0, 15]), (24.0, 24.0, 6.0)), bar)
     body = triangle_kernel.to_surface(
-        triangle_kernel.without(triangle_kernel.to_manifold(bar, "bar"), [wide])
+        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [wide])
     )
     asked = replace(rules(replace(WIRES, bay=wide)), seats=20)
     made = make_parts(body, [cord("c", [0, 0, -8], [[2, 0], [10, 0], [60, 0], [148, 0]])], asked)
@@ -222,7 +222,7 @@ def test_a_bay_opens_square_to_the_face_however_the_body_lies(seed):
     vertices = np.asarray(box.vertices) @ turn.T
     body = Surface(np.ascontiguousarray(vertices), np.asarray(box.faces, np.int64))
     # 12 mm from two edges, so that the other faces lie within the opening's reach.
-    made = recess(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
+    made = place_bay(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
     assert made.axes[:, 2] == pytest.approx(turn[:, 2], abs=1e-9)
 
 
@@ -240,13 +240,13 @@ def test_what_lies_over_or_behind_a_bay_is_seen():
     at = BaySpec(np.array([0.0, 0, 20]), (14.0, 7.0, 8.0))
     slotted = triangle_kernel.to_surface(block - solid([[-41, -21, 15], [41, 0, 17]]))
     with raises(BodyError, "bay-wall-thin"):
-        recess(at, slotted)
+        place_bay(at, slotted)
     beside = triangle_kernel.to_surface(block - solid([[-20, 3.6, 13], [20, 8, 18]]))
     with raises(BodyError, "bay-wall-thin"):
-        recess(at, beside)
+        place_bay(at, beside)
     stepped = triangle_kernel.to_surface(block + solid([[5, -20, 20], [40, 20, 40]]))
     with raises(BodyError, "bay-opening-covered"):
-        recess(at, stepped)
+        place_bay(at, stepped)
 
 
 @pytest.mark.parametrize(
@@ -263,7 +263,7 @@ def test_what_lies_over_or_behind_a_bay_is_seen():
 )
 def test_a_bay_without_room_is_refused(bar, at, size, code):
     with raises(BodyError, code):
-        recess(BaySpec(np.array(at, float), size), bar)
+        place_bay(BaySpec(np.array(at, float), size), bar)
 
 
 def test_a_round_skin_is_refused_where_it_falls_away():
@@ -274,9 +274,9 @@ def test_a_round_skin_is_refused_where_it_falls_away():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=12.0)
     surface = Surface(np.asarray(ball.vertices, float), np.asarray(ball.faces, np.int64))
     with raises(BodyError, "bay-skin-uneven"):
-        recess(BaySpec(np.array([0.0, 0, 12]), (20.0, 10.0, 4.0)), surface)
-    good = recess(BaySpec(np.array([0.0, 0, 12]), (6.0, 6.0, 5.0)), surface)
-    rest = triangle_kernel.without(triangle_kernel.to_manifold(surface, "ball"), [good])
+        place_bay(BaySpec(np.array([0.0, 0, 12]), (20.0, 10.0, 4.0)), surface)
+    good = place_bay(BaySpec(np.array([0.0, 0, 12]), (6.0, 6.0, 5.0)), surface)
+    rest = triangle_kernel.cut_out(triangle_kernel.to_manifold(surface, "ball"), [good])
     cap = surface.volume - rest.volume()
     assert 36 * 5 < cap < 36 * 6  # its floor lies 5 mm under the lowest skin of its opening
 

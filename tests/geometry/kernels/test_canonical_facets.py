@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.geometry.kernels import occ
-from defsense_fab.geometry.kernels.canonical_facets import canonical
+from defsense_fab.geometry.kernels.canonical_facets import canonicalize
 
 
 def solids():
@@ -53,7 +53,7 @@ def test_order_and_diagonals_do_not_matter(seed):
     shuffle = rng.permutation(len(surface.vertices))
     where = np.argsort(shuffle)
     faces = where[faces][rng.permutation(len(faces))]
-    vertices, found = canonical(surface.vertices[shuffle], np.roll(faces, 1, axis=1))
+    vertices, found = canonicalize(surface.vertices[shuffle], np.roll(faces, 1, axis=1))
     np.testing.assert_array_equal(vertices, surface.vertices)
     np.testing.assert_array_equal(found, surface.faces)
 
@@ -62,7 +62,7 @@ def test_facets_of_a_sharp_or_uneven_body_stay():
     """A tetrahedron in random position has no four points of a smooth face on a circle."""
     corners = np.random.default_rng(0).normal(size=(4, 3))
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    vertices, found = canonical(corners, faces)
+    vertices, found = canonicalize(corners, faces)
     assert vertices.shape == (4, 3)
     sides = {frozenset(f) for f in found.tolist()}
     assert sides == {frozenset(range(4)) - {k} for k in range(4)}

@@ -7,7 +7,7 @@ import pytest
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry.kernels import occ
-from tests.errors import raises
+from tests.support.errors import raises
 
 BODY = bd.Box(20, 20, 20)
 HALF = occ.Knife(Plane(np.zeros(3), np.eye(3)), np.zeros(3))

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.kernels.surface_queries import hits
+from defsense_fab.geometry.kernels.surface_queries import cast_ray
 
 
 def test_no_triangle_is_left_out_that_a_ray_meets():
@@ -21,7 +21,7 @@ def test_no_triangle_is_left_out_that_a_ray_meets():
         d /= np.linalg.norm(d)
         rate, room = normals @ d, offsets - normals @ start
         leaves = (room[rate > 1e-9] / rate[rate > 1e-9]).min()
-        found = hits(start + far, d, surface)
+        found = cast_ray(start + far, d, surface)
         assert len(found) == 1
         np.testing.assert_allclose(found[0], leaves, atol=1e-9)
 
@@ -30,5 +30,5 @@ def test_another_surface_is_not_taken_for_the_last():
     for half in (1.0, 2.0, 3.0):
         box = trimesh.creation.box((2 * half,) * 3)
         surface = Surface(np.array(box.vertices), np.array(box.faces, np.int64))
-        found = hits(np.array([0.1, 0.05, 0.0]), np.array([1.0, 0, 0]), surface)
+        found = cast_ray(np.array([0.1, 0.05, 0.0]), np.array([1.0, 0, 0]), surface)
         np.testing.assert_allclose(found, [half - 0.1])

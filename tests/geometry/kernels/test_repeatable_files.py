@@ -45,7 +45,7 @@ def test_names_in_step_files_are_read_as_they_were_given(tmp_path, name):
 def test_faces_that_meet_stay_apart_in_single_precision(away):
     box = triangle_kernel.to_manifold(box_surface([away, 0, 0], [away + 10, 10, 10]), "box")
     face = np.array([1.0, 0, 0]), away + 10
-    surface = triangle_kernel.printable(box, "box", [face])
+    surface = triangle_kernel.to_printable_surface(box, "box", [face])
     assert 0 < away + 10 - surface.bounds[1, 0] < 1e-3
 
 

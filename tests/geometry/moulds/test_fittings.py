@@ -4,7 +4,7 @@ import manifold3d as m3
 import numpy as np
 import pytest
 
-from defsense_fab.geometry.moulds.fittings import joined
+from defsense_fab.geometry.moulds.fittings import join_pieces
 
 UP, ORIGIN = np.array([0, 0, 1.0]), np.zeros(3)
 BELOW = m3.Manifold.cube([60, 40, 20], True).translate([0, 0, -10])
@@ -18,7 +18,7 @@ def block(height):
 @pytest.mark.parametrize("height", [4.0, 8.0, 31.0])
 def test_a_screw_of_10_mm_holds_pieces_of_any_height(height):
     """Its head has room down to a seat over the plane, and it grips the piece below."""
-    joint = joined(block(height), BELOW, NOTHING, UP, ORIGIN, UP, 0.1)
+    joint = join_pieces(block(height), BELOW, NOTHING, UP, ORIGIN, UP, 0.1)
     assert joint.screws >= 2
 
     def holes(piece, at, radius):
@@ -41,14 +41,14 @@ def test_no_screw_goes_through_what_is_cast():
     """Over the seats, between the heights at which a piece is looked at, and below."""
     for z in (15.0, -5.0):
         slab = m3.Manifold.cube([70, 50, 0.5], True).translate([0, 0, z])
-        assert joined(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1).screws == 0
+        assert join_pieces(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1).screws == 0
 
 
 @pytest.mark.parametrize("edge", np.arange(-21.0, 10.0, 2.5))
 @pytest.mark.parametrize("z", [15.0, -5.0])
 def test_screws_find_places_where_they_leave_a_wall_to_what_is_cast(edge, z):
     slab = m3.Manifold.cube([100, 50, 0.5]).translate([edge, -25, z])
-    joint = joined(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1)
+    joint = join_pieces(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1)
     assert joint.screws >= 1
     taken = (block(31.0) - joint.above) if z > 0 else (BELOW - joint.below)
     assert taken.min_gap(slab, 10.0) > 1.35  # of 1.4 with circles of 32 sides

@@ -11,15 +11,15 @@ from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import surface_queries
-from defsense_fab.geometry.kernels.cutting_tools import frame
-from defsense_fab.geometry.moulds.mould_checks import opens
+from defsense_fab.geometry.kernels.cutting_tools import axes_from_normal
+from defsense_fab.geometry.moulds.mould_checks import check_opening
 from defsense_fab.geometry.moulds.moulds import check_openings, make_moulds
-from defsense_fab.geometry.moulds.openings import depth_in
+from defsense_fab.geometry.moulds.openings import depth_inside
 from defsense_fab.geometry.moulds.records import MouldRules
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import PartRules
-from tests.errors import raises
 from tests.geometry.parts.cords import cord
+from tests.support.errors import raises
 
 RULES = PartRules(2.0, 2.2, 0.15, 1.5, pockets=Pockets(2.75, 7.0))
 SHRINKAGE = 0.004
@@ -108,12 +108,12 @@ def test_pieces_come_off_without_passing_through_the_part(made, moulds):
         assert mould.strain == 0
         for piece in mould.pieces:
             points = piece.surface.scatter(400, rng)
-            near = depth_in(cast, points) == 0
+            near = depth_inside(cast, points) == 0
             for step in (0.5, 2.0, 8.0, 40.0):
-                assert depth_in(cast, points[near] + step * piece.opens).max() < 0.08
+                assert depth_inside(cast, points[near] + step * piece.opens).max() < 0.08
             start = points[near][:15] + 0.05 * piece.opens
             for origin in start:
-                met = surface_queries.hits(origin, piece.opens, cast)
+                met = surface_queries.cast_ray(origin, piece.opens, cast)
                 # A ray that grazes the wall beside which a core slides goes in and out at once.
                 assert len(met) < 2 or np.ptp(met) < 0.6 or len(met) % 2 == 1
 
@@ -125,9 +125,9 @@ def test_a_piece_that_locks_is_found(made, moulds):
     mould = moulds[0]
     solids = [triangle_kernel.to_manifold(p.surface, p.name) for p in mould.pieces]
     cast = triangle_kernel.to_manifold(enlarged(made.parts[0]), "part")
-    across = frame(mould.pieces[0].opens)[:, 0]
+    across = axes_from_normal(mould.pieces[0].opens)[:, 0]
     with pytest.raises(FabricationError) as caught:
-        opens(
+        check_opening(
             "x", solids, [across, *(p.opens for p in mould.pieces[1:])], cast, [0.0] * len(solids)
         )
     assert caught.value.code in ("mould-pieces-lock", "mould-does-not-open")

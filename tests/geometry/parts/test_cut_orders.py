@@ -5,7 +5,7 @@ import math
 import pytest
 
 from defsense_fab.geometry.parts import division
-from defsense_fab.geometry.parts.cut_orders import cut_orders
+from defsense_fab.geometry.parts.division import cut_orders
 from defsense_fab.optimize.limits import thin_parts
 
 

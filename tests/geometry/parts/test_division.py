@@ -5,7 +5,7 @@ import pytest
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.parts.division import plan
+from defsense_fab.geometry.parts.division import plan_division
 from tests.geometry.parts.cords import cord
 
 ALONG = [[2, 0], [50, 0], [100, 0], [148, 0]]
@@ -24,7 +24,7 @@ def test_a_short_cord_is_laid_in_one_joint_and_a_long_one_in_two(bar, through):
     body = triangle_kernel.to_manifold(bar, "bar")
 
     def parts_and_joints(across):
-        found = plan(body, channels, 1.1, 1.0, 0.15, False, through, across)
+        found = plan_division(body, channels, 1.1, 1.0, 0.15, False, through, across)
         return len(found.leaves), [sum(k in c.cords for c in found.cuts) for k in range(3)]
 
     assert parts_and_joints(0.0) == (5, [1, 1, 2])

@@ -15,14 +15,14 @@ from defsense_fab.geometry.bodies.orientation import Y_UP
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.kernels.cutting_tools import Number, cylinder
-from defsense_fab.geometry.parts.alignment_pins import free_spots
+from defsense_fab.geometry.parts.alignment_pins import find_free_spots
 from defsense_fab.geometry.parts.division import Cut, Division
-from defsense_fab.geometry.parts.part_contacts import contacts
-from defsense_fab.geometry.parts.parts import make_parts
+from defsense_fab.geometry.parts.part_contacts import find_contacts
+from defsense_fab.geometry.parts.parts import make_parts, part_names
 from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.export import write_stl
-from tests.errors import raises
 from tests.geometry.parts.cords import cord
+from tests.support.errors import raises
 
 RULES = PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 
@@ -225,8 +225,8 @@ def test_sockets_do_not_step_through_a_thin_gap():
         solid = block - triangle_kernel.to_manifold(Surface(*trimesh_box(slot)), "slot")
         above, below = solid.split_by_plane(plane.normal, 15.0)
         cut = Cut(plane, np.zeros(3), (0,), ((0,), (1,)))
-        (contact,) = contacts(Division((below, above), (below, above), (cut,), 0.0), [])
-        spots = free_spots(contact, 4.0, 5.0, 0.2, 0.8)
+        (contact,) = find_contacts(Division((below, above), (below, above), (cut,), 0.0), [])
+        spots = find_free_spots(contact, 4.0, 5.0, 0.2, 0.8)
         assert len(spots)
         for at in contact.world(spots):
             hole = cylinder(at, at - 5.0 * plane.normal, 4.2)
@@ -369,7 +369,8 @@ def test_parts_are_named_by_where_they_lie():
     assert part_names(octants, bounds)[0] == "1-bottom-front-left"
     assert part_names(octants, bounds)[7] == "8-top-back-right"
     row = [
-        name.split("-", 1)[1] for name in part_names([[k, 15, 20] for k in range(5, 100, 15)], bounds)
+        name.split("-", 1)[1]
+        for name in part_names([[k, 15, 20] for k in range(5, 100, 15)], bounds)
     ]
     assert row == ["left", "second-from-left", "third-from-left", "middle", "third-from-right",
                    "second-from-right", "right"]  # fmt: skip

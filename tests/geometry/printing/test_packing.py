@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.geometry.printing.packing import least_plates, pack
+from defsense_fab.geometry.printing.packing import count_least_plates, pack
 
 
 def placed(sizes, places):
@@ -27,7 +27,7 @@ def test_no_two_overlap_and_all_lie_on_their_plate(seed):
             apart = x1 <= a0 + 1e-6 or a1 <= x0 + 1e-6 or y1 <= b0 + 1e-6 or b1 <= y0 + 1e-6
             assert other != plate or apart
     used = 1 + max(b[0] for b in boxes)
-    assert least_plates(sizes, (210.0, 190.0)) <= used <= least_plates(sizes, (210.0, 190.0)) + 1
+    assert count_least_plates(sizes, (210.0, 190.0)) <= used <= count_least_plates(sizes, (210.0, 190.0)) + 1
 
 
 def test_pieces_that_were_one_plate_fill_one_plate_again():
@@ -46,7 +46,7 @@ def test_pieces_that_were_one_plate_fill_one_plate_again():
                 else [(x, y, w, d * cut), (x, y + d * cut, w, d * (1 - cut))]
             )
         sizes = {str(k): (w, d) for k, (_, _, w, d) in enumerate(whole)}
-        assert least_plates(sizes, (200.0, 200.0)) == 1
+        assert count_least_plates(sizes, (200.0, 200.0)) == 1
         found = 1 + max(p.plate for p in pack(sizes, (200.0, 200.0)).values())
         assert found <= 2
         more += found - 1
@@ -60,9 +60,9 @@ def test_the_least_number_of_plates_knows_what_cannot_lie_side_by_side():
     for size in ((120.0, 110.0), (110.0, 120.0), (150.0, 130.0), (190.0, 81.0)):
         wide = {str(k): size for k in range(5)}
         used = 1 + max(p.plate for p in pack(wide, bed).values())
-        assert least_plates(wide, bed) == used == 5
+        assert count_least_plates(wide, bed) == used == 5
     for size in ((100.0, 160.0), (200.0, 80.0), (80.0, 150.0)):  # two of a plate
         halves = {str(k): size for k in range(4)}
         used = 1 + max(p.plate for p in pack(halves, bed).values())
-        assert least_plates(halves, bed) == used == 2
-    assert least_plates({}, bed) == 0
+        assert count_least_plates(halves, bed) == used == 2
+    assert count_least_plates({}, bed) == 0

@@ -8,15 +8,15 @@ from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.printing.print_bed import (
     arrange,
+    choose_side_down,
     count_fewest_plates,
-    fits,
+    find_other_side,
     first_layer_area,
-    laid,
-    other_side,
-    resting,
+    fits_bed,
+    lay_flat,
 )
 from tests.conftest import box_surface
-from tests.errors import raises
+from tests.support.errors import raises
 
 BED = (220.0, 220.0, 250.0)
 
@@ -30,7 +30,7 @@ def turned(surface, seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_part_lies_on_its_face_and_takes_the_least_rectangle(seed):
     body, q = turned(box_surface([0, 0, 0], [80, 30, 10]), seed)
-    flat = laid(body, q @ [0, 0, -1.0])
+    flat = lay_flat(body, q @ [0, 0, -1.0])
     assert flat.volume == pytest.approx(80 * 30 * 10)
     assert np.ptp(flat.bounds, axis=0) == pytest.approx([80, 30, 10])
     assert flat.bounds[0] == pytest.approx([-40, -15, 0])
@@ -45,8 +45,8 @@ def test_a_face_in_a_hollow_is_no_foot():
                                                      [0, 0, 0, 1.0]])), engine="manifold"
     )  # fmt: skip
     surface = Surface(np.asarray(el.vertices), np.asarray(el.faces, np.int64))
-    down = resting(surface, [np.array([-1.0, 0, 0])])  # the step inside is larger than the rim
-    flat = laid(surface, down)
+    down = choose_side_down(surface, [np.array([-1.0, 0, 0])])  # the step inside is larger than the rim
+    flat = lay_flat(surface, down)
     low = flat.vertices[:, 2] < 1e-9
     assert low[flat.faces].all(axis=1).sum() >= 2
 
@@ -61,7 +61,7 @@ def test_a_body_without_flats_stands_on_its_widest_end():
     knife.apply_translation([0, 0, -20])
     notched = egg.difference(knife, engine="manifold")
     surface = Surface(np.asarray(notched.vertices), np.asarray(notched.faces, np.int64))
-    down = resting(surface, [])
+    down = choose_side_down(surface, [])
     solid = triangle_kernel.to_manifold(surface, "egg")
     assert first_layer_area(solid, down) > 20
     assert first_layer_area(solid, np.array([0, 0, -1.0])) < first_layer_area(solid, down)
@@ -70,7 +70,7 @@ def test_a_body_without_flats_stands_on_its_widest_end():
 def test_plates_hold_all_parts_side_by_side():
     rng = np.random.default_rng(3)
     parts = {f"p{k}": box_surface([0, 0, 0], rng.uniform(10, 120, 3)) for k in range(20)}
-    placed = arrange({n: laid(s, np.array([0, 0, -1.0])) for n, s in parts.items()}, BED, "printer")
+    placed = arrange({n: lay_flat(s, np.array([0, 0, -1.0])) for n, s in parts.items()}, BED, "printer")
     assert set(placed) == set(parts)
     boxes = [(p.plate, p.surface.bounds) for p in placed.values()]
     for k, (plate, (low, high)) in enumerate(boxes):
@@ -85,7 +85,7 @@ def test_plates_hold_all_parts_side_by_side():
 def test_a_part_that_fills_the_bed_has_a_plate_of_its_own():
     down = np.array([0, 0, -1.0])
     sizes = {"a": [205, 110, 5], "b": [215, 30, 5], "c": [50, 50, 5]}
-    parts = {n: laid(box_surface([0, 0, 0], s), down) for n, s in sizes.items()}
+    parts = {n: lay_flat(box_surface([0, 0, 0], s), down) for n, s in sizes.items()}
     plates = {n: p.plate for n, p in arrange(parts, BED, "printer").items()}
     assert plates["b"] not in (plates["a"], plates["c"])
 
@@ -100,7 +100,7 @@ def test_no_fewer_plates_are_asked_for_than_there_are():
         ([[120, 120, 5]] * 3, 3),
         ([[270, 20, 20]], 1),
     ):
-        parts = {str(k): laid(box_surface([0, 0, 0], s), down) for k, s in enumerate(sizes)}
+        parts = {str(k): lay_flat(box_surface([0, 0, 0], s), down) for k, s in enumerate(sizes)}
         plates = {p.plate for p in arrange(parts, BED, "printer").values()}
         assert len(plates) == count_fewest_plates(parts, BED, "printer") == count
 
@@ -108,19 +108,19 @@ def test_no_fewer_plates_are_asked_for_than_there_are():
 def test_a_part_too_high_on_one_side_lies_on_another():
     tower = box_surface([0, 0, 0], [40, 50, 200])
     low = (220.0, 220.0, 45.0)
-    down = other_side(tower, low)
-    assert fits(laid(tower, down), low)
+    down = find_other_side(tower, low)
+    assert fits_bed(lay_flat(tower, down), low)
     assert abs(down) == pytest.approx([1, 0, 0])
-    assert other_side(tower, (220.0, 220.0, 30.0)) is None
+    assert find_other_side(tower, (220.0, 220.0, 30.0)) is None
 
 
 def test_a_long_part_lies_across_the_corners_and_a_longer_one_is_refused():
-    long = laid(box_surface([0, 0, 0], [270, 20, 20]), np.array([0, 0, -1.0]))
+    long = lay_flat(box_surface([0, 0, 0], [270, 20, 20]), np.array([0, 0, -1.0]))
     across = arrange({"rod": long}, BED, "fdm-tpu")["rod"].surface
     assert (across.bounds[0] >= -1e-9).all()
     assert (across.bounds[1] <= BED).all()
     assert across.volume == pytest.approx(long.volume)
-    longer = laid(box_surface([0, 0, 0], [320, 20, 20]), np.array([0, 0, -1.0]))
+    longer = lay_flat(box_surface([0, 0, 0], [320, 20, 20]), np.array([0, 0, -1.0]))
     with raises(FabricationError, "part-too-large", part="rod", printer="fdm-tpu") as caught:
         arrange({"rod": longer}, BED, "fdm-tpu")
     assert caught.value.data["size"] == pytest.approx((320, 20, 20))

@@ -6,8 +6,6 @@ import igl
 import numpy as np
 import pytest
 import trimesh
-from defsense_fab.workflow.calibrate.print_files import Print
-from defsense_fab.workflow.calibrate.specimen_files import write_specimen
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import FabricationError
@@ -16,8 +14,10 @@ from defsense_fab.core.response import JIG_RADII_MM
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.specimen.specimen import Specimen
-from tests.errors import raises
+from defsense_fab.workflow.calibrate.calibration_parts import write_specimen
+from defsense_fab.workflow.calibrate.print_files import Print
 from tests.geometry import slicer
+from tests.support.errors import raises
 
 WITHIN = 0.05  # mm
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -113,7 +113,7 @@ def test_strains_are_those_of_the_paper(folder):
 @pytest.fixture
 def no_parts(monkeypatch):
     """Specimens without the time that their solids take."""
-    files = "defsense_fab.workflow.calibrate.specimen_files"
+    files = "defsense_fab.workflow.calibrate.calibration_parts"
     monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.jig", lambda *_: None)
     monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.halves", lambda *_: {})
     monkeypatch.setattr(f"{files}.Print.of", lambda *_: Print(Surface(CORNERS, FACES), None))

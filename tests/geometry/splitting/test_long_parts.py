@@ -12,13 +12,13 @@ from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import PartRules
-from defsense_fab.geometry.printing.print_bed import fits, laid
+from defsense_fab.geometry.printing.print_bed import fits_bed, lay_flat
 from defsense_fab.geometry.splitting import piece_checks
-from defsense_fab.geometry.splitting.cut_places import cut_by
+from defsense_fab.geometry.splitting.cut_places import find_spoiled
 from defsense_fab.geometry.splitting.dowelled_cut import cut_across
 from defsense_fab.geometry.splitting.long_parts import split_long_parts
-from tests.errors import raises
 from tests.geometry.parts.cords import cord
+from tests.support.errors import raises
 
 RULES = PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 BED = (90.0, 90.0, 100.0)
@@ -44,7 +44,7 @@ def test_pieces_fit_the_bed_are_closed_and_add_up(made, split):
     after = split.made
     assert [p.name for p in after.parts] == ["1-bottom-a", "1-bottom-b", "2-top-a", "2-top-b"]
     for part in after.parts:
-        assert fits(laid(part.surface, part.down), BED)
+        assert fits_bed(lay_flat(part.surface, part.down), BED)
         mesh = trimesh.Trimesh(part.surface.vertices, part.surface.faces, process=False)
         assert mesh.is_watertight
         assert mesh.body_count == 1
@@ -94,7 +94,7 @@ def test_what_a_cut_spoils_is_told(made, split):
     """Where every place cuts something, the maker is to look at it."""
     along = np.array([1.0, 0, 0])
     for height, spoilt in ((11.0, "an end of cord flat"), (75.0, "a number")):
-        assert cut_by(made, 0, height, along) == [spoilt]
+        assert find_spoiled(made, 0, height, along) == [spoilt]
         note = cut_across(made, 0, along, height, RULES).note
         assert spoilt in note
         assert not any(spoilt in note for note in split.notes)
@@ -120,20 +120,20 @@ def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
     dowels = [p for p in after.pins if after.contacts[p.contact].cut == 1]
     beside = [replace(d, center=d.center - 40 * made.cuts[0].plane.normal) for d in dowels]
     with raises(FabricationError, "wall-too-thin", part="1-bottom"):
-        piece_checks.dowel_walls(whole, beside, RULES)
+        piece_checks.check_dowel_walls(whole, beside, RULES)
     with raises(FabricationError, "overlaps-solid"):
-        piece_checks.dowels_fit(
+        piece_checks.check_dowels_fit(
             whole, halves, [replace(d, diameter=d.diameter + 0.3) for d in dowels]
         )
     with raises(FabricationError, "volume-not-conserved", part="1-bottom"):
-        piece_checks.pieces_add_up(whole, halves[:1], dowels)
+        piece_checks.check_piece_volumes(whole, halves[:1], dowels)
     line = plane.origin - np.array([[3.0], [1.0]]) * plane.normal
     line[:, 2] = 4.0
     plug = triangle_kernel.tube(line, np.array([0, 0, 1.0]), 30.0)
     plugged = triangle_kernel.to_manifold(halves[0].surface, "") + plug
     plugged = replace(halves[0], surface=triangle_kernel.to_surface(plugged))
     with raises(FabricationError, "channel-blocked", what="cord flat"):
-        piece_checks.crossings(made, whole, [plugged, halves[1]], plane, RULES)
+        piece_checks.check_crossings(made, whole, [plugged, halves[1]], plane, RULES)
 
 
 def test_every_pin_and_number_belongs_to_the_piece_it_is_in(split):
@@ -175,11 +175,11 @@ def test_a_part_too_high_that_cannot_be_cut_lies_on_another_side(standing):
     tall = [p.name for p in standing.parts]
     no_room = replace(RULES, wall=14.0)
     low = (100.0, 100.0, 60.0)
-    assert not any(fits(laid(p.surface, p.down), low) for p in standing.parts)
+    assert not any(fits_bed(lay_flat(p.surface, p.down), low) for p in standing.parts)
     done = split_long_parts(standing, low, no_room)
     assert [p.name for p in done.made.parts] == tall
     for before, after in zip(standing.parts, done.made.parts, strict=True):
-        assert fits(laid(after.surface, after.down), low)
+        assert fits_bed(lay_flat(after.surface, after.down), low)
         assert after.surface is before.surface
     assert len(done.notes) == len(tall)
     assert all(name in note for name, note in zip(tall, done.notes, strict=True))

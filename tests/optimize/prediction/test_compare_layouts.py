@@ -14,7 +14,7 @@ from defsense_fab.store.layout import (
 )
 from defsense_fab.store.layout import load_weighed, save_weighed, WeighedCords
 from defsense_fab.optimize.prediction.compare_layouts import FULL, SIMPLE, weighed_layouts
-from defsense_fab.optimize.prediction.preference import preferred
+from defsense_fab.optimize.prediction.choose_layout import preferred
 
 from defsense_fab.core.errors import StorageError
 from tests.twin.conftest import small_bar as small_bar_fixture

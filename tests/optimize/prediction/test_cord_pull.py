@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from defsense_fab.workflow.build.stage_fabricate import _warnings
-from defsense_fab.optimize.prediction.cord_pull import pulls
+from defsense_fab.optimize.prediction.assembly_effects import pulls
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.mechanics.elements.point_location import PointLocator

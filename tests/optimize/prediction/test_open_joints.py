@@ -3,7 +3,11 @@
 from types import SimpleNamespace
 
 import numpy as np
-from defsense_fab.optimize.prediction.open_joints import least_across, LEAST_OPEN, overstretched
+from defsense_fab.optimize.prediction.assembly_effects import (
+    least_across,
+    LEAST_OPEN,
+    overstretched,
+)
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.sensing.built_cord import BuiltCord

@@ -10,9 +10,9 @@ import pytest
 from defsense_fab.store.fields import load_levels
 from defsense_fab.store.mesh import load_mesh, load_mesh_record, load_region_nodes, save_mesh
 from defsense_fab.workflow.build import stage_simulate
-from defsense_fab.optimize.prediction import pose_ramp
+from defsense_fab.optimize.prediction import pose_preview
 from defsense_fab.optimize.prediction.pose_preview import coarse_mesh, load_preview, PosePreview
-from defsense_fab.optimize.prediction.pose_ramp import followed_ramp, simulated_ramp, unreached
+from defsense_fab.optimize.prediction.pose_preview import followed_ramp, simulated_ramp, unreached
 
 from defsense_fab.core.device.device import PointDrag
 from defsense_fab.core.device.device_file import load_device
@@ -175,7 +175,7 @@ def test_a_ramp_leaves_out_what_lies_before_rest_and_beyond_the_pose(
     folder, bend = simulated.source / "build", simulated.poses[0]
     levels = load_levels(folder, bend.name)
     more = {-0.5: -levels[0.5], **levels, 1.2: 1.2 * levels[1.0]}
-    monkeypatch.setattr(pose_ramp, "load_levels", lambda *_: more)
+    monkeypatch.setattr(pose_preview, "load_levels", lambda *_: more)
     ramp = simulated_ramp(folder, preview, bend, preview.edit(bend).moved)
     assert ramp.shares.tolist() == [0.25, 0.5, 0.75, 1.0]
     assert np.abs(ramp.at(0.0)).max() == 0

@@ -9,7 +9,7 @@ import numpy as np
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.storage.typed_json import to_json
-from defsense_fab.geometry.channels.cord_assembly import find_late_joints, stretches
+from defsense_fab.geometry.channels.cord_assembly import find_late_joints, find_stretches
 from defsense_fab.store.manifest import (
     CordEnd,
     CordStretch,
@@ -23,7 +23,7 @@ from defsense_fab.store.manifest import (
     WireRecord,
 )
 from defsense_fab.workflow.build.cut_list import last_end
-from tests.places import BAR
+from tests.support.places import BAR
 
 _SIZE, _FERRULE = 60.0, 7.0
 _BOX = np.array([[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
@@ -127,7 +127,7 @@ def _pins(low, high, names, axis):
 def _cord(k, line, surfaces, joints, within, kinds, assembly):
     own = [j for j, axis in enumerate(within) if axis == k]
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    lies = stretches(line, np.eye(3)[k], 1.1, surfaces, joints, own) if own else ()
+    lies = find_stretches(line, np.eye(3)[k], 1.1, surfaces, joints, own) if own else ()
     drawn = find_late_joints(lies, joints)
     ends = []
     for end, kind in enumerate(kinds):
@@ -137,7 +137,7 @@ def _cord(k, line, surfaces, joints, within, kinds, assembly):
         if kind == "bend" and own:
             inner = line[8 if end == 0 else -9]
             path = np.stack([inner, inner + 0.3 * (at - inner) + 2 * np.eye(3)[(k + 2) % 3]])
-            found = stretches(path, np.eye(3)[k], 0.6, surfaces, joints, own)
+            found = find_stretches(path, np.eye(3)[k], 0.6, surfaces, joints, own)
             where = tuple(dict.fromkeys(s.joint for s in found))
         wire = WireRecord(kind, 6.0 if path is not None else 0.0, path, None, None, where)
         ends.append(CordEnd("free" if kind == "outside" else "pocket", depth, at,

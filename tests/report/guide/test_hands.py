@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import pytest
 
-from benchmarks.follow_guide.__main__ import followed
-from benchmarks.follow_guide.hands import Hands
+from tests.support.follow_guide.__main__ import followed
+from tests.support.follow_guide.hands import Hands
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.report.guide.guide_file import plain_steps
 from defsense_fab.report.guide.hands.actions import Action, Kind

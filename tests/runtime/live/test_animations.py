@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 from defsense_fab.runtime.live.animations import Animations
-from defsense_fab.runtime.live.panel_links import latency, record_button
+from defsense_fab.runtime.live.live_run import latency, record_button
 from defsense_fab.runtime.live.run_folder import RunFolder
 
 from defsense_fab.core.errors import LiveError, StorageError

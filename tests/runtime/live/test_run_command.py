@@ -197,7 +197,7 @@ def test_what_controls_cannot_be_names_their_file(device, tmp_path):
 
 def test_a_recording_of_the_flag_is_the_button_s_too(device, tmp_path):
     """And the panel gets what it asks the loop for."""
-    from defsense_fab.runtime.live.panel_links import follow, panel_actions
+    from defsense_fab.runtime.live.live_run import follow, panel_actions
 
     board, out = recorded(tmp_path / "board.csv", 2.0), tmp_path / "a.npz"
     options = RunOptions(f"replay:{board}", reference=REFERENCE, rest=R0, animation=out)

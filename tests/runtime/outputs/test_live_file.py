@@ -18,7 +18,7 @@ from defsense_fab.runtime.outputs.settings import (
     OscSettings,
     WebSocketSettings,
 )
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.runtime.live_frames import frame, wait_for
 
 WHOLE = """

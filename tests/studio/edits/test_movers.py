@@ -16,7 +16,7 @@ from defsense_fab.studio.edits.movers import (
     stiffen_drag,
 )
 from defsense_fab.studio.edits.poses import drag_point
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.studio.devices import TEXT, write_device
 
 AT, OTHER = np.array([75.0, 0, 15]), np.array([80.0, 0, 15])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 
-from tests.places import ROOT
+from tests.support.places import ROOT
 
 #: What runs a body's script, by the module that it is imported from.
 RUNS = {

@@ -14,7 +14,7 @@ from defsense_fab.training.data.dataset_assembly import (
     select_channels,
 )
 
-from ...errors import raises
+from ...support.errors import raises
 from ..synthetic import CHANNELS, IDS, REST, dataset, recording
 
 # What cameras hardly know is left out, by what they say themselves.

@@ -11,7 +11,7 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset_assembly import exclude
 from defsense_fab.training.data.dataset_checks import check_dataset, require_trainable
 from defsense_fab.training.data.time_alignment import find_time_shift, shift_samples
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, dataset, recording
 
 

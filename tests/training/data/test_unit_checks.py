@@ -12,7 +12,7 @@ from defsense_fab.training.data.unit_checks import (
     check_resistance_unit,
     check_units,
 )
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.training.synthetic import dataset
 
 

@@ -12,14 +12,14 @@ from defsense_fab.training.evaluation.corrections import RIDGES, fit_features, r
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import sample_noise
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.training import soft_bar as bar
 
 
 @pytest.fixture(scope="module")
 def model():
     """Right to 0.1 mm on clean recordings."""
-    return bar.trained(bar.dataset(bar.recording(90)), bar.quadratic)
+    return bar.trained(bar.dataset(bar.recording(90)), bar.quadratic_features)
 
 
 def found(model, **causes):
@@ -48,7 +48,9 @@ def test_a_cause_alone_is_found(model, cause, causes, least):
 
 def test_noise_of_the_read_out_is_found():
     """Of a model that was trained with it: its trained range is as wide."""
-    noisy = bar.trained(bar.dataset(bar.recording(90, noise=0.004)), bar.quadratic, noise=0.004)
+    noisy = bar.trained(
+        bar.dataset(bar.recording(90, noise=0.004)), bar.quadratic_features, noise=0.004
+    )
     out = found(noisy, noise=0.004)
     assert out.shares[budget.READ_OUT] == pytest.approx(out.total, rel=0.1)
     assert abs(out.shares[budget.UNEXPLAINED]) < 0.1 * out.total
@@ -64,7 +66,9 @@ def test_noise_beyond_the_trained_range_counts_once(model):
 def test_gains_that_bring_frames_out_of_the_trained_range_are_found():
     """They are not poses that were never seen: with the gains corrected, they were."""
     causes = {"noise": 0.002, "sigma": 0.15, "memory": 0.3}
-    model = bar.trained(bar.dataset(bar.recording(120, **causes)), bar.quadratic, noise=0.002)
+    model = bar.trained(
+        bar.dataset(bar.recording(120, **causes)), bar.quadratic_features, noise=0.002
+    )
     data = bar.dataset(bar.recording(60, seed=5, drift=0.03, gain=(1.1, 1, 0.9), **causes))
     assert evaluate(model, data).outside.frames > 1000
     out = budget.error_budget(model, data)

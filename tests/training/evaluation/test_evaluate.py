@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.decoding.expected_errors import measure
+from defsense_fab.decoding.expected_errors import measure_errors
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import velocities
 from defsense_fab.training.regression.frames import Frames, split_frames
-from tests.errors import raises
+from tests.support.errors import raises
 from tests.training import soft_bar as bar
 
 
@@ -29,7 +29,7 @@ def test_without_gaps_the_measures_are_those_of_the_design(model):
     found = evaluate(model, data)
     r = data.recordings[0]
     said = model.decode(r.sample_time, r.signals, r.time).points
-    expected = measure(said, r.points, np.full(6, 1 / 6))
+    expected = measure_errors(said, r.points, np.full(6, 1 / 6))
     assert found.total.rmse == pytest.approx(expected.rmse, rel=1e-12)
     assert found.total.peak == pytest.approx(expected.peak, rel=1e-12)
     assert found.total.average_peak == pytest.approx(expected.average_peak, rel=1e-12)

@@ -18,7 +18,7 @@ from defsense_fab.training.evaluation.model_comparison import (
     compare,
     compare_pairs,
 )
-from tests.errors import raises
+from tests.support.errors import raises
 
 NAMES = ("a", "b", "c")
 

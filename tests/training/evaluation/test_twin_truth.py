@@ -26,7 +26,9 @@ def session(tmp_path):
 
 
 def test_causes_that_were_put_in_are_found_and_add_up(session):
-    model = bar.trained(bar.dataset(bar.recording(90, **CAUSES)), bar.quadratic, noise=0.004)
+    model = bar.trained(
+        bar.dataset(bar.recording(90, **CAUSES)), bar.quadratic_features, noise=0.004
+    )
     found = budget_of_truth(model, session, 1.0)
     assert found is not None
     assert found.total == pytest.approx(evaluate(model, session).total.rmse ** 2)

@@ -11,7 +11,7 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.fitting.recalibration import recalibrate
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from tests.errors import raises
+from tests.support.errors import raises
 
 from ..conftest import Maker
 

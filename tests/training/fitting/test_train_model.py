@@ -13,7 +13,7 @@ from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
 from defsense_fab.training.regression.frames import Frames, split_frames
 from defsense_fab.training.regression.weighted_ridge import INPUT_NOISES
-from tests.errors import raises
+from tests.support.errors import raises
 
 from ..conftest import Maker
 

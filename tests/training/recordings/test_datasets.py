@@ -14,7 +14,7 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.markers import write_markers_file
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
 from defsense_fab.training.recordings.datasets import load_datasets
-from tests.places import BAR
+from tests.support.places import BAR
 from tests.training.recordings.files_of_others import markers, tracks_of, write_signals
 from tests.training.recordings.xdf_writer import stream, write_xdf
 from tests.training.synthetic import CHANNELS, IDS, REST, dataset, recording

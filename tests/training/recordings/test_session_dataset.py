@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import memory
 from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.core.device.device_file import load_device
@@ -20,7 +19,8 @@ from defsense_fab.training.recordings.session_dataset import session_dataset
 from defsense_fab.workflow.sessions import processing
 from defsense_fab.workflow.sessions.processing import process_session
 from tests.core.records.layouts import layout
-from tests.places import BAR
+from tests.support import memory
+from tests.support.places import BAR
 
 SECONDS = 14.0
 SAMPLES, FRAMES = 60.0, (30.0, 15.0)  # Hz

@@ -17,7 +17,7 @@ from defsense_fab.training.regression.simulation_prior import (
     measure_coverage,
     predict_signals,
 )
-from tests.errors import raises
+from tests.support.errors import raises
 
 from ..conftest import Maker
 

@@ -11,7 +11,7 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.workflow.build import body_sources
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.stages import STAGES, stage_keys
-from tests.places import BAR
+from tests.support.places import BAR
 
 HEAD = "import json, os, pathlib, subprocess\nimport build123d as bd\n"
 HERE = "here = pathlib.Path(__file__).parent\n"

@@ -34,7 +34,7 @@ from defsense_fab.store.layout import load_layout
 from defsense_fab.store.manifest import load_manifest, load_part
 from defsense_fab.workflow.build import stage_fabricate, stage_report
 from defsense_fab.workflow.build.stage_optimize import _as_kept, _uncalibrated
-from tests.places import BAR
+from tests.support.places import BAR
 
 
 def snapshot(folder):

@@ -10,7 +10,7 @@ import pytest
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.workflow.build.export import _files
-from tests.places import BAR
+from tests.support.places import BAR
 
 
 @pytest.fixture

@@ -20,8 +20,8 @@ from defsense_fab.workflow.build.build import build, build_body, first_outdated,
 from defsense_fab.workflow.build.export import export
 from defsense_fab.workflow.build.options import BuildOptions, recorded_options
 from tests.conftest import box_surface
-from tests.errors import raises
-from tests.places import DEVICES
+from tests.support.errors import raises
+from tests.support.places import DEVICES
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.workflow.build import mesh_density
 from defsense_fab.workflow.build.mesh_density import Trial, choose, estimate, probing_lines
-from tests.places import BAR
+from tests.support.places import BAR
 
 
 def test_richardson_finds_the_limit_of_a_known_order():

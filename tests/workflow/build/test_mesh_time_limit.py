@@ -12,7 +12,7 @@ from defsense_fab.geometry.printing.export import write_stl
 from defsense_fab.workflow.build import stage_mesh
 from defsense_fab.workflow.build.build import build
 from tests.conftest import box_surface
-from tests.places import DEVICES
+from tests.support.places import DEVICES
 
 
 @pytest.fixture

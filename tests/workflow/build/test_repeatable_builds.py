@@ -9,7 +9,7 @@ from defsense_fab.cli.main import main
 from defsense_fab.geometry.bodies.meshing import tetrahedra
 from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, plan_methods
 from defsense_fab.geometry.kernels import occ
-from tests.places import BAR
+from tests.support.places import BAR
 
 SMALL = ("edge_length = 6.0", "edge_length = 15.0"), ("0.25, 0.5, 0.75, 1.0", "1.0")
 

@@ -20,7 +20,7 @@ from defsense_fab.core.progress import silent
 from defsense_fab.workflow.cameras import recorded_views
 from defsense_fab.workflow.cameras.live_views import arrange_live, calibrate_live, check_live
 from tests.twin.film import Shutter
-from tests.twin.films import BOARD, LEFT, RIGHT, command, held, images, take, told
+from tests.support.films import BOARD, command, held, images, LEFT, RIGHT, take, told
 
 POSES, RATE = 14, 10.0
 

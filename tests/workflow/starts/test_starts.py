@@ -22,7 +22,7 @@ from defsense_fab.workflow.starts.first_device import FirstDevice, begin_from, u
 from defsense_fab.workflow.starts.starting_devices import STARTS, begin_with
 from defsense_fab.workflow.starts.units import UNITS, likely_unit
 from tests.conftest import box_surface
-from tests.places import DEVICES
+from tests.support.places import DEVICES
 
 
 def dropped(unit="mm", suffix=".stl"):

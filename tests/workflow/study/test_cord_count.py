@@ -17,7 +17,7 @@ from defsense_fab.core.errors import LayoutError
 from defsense_fab.workflow.study import cord_count
 from defsense_fab.workflow.study.cord_count import FILE, studied_layouts, study_folder, study_key
 from defsense_fab.workflow.study.cord_count_file import Row, chain, read_rows, write_rows
-from tests.places import BAR
+from tests.support.places import BAR
 
 
 def row(begun, sensors):

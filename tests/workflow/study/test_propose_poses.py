@@ -18,7 +18,7 @@ from defsense_fab.workflow.study.propose_poses import (
     as_toml,
     continued,
 )
-from tests.places import BAR
+from tests.support.places import BAR
 
 MODE = Mode(12.345, np.zeros((1, 3)), "bend", 1)
 ORIGIN, AXIS, FREE = (

@@ -28,7 +28,7 @@ from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.markers import Tracks
 from tests.capture.sessions import capture_rig as rig
-from tests.places import ROOT
+from tests.support.places import ROOT
 
 TAGS = np.arange(6)
 KILLS = int(os.environ.get("DEFSENSE_KILLS", "2"))

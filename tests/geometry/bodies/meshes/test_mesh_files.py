@@ -10,10 +10,10 @@ import pytest
 from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.mesh_files import kind_of_file
+from defsense_fab.geometry.bodies.mesh_files import detect_format
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
 from tests.conftest import box_surface
-from tests.errors import raises
+from tests.support.errors import raises
 
 BOX = box_surface([0, 0, 0], [40, 20, 10])
 SIZES = (1.0, 1e4)
@@ -59,7 +59,7 @@ def glb(surface):
 def test_off_is_read_whatever_its_name(tmp_path):
     path = tmp_path / "box.obj"
     path.write_bytes(b"# by hand\n" + off(BOX))
-    assert kind_of_file(path.read_bytes()) == ".off"
+    assert detect_format(path.read_bytes()) == ".off"
     surface, told, _ = read_mesh(path, 2.0, SIZES)
     assert surface.volume == pytest.approx(8 * 8000)
     assert len(told) == 1
@@ -91,7 +91,7 @@ def test_of_tetrahedra_the_boundary_is_taken(kind, tmp_path):
     path = tmp_path / f"a.{kind}"
     formats = {"msh": "gmsh", "vtu": "vtu", "mesh": "medit"}
     meshio.write(path, meshio.Mesh(points, [("tetra", tets)]), formats[kind])
-    assert kind_of_file(path.read_bytes()) == f".{kind}"
+    assert detect_format(path.read_bytes()) == f".{kind}"
     surface, _, _ = read_mesh(path, 1.0, SIZES)
     assert len(surface.faces) == 6
     assert surface.volume == pytest.approx(4500 + 9000)

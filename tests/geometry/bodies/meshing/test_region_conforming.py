@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.regions import Box, Cylinder, HalfSpace, Sphere
-from defsense_fab.geometry.bodies.meshing.region_conforming import _EDGES, _quality, conform
+from defsense_fab.geometry.bodies.meshing.region_conforming import (
+    TET_EDGES,
+    conform_to_regions,
+    tet_quality,
+)
 from tests.conftest import structured_bar
 
 SHAPES = {
@@ -24,7 +28,7 @@ def mesh(request, bar_mesh):
 
 def crossings(mesh, shape):
     """How many edges leave the shape from strictly inside it."""
-    edges = np.unique(np.sort(mesh.tets[:, _EDGES].reshape(-1, 2), axis=1), axis=0)
+    edges = np.unique(np.sort(mesh.tets[:, TET_EDGES].reshape(-1, 2), axis=1), axis=0)
     inside = shape.contains(mesh.nodes)
     edges = edges[inside[edges[:, 0]] != inside[edges[:, 1]]]
     a = np.where(inside[edges[:, 0]], edges[:, 0], edges[:, 1])
@@ -36,7 +40,7 @@ def crossings(mesh, shape):
 @pytest.mark.parametrize("name", SHAPES)
 def test_regions_end_where_they_say(mesh, name):
     shape = SHAPES[name]
-    made = conform(mesh, [shape])
+    made = conform_to_regions(mesh, [shape])
     assert crossings(mesh, shape) > 10
     # A ball or rod as thin as a tet leaves no room to move to; flat borders nearly always do.
     left = 0.15 if name in ("box", "half_space") else 0.5
@@ -46,31 +50,31 @@ def test_regions_end_where_they_say(mesh, name):
     low, high = mesh.nodes.min(0), mesh.nodes.max(0)
     assert (made.nodes >= low - 1e-9).all()
     assert (made.nodes <= high + 1e-9).all()
-    assert _quality(made.nodes[made.tets]).min() > min(
-        0.19, 0.79 * _quality(mesh.nodes[mesh.tets]).min()
+    assert tet_quality(made.nodes[made.tets]).min() > min(
+        0.19, 0.79 * tet_quality(mesh.nodes[mesh.tets]).min()
     )
 
 
 def test_a_region_that_fits_already_moves_nothing(mesh):
     whole = Box(np.full(3, -1e3), np.full(3, 1e3))
-    assert (conform(mesh, [whole]).nodes == mesh.nodes).all()
-    assert (conform(mesh, []).nodes == mesh.nodes).all()
+    assert (conform_to_regions(mesh, [whole]).nodes == mesh.nodes).all()
+    assert (conform_to_regions(mesh, []).nodes == mesh.nodes).all()
 
 
 def test_the_order_of_the_shapes_does_not_matter(mesh):
     """Two borders less than an edge apart want the same nodes."""
     near = [SHAPES["box"], Box(np.array([-1, -16, -16]), np.array([36.0, 16, 16])),
             Sphere(np.array([30.0, 0, 0]), 11.0)]  # fmt: skip
-    one, other = conform(mesh, near), conform(mesh, near[::-1])
+    one, other = conform_to_regions(mesh, near), conform_to_regions(mesh, near[::-1])
     assert one.digest == other.digest
-    assert (one.nodes != conform(mesh, near[:1]).nodes).any()
+    assert (one.nodes != conform_to_regions(mesh, near[:1]).nodes).any()
 
 
 def test_a_slab_inside_a_face_does_not_bend_the_body():
     """A thin region about a flat face, as a plane of symmetry asks for: creases stay."""
     mesh = structured_bar([0, -15, -15], [150, 15, 15], (15, 3, 3))
     slab = Box(np.array([-1, -15.2, -16]), np.array([151, -14.8, 16]))
-    made = conform(mesh, [slab])
+    made = conform_to_regions(mesh, [slab])
     assert made.boundary().volume == pytest.approx(mesh.boundary().volume, rel=1e-9)
     flat = np.abs(mesh.nodes[:, 1] + 15) < 1e-9
     assert (made.nodes[flat] == mesh.nodes[flat]).all()

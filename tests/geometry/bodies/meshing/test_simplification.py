@@ -6,21 +6,25 @@ import trimesh
 
 from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
-from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch
+from defsense_fab.geometry.bodies.meshing.mesh_quality import measure_quality
+from defsense_fab.geometry.bodies.meshing.meshers import RunMonitor
 from defsense_fab.geometry.bodies.meshing.simplification import (
+    find_triangle_pairs,
     is_creased,
     is_fine,
-    pairs,
-    simplified,
+    simplify_surface,
 )
 from defsense_fab.geometry.bodies.meshing.surface_process import (
-    remeshed_in_time,
-    simplified_in_time,
+    remesh_in_time,
+    simplify_in_time,
 )
-from defsense_fab.geometry.bodies.meshing.surface_remeshing import _split, remeshed, voxel_surface
+from defsense_fab.geometry.bodies.meshing.surface_remeshing import (
+    _split_edges,
+    remesh_on_grid,
+    remesh_surface,
+)
 from defsense_fab.geometry.bodies.meshing.tetrahedra import NETGEN, tetrahedralize
-from tests.errors import raises
+from tests.support.errors import raises
 
 
 def surface(mesh):
@@ -57,7 +61,7 @@ def bean():
 
 def test_a_fine_surface_is_simplified_within_what_is_told(bean):
     assert is_fine(bean, 6.0)
-    made = simplified(bean, 6.0)
+    made = simplify_surface(bean, 6.0)
     assert len(made.surface.faces) < 0.6 * len(bean.faces)
     assert closed(made.surface)
     assert 0 < made.deviation <= made.tolerance == pytest.approx(0.3)
@@ -67,12 +71,12 @@ def test_a_fine_surface_is_simplified_within_what_is_told(bean):
 @pytest.mark.slow
 def test_the_mesh_of_a_fine_body_has_laid_triangles_and_is_repeatable(bean):
     made = tetrahedralize(bean, 6.0)
-    assert made.way == "Netgen on triangles laid afresh"
+    assert made.way == "Netgen on remeshed triangles"
     assert made.mesher == NETGEN
     assert made.repeatable
     assert made.surface.of == len(bean.faces)
     assert made.surface.deviation <= made.surface.tolerance
-    found = quality(made.mesh, bean)
+    found = measure_quality(made.mesh, bean)
     assert found.min_dihedral > 5
     assert abs(found.volume_change) < 2e-3
     assert furthest(made.mesh.boundary(), bean) < 0.2 * 6.0
@@ -80,7 +84,7 @@ def test_the_mesh_of_a_fine_body_has_laid_triangles_and_is_repeatable(bean):
 
 
 def test_triangles_laid_afresh_are_even_and_lie_on_the_surface(bean):
-    laid = remeshed(bean, 6.0)
+    laid = remesh_surface(bean, 6.0)
     assert closed(laid)
     corners = laid.vertices[laid.faces]
     sides = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2)
@@ -92,9 +96,9 @@ def test_triangles_laid_afresh_are_even_and_lie_on_the_surface(bean):
     assert away(laid.vertices, bean).max() < 1e-4
 
 
-def test_a_coarse_surface_is_split_without_gaps():
+def test_a_coarse_surface_is_split_edges_without_gaps():
     ball = surface(trimesh.creation.icosphere(1, 30))
-    v, f = _split(ball.vertices, ball.faces, 5.0)
+    v, f = _split_edges(ball.vertices, ball.faces, 5.0)
     made = Surface(v, f)
     assert closed(made)
     assert made.volume == pytest.approx(ball.volume)
@@ -109,7 +113,7 @@ def test_sharp_edges_and_long_triangles_are_no_fine_surface():
     assert len(fine.faces) > 20_000
     assert is_creased(fine)
     assert not is_fine(fine, 8.0)
-    assert simplified(fine, 8.0).surface is fine
+    assert simplify_surface(fine, 8.0).surface is fine
 
 
 def test_noise_is_no_sharp_edge(bean):
@@ -121,24 +125,24 @@ def test_noise_is_no_sharp_edge(bean):
 
 def test_a_grid_of_distances_gives_a_closed_surface_of_a_holed_one(bean):
     holed = Surface(bean.vertices, bean.faces[300:])
-    made = voxel_surface(holed, 6.0)
+    made = remesh_on_grid(holed, 6.0)
     assert closed(made)
     assert made.volume == pytest.approx(bean.volume, rel=0.02)
 
 
 def test_what_is_long_runs_in_a_process_of_its_own_and_is_stopped_in_time(bean):
     told = []
-    watch = Watch(60.0, told.append, "laid afresh", 1.0, "nothing")
-    laid = remeshed_in_time(bean, 6.0, watch)
-    here = remeshed(bean, 6.0)
+    watch = RunMonitor(60.0, told.append, "laid afresh", 1.0, "nothing")
+    laid = remesh_in_time(bean, 6.0, watch)
+    here = remesh_surface(bean, 6.0)
     assert (laid.vertices == here.vertices).all()
     assert (laid.faces == here.faces).all()
     with raises(MeshingError, "time-limit-exceeded"):
-        simplified_in_time(bean, 6.0, Watch(0.05, told.append, "own", 1.0, "nothing"))
+        simplify_in_time(bean, 6.0, RunMonitor(0.05, told.append, "own", 1.0, "nothing"))
 
 
 def test_pairs_name_both_triangles():
     faces = np.array([[0, 1, 2], [2, 1, 3]])
-    a, b, left, right = pairs(faces)
+    a, b, left, right = find_triangle_pairs(faces)
     assert (a[0], b[0], left[0], right[0]) == (1, 2, 0, 1)
     assert len(a) == 1

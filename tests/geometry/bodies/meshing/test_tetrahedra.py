@@ -16,12 +16,26 @@ from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.child_process import OUT_OF_MEMORY
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
-from defsense_fab.geometry.bodies.meshing import ftetwild, mesh_quality, netgen, tetrahedra
-from defsense_fab.geometry.bodies.meshing.mesh_quality import facet_gaps, fit_boundary, quality
-from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, raise_told, run, tidy
-from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, NETGEN, tetrahedralize, ways
-from tests.errors import raises
-from tests.places import DEVICES
+from defsense_fab.geometry.bodies.meshing import mesh_quality, tetrahedra
+from defsense_fab.geometry.bodies.meshing.mesh_quality import (
+    fit_boundary,
+    measure_facet_gaps,
+    measure_quality,
+)
+from defsense_fab.geometry.bodies.meshing.meshers import (
+    RunMonitor,
+    make_mesh,
+    raise_child_error,
+    run_mesher,
+)
+from defsense_fab.geometry.bodies.meshing.tetrahedra import (
+    FTETWILD,
+    NETGEN,
+    plan_methods,
+    tetrahedralize,
+)
+from tests.support.errors import raises
+from tests.support.places import DEVICES
 
 
 def ball(radius, rounds=4):
@@ -70,14 +84,14 @@ def test_another_processor_makes_the_same_mesh(blob):
 def test_a_mesh_made_for_want_of_memory_is_kept_with_the_device(monkeypatch, how):
     """Another machine has more, and would make another mesh."""
 
-    def short(watch):
+    def short(monitor):
         if how == "told":
-            raise_told({"error": OUT_OF_MEMORY}, "Netgen")
+            raise_child_error({"error": OUT_OF_MEMORY}, "Netgen")
         error = MeshingError("was killed", code="process-ended-early", where="Netgen")
         error.is_machine_limit = True
         raise error
 
-    first, *others = ways(ball(10.0, 2), 4.0)
+    first, *others = plan_methods(ball(10.0, 2), 4.0)
     monkeypatch.setattr(tetrahedra, "ways", lambda *_: [replace(first, make=short), *others])
     found = tetrahedralize(ball(10.0, 2), 4.0)
     assert len(found.tried) == 1
@@ -86,7 +100,7 @@ def test_a_mesh_made_for_want_of_memory_is_kept_with_the_device(monkeypatch, how
 
 def test_a_curved_body_keeps_its_volume_and_shape(blob):
     made = tetrahedralize(blob, 7.0)
-    found = quality(made.mesh, blob)
+    found = measure_quality(made.mesh, blob)
     assert abs(found.volume_change) < 0.004
     assert found.boundary_deviation < 0.1 * 7.0
     assert found.min_dihedral > 10
@@ -107,12 +121,12 @@ def test_the_boundary_of_a_coarse_ball_is_fitted():
     the facets are fitted."""
     surface = ball(20.0)
     task = {"edge_length": 8.0, "points": np.zeros((0, 3)), "edges": []}
-    raw = run(netgen, surface, task, Watch(60.0, print, "Netgen", 1.0, "nothing"))
+    raw = run_mesher(NETGEN, surface, task, RunMonitor(60.0, print, "Netgen", 1.0, "nothing"))
     fitted = fit_boundary(raw, surface)
     assert raw.volumes.sum() / surface.volume < 0.97
     assert fitted.volumes.sum() == pytest.approx(surface.volume, rel=5e-3)
-    _, before = facet_gaps(raw, surface)
-    _, after = facet_gaps(fitted, surface)
+    _, before = measure_facet_gaps(raw, surface)
+    _, after = measure_facet_gaps(fitted, surface)
     assert np.sqrt((after**2).mean()) < 0.7 * np.sqrt((before**2).mean())
     inside = np.setdiff1d(np.arange(len(raw.nodes)), raw.boundary().faces)
     np.testing.assert_allclose(fitted.nodes[inside], raw.nodes[inside], rtol=0, atol=1e-9)
@@ -120,9 +134,9 @@ def test_the_boundary_of_a_coarse_ball_is_fitted():
 
 def test_the_second_run_of_a_way_has_what_the_first_left(bar):
     task = {"edge_length": 20.0, "points": np.zeros((0, 3)), "edges": []}
-    watch = Watch(60.0, print, "Netgen", 1.0, "nothing", time.monotonic() - 61.0)
+    watch = RunMonitor(60.0, print, "Netgen", 1.0, "nothing", time.monotonic() - 61.0)
     with raises(MeshingError, "time-limit-exceeded", limit=60.0):
-        run(netgen, bar, task, watch)
+        run_mesher(NETGEN, bar, task, watch)
 
 
 def test_flat_faces_stay_flat(bar, bar_mesh):
@@ -140,7 +154,7 @@ def test_no_tet_turns_over_while_the_boundary_is_fitted(seed):
     )
     middle = np.append(surface.vertices, np.zeros((1, 3)), axis=0)
     tets = np.column_stack([surface.faces, np.full(len(surface.faces), len(middle) - 1)])
-    mesh = fit_boundary(tidy(middle, tets), far)
+    mesh = fit_boundary(make_mesh(middle, tets), far)
     assert mesh.volumes.min() > 0
 
 
@@ -152,7 +166,8 @@ def only(monkeypatch, mesher):
             raise MeshingError("nothing was made", code="no-tets", action="Repair it")
 
         return [
-            w if w.mesher == mesher else replace(w, make=fails) for w in ways(surface, edge_length)
+            w if w.mesher == mesher else replace(w, make=fails)
+            for w in plan_methods(surface, edge_length)
         ]
 
     monkeypatch.setattr(tetrahedra, "ways", planned)
@@ -175,18 +190,18 @@ def test_when_every_way_fails_all_of_them_are_told(blob, monkeypatch):
     with raises(MeshingError, "no-mesh") as caught:
         tetrahedralize(blob, 9.0)
     tried = caught.value.data["tried"]
-    assert len(tried) == len(ways(blob, 9.0))
-    for way, reason in zip(ways(blob, 9.0), tried, strict=True):
-        assert way.says in reason
+    assert len(tried) == len(plan_methods(blob, 9.0))
+    for way, reason in zip(plan_methods(blob, 9.0), tried, strict=True):
+        assert way.name in reason
         assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("error", [RuntimeError("bad\nfacet"), ValueError("x"), MemoryError()])
 def test_what_a_library_raises_leads_to_the_next_way(bar, monkeypatch, error):
-    planned = ways(bar, 14.0)
+    planned = plan_methods(bar, 14.0)
 
-    def fail(watch):
+    def fail(monitor):
         raise error
 
     first = replace(planned[0], make=fail)
@@ -206,15 +221,15 @@ def test_a_mesh_after_one_that_was_stopped_may_be_another_elsewhere(bar, monkeyp
     """How far a mesher comes within a time depends on the machine."""
 
     def planned(surface, edge_length):
-        first = ways(surface, edge_length)[0]
+        first = plan_methods(surface, edge_length)[0]
         return [replace(first, share=1e-9), first]
 
     monkeypatch.setattr(tetrahedra, "ways", planned)
     made = tetrahedralize(bar, 14.0)
     assert made.stopped
     assert not made.repeatable
-    assert made.outgrown(MeshSpec.time_limit + 1)
-    assert not made.outgrown(MeshSpec.time_limit)
+    assert made.is_outgrown(MeshSpec.time_limit + 1)
+    assert not made.is_outgrown(MeshSpec.time_limit)
     assert len(made.tried) == 1
 
 
@@ -231,15 +246,15 @@ def test_ftetwild_that_is_not_installed_is_told(bar, monkeypatch, tmp_path):
     """As on Macs with Intel."""
     (tmp_path / "pytetwild.py").write_text("raise ImportError('no wheel')")
     monkeypatch.syspath_prepend(tmp_path)
-    watch = Watch(60.0, lambda _: None, "fTetWild", 1.0, "nothing")
+    watch = RunMonitor(60.0, lambda _: None, "fTetWild", 1.0, "nothing")
     task = {"edge_length": 14.0, "epsilon": 1e-3}
     with raises(MeshingError, "mesher-missing", mesher="fTetWild", reason="no wheel"):
-        run(ftetwild, bar, task, watch)
+        run_mesher(FTETWILD, bar, task, watch)
 
 
 def test_a_mesh_that_is_not_sound_is_refused(bar, monkeypatch):
     made = tetrahedralize(bar, 12.0)
     assert made.mesher == NETGEN
-    monkeypatch.setattr(mesh_quality, "_SHARPEST", 60.0)
+    monkeypatch.setattr(mesh_quality, "MIN_DIHEDRAL_DEG", 60.0)
     with raises(MeshingError, "tet-too-flat"):
-        mesh_quality.checked(made.mesh, bar, 12.0)
+        mesh_quality.check_mesh(made.mesh, bar, 12.0)

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from benchmarks.defective_bodies import creature
-from defsense_fab.geometry.bodies.repair.crossings import crossing_pairs
+from defsense_fab.geometry.bodies.repair.crossings import find_crossing_pairs
+from tests.support.defective_bodies import creature
 
 
 def by_vtk(v, f):
@@ -28,7 +28,7 @@ def by_vtk(v, f):
 def test_pairs_are_those_that_another_program_finds(shake):
     v, f = creature(2)
     v = v + np.random.default_rng(3).normal(size=v.shape) * shake
-    pairs = crossing_pairs(v, f)
+    pairs = find_crossing_pairs(v, f)
     found = {tuple(sorted(p)) for p in pairs.tolist() if not set(f[p[0]]) & set(f[p[1]])}
     expected = by_vtk(v, f)
     assert found == expected
@@ -37,6 +37,6 @@ def test_pairs_are_those_that_another_program_finds(shake):
 
 def test_triangles_with_a_common_corner_cross_where_an_edge_goes_through():
     v = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [2, 1, 1], [2, 1, -1], [2, 1, 0.5]], float)
-    assert crossing_pairs(v, np.array([[0, 1, 2], [0, 3, 4]])).tolist() in ([[0, 1]], [[1, 0]])
-    assert not len(crossing_pairs(v, np.array([[0, 1, 2], [0, 3, 5]])))
-    assert not len(crossing_pairs(v, np.array([[0, 1, 2], [0, 1, 4]])))  # a common edge
+    assert find_crossing_pairs(v, np.array([[0, 1, 2], [0, 3, 4]])).tolist() in ([[0, 1]], [[1, 0]])
+    assert not len(find_crossing_pairs(v, np.array([[0, 1, 2], [0, 3, 5]])))
+    assert not len(find_crossing_pairs(v, np.array([[0, 1, 2], [0, 1, 4]])))  # a common edge

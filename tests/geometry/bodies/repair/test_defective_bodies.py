@@ -5,7 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks.defective_bodies import (
+from defsense_fab.core.errors import BodyError
+from defsense_fab.geometry.bodies.mesh_repair import repair_mesh
+from defsense_fab.geometry.bodies.repair.crossings import find_crossing_pairs
+from tests.conftest import box_surface
+from tests.support.defective_bodies import (
     BODIES,
     Defective,
     creature,
@@ -13,11 +17,7 @@ from benchmarks.defective_bodies import (
     sampled_distance,
     volume_of,
 )
-from defsense_fab.core.errors import BodyError
-from defsense_fab.geometry.bodies.mesh_repair import repair
-from defsense_fab.geometry.bodies.repair.crossings import crossing_pairs
-from tests.conftest import box_surface
-from tests.errors import raises
+from tests.support.errors import raises
 
 DETAIL = {"genus": 4, "overlap": 4}  # faceted so finely that they are their round originals
 BOX = box_surface([0, 0, 0], [40, 20, 10])
@@ -30,7 +30,7 @@ def sound(v, f):
     edges, count = np.unique(directed, axis=0, return_counts=True)
     assert (count == 1).all()
     assert (np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)[1] == 2).all()
-    assert not len(crossing_pairs(v, f))
+    assert not len(find_crossing_pairs(v, f))
     points = np.random.default_rng(0).uniform(v.min(0) - 2, v.max(0) + 2, (60, 3))
     winding = exact_winding(v, f, points)
     assert np.abs(winding - np.round(winding)).max() < 1e-6
@@ -51,7 +51,7 @@ def told_move(done):
 )  # fmt: skip
 def test_defects_are_repaired(name):
     body = BODIES[name](DETAIL.get(name, 3), 2)
-    v, f, done = repair(body.vertices, body.faces, name, fill_cavities=True)
+    v, f, done = repair_mesh(body.vertices, body.faces, name, fill_cavities=True)
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
     assert done
@@ -61,7 +61,7 @@ def test_defects_are_repaired(name):
 @pytest.mark.parametrize("seed", range(2))
 def test_crossings_move_the_surface_no_further_than_is_told(seed):
     body = BODIES["crossings"](3, seed)
-    v, f, done = repair(body.vertices, body.faces, "x")
+    v, f, done = repair_mesh(body.vertices, body.faces, "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
     told = told_move(done)
@@ -75,13 +75,13 @@ def test_crossings_move_the_surface_no_further_than_is_told(seed):
 @pytest.mark.slow
 def test_everything_at_once():
     body = BODIES["everything"](3, 0)
-    v, f, _ = repair(body.vertices, body.faces, "x")
+    v, f, _ = repair_mesh(body.vertices, body.faces, "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
 
 
 def test_a_missing_triangle_is_told_as_a_hole_with_its_place():
-    v, f, done = repair(BOX.vertices, BOX.faces[1:], "box")
+    v, f, done = repair_mesh(BOX.vertices, BOX.faces[1:], "box")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8000)
     assert len(done) == 1
@@ -104,10 +104,10 @@ def together(*meshes):
 def test_a_cavity_is_told_as_one_and_filled_where_it_is_to_be():
     v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
     with raises(BodyError, "closed-cavity") as caught:
-        repair(v, f, "box")
+        repair_mesh(v, f, "box")
     assert caught.value.data["volume"] == pytest.approx(120)
     assert caught.value.data["at"] == pytest.approx([20, 10, 5])
-    v, f, done = repair(v, f, "box", fill_cavities=True)
+    v, f, done = repair_mesh(v, f, "box", fill_cavities=True)
     assert volume_of(v, f) == pytest.approx(8000)
     assert len(done) == 1
     assert "120 mm3" in done[0]
@@ -117,7 +117,7 @@ def test_a_cavity_is_told_as_one_and_filled_where_it_is_to_be():
 def test_a_cavity_of_a_body_that_is_inside_out_is_one():
     v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
     with raises(BodyError, "closed-cavity") as caught:
-        repair(v, f[:, ::-1], "box")
+        repair_mesh(v, f[:, ::-1], "box")
     assert caught.value.data["volume"] == pytest.approx(120)
 
 
@@ -125,11 +125,11 @@ def test_pieces_are_told_with_sizes_and_places_and_crumbs_dropped():
     other = shell([4, 4, 4], np.array([80.0, 0, 0]), False)
     v, f = together((BOX.vertices, BOX.faces), other)
     with raises(BodyError, "separate-pieces", count=2) as caught:
-        repair(v, f, "x")
+        repair_mesh(v, f, "x")
     assert caught.value.data["volumes"] == pytest.approx([8000, 64])
     np.testing.assert_allclose(caught.value.data["places"], [[20, 10, 5], [80, 0, 0]], atol=1e-9)
     crumb = shell([1, 1, 1], np.array([80.0, 0, 0]), False)
-    v, f, done = repair(*together((BOX.vertices, BOX.faces), crumb), "x")
+    v, f, done = repair_mesh(*together((BOX.vertices, BOX.faces), crumb), "x")
     assert volume_of(v, f) == pytest.approx(8000)
     assert len(done) == 1
     assert "1 mm3" in done[0]
@@ -138,7 +138,7 @@ def test_pieces_are_told_with_sizes_and_places_and_crumbs_dropped():
 
 def test_boxes_that_overlap_are_united():
     other = shell([20, 10, 6], np.array([40.0, 10, 5]), False)  # half of it outside
-    v, f, done = repair(*together((BOX.vertices, BOX.faces), other), "x")
+    v, f, done = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8600)
     assert "2 shells" in done[0]
@@ -147,7 +147,7 @@ def test_boxes_that_overlap_are_united():
 
 def test_a_box_on_a_larger_one_is_one_body():
     other = shell([10, 10, 6], np.array([20.0, 10, 13]), False)
-    v, f, done = repair(*together((BOX.vertices, BOX.faces), other), "x")
+    v, f, done = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8600)
     assert "2 shells" in done[0]
@@ -156,7 +156,7 @@ def test_a_box_on_a_larger_one_is_one_body():
 def test_boxes_that_share_a_wall_are_one():
     """Of each, a face is inside of the other's outline: an inner wall once they are merged."""
     a, b = box_surface([0, 0, 0], [10, 10, 10]), box_surface([10, 0, 0], [25, 10, 10])
-    v, f, done = repair(*together((a.vertices, a.faces), (b.vertices, b.faces)), "x")
+    v, f, done = repair_mesh(*together((a.vertices, a.faces), (b.vertices, b.faces)), "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(2500)
     assert any("2 triangles" in line or "4 triangles" in line for line in done)
@@ -175,7 +175,7 @@ def test_a_body_that_touches_itself_at_an_edge_is_drawn_apart():
     for corners in walls.values():
         f.append([len(v), len(v) + 1, len(v) + 2])
         v += corners[0].tolist()
-    v, f, done = repair(np.array(v), np.array(f), "ring")
+    v, f, done = repair_mesh(np.array(v), np.array(f), "ring")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(1000 * len(cubes), rel=0.01)
     assert told_move(done) < 0.03
@@ -183,7 +183,7 @@ def test_a_body_that_touches_itself_at_an_edge_is_drawn_apart():
 
 def test_a_body_in_order_is_left_as_it_is():
     v, f = creature(3)
-    got_v, got_f, done = repair(v, f, "x")
+    got_v, got_f, done = repair_mesh(v, f, "x")
     assert done == []
     order = np.lexsort(v.T[::-1])
     assert (got_v == v[order]).all()

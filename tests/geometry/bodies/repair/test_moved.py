@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.defective_bodies import creature, sampled_distance
-from defsense_fab.geometry.bodies.repair.remesh import moved
+from defsense_fab.geometry.bodies.repair.remesh import measure_displacement
 from tests.conftest import box_surface
+from tests.support.defective_bodies import creature, sampled_distance
 
 BOX = box_surface([0, 0, 0], [40, 20, 10])
 
@@ -19,9 +19,9 @@ def test_a_dent_and_a_bump_are_as_deep_as_they_are(by):
         other = v.copy()
         other[k] += sign * by * np.array([0, 1.0, 0])
         far = max(sampled_distance((other, f), (v, f)), sampled_distance((v, f), (other, f)))
-        assert moved((v, f), (other, f), size) == pytest.approx(far, rel=0.05)
+        assert measure_displacement((v, f), (other, f), size) == pytest.approx(far, rel=0.05)
         assert 0.8 * by < far < 1.001 * by
-    assert moved((v, f), (v, f), size) == 0
+    assert measure_displacement((v, f), (v, f), size) == 0
 
 
 def test_what_is_buried_does_not_count_and_what_is_inside_out_does():
@@ -31,10 +31,12 @@ def test_what_is_buried_does_not_count_and_what_is_inside_out_does():
         np.concatenate([BOX.vertices, inner.vertices]),
         np.concatenate([BOX.faces, inner.faces + 8]),
     )
-    assert moved(before, (BOX.vertices, BOX.faces), size) == 0
+    assert measure_displacement(before, (BOX.vertices, BOX.faces), size) == 0
     lobe = box_surface([50, 5, 2], [60, 10, 6])
     before = (
         np.concatenate([BOX.vertices, lobe.vertices]),
         np.concatenate([BOX.faces, lobe.faces[:, ::-1] + 8]),
     )
-    assert moved(before, (BOX.vertices, BOX.faces), size) == pytest.approx(20, rel=0.01)
+    assert measure_displacement(before, (BOX.vertices, BOX.faces), size) == pytest.approx(
+        20, rel=0.01
+    )

@@ -1,6 +1,6 @@
 """Damaged files of bodies, and what the command and the studio say to them.
 
-`python -m benchmarks.body_fuzz [--count 200] [--seed 1] [--limit 60]`: each file is taken through
+`python -m tests.support.body_fuzz [--count 200] [--seed 1] [--limit 60]`: each file is taken through
 the build's first stage, and every third through what the studio does with a file that is dropped on
 it. Whatever is not a body in one piece, or a message of one line, is a fault: a traceback, a
 hang, memory beyond the bound, files left behind, a surface that is not closed. Readers that crash

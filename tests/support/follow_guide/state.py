@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .workpiece import STEP, Cord, cords_of
+from .workpiece import Cord, cords_of, STEP
 
 
 class State:

@@ -1,6 +1,6 @@
 """Organic bodies with the defects that meshes come with, each beside the body that was meant.
 
-`python -m benchmarks.defective_bodies [--detail 4]` repairs each and measures the result against
+`python -m tests.support.defective_bodies [--detail 4]` repairs each and measures the result against
 what was meant, by other means than the repair's own.
 """
 

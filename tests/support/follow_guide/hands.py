@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .state import State
-from .workpiece import STEP, Cord
+from .workpiece import Cord, STEP
 
 ENDS = {"start": 0, "end": 1}
 OPEN = 15.0  # mm, by which a joint is opened at least to lay and to glue

@@ -1,6 +1,6 @@
 """Follow the guides of built devices literally, and tell of each step that cannot be done then.
 
-    python -m benchmarks.follow_guide DIR...
+    python -m tests.support.follow_guide DIR...
 
 Reads `build/guide.json`, and looks for all that it says in `guide.html` in the same order and in
 `guide.pdf`. Exit code 1 where something cannot be done.

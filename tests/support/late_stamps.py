@@ -1,7 +1,7 @@
 """Tracks from cameras that run freely and whose stamps are late, against the truth.
 
-    python -m benchmarks.late_stamps                    # 10 seeds of each condition
-    python -m benchmarks.late_stamps --seeds 3 --seconds 20
+    python -m tests.support.late_stamps                    # 10 seeds of each condition
+    python -m tests.support.late_stamps --seeds 3 --seconds 20
 
 Two cameras of 30 frames/s see twelve tags on a thing that is moved by hand; corners have noise of
 0.03 px. Each camera has its own phase and rate, its stamps are late by the absolute value of a
@@ -20,7 +20,7 @@ import numpy as np
 from defsense_fab.capture.cameras.image_sources import timing
 from defsense_fab.capture.cameras.rig_file import Rig
 from defsense_fab.capture.tags.detection import TagView
-from defsense_fab.capture.tracking.observations import stored
+from defsense_fab.capture.tracking.observations import store_views
 from defsense_fab.capture.videos.video_detection import VideoDetections
 from defsense_fab.capture.videos.video_tracks import assemble
 from defsense_fab.core.arrays import Float
@@ -56,7 +56,7 @@ def trial(
         stamps = np.maximum.accumulate(at + np.abs(rng.normal(0, late, len(at))))
         stamps += 1e-6 * np.arange(len(at))
         views = [TagView(np.arange(TAGS), p, spread((TAGS,), NOISE), p) for p in px]
-        watched.append(VideoDetections(stamps, stored(views), timing(stamps), len(at)))
+        watched.append(VideoDetections(stamps, store_views(views), timing(stamps), len(at)))
         true.append(at)
     found = assemble(watched, Rig(tuple(cameras)), SIDE, ["a", "b"])
     at = true[0]

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 DEVICES = ROOT / "fixtures" / "devices"
 BAR = DEVICES / "bar"
 VICON = ROOT / "fixtures" / "c3d"

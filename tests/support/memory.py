@@ -1,6 +1,6 @@
 """Peak memory of processing a recorded session: an hour of six cameras has to stay under 1 GB.
 
-python -m benchmarks.memory [--minutes 60] [--cameras 6] [--tags 20] [--seed 1] [--led]
+python -m tests.support.memory [--minutes 60] [--cameras 6] [--tags 20] [--seed 1] [--led]
 
 Writes what cameras (30 pictures a second) and a board (four cords at 100 Hz) would have recorded of
 tags on known smooth paths, without any image, and processes it in a process of its own. Clocks are
@@ -22,7 +22,7 @@ import numpy as np
 
 from defsense_fab.capture.cameras.rig_file import write_rig
 from defsense_fab.capture.sessions import session as sessions
-from defsense_fab.capture.tracking.reconstruction import square
+from defsense_fab.capture.tracking.reconstruction import tag_corners
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.markers import Markers
@@ -40,7 +40,7 @@ _BLOCK = 2000  # frames written at once
 _CHILD = """
 import json, sys, time
 from pathlib import Path
-from benchmarks.memory import peak
+from tests.support.memory import peak
 from defsense_fab.workflow.sessions.processing import process_session
 before, began = peak(), time.perf_counter()
 process_session(Path(sys.argv[1]))
@@ -95,7 +95,7 @@ def corners(tags: Markers, t: Float, seconds: float) -> Float:
     middle[..., 0] += free * (1 - np.sinc(angle / np.pi))
     middle[..., 2] += free * angle / 2
     held = np.stack([4 * np.sin(0.9 * t), 3 * np.sin(1.3 * t), 5 * np.sin(0.7 * t)], axis=1)
-    return (middle + held[:, None])[:, :, None] + square(SIDE) @ FACING.T
+    return (middle + held[:, None])[:, :, None] + tag_corners(SIDE) @ FACING.T
 
 
 def create(folder: Path, count: int, tags: int) -> sessions.CaptureSession:
@@ -191,13 +191,13 @@ def measure(folder: Path) -> Measured:
     """Of processing a session, in a process of its own (Linux, which tells of its memory)."""
     done = subprocess.run(
         [sys.executable, "-c", _CHILD, str(folder.resolve())], check=True, text=True,
-        stdout=subprocess.PIPE, cwd=Path(__file__).parents[1],
+        stdout=subprocess.PIPE, cwd=Path(__file__).parents[2],
     )  # fmt: skip
     return Measured(*json.loads(done.stdout))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.memory")
+    parser = argparse.ArgumentParser(prog="python -m tests.support.memory")
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--cameras", type=int, default=6)
     parser.add_argument("--tags", type=int, default=20)
