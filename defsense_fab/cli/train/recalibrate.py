@@ -38,11 +38,11 @@ def add(commands: Commands) -> None:
 def _recalibrate(options: argparse.Namespace) -> int:
     from ...training.models.model_file import MODEL, load_model, write_model
     from ...training.models.recalibration_routine import recalibrate_from
-    from ...training.models.train_device import model_path
+    from ...training.models.train_device import choose_model_path
 
     model = load_model(options.model)
     beside = options.model if options.model.is_dir() else options.model.parent
-    path = model_path(options.out or beside / f"recalibrated{Path(MODEL).suffix}", None, [])
+    path = choose_model_path(options.out or beside / f"recalibrated{Path(MODEL).suffix}", None, [])
     found = recalibrate_from(model, options.sessions)
     if not found.problems:
         write_model(path, found.model)

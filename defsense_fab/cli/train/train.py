@@ -81,8 +81,8 @@ def _train(options: argparse.Namespace) -> int:
     )  # fmt: skip
     with progress_bars(options) as progress:
         trained = train_files(
-            files, device, how, out=options.out, wanted=options.prior,
-            without=_numbers(options.without_markers), progress=progress,
+            files, device, how, out=options.out, prior_mode=options.prior,
+            excluded_markers=_numbers(options.without_markers), progress=progress,
         )  # fmt: skip
     path, result, notes = trained.path, trained.training, list(trained.notes)
     with results():
@@ -103,9 +103,9 @@ def _numbers(text: str) -> list[int]:
 
 def _simulated(options: argparse.Namespace, device: Device) -> int:
     from ...training.models.model_file import write_model
-    from ...training.models.train_device import model_path, simulate_only
+    from ...training.models.train_device import choose_model_path, simulate_only
 
-    path = model_path(options.out, device, [])
+    path = choose_model_path(options.out, device, [])
     model = simulate_only(device)
     write_model(path, model)
     with results():

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
-from ...decoding.signal_history import at_times
+from ...decoding.signal_history import interpolate_at
 from ...sensing.response import relative_change
 
 _FINGERPRINT_MOMENTS = 64
@@ -96,7 +96,7 @@ class Recording:
         Returns:
             Signals (R - R0)/R0, shape (t, c); NaN where no samples are near or a channel was open.
         """
-        return at_times(times, self.sample_time, self.signals)
+        return interpolate_at(times, self.sample_time, self.signals)
 
     @property
     def visible(self) -> Bool:
@@ -177,7 +177,7 @@ def recording_fingerprint(r: Recording) -> tuple[float, ...]:
         return (0.0,) * (_FINGERPRINT_MOMENTS - 1)
     moments = np.linspace(r.time[0], r.time[-1], _FINGERPRINT_MOMENTS)
     total = r.signals.sum(axis=1, keepdims=True)
-    steps = np.diff(at_times(moments, r.sample_time, total, _FINGERPRINT_GAP_S)[:, 0])
+    steps = np.diff(interpolate_at(moments, r.sample_time, total, _FINGERPRINT_GAP_S)[:, 0])
     return tuple(np.round(np.nan_to_num(steps), 6).tolist())
 
 

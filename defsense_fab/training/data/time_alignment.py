@@ -17,7 +17,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import TrainingError
-from ...decoding.decoders import contiguous
+from ...decoding.decoders import contiguous_folds
 from .dataset import Dataset, Recording
 
 #: Largest shift that is tried, in either direction.
@@ -196,7 +196,7 @@ def _residual_squares(signals: Float, movements: Float) -> Float:
     x = np.concatenate([s, s**2], axis=2)
     size = x.std(axis=1, keepdims=True)
     x = np.concatenate([np.ones((d, t, 1)), x / np.where(size > 0, size, 1.0)], axis=2)
-    ends = [int(test[0]) for _, test in contiguous(t)] + [t]
+    ends = [int(test[0]) for _, test in contiguous_folds(t)] + [t]
     folds = [slice(a, b) for a, b in pairwise(ends)]
     G = np.stack([x[:, f].swapaxes(1, 2) @ x[:, f] for f in folds], axis=1)  # (d, folds, q, q)
     B = np.stack([x[:, f].swapaxes(1, 2) @ movements[f] for f in folds], axis=1)

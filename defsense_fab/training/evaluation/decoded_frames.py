@@ -9,8 +9,8 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
-from ...decoding.signal_history import at_times
-from ...decoding.trained_model import Decoded, TrainedModel, decoded
+from ...decoding.signal_history import interpolate_at
+from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
 from ..data.dataset import Dataset, Recording
 
 ALL_FRAMES, BEFORE_FIRST_POSE = "all", "before the first pose"
@@ -242,14 +242,14 @@ def decode_signals(model: TrainedModel, time: Float, signals: Float, at: Float) 
     Returns:
         Positions, intervals and distances at these times.
     """
-    z = at_times(at, time, model.main.inputs(time, model.corrected(signals)))
-    return decode_inputs(model, z)
+    z = interpolate_at(at, time, model.main.inputs(time, model.correct(signals)))
+    return _decode_batches(model, z)
 
 
-def decode_inputs(model: TrainedModel, inputs: Float) -> Decoded:
+def _decode_batches(model: TrainedModel, inputs: Float) -> Decoded:
     """Decode inputs (t, d) of the model's main branch, in batches."""
     parts = [
-        decoded(model.main, inputs[k : k + _BATCH_FRAMES], len(model.ids))
+        decode_inputs(model.main, inputs[k : k + _BATCH_FRAMES], len(model.ids))
         for k in range(0, max(len(inputs), 1), _BATCH_FRAMES)
     ]
     return Decoded(

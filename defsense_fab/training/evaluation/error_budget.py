@@ -34,7 +34,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import TrainingError
 from ...decoding.input_decoder import InputFeatures
-from ...decoding.signal_history import Past, at_times
+from ...decoding.signal_history import Past, interpolate_at
 from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Dataset
 from .corrections import (
@@ -263,9 +263,9 @@ def _history_inputs(
     for k, r in enumerate(data.recordings):
         is_in_run = frames.run == k
         if is_in_run.any():
-            history = past(r.sample_time, model.corrected(r.signals))
+            history = past(r.sample_time, model.correct(r.signals))
             times = np.maximum(frames.time[is_in_run] - lead_s, r.sample_time[0])
-            parts.append(at_times(times, r.sample_time, history))
+            parts.append(interpolate_at(times, r.sample_time, history))
     return np.concatenate(parts)
 
 

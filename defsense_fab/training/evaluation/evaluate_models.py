@@ -1,5 +1,4 @@
-"""Trained models on recorded sessions: each one's errors and their causes, and whether they
-differ."""
+"""Evaluate trained models on recorded data: errors, their causes, and whether models differ."""
 
 from __future__ import annotations
 
@@ -19,7 +18,9 @@ from ...store.layout import LayoutRecord
 from ..data.dataset import Dataset, Recording, is_same_recording, recording_fingerprint
 from ..data.dataset_assembly import exclude_uncertain_positions
 from ..data.dataset_checks import check_dataset
-from ..recordings.datasets import DataFiles, told_files
+from ..models.model_file import load_model
+from ..models.prepare import AUTO, describe_uncertain, load_prior, predict_recordings
+from ..recordings.datasets import DataFiles, describe_files
 from ..recordings.session_dataset import device_layout
 from .error_budget import ErrorBudget, error_budget
 from .evaluate import Evaluation, evaluate
@@ -27,52 +28,28 @@ from .model_comparison import Comparison, FrameErrors, compare
 from .predicted_error import PredictedError, predict_model_error
 from .twin_truth import budget_of_truth
 
-# Whether a device has the cords that a model was trained on, by their resistances at rest.
+#: Codes of problems that matter for training data, but not for test data.
+_TRAINING_CODES = ("too-few-frames", "few-frames", "markers-never-seen")
 
-_DRIFT = 0.15  # of R0, by which a cord that is the same changes at most
-
-
-def other_cords(name: str, model: TrainedModel, dataset: Dataset) -> list[str]:
-    """Notes on channels whose R0 has changed since the model's training by more than the others'.
-    Nothing is said of models of more than one built device, of other ones, or where an R0 is not
-    known: signals without resistances are in units of R0."""
-    before = np.array([r for r in model.told.get("R0", {}).values() if None not in r], float)
-    if before.ndim != 2 or before.shape[1] != len(model.channels) or (before == 1).all():
-        return []
-    units = model.told.get("units_trained", [])
-    out = []
-    for session in dict.fromkeys(r.session for r in dataset.recordings):
-        own = [r for r in dataset.recordings if r.session == session]
-        if set(dataset.channels) != set(model.channels) or {r.unit for r in own} != set(units):
-            continue
-        order = [dataset.channels.index(c) for c in model.channels]
-        R0 = np.median([r.rest[order] for r in own], axis=0)
-        if not np.isfinite(R0).all() or (R0 <= 0).any() or (R0 == 1).all():
-            continue
-        change = np.log(R0) - np.log(np.median(before, axis=0))
-        change -= np.median(change)
-        for channel, off in zip(model.channels, change.tolist(), strict=True):
-            if abs(off) > np.log1p(_DRIFT):
-                out.append(
-                    f"{session}: R0 of {channel} is {np.exp(off):.2f} times that which {name} was"
-                    " trained with: was the cord replaced? 'defsense recalibrate' corrects the"
-                    " model, or train again"
-                )
-    return out
-
-
-_FEW = 200  # frames
-#: Problems of data that is to be trained on, which say nothing of a test.
-_TRAINING = ("too-few-frames", "few-frames", "markers-never-seen")
-_TOLD = 0.01  # of the frames, that are worth a word
-_ROUNDING = 1e-3  # s, by which times differ in other files
+_MIN_FRAMES = 200  # fewer are noted
+_MIN_LEFT_OUT_SHARE = 0.01  # of the frames; a smaller share is not noted
+_MIN_BEYOND_SHARE = 0.1  # of the frames beyond the trained range; a smaller share is not noted
+_TIME_ROUNDING_S = 1e-3  # by which times differ in other files
+_MAX_REST_CHANGE = 0.15  # of R0, by which the same cord changes at most
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A model by name, its errors, and what they come from; what was predicted of them, None where
-    the model's training tells too little; what they come from by the truth that a twin's sessions
-    have, None of others."""
+    """An evaluated model.
+
+    Attributes:
+        name: Name of the model.
+        model: The model.
+        evaluation: Its errors.
+        budget: Its errors by cause.
+        predicted: Its predicted error; None if its training did not measure repeatability.
+        by_truth: Its errors by cause from the truth of a twin's sessions; None for other data.
+    """
 
     name: str
     model: TrainedModel
@@ -84,8 +61,16 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class SessionEvaluation:
-    """Of `sessions` (names) the last share of the pictures; the model that was asked about first,
-    those that it is compared with after it; `comparison` is None of one alone."""
+    """Models evaluated on the same data.
+
+    Attributes:
+        device: Name of the device.
+        sessions: Names of the sessions.
+        last_share: Share of the frames that were tested, at the end of all runs.
+        models: The models, the one of interest first.
+        comparison: Comparison of the models; None for a single one.
+        notes: What else the user should know.
+    """
 
     device: str
     sessions: tuple[str, ...]
@@ -96,139 +81,236 @@ class SessionEvaluation:
 
 
 def evaluate_files(
-    models: Sequence[Path], files: DataFiles, device: Device | None = None,
-    last_share: float | None = None, progress: Progress = silent,
-) -> SessionEvaluation:  # fmt: skip
-    """Of files of models, and of data, which is checked against the `device`, if it is given. Files
-    of others that do not say of which device they are count as of the first model's. Raises
-    TrainingError, and what the readers raise."""
-    from ..models.model_file import load_model
-    from ..models.prepare import AUTO, foretold, found_prior, told_uncertain
+    models: Sequence[Path],
+    files: DataFiles,
+    device: Device | None = None,
+    last_share: float | None = None,
+    progress: Progress = silent,
+) -> SessionEvaluation:
+    """Evaluate model files on data files.
 
+    Args:
+        models: Files of the models, the one of interest first.
+        files: The data. Files that do not name their device count as the first model's.
+        device: The device to check the data against, if available.
+        last_share: As in `evaluate_models`.
+        progress: Called with the stage "evaluate".
+
+    Returns:
+        The evaluation, with notes on the data.
+
+    Raises:
+        TrainingError: If a file cannot be read, or models and data do not match.
+    """
     progress("evaluate", 0.0, "reading")
-    loaded = list(zip(_names(models), map(load_model, models), strict=True))
-    dataset, uncertain = exclude_uncertain_positions(files.load(device, loaded[0][1].device))
-    dataset, shifts = files.in_step(dataset)
+    loaded = list(zip(short_names(models), map(load_model, models), strict=True))
+    recorded = files.load(device, loaded[0][1].device)
+    dataset, uncertain = exclude_uncertain_positions(recorded)
+    dataset, shift_notes = files.align(dataset)
     progress("evaluate", 0.1, "checking")
-    prior, why = found_prior(dataset, device, AUTO)
-    problems = check_dataset(dataset, predicted=foretold(prior, dataset))
-    doubts = [str(p) for p in problems if p.code not in _TRAINING]
+    prior, prior_notes = load_prior(dataset, device, AUTO)
+    problems = check_dataset(dataset, predicted=predict_recordings(prior, dataset))
+    doubts = [str(p) for p in problems if p.code not in _TRAINING_CODES]
     for name, model in loaded:
-        doubts += other_cords(name, model, dataset)
-    found = evaluate_models(loaded, dataset, last_share, progress, device_layout(device))
-    notes = [*found.notes, *told_uncertain(uncertain), *told_files(dataset), *shifts, *why, *doubts]
-    return replace(found, notes=tuple(notes))
+        doubts += note_changed_cords(name, model, dataset)
+    result = evaluate_models(loaded, dataset, last_share, progress, device_layout(device))
+    notes = [
+        *result.notes,
+        *describe_uncertain(uncertain),
+        *describe_files(dataset),
+        *shift_notes,
+        *prior_notes,
+        *doubts,
+    ]
+    return replace(result, notes=tuple(notes))
 
 
 @one_blas_thread()
 def evaluate_models(
-    models: Sequence[tuple[str, TrainedModel]], dataset: Dataset, last_share: float | None = None,
-    progress: Progress = silent, layout: LayoutRecord | None = None,
-) -> SessionEvaluation:  # fmt: skip
-    """Of models by name. Without a share, all pictures that none of them was trained on. With what
-    the device's `layout` promises, if it is given. Raises TrainingError."""
+    models: Sequence[tuple[str, TrainedModel]],
+    dataset: Dataset,
+    last_share: float | None = None,
+    progress: Progress = silent,
+    layout: LayoutRecord | None = None,
+) -> SessionEvaluation:
+    """Evaluate models on a dataset.
+
+    Args:
+        models: The models by name, the one of interest first.
+        dataset: The dataset.
+        last_share: Share of the frames to test on, at the end of all runs; None for all frames
+            that no model was trained on.
+        progress: Called with the stage "evaluate".
+        layout: Layout of the device, to predict errors, if available.
+
+    Returns:
+        The evaluation.
+
+    Raises:
+        TrainingError: If names repeat, models and data do not match, or no frame can be tested.
+    """
     names = [name for name, _ in models]
     if len(set(names)) < len(names):
-        raise TrainingError(f"{', '.join(names)}: give each model once")
-    pictures, notes = dataset.frame_count, list[str]()
+        raise TrainingError(
+            f"a model is given twice: {', '.join(names)}",
+            code="duplicate-names",
+            action="Give each model once",
+        )
+    frame_count, notes = dataset.frame_count, list[str]()
     if last_share is None:
-        dataset = _not_trained_on([model for _, model in models], dataset)
-        share, told = 1.0, dataset.frame_count / max(pictures, 1)
+        dataset = _exclude_trained([model for _, model in models], dataset)
+        share, stated_share = 1.0, dataset.frame_count / max(frame_count, 1)
     else:
-        share = told = last_share
+        share = stated_share = last_share
         for name, model in models:
-            own = [r.name for r in dataset.recordings if _held_out(model, r)]
-            if own:
+            known = [r.name for r in dataset.recordings if _test_starts(model, r)]
+            if known:
                 notes.append(
-                    f"{name} was trained on pictures of {', '.join(own)}, which makes it look"
-                    " better than it is: leave --last-share out, or give another session"
+                    f"{name} was trained on frames of {', '.join(known)}, so its error seems smaller"
+                    " than it is: test on all frames it was not trained on, or on another session"
                 )
-    found = []
+    evaluated = []
     for k, (name, model) in enumerate(models):
         progress("evaluate", (k + 0.2) / len(models), f"{name}: errors")
-        result = evaluate(model, dataset, share)
+        evaluation = evaluate(model, dataset, share)
         progress("evaluate", (k + 0.4) / len(models), f"{name}: causes of errors")
         budget = error_budget(model, dataset, share)
-        told_of = predict_model_error(model, result.frames, layout)
+        predicted = predict_model_error(model, evaluation.frames, layout)
         truth = budget_of_truth(model, dataset, share)
-        found.append(Evaluated(name, model, result, budget, told_of, truth))
-    notes += _notes(found[0].evaluation)
+        evaluated.append(Evaluated(name, model, evaluation, budget, predicted, truth))
+    notes += _describe_frames(evaluated[0].evaluation)
     progress("evaluate", 0.95, "comparing")
-    comparison = None
-    if len(found) > 1:
-        try:
-            comparison = compare([_frame_errors(f) for f in found])
-        except TrainingError as problem:  # the models' errors are worth telling without it
-            notes.append(str(problem))
-    if comparison is not None and comparison.by_block is None and not comparison.paired:
-        notes.append(
-            f"errors go on for so long (blocks of {comparison.block_frames} frames) that these sessions"
-            " are too short to tell the models apart; record for longer"
-        )
+    comparison, comparison_notes = _compare_models(evaluated)
+    notes += comparison_notes
     progress("evaluate", 1.0, "done")
-    sessions = tuple(dict.fromkeys(r.session for r in dataset.recordings))
-    return SessionEvaluation(dataset.device, sessions, told, tuple(found), comparison, tuple(notes))
+    return SessionEvaluation(
+        device=dataset.device,
+        sessions=tuple(dict.fromkeys(r.session for r in dataset.recordings)),
+        last_share=stated_share,
+        models=tuple(evaluated),
+        comparison=comparison,
+        notes=tuple(notes),
+    )
 
 
-def _held_out(model: TrainedModel, r: Recording) -> list[float]:
-    """Since when, s, a training of the model held its pictures out, infinite where it held none
-    out; empty where it was not trained on the recording."""
-    own = recording_fingerprint(r)
+def note_changed_cords(name: str, model: TrainedModel, dataset: Dataset) -> list[str]:
+    """Note channels whose R0 has changed since the model's training, relative to the others.
+
+    There are no notes for models of several built devices, for other devices, or where an R0 is
+    unknown: signals without resistances are in units of R0.
+
+    Args:
+        name: Name of the model.
+        model: The model.
+        dataset: The dataset.
+
+    Returns:
+        A note for each changed channel of each session.
+    """
+    trained = np.array([r for r in model.told.get("R0", {}).values() if None not in r], float)
+    if trained.ndim != 2 or trained.shape[1] != len(model.channels) or (trained == 1).all():
+        return []
+    units = model.told.get("units_trained", [])
+    notes = []
+    for session in dict.fromkeys(r.session for r in dataset.recordings):
+        runs = [r for r in dataset.recordings if r.session == session]
+        if set(dataset.channels) != set(model.channels) or {r.unit for r in runs} != set(units):
+            continue
+        order = [dataset.channels.index(c) for c in model.channels]
+        R0 = np.median([r.rest[order] for r in runs], axis=0)
+        if not np.isfinite(R0).all() or (R0 <= 0).any() or (R0 == 1).all():
+            continue
+        change = np.log(R0) - np.log(np.median(trained, axis=0))
+        change -= np.median(change)
+        for channel, log_ratio in zip(model.channels, change.tolist(), strict=True):
+            if abs(log_ratio) > np.log1p(_MAX_REST_CHANGE):
+                notes.append(
+                    f"{session}: R0 of {channel} is {np.exp(log_ratio):.2f} times that of the"
+                    f" training of {name}; its cord may have been replaced: correct the model with"
+                    " defsense recalibrate, or train again"
+                )
+    return notes
+
+
+def _compare_models(evaluated: Sequence[Evaluated]) -> tuple[Comparison | None, list[str]]:
+    """Compare the models if there are several; return notes on why this is not possible."""
+    if len(evaluated) < 2:
+        return None, []
+    try:
+        comparison = compare([_frame_errors(e) for e in evaluated])
+    except TrainingError as error:  # the models' own errors are useful without it
+        return None, [str(error)]
+    if comparison.by_block is None and not comparison.paired:
+        return comparison, [
+            f"errors are correlated for so long (blocks of {comparison.block_frames} frames) that"
+            " these sessions are too short to distinguish the models; record for longer"
+        ]
+    return comparison, []
+
+
+def _test_starts(model: TrainedModel, r: Recording) -> list[float]:
+    """Return from when on, in s, a training of the model held out frames of a recording.
+
+    It is infinite for a training that held none out; the list is empty if the model was not trained
+    on the recording.
+    """
+    fingerprint = recording_fingerprint(r)
     return [
-        np.inf if known["after"] is None else r.time[0] + known["after"]
-        for known in model.told.get("held_out", ())
-        if is_same_recording(own, known["fingerprint"])
+        np.inf if entry["after"] is None else r.time[0] + entry["after"]
+        for entry in model.told.get("held_out", ())
+        if is_same_recording(fingerprint, entry["fingerprint"])
     ]
 
 
-def _not_trained_on(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset:
-    """Without pictures that one of the models was trained on. Raises TrainingError where none are
-    left."""
-    out = []
+def _exclude_trained(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset:
+    """Return the dataset without frames that a model was trained on."""
+    recordings = []
     for r in dataset.recordings:
-        held = [since for model in models for since in _held_out(model, r)]
-        begin = max(held, default=-np.inf) - _ROUNDING
-        keep = r.time >= begin
+        starts = [start for model in models for start in _test_starts(model, r)]
+        keep = r.time >= max(starts, default=-np.inf) - _TIME_ROUNDING_S
         if keep.any():
-            out.append(
-                replace(r, time=r.time[keep], points=r.points[keep], sigma=r.sigma[keep])
-                if held else r
-            )  # fmt: skip
-    if not out:
+            kept = replace(r, time=r.time[keep], points=r.points[keep], sigma=r.sigma[keep])
+            recordings.append(kept if starts else r)
+    if not recordings:
         raise TrainingError(
-            f"{dataset.device}: the model was trained on all of these pictures; record another"
-            " session to test it on"
+            "the model was trained on all of these frames",
+            code="no-test-frames",
+            where=dataset.device,
+            action="Record another session to test it on",
         )
-    return replace(dataset, recordings=tuple(out))
+    return replace(dataset, recordings=tuple(recordings))
 
 
-def _frame_errors(found: Evaluated) -> FrameErrors:
-    frames = found.evaluation.frames
+def _frame_errors(evaluated: Evaluated) -> FrameErrors:
+    frames = evaluated.evaluation.frames
     test = digest(frames.run.tolist(), frames.time.tolist())
-    return FrameErrors(found.name, frames.frame_error, frames.run, test)
+    return FrameErrors(evaluated.name, frames.frame_error, frames.run, test)
 
 
-def _notes(found: Evaluation) -> list[str]:
-    frames, out = found.frames, []
-    if frames.without_samples > _TOLD * len(frames.time):
-        out.append(f"{frames.without_samples} pictures without samples of all channels were left"
-                   " out")  # fmt: skip
-    if frames.without_markers > _TOLD * len(frames.time):
-        out.append(f"{frames.without_markers} pictures without markers were left out")
-    if not frames.visible.any(axis=0).all():
-        out.append(f"{int((~frames.visible.any(axis=0)).sum())} markers were never seen")
-    if len(frames.time) < _FEW:
-        out.append(f"{len(frames.time)} frames are few: record for longer")
-    if found.outside is not None and found.outside.frames > 0.1 * found.total.frames:
-        out.append(
-            f"{found.outside.frames / found.total.frames:.0%} of the frames lie beyond what the"
-            " model was trained on"
+def _describe_frames(evaluation: Evaluation) -> list[str]:
+    """Return notes on the test frames."""
+    frames, notes = evaluation.frames, []
+    count = len(frames.time)
+    if frames.without_samples > _MIN_LEFT_OUT_SHARE * count:
+        notes.append(
+            f"{frames.without_samples} frames without samples of all channels were left out"
         )
-    return out
+    if frames.without_markers > _MIN_LEFT_OUT_SHARE * count:
+        notes.append(f"{frames.without_markers} frames without markers were left out")
+    if not frames.visible.any(axis=0).all():
+        notes.append(f"{int((~frames.visible.any(axis=0)).sum())} markers were never visible")
+    if count < _MIN_FRAMES:
+        notes.append(f"{count} frames are few: record for longer")
+    total, outside = evaluation.total, evaluation.outside
+    if outside is not None and outside.frames > _MIN_BEYOND_SHARE * total.frames:
+        share = outside.frames / total.frames
+        notes.append(f"{share:.0%} of the frames are beyond what the model was trained on")
+    return notes
 
 
-def _names(models: Sequence[Path]) -> list[str]:
-    """Short ones that differ: of the files, of their folders, or the paths as they are."""
-    stems = [p.resolve().parent.name if p.stem == "model" and not p.is_dir() else p.stem
-             for p in models]  # fmt: skip
-    return stems if len(set(stems)) == len(stems) else [str(p) for p in models]
+def short_names(models: Sequence[Path]) -> list[str]:
+    """Return short distinct names: of the files, of their folders, or the paths themselves."""
+    names = [
+        p.resolve().parent.name if p.stem == "model" and not p.is_dir() else p.stem for p in models
+    ]
+    return names if len(set(names)) == len(names) else [str(p) for p in models]

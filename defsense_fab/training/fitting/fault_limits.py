@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from ...decoding.channel_faults import FaultLimits, second_jumps, unchanged
+from ...decoding.channel_faults import FaultLimits, constant_duration, rms_jumps
 from ..data.dataset import Dataset
 
 _RANGE_MARGIN = 3.0  # widths of the range, beyond the range seen in training
@@ -44,9 +44,11 @@ def fit_fault_limits(dataset: Dataset) -> FaultLimits:
             s, time = r.signals[is_known, k], r.sample_time[is_known]
             lowest, highest = np.quantile(s, [_RARE_SHARE, 1 - _RARE_SHARE])
             low[k], high[k] = min(low[k], float(lowest)), max(high[k], float(highest))
-            still[k] = max(still[k], float(np.quantile(unchanged(time, s), 1 - _RARE_SHARE)))
+            still[k] = max(
+                still[k], float(np.quantile(constant_duration(time, s), 1 - _RARE_SHARE))
+            )
             repeats[k] = max(repeats[k], _repeat_limit(time, s))
-            jumps = second_jumps(time, s)[time > time[0] + 1]
+            jumps = rms_jumps(time, s)[time > time[0] + 1]
             jump[k] = max(jump[k], float(np.quantile(jumps, 0.99)) if len(jumps) else 0.0)
     width = np.maximum(high - low, 1e-9)
     margin = np.maximum(_RANGE_MARGIN * width, _MIN_MARGIN)

@@ -1,1 +1,1 @@
-"""Models made of datasets and of simulations, kept, and corrected."""
+"""Make models from datasets and simulations, store them, and recalibrate them."""

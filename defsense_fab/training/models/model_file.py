@@ -1,7 +1,7 @@
-"""`model.json`: a trained model as plain numbers, which any program reads (docs/model.md).
+"""Read and write `model.json`: a trained model as plain numbers for any program (docs/model.md).
 
-A hash of its content tells a file that was cut off, or edited: what moves a character or plays an
-organ should not do so by half a matrix.
+A hash of the content detects files that are truncated or edited. A model that moves a character or
+plays an instrument must not do so with half a matrix.
 """
 
 from __future__ import annotations
@@ -19,60 +19,90 @@ from ...core.storage.files import load_json, write_text
 from ...decoding.trained_model import TrainedModel
 
 MODEL = "model.json"
-_TAIL = 100  # bytes at a model's end, that its hash is in
-_REMEDY = "'defsense train' writes such a file"
+
+_TAIL_BYTES = 100  # at a model's end, which contain its hash
+_ACTION = "Write such a file with defsense train"
 
 
 def write_model(path: Path, model: TrainedModel) -> None:
-    """Raises StorageError."""
+    """Write a model to a file.
+
+    Args:
+        path: The file.
+        model: The model.
+
+    Raises:
+        StorageError: If the file cannot be written.
+    """
     data = {"schema": model.SCHEMA, **typed_json.to_json(model)}
-    write_text(path, _text({**data, "sha256": _hash(data)}) + "\n")
+    write_text(path, _serialize({**data, "sha256": _hash(data)}) + "\n")
 
 
 def is_model(path: Path) -> bool:
-    """Whether a file seems to be a whole model, by its end: as quick as many files need it."""
+    """Return whether a file seems to be a complete model, by its end only, to be fast."""
     try:
         with path.open("rb") as file:
-            file.seek(-min(_TAIL, path.stat().st_size), 2)
+            file.seek(-min(_TAIL_BYTES, path.stat().st_size), 2)
             return b'"sha256":' in file.read()
     except OSError:
         return False
 
 
 def load_model(path: Path) -> TrainedModel:
-    """Of a file, or of the folder that holds it. Raises TrainingError for what is no whole model
-    as it was written."""
+    """Load a model.
+
+    Args:
+        path: The file, or the folder that contains `model.json`.
+
+    Returns:
+        The model.
+
+    Raises:
+        TrainingError: If the file is not a complete model as it was written.
+    """
     path = path / MODEL if path.is_dir() else path
     try:
-        data = load_json(path, TrainingError, _REMEDY)
+        data = load_json(path, TrainingError, _ACTION)
     except RecursionError:
-        raise TrainingError(f"{path}: is no trained model; {_REMEDY}") from None
+        data = None
     if not isinstance(data, dict) or "sha256" not in data:
-        raise TrainingError(f"{path}: is no trained model; {_REMEDY}")
-    if data.pop("schema", None) != TrainedModel.SCHEMA:
         raise TrainingError(
-            f"{path}: this version reads schema {TrainedModel.SCHEMA}; train the model again"
+            "is not a trained model", code="not-a-model", where=path, action=_ACTION
         )
-    told = data.pop("sha256")
-    try:
-        whole = _hash({"schema": TrainedModel.SCHEMA, **data}) == told
-    except ValueError:  # numbers that are none
-        whole = False
-    if not whole:
+    if (schema := data.pop("schema", None)) != TrainedModel.SCHEMA:
         raise TrainingError(
-            f"{path}: was changed after it was written (its hash does not fit); take a copy that"
-            " was not, or train the model again"
+            f"has schema {schema}, but this version reads schema {TrainedModel.SCHEMA}",
+            code="wrong-schema",
+            where=path,
+            action="Train the model again",
+        )
+    stated_hash = data.pop("sha256")
+    try:
+        is_unchanged = _hash({"schema": TrainedModel.SCHEMA, **data}) == stated_hash
+    except ValueError:  # NaN or infinity
+        is_unchanged = False
+    if not is_unchanged:
+        raise TrainingError(
+            "was changed after it was written: its hash does not match",
+            code="content-changed",
+            where=path,
+            action="Take an unchanged copy, or train the model again",
         )
     try:
         return typed_json.from_json(data, TrainedModel)
-    except msgspec.ValidationError as problem:
-        raise TrainingError(f"{path}: is damaged ({problem}); train the model again") from None
+    except msgspec.ValidationError as error:
+        raise TrainingError(
+            f"is damaged ({error})",
+            code="file-damaged",
+            where=path,
+            action="Train the model again",
+        ) from None
 
 
 def _hash(data: dict[str, Any]) -> str:
-    return hashlib.sha256(_text(data).encode()).hexdigest()
+    return hashlib.sha256(_serialize(data).encode()).hexdigest()
 
 
-def _text(data: dict[str, Any]) -> str:
-    """Numbers as they are, nothing between them: a model has tens of thousands."""
+def _serialize(data: dict[str, Any]) -> str:
+    """Return compact JSON with all digits: a model has tens of thousands of numbers."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False)

@@ -1,4 +1,4 @@
-"""A dataset that can be trained on: put in step where that was asked for, and require_trainable."""
+"""Prepare datasets for training and export: align, check, and compare with the simulation."""
 
 from __future__ import annotations
 
@@ -28,18 +28,93 @@ from ..data.problems import Problem, raise_fatal
 from ..data.time_alignment import align_samples
 from ..data.unit_checks import check_cord_resistance, check_units
 from ..recordings import dataset_parquet, lerobot_export
-from ..recordings.datasets import DataFiles, of_device, told_files
+from ..recordings.datasets import DataFiles, describe_files, match_to_device
 from ..recordings.pair_dataset import Offset
 from ..regression.frames import Frames
 from ..regression.simulation_prior import Prior, measure_coverage, predict_signals
 
-# Data as datasets in files of their own: for training elsewhere, or later.
+AUTO, YES, NO = "auto", "yes", "no"
+
+_MIN_UNCERTAIN_SHARE = 1e-3  # of the positions; a smaller share is not reported
+# Markers on printed tags are above the skin, but not by more.
+_MAX_BODY_DISTANCE_MM = 5.0
+
+
+def prepare(
+    dataset: Dataset,
+    device: Device | None,
+    *,
+    prior_mode: str = AUTO,
+    excluded_markers: Sequence[int] = (),
+    is_synchronized: bool = False,
+    shift: Offset = 0.0,
+    progress: Progress = silent,
+) -> tuple[Dataset, Prior | None, list[str]]:
+    """Prepare a dataset for training.
+
+    Args:
+        dataset: The dataset as recorded.
+        device: The device, if available.
+        prior_mode: Whether to use the device's simulation: "auto", "yes" or "no".
+        excluded_markers: Numbers of markers to leave out.
+        is_synchronized: As in `require_trainable`.
+        shift: Seconds to add to the times of the samples, or "auto" to find them.
+        progress: Called with the stage "data".
+
+    Returns:
+        The prepared dataset, the simulated states to start from (None if they are not used), and
+        notes on doubtful data and poses that were not shown.
+
+    Raises:
+        TrainingError: If a problem forbids training.
+    """
+    dataset = match_to_device(dataset, device)
+    notes = describe_files(dataset)
+    is_seen = np.any([r.visible.any(axis=0) for r in dataset.recordings], axis=0)
+    never = dataset.ids[~is_seen].tolist()
+    if never and len(never) < len(dataset.ids):
+        numbers = ", ".join(map(str, never))
+        notes.append(f"marker {numbers} is never visible, so the model does not decode it")
+    if left_out := sorted({*excluded_markers, *never}):
+        dataset = exclude_markers(dataset, left_out)
+    dataset, uncertain = exclude_uncertain_positions(dataset)
+    notes += describe_uncertain(uncertain)
+    raise_fatal(check_units(dataset))
+    if device is not None:
+        shortest_ohm = device.cord.ohm_per_mm * device.cord.min_stretch
+        raise_fatal(check_cord_resistance(dataset, shortest_ohm))
+    progress("data", 0.4, "aligning signals and markers")
+    dataset, shift_notes = align_samples(dataset, shift)
+    notes += shift_notes
+    progress("data", 0.6, "checking")
+    prior, prior_notes = load_prior(dataset, device, prior_mode)
+    notes += prior_notes
+    predicted = predict_recordings(prior, dataset)
+    problems = require_trainable(dataset, predicted=predicted, is_synchronized=is_synchronized)
+    notes += [str(p) for p in problems]
+    units = sorted({r.unit for r in dataset.recordings})
+    if len(units) > 1:
+        notes.append(
+            f"{', '.join(units)} are different devices: one model for all of them has additional"
+            " errors from their differences; train one for each"
+        )
+    if prior is not None:
+        coverage = measure_coverage(Frames.from_dataset(dataset), prior)
+        notes.append(f"{coverage.share:.0%} of the simulated states were shown")
+        notes += coverage.advice
+    progress("data", 1.0, "done")
+    return dataset, prior if prior_mode != NO else None, notes
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written, what is wrong with it, those problems first that forbid training; and what
-    else is worth a word."""
+    """A dataset that was written.
+
+    Attributes:
+        dataset: The dataset.
+        problems: Its problems; those that forbid training come first.
+        notes: What else the user should know.
+    """
 
     dataset: Dataset
     problems: tuple[Problem, ...]
@@ -47,38 +122,65 @@ class Exported:
 
 
 def export_dataset(
-    files: DataFiles, device: Device | None = None, *, parquet: Path | None = None,
-    lerobot: Path | None = None, rate: int | None = None, progress: Progress = silent,
-) -> Exported:  # fmt: skip
-    """The data of `files`, checked against the `device` if it is given, into folders `parquet` and
-    `lerobot`, that one at `rate` frames a second. Nothing is left out: problems are told, and
-    training decides. Raises TrainingError, StorageError, and what the readers raise."""
+    files: DataFiles,
+    device: Device | None = None,
+    *,
+    parquet: Path | None = None,
+    lerobot: Path | None = None,
+    rate: int | None = None,
+    progress: Progress = silent,
+) -> Exported:
+    """Write data as datasets in folders, for training elsewhere or later.
+
+    Nothing is left out: problems are reported, and training decides.
+
+    Args:
+        files: The data.
+        device: The device to check against, if available.
+        parquet: Folder for a dataset in Parquet.
+        lerobot: Folder for a dataset in the format of LeRobot.
+        rate: Frames per second of the LeRobot dataset; None for that of the cameras.
+        progress: Called with the stage "data".
+
+    Returns:
+        The dataset with its problems.
+
+    Raises:
+        TrainingError: If data cannot be read, or a folder exists and is not a dataset.
+        StorageError: If a folder cannot be written.
+    """
     if parquet is not None:
         dataset_parquet.check_folder(parquet)
     if lerobot is not None:
         lerobot_export.check_free(lerobot)
     progress("data", 0.0, "reading")
-    dataset, notes = files.in_step(files.load(device))
+    dataset, shift_notes = files.align(files.load(device))
     progress("data", 0.5, "checking")
-    prior, why = found_prior(dataset, device, AUTO)
-    problems = check_dataset(dataset, predicted=foretold(prior, dataset))
+    prior, prior_notes = load_prior(dataset, device, AUTO)
+    problems = check_dataset(dataset, predicted=predict_recordings(prior, dataset))
     progress("data", 0.8, "writing")
     if parquet is not None:
         dataset_parquet.write_dataset(parquet, dataset)
     if lerobot is not None:
         lerobot_export.write_lerobot(lerobot, dataset, rate)
     progress("data", 1.0, "done")
-    return Exported(dataset, problems, (*told_files(dataset), *notes, *why))
-
-
-# The states of a device's build as a prior for its training, with the cord's response of today.
-
-_OFF_BODY = 5.0  # mm: markers on printed tags lie above the skin, but not by more
+    return Exported(dataset, problems, (*describe_files(dataset), *shift_notes, *prior_notes))
 
 
 def simulated_prior(device: Device, channels: tuple[str, ...], rest_points: Float) -> Prior:
-    """Of the device's built layout for its `channels` and markers that are at rest at (m, 3) mm.
-    Raises TrainingError for channels and markers that are not the device's."""
+    """Compute the simulated states of a built device, with the cord's present response.
+
+    Args:
+        device: The device, whose build is complete.
+        channels: Names of its channels, in the required order.
+        rest_points: Marker positions at rest, shape (m, 3), mm, in the device's rest frame.
+
+    Returns:
+        The states, rest first.
+
+    Raises:
+        TrainingError: If channels or markers are not the device's.
+    """
     folder = finished_build(device, LAYOUT, INDEX)
     fields = load_fields(folder)
     locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
@@ -87,114 +189,94 @@ def simulated_prior(device: Device, channels: tuple[str, ...], rest_points: Floa
     }
     if set(cords) != set(channels):
         raise TrainingError(
-            f"{folder}: the device's cords are {', '.join(cords)}, the recordings' channels"
-            f" {', '.join(channels)}: they are of another device or layout"
+            f"the device's cords are {', '.join(cords)}, but the recordings' channels are"
+            f" {', '.join(channels)}",
+            code="channels-differ",
+            where=folder,
+            action="Give recordings of this device and layout",
+            missing=tuple(name for name in cords if name not in channels),
+            extra=tuple(name for name in channels if name not in cords),
         )
     reading = CordReading.from_device(device)
 
-    def moved(points: Float) -> Float:
+    def displacements_at(points: Float) -> Float:
         u = locator.displacement(locator.find(points), fields.displacements)
         return np.concatenate([np.zeros((1, *points.shape)), u])
 
     surface = load_surface(folder)
     square = igl.point_mesh_squared_distance(rest_points, surface.vertices, surface.faces)[0]
-    off = np.where(locator.find(rest_points).depth < 0, np.sqrt(np.asarray(square)), 0.0)
-    if (off > _OFF_BODY).any():
-        k = int(off.argmax())
+    is_outside = locator.find(rest_points).depth < 0
+    distance = np.where(is_outside, np.sqrt(np.asarray(square)), 0.0)
+    if (distance > _MAX_BODY_DISTANCE_MM).any():
+        k = int(distance.argmax())
         raise TrainingError(
-            f"marker {k + 1} at {np.round(rest_points[k], 1).tolist()} mm lies {off[k]:.0f} mm off"
-            f" the body of {device.name}: the tracks are not in the device's rest frame, or of"
-            " another device"
+            f"marker {k + 1} at {np.round(rest_points[k], 1).tolist()} mm is {distance[k]:.0f} mm"
+            f" from the body of {device.name}",
+            code="markers-off-body",
+            action="Give tracks of this device, in its rest frame",
+            index=k,
+            distance_mm=float(distance[k]),
         )
-    signals = [reading.signals(cords[n], cords[n].path + moved(cords[n].path)) for n in channels]
-    return Prior(("rest", *fields.names), np.stack(signals, axis=1), moved(rest_points))
-
-
-AUTO, YES, NO = "auto", "yes", "no"
-_TOLD = 1e-3  # of the places, that are worth a word
-
-
-def prepare(
-    dataset: Dataset, device: Device | None, *, wanted: str = "auto", without: Sequence[int] = (),
-    in_step: bool = False, shift: Offset = 0.0, progress: Progress = silent,
-) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
-    """The dataset, as the `device`'s, `without` some markers, its samples shifted (`align_samples`),
-    checked (`in_step` as in `require_trainable`); what the simulation says of its device, if that is
-    `wanted`; and notes: what is doubtful, and what was not shown. Raises TrainingError for what
-    forbids training."""
-    dataset = of_device(dataset, device)
-    notes = told_files(dataset)
-    seen = np.any([r.visible.any(axis=0) for r in dataset.recordings], axis=0)
-    never = dataset.ids[~seen].tolist()
-    if never and len(never) < len(dataset.ids):
-        told = ", ".join(map(str, never))
-        notes.append(f"marker {told} is never seen: the model does not tell where it is")
-    if left_out := sorted({*without, *never}):
-        dataset = exclude_markers(dataset, left_out)
-    dataset, uncertain = exclude_uncertain_positions(dataset)
-    notes += told_uncertain(uncertain)
-    raise_fatal(check_units(dataset))
-    if device is not None:
-        raise_fatal(
-            check_cord_resistance(dataset, device.cord.ohm_per_mm * device.cord.min_stretch)
-        )
-    progress("data", 0.4, "putting signals and markers in step")
-    dataset, shifts = align_samples(dataset, shift)
-    notes += shifts
-    progress("data", 0.6, "checking")
-    prior, why = found_prior(dataset, device, wanted)
-    notes += why
-    notes += [
-        str(p)
-        for p in require_trainable(
-            dataset, predicted=foretold(prior, dataset), is_synchronized=in_step
-        )
+    signals = [
+        reading.signals(cords[name], cords[name].path + displacements_at(cords[name].path))
+        for name in channels
     ]
-    units = sorted({r.unit for r in dataset.recordings})
-    if len(units) > 1:
-        notes.append(
-            f"{', '.join(units)} are different devices: one model for all of them has the errors of"
-            " what they differ by; train one for each"
+    names = ("rest", *fields.names)
+    return Prior(names, np.stack(signals, axis=1), displacements_at(rest_points))
+
+
+def load_prior(
+    dataset: Dataset, device: Device | None, prior_mode: str
+) -> tuple[Prior | None, list[str]]:
+    """Load the simulated states of a dataset's device, if it is built.
+
+    Args:
+        dataset: The dataset.
+        device: The device, if available.
+        prior_mode: "yes" if the simulation is required, otherwise "auto" or "no".
+
+    Returns:
+        The states, or None, and a note if the simulation cannot be used.
+
+    Raises:
+        TrainingError: If the simulation is required and not available.
+    """
+    if prior_mode not in (AUTO, YES, NO):
+        raise TrainingError(
+            f"{prior_mode!r} is not a valid choice",
+            code="unknown-choice",
+            where="prior",
+            action=f"Choose {AUTO}, {YES} or {NO}",
         )
-    if prior is not None:
-        found = measure_coverage(Frames.from_dataset(dataset), prior)
-        notes.append(f"{found.share:.0%} of the simulated states were shown")
-        notes += found.advice
-    progress("data", 1.0, "done")
-    return dataset, prior if wanted != NO else None, notes
+    if device is None:
+        if prior_mode == YES:
+            raise TrainingError(
+                "the simulation is only available for a built device",
+                code="device-missing",
+                where="prior",
+                action="Give the device's folder",
+            )
+        return None, []
+    try:
+        return simulated_prior(device, dataset.channels, dataset.rest_points), []
+    except DefsenseError as error:
+        if prior_mode == YES:
+            raise
+        return None, [f"the simulation is not used: {error}"]
 
 
-def told_uncertain(share: float) -> list[str]:
-    """A note on the places that were left out, where they are worth one."""
-    if share < _TOLD:
-        return []
-    return [
-        f"{share:.1%} of the markers' places were seen at such a slant that the cameras hardly know"
-        " them, and are left out"
-    ]
-
-
-def foretold(prior: Prior | None, dataset: Dataset) -> dict[str, Float]:
-    """What the simulation lets expect of each recording's signals (t, c), by its name."""
+def predict_recordings(prior: Prior | None, dataset: Dataset) -> dict[str, Float]:
+    """Return predicted signals (t, c) of each recording by its name; none without a prior."""
     if prior is None:
         return {}
     return {r.name: predict_signals(prior, r, dataset.rest_points) for r in dataset.recordings}
 
 
-def found_prior(
-    dataset: Dataset, device: Device | None, wanted: str
-) -> tuple[Prior | None, list[str]]:
-    """What the device's simulation says, if it is built, and notes. Raises TrainingError where it
-    is `wanted` and cannot be had."""
-    if wanted not in (AUTO, YES, NO):
-        raise TrainingError(f"--prior {wanted}: choose {AUTO}, {YES} or {NO}")
-    if device is None:
-        if wanted == YES:
-            raise TrainingError("--prior yes needs --device DIR, a built device")
-        return None, []
-    try:
-        return simulated_prior(device, dataset.channels, dataset.rest_points), []
-    except DefsenseError as error:
-        if wanted == YES:
-            raise
-        return None, [f"the simulation is not used: {error}"]
+def describe_uncertain(share: float) -> list[str]:
+    """Return a note on the share of positions that were left out as uncertain, if it is notable."""
+    if share < _MIN_UNCERTAIN_SHARE:
+        return []
+    return [
+        f"{share:.1%} of the marker positions are left out: they were seen at such a slant that the"
+        " cameras hardly determine them"
+    ]

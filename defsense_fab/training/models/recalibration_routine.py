@@ -1,4 +1,4 @@
-"""A re-calibration's recordings: sessions of poses, with or without cameras."""
+"""Recalibrate a model from recorded sessions of poses, with or without cameras."""
 
 from __future__ import annotations
 
@@ -19,65 +19,99 @@ from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Recording
 from ..fitting.recalibration import Recalibration, recalibrate
 
-_FEW = 5  # samples at rest that tell nothing yet
+_MIN_REST_SAMPLES = 6
 
 
 def recalibrate_from(model: TrainedModel, folders: Sequence[Path]) -> Recalibration:
-    """With all runs of the sessions in `folders`, as they were recorded: no marker is looked at.
-    Raises TrainingError for sessions of other devices or channels, and without poses or rest."""
-    found = recalibrate(model, [r for folder in folders for r in _recordings(model, folder)])
-    about = {
+    """Recalibrate a model from all runs of sessions, as recorded; no markers are used.
+
+    Args:
+        model: The trained model.
+        folders: Folders of sessions with rest and poses.
+
+    Returns:
+        The recalibration; the metadata of its model record the sessions and the result.
+
+    Raises:
+        TrainingError: If a session is of another device or other channels, or has no rest or poses.
+    """
+    result = recalibrate(model, [r for folder in folders for r in _load_runs(model, folder)])
+    entry = {
         "at": datetime.now(UTC).isoformat(timespec="seconds"),
         "by": [str(folder) for folder in folders],
-        **found.to_json(),
+        **result.to_json(),
     }
-    before = model.told.get("recalibrated", [])
-    told = {**model.told, "recalibrated": [*before, about]}
-    return replace(found, model=replace(found.model, told=told))
+    metadata = {**model.told, "recalibrated": [*model.told.get("recalibrated", []), entry]}
+    return replace(result, model=replace(result.model, told=metadata))
 
 
-def _recordings(model: TrainedModel, folder: Path) -> list[Recording]:
+def _load_runs(model: TrainedModel, folder: Path) -> list[Recording]:
+    """Return recordings of a session's runs, without frames."""
     session = load(folder)
     if session.device != model.device:
         raise TrainingError(
-            f"{folder}: is a session of {session.device}, and the model one of {model.device};"
-            " give a session of that device"
+            f"is a session of {session.device}, but the model is of {model.device}",
+            code="devices-differ",
+            where=folder,
+            action=f"Give a session of {model.device}",
+            devices=(model.device, session.device),
         )
     if set(session.channels) != set(model.channels):
         raise TrainingError(
-            f"{folder}: has the channels {', '.join(session.channels)}, and the model"
-            f" {', '.join(model.channels)}; they are of different cords"
+            f"has the channels {', '.join(session.channels)}, but the model has"
+            f" {', '.join(model.channels)}",
+            code="channels-differ",
+            where=folder,
+            action="Give a session with the cords that the model was trained with",
+            missing=tuple(c for c in model.channels if c not in session.channels),
+            extra=tuple(c for c in session.channels if c not in model.channels),
         )
     order = [session.channels.index(name) for name in model.channels]
-    m, out = len(model.ids), []
+    no_points = np.zeros((0, len(model.ids), 3))
+    recordings = []
     for run in session.runs:
         if not (run / BOARD).exists():
             continue
         board = read_recording(run / BOARD)
         if len(board.counter) < 2:
             continue
-        begin = int(board.host_ns[0])
-        time, kept = np.unique((board.host_ns - begin) / 1e9, return_index=True)
-        ohm = resistances(session, board)[kept][:, order]
+        start_ns = int(board.host_ns[0])
+        time, rows = np.unique((board.host_ns - start_ns) / 1e9, return_index=True)
+        ohm = resistances(session, board)[rows][:, order]
         events = read_log(run)
-        poses = tuple(begun(events, begin))
-        none = np.zeros((0, m, 3))
-        rest = _rest(ohm[resting(events, time, begin)])
+        rest = _median_rest(ohm[resting(events, time, start_ns)])
         if rest is None:
             raise TrainingError(
-                f"{run}: has no rest, from which the cords' resistances at rest are known; record"
-                " the routine from its beginning"
+                "has no rest, from which the cords' resistances at rest are measured",
+                code="no-rest-pose",
+                where=run,
+                action="Record the routine from its start",
             )
-        out.append(
-            Recording(f"{folder.name}/{run.name}", folder.name, "", time, ohm, rest,
-                      np.zeros(0), none, none, None, poses)
-        )  # fmt: skip
-    if not out:
-        raise TrainingError(f"{folder}: the read-out board recorded nothing; record the routine")
-    return out
+        recordings.append(
+            Recording(
+                name=f"{folder.name}/{run.name}",
+                session=folder.name,
+                unit="",
+                sample_time=time,
+                ohm=ohm,
+                rest=rest,
+                time=np.zeros(0),
+                points=no_points,
+                sigma=no_points,
+                poses=tuple(begun(events, start_ns)),
+            )
+        )
+    if not recordings:
+        raise TrainingError(
+            "the read-out board recorded no samples",
+            code="no-samples",
+            where=folder,
+            action="Record the routine",
+        )
+    return recordings
 
 
-def _rest(ohm: Float) -> Float | None:
-    """The median (c,) ohm of samples (n, c) at rest; None of too few."""
+def _median_rest(ohm: Float) -> Float | None:
+    """Return the median (c,) in ohm of samples (n, c) at rest; None if there are too few."""
     known = ohm[np.isfinite(ohm).all(axis=1)]
-    return np.median(known, axis=0) if len(known) > _FEW else None
+    return np.median(known, axis=0) if len(known) >= _MIN_REST_SAMPLES else None

@@ -1,4 +1,4 @@
-"""Training as the command runs it: models with what there is to tell of them."""
+"""Train models from files or datasets as the command does, with metadata on their training."""
 
 from __future__ import annotations
 
@@ -26,15 +26,26 @@ from ..fitting.train_model import CandidateResult, Training, TrainingOptions, tr
 from ..recordings.datasets import DataFiles
 from ..regression.simulated_decoder import fit_simulated_model
 from ..regression.simulation_prior import Prior
-from .model_file import write_model
+from .model_file import MODEL, write_model
 from .prepare import AUTO, prepare, simulated_prior
 
-# A model of files, from reading them to writing it.
+#: Units of the numbers in a model.
+UNITS = {
+    "signals": "(R - R0)/R0, R0 being the resistance at rest",
+    "positions": "mm in the device's rest frame",
+    "time": "s",
+}
 
 
 @dataclass(frozen=True)
 class TrainedFiles:
-    """The model's file, the training, and what else is worth a word."""
+    """A model trained from files.
+
+    Attributes:
+        path: The file of the model.
+        training: The training.
+        notes: What else the user should know.
+    """
 
     path: Path
     training: Training
@@ -43,54 +54,189 @@ class TrainedFiles:
 
 @one_blas_thread()
 def train_files(
-    files: DataFiles, device: Device | None, how: TrainingOptions, *, out: Path | None = None,
-    wanted: str = AUTO, without: Sequence[int] = (), in_step: bool = False,
+    files: DataFiles,
+    device: Device | None,
+    options: TrainingOptions,
+    *,
+    out: Path | None = None,
+    prior_mode: str = AUTO,
+    excluded_markers: Sequence[int] = (),
+    is_synchronized: bool = False,
     progress: Progress = silent,
-) -> TrainedFiles:  # fmt: skip
-    """Train on the `files`, `without` some markers, with the device's simulation if it is `wanted`
-    and checked (`in_step` as in `dataset_checks.checked`), and write the model: to `out`, or as
-    model.json of the device or the first session. Raises TrainingError, StorageError, and what the
-    readers raise."""
-    path = model_path(out, device, [p for p in files.sources if p.is_dir()])
+) -> TrainedFiles:
+    """Train a model from files, and write it.
+
+    Args:
+        files: The training data.
+        device: The device, if available.
+        options: Options of the training.
+        out: File of the model; None for `model.json` of the device or the first session.
+        prior_mode: Whether to use the device's simulation: "auto", "yes" or "no".
+        excluded_markers: Numbers of markers to leave out.
+        is_synchronized: As in `require_trainable`.
+        progress: Called with the stages "data" and "train".
+
+    Returns:
+        The training and the model's file.
+
+    Raises:
+        TrainingError: If training is not possible.
+        StorageError: If the model cannot be written.
+    """
+    path = choose_model_path(out, device, [p for p in files.sources if p.is_dir()])
     progress("data", 0.0, "reading")
     dataset, prior, notes = prepare(
-        files.load(device), device, wanted=wanted, without=without, in_step=in_step,
-        shift=files.shift, progress=progress,
-    )  # fmt: skip
-    training = train_dataset(dataset, how, prior, progress)
+        files.load(device),
+        device,
+        prior_mode=prior_mode,
+        excluded_markers=excluded_markers,
+        is_synchronized=is_synchronized,
+        shift=files.shift,
+        progress=progress,
+    )
+    training = train_dataset(dataset, options, prior, progress)
     write_model(path, training.model)
     return TrainedFiles(path, training, tuple(notes))
 
 
-#: In which units the numbers of a model are.
-UNITS = {
-    "signals": "(R - R0)/R0, R0 being the resistance at rest",
-    "positions": "mm in the device's rest frame",
-    "time": "s",
-}
-
-
 def train_dataset(
-    dataset: Dataset, options: TrainingOptions, prior: Prior | None = None,
+    dataset: Dataset,
+    options: TrainingOptions,
+    prior: Prior | None = None,
     progress: Progress = silent,
-) -> Training:  # fmt: skip
-    """The training, its model with what there is to tell of it. Raises TrainingError."""
-    result = train(dataset, options, progress, prior)
-    told = told_of(result, dataset, options, prior)
-    return replace(result, model=replace(result.model, told=told))
+) -> Training:
+    """Train a model from a dataset, with metadata.
+
+    Args:
+        dataset: The dataset.
+        options: Options of the training.
+        prior: Simulated states of the device, to start from.
+        progress: Called with the stage "train".
+
+    Returns:
+        The training, whose model has metadata.
+
+    Raises:
+        TrainingError: If there is too little to train on.
+    """
+    training = train(dataset, options, progress, prior)
+    metadata = describe_training(training, dataset, options, prior)
+    return replace(training, model=replace(training.model, told=metadata))
 
 
 def simulate_only(device: Device) -> TrainedModel:
-    """A model of a built device before the first picture, for its design's own markers. Raises
-    TrainingError."""
+    """Make a model of a built device without recordings, for the markers of its design.
+
+    Args:
+        device: The device, whose build is complete.
+
+    Returns:
+        The model, without intervals.
+
+    Raises:
+        TrainingError: If the layout or the simulation is missing.
+    """
     folder = build_folder(device)
     layout, markers = load_layout(folder, TrainingError), load_prediction(folder).markers
     channels = tuple(record.name for record in layout.by_channel())
     prior = simulated_prior(device, channels, markers)
     ids = np.arange(len(markers))
     model = fit_simulated_model(device.name, layout_hash(layout), channels, ids, markers, prior)
-    told = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
-    return replace(model, told=told)
+    metadata = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
+    return replace(model, told=metadata)
+
+
+def describe_training(
+    training: Training, dataset: Dataset, options: TrainingOptions, prior: Prior | None
+) -> dict[str, Any]:
+    """Return the metadata of a training in plain values, for the model's file and `--json`."""
+    frames, test_frames = training.training_frames, training.test_frames
+    wrong = training.wrong_markers.sum() / max(int(frames.visible.sum()), 1)
+    wrong_tested = training.wrong_test_markers.sum() / max(int(test_frames.visible.sum()), 1)
+    repeatability = training.repeatability
+    return {
+        **_origin(),
+        "decoder": training.selected,
+        "options": asdict(options),
+        "pictures": {"trained": len(frames), "tested": len(test_frames)},
+        "wrong_markers": float(wrong),
+        "wrong_markers_tested": float(wrong_tested),
+        "simulated_states": 0 if prior is None else len(prior.names),
+        "candidates": [candidate_to_json(c) for c in training.candidates],
+        "sessions": sorted({r.session for r in dataset.recordings}),
+        "units_trained": sorted({r.unit for r in dataset.recordings}),
+        "runs": [r.name for r in dataset.recordings],
+        "data": {r.name: recording_hash(r) for r in dataset.recordings},
+        "held_out": _held_out(training, dataset),
+        "repeatability": None if repeatability is None else asdict(repeatability),
+        "first_rest": first_rest_signals(dataset),
+        "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
+        "sync_error": {r.name: r.sync_error for r in dataset.recordings},
+        "provenance": dict(dataset.provenance),
+    }
+
+
+def candidate_to_json(result: CandidateResult) -> Mapping[str, Any]:
+    """Return the errors of a candidate in plain values; lengths in mm."""
+    test = result.test
+    errors = None
+    if test is not None:
+        errors = {
+            "rmse": test.rmse,
+            "sd": float(test.per_state.std()),
+            "peak": test.peak,
+            "average_peak": test.average_peak,
+        }
+    return {
+        "decoder": result.name,
+        "features": result.features,
+        "lambda": result.lambda_ if np.isfinite(result.lambda_) else None,
+        "noise": result.noise if np.isfinite(result.noise) else None,
+        "memory": list(result.moved),
+        "work": list(result.worked),
+        "folds": result.folds.tolist(),
+        "cross_validated": result.cross_validated,
+        "test": errors,
+    }
+
+
+def recording_hash(r: Recording) -> str:
+    """Return a hash of a recording's content that does not depend on the order of its channels."""
+    columns = sorted(hashlib.sha256(c.tobytes()).hexdigest() for c in r.ohm.T.copy())
+    return hashlib.sha256("".join(columns).encode() + r.time.tobytes()).hexdigest()
+
+
+def choose_model_path(out: Path | None, device: Device | None, sources: list[Path]) -> Path:
+    """Return the file to write a model to.
+
+    Args:
+        out: The requested file or folder; None to choose one.
+        device: The device, whose folder is the first choice.
+        sources: Folders of sessions; the first one is the second choice.
+
+    Returns:
+        The file.
+
+    Raises:
+        TrainingError: If its folder does not exist, or it is not a .json file.
+    """
+    path = out or (device.source if device else sources[0] if sources else Path()) / MODEL
+    path = path / MODEL if path.is_dir() else path
+    if path.suffix != ".json":
+        raise TrainingError(
+            "is not a .json file",
+            code="wrong-file-kind",
+            where=path,
+            action="Name the model's file with the ending .json",
+        )
+    if not path.parent.is_dir():
+        raise TrainingError(
+            f"the folder {path.parent} does not exist",
+            code="folder-not-found",
+            where=path,
+            action="Create it, or choose another",
+        )
+    return path
 
 
 def _origin() -> dict[str, Any]:
@@ -102,87 +248,17 @@ def _origin() -> dict[str, Any]:
     }
 
 
-def told_of(
-    result: Training, dataset: Dataset, options: TrainingOptions, prior: Prior | None
-) -> dict[str, Any]:
-    """What there is to know of a training, in plain values: for the model's file and `--json`."""
-    trained = result.training_frames
-    return {
-        **_origin(),
-        "decoder": result.selected,
-        "options": asdict(options),
-        "pictures": {"trained": len(trained), "tested": len(result.test_frames)},
-        "wrong_markers": float(result.wrong_markers.sum() / max(int(trained.visible.sum()), 1)),
-        "wrong_markers_tested": float(
-            result.wrong_test_markers.sum() / max(int(result.test_frames.visible.sum()), 1)
-        ),
-        "simulated_states": 0 if prior is None else len(prior.names),
-        "candidates": [row(a) for a in result.candidates],
-        "sessions": sorted({r.session for r in dataset.recordings}),
-        "units_trained": sorted({r.unit for r in dataset.recordings}),
-        "runs": [r.name for r in dataset.recordings],
-        "data": {r.name: recording_hash(r) for r in dataset.recordings},
-        "held_out": _held_out(result, dataset),
-        "repeatability": None if result.repeatability is None else asdict(result.repeatability),
-        "first_rest": first_rest_signals(dataset),
-        "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
-        "sync_error": {r.name: r.sync_error for r in dataset.recordings},
-        "provenance": dict(dataset.provenance),
-    }
+def _held_out(training: Training, dataset: Dataset) -> list[Mapping[str, Any]]:
+    """Return when the test frames of each recording start, in s after its first frame.
 
-
-def recording_hash(r: Recording) -> str:
-    """Of what is in it, whatever order its channels are in."""
-    columns = sorted(hashlib.sha256(c.tobytes()).hexdigest() for c in r.ohm.T.copy())
-    return hashlib.sha256("".join(columns).encode() + r.time.tobytes()).hexdigest()
-
-
-def _held_out(result: Training, dataset: Dataset) -> list[Mapping[str, Any]]:
-    """Of each recording how long after its first picture, s, pictures were held out; None: all
-    were trained on."""
-    tested, time = result.test_frames.recording_index, result.test_frames.time
+    It is None for a recording all of whose frames were used for training.
+    """
+    index, time = training.test_frames.recording_index, training.test_frames.time
     return [
         {
             "run": r.name,
             "fingerprint": recording_fingerprint(r),
-            "after": float(time[tested == k][0] - r.time[0]) if (tested == k).any() else None,
+            "after": float(time[index == k][0] - r.time[0]) if (index == k).any() else None,
         }
         for k, r in enumerate(dataset.recordings)
     ]
-
-
-def row(attempt: CandidateResult) -> Mapping[str, Any]:
-    """A candidate, in plain values; lengths in mm."""
-    test = attempt.test
-    return {
-        "decoder": attempt.name,
-        "features": attempt.features,
-        "lambda": attempt.lambda_ if np.isfinite(attempt.lambda_) else None,
-        "noise": attempt.noise if np.isfinite(attempt.noise) else None,
-        "memory": list(attempt.moved),
-        "work": list(attempt.worked),
-        "folds": attempt.folds.tolist(),
-        "cross_validated": attempt.cross_validated,
-        "test": None
-        if test is None
-        else {
-            "rmse": test.rmse,
-            "sd": float(test.per_state.std()),
-            "peak": test.peak,
-            "average_peak": test.average_peak,
-        },
-    }
-
-
-def model_path(out: Path | None, device: Device | None, sources: list[Path]) -> Path:
-    """Where the model goes: where it was asked for, or into the device's folder, or the session's.
-    Raises TrainingError where its folder is not there."""
-    from .model_file import MODEL
-
-    path = out or (device.source if device else sources[0] if sources else Path()) / MODEL
-    path = path / MODEL if path.is_dir() else path
-    if path.suffix != ".json":
-        raise TrainingError(f"{path}: a model is a .json file")
-    if not path.parent.is_dir():
-        raise TrainingError(f"{path}: there is no folder {path.parent}; make it, or choose another")
-    return path

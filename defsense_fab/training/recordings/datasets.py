@@ -44,12 +44,12 @@ class DataFiles:
             offset=self.offset, called=called,
         )  # fmt: skip
 
-    def in_step(self, dataset: Dataset) -> tuple[Dataset, list[str]]:
+    def align(self, dataset: Dataset) -> tuple[Dataset, list[str]]:
         """The dataset with its samples shifted as asked for: see `align_samples`."""
         return align_samples(dataset, self.shift)
 
 
-def told_files(dataset: Dataset) -> list[str]:
+def describe_files(dataset: Dataset) -> list[str]:
     """What was left out of its sessions, and how files of others were read."""
     out = []
     for told in dataset.provenance.get("sessions", ()):
@@ -112,10 +112,10 @@ def load_datasets(
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise TrainingError(f"{twice[0]} is given twice; give each recording once")
-    return of_device(join_datasets(parts), device)
+    return match_to_device(join_datasets(parts), device)
 
 
-def of_device(dataset: Dataset, device: Device | None) -> Dataset:
+def match_to_device(dataset: Dataset, device: Device | None) -> Dataset:
     """The dataset with its channels in the order of the device's cords, where it is built. Raises
     TrainingError for recordings of another device, or of other cords."""
     if device is None:

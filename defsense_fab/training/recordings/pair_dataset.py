@@ -12,7 +12,7 @@ from ...capture.clocks.synchronization import synchronize_by_motion
 from ...capture.files.formats import read_tracks
 from ...capture.sessions.rest_frame import lay_on_rest
 from ...capture.sessions.signals import motion
-from ...capture.tracking.rest_pose import FAR
+from ...capture.tracking.rest_pose import MAX_DISTANCE_MM
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError, TrainingError
 from ...core.markers import Markers, Tracks
@@ -44,7 +44,7 @@ def in_design_frame(
     points[:, known], sigma[:, known] = tracks.points[:, at], tracks.sigma[:, at]
     named = Tracks(tracks.time, markers.ids, points, sigma, tracks.frame)
     off, by = _off(points, markers, early)
-    if off <= FAR:
+    if off <= MAX_DISTANCE_MM:
         return named, [f"in the device's frame as given: {by} {off:.2f} mm off"]
     corners = np.full((len(points), int(markers.anchor.sum()), 4, 3), np.nan, np.float32)
     try:
@@ -55,7 +55,7 @@ def in_design_frame(
             f" onto its rest pose, which must be at the beginning, in mm: {error}"
         ) from None
     left, by = _off(laid.aligned.points, markers, early)
-    if not left <= FAR:
+    if not left <= MAX_DISTANCE_MM:
         raise TrainingError(
             f"{source}: is not in the device's frame, and its markers do not have the places of"
             f" markers.json: {by} {left:.1f} mm off; check the markers' numbers and the tracks'"

@@ -18,7 +18,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...decoding.decoders import FOLDS
-from ...decoding.signal_history import Past, at_times
+from ...decoding.signal_history import Past, interpolate_at
 from ..data.dataset import Dataset
 
 #: Fewer frames cannot be divided into meaningful folds.
@@ -132,7 +132,7 @@ class Frames:
             is_of_recording = self.recording_index == k
             z = past(r.sample_time, r.signals[:, indices])
             times = r.time[self.frame_index[is_of_recording]]
-            inputs[is_of_recording] = at_times(times, r.sample_time, z)
+            inputs[is_of_recording] = interpolate_at(times, r.sample_time, z)
         return inputs
 
 

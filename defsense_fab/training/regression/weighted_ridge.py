@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from ...core.arrays import Float, Int
-from ...decoding.ridge import regular
+from ...decoding.ridge import regularize
 
 #: Standard deviations of the inputs among which cross-validation chooses.
 INPUT_NOISES = np.logspace(-6, 1, 29)
@@ -54,7 +54,7 @@ class Whitening:
             The transform.
         """
         flat = np.ascontiguousarray(np.moveaxis(slopes, 2, 1)).reshape(-1, phi.shape[1])
-        P = regular(flat.T @ flat / len(phi) + roughness)
+        P = regularize(flat.T @ flat / len(phi) + roughness)
         lower = np.linalg.cholesky(P)
         transform = solve_triangular(lower, np.eye(len(P)), lower=True).T
         return Whitening(phi.mean(0), transform)
