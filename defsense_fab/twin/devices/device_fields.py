@@ -22,7 +22,7 @@ from ...core.errors import CaptureError, DeviceError
 from ...core.mesh import TetMesh
 from ...core.progress import Progress, silent
 from ...core.storage.files import digest, replace_file, storage_errors
-from ...geometry.bodies.meshing.region_conforming import conform
+from ...geometry.bodies.meshing.region_conforming import conform_to_regions
 from ...geometry.bodies.meshing.tetrahedra import tetrahedralize
 from ...mechanics.elements.material import Material, split
 from ...mechanics.elements.point_location import PointLocator
@@ -243,7 +243,7 @@ def _make_mesh(device: Device, folder: Path, edge: float) -> TetMesh:
     if edge == 1.0 or record.edge_length is None:
         return load_mesh(folder)
     mesh = tetrahedralize(load_surface(folder), edge * record.edge_length).mesh
-    return conform(mesh, list(device.regions.values()))
+    return conform_to_regions(mesh, list(device.regions.values()))
 
 
 class _Sampler:
