@@ -1,1 +1,1 @@
-"""Cameras: images from them, intrinsics, extrinsics, and their files."""
+"""Cameras: images, calibration, and their files."""

@@ -1,4 +1,7 @@
-"""Recorded images: video files, folders of images, numbered images."""
+"""Sources of images: video files, folders of images, and cameras that are plugged in.
+
+Several sources can be read at once, each in its own thread.
+"""
 
 from __future__ import annotations
 
@@ -22,34 +25,60 @@ from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ..tags.detection import Image
 
-# A camera that is plugged in, read by a thread of its own.
-
-_KEPT = 4  # frames, if nobody takes them
-_HANGS = 3.0  # s after which a thread that does not come back is left to itself
-_GONE = 2.0  # s without a frame after which a camera has vanished
-#: Of each system; on Windows the first choice of OpenCV takes many seconds to open a camera.
-_BACK_ENDS = {"win32": cv2.CAP_DSHOW, "darwin": cv2.CAP_AVFOUNDATION}
+MAX_WAITING_FRAMES = 4  # older frames are dropped
+THREAD_JOIN_TIMEOUT_S = 3.0
+DISCONNECT_TIMEOUT_S = 2.0  # without a frame
+#: By operating system; on Windows OpenCV's first choice takes many seconds to open a camera.
+_BACKENDS = {"win32": cv2.CAP_DSHOW, "darwin": cv2.CAP_AVFOUNDATION}
 
 
-class Images(Protocol):
-    """Frames as they come: `start` before the rest, `close` after it."""
+class ImageSource(Protocol):
+    """A source of frames as they are taken: an interface.
+
+    Call `start` first and `close` last.
+
+    Attributes:
+        name: Name of the source in messages.
+        size: Width and height of the frames, px.
+    """
 
     name: str
     size: tuple[int, int]
 
     def start(self) -> None:
-        """Begin; raises CaptureError where there is no camera."""
+        """Start taking frames.
+
+        Raises:
+            CaptureError: If there is no camera.
+        """
 
     def read(self, timeout: float) -> tuple[Image, int] | None:
-        """The next frame, (h, w) or (h, w, 3), and the monotonic clock, ns, at which it was taken;
-        None where none came in time. Raises CaptureError when the camera is gone."""
+        """Wait for the next frame.
+
+        Args:
+            timeout: Longest time to wait, s.
+
+        Returns:
+            The frame, (h, w) or (h, w, 3), and the monotonic clock at which it was taken, ns; None
+            if none came in time.
+
+        Raises:
+            CaptureError: If the camera was disconnected.
+        """
 
     def close(self) -> None: ...
 
 
 class Webcam:
-    """`Images` of a camera by its index (0) or device (/dev/video0). Frames that nobody takes are
-    dropped, oldest first."""
+    """An `ImageSource` that reads a camera in its own thread.
+
+    Frames that are not read in time are dropped, oldest first.
+
+    Args:
+        address: Index (`0`) or device (`/dev/video0`) of the camera.
+        size: Requested width and height, px; 1280 x 720 by default.
+        rate: Requested frames per second.
+    """
 
     def __init__(
         self, address: str, size: tuple[int, int] | None = None, rate: float | None = None
@@ -57,21 +86,25 @@ class Webcam:
         self.name, self.size = address, size or (1280, 720)
         self._rate = rate
         self._capture: cv2.VideoCapture | None = None
-        self._frames: deque[tuple[Image, int]] = deque(maxlen=_KEPT)
-        self._arrived, self._over = threading.Condition(), threading.Event()
+        self._frames: deque[tuple[Image, int]] = deque(maxlen=MAX_WAITING_FRAMES)
+        self._frame_arrived, self._stop = threading.Condition(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
-        self._heard = 0
+        self._last_frame_ns = 0
 
     def start(self) -> None:
-        quiet()
+        silence_opencv()
         index = int(self.name) if self.name.isdigit() else self.name
-        self._capture = cv2.VideoCapture(index, _BACK_ENDS.get(sys.platform, cv2.CAP_ANY))
+        self._capture = cv2.VideoCapture(index, _BACKENDS.get(sys.platform, cv2.CAP_ANY))
         if not self._capture.isOpened():
             self._capture.release()
             raise CaptureError(
-                f"camera {self.name}: cannot be opened; is it plugged in, and does no other program"
-                " (a browser, a meeting) use it? defsense doctor tells more",
+                "cannot be opened",
                 code="camera-unavailable",
+                where=f"camera {self.name}",
+                action=(
+                    "Plug it in, close other programs that use it (a browser, a meeting), or run"
+                    " defsense doctor for details"
+                ),
                 camera=self.name,
             )
         self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.size[0])
@@ -79,37 +112,43 @@ class Webcam:
         if self._rate:
             self._capture.set(cv2.CAP_PROP_FPS, self._rate)
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
-        there, image = self._capture.read()
-        if not there:
+        has_image, image = self._capture.read()
+        if not has_image:
             self._capture.release()
             raise CaptureError(
-                f"camera {self.name}: gives no picture",
+                "gives no image",
                 code="camera-gives-no-image",
+                where=f"camera {self.name}",
+                action="Plug it in again, or choose another camera",
                 camera=self.name,
             )
         self.size = (image.shape[1], image.shape[0])
-        self._heard = time.monotonic_ns()
+        self._last_frame_ns = time.monotonic_ns()
         self._thread.start()
 
     def read(self, timeout: float) -> tuple[Image, int] | None:
-        with self._arrived:
-            self._arrived.wait_for(lambda: bool(self._frames), timeout)
+        with self._frame_arrived:
+            self._frame_arrived.wait_for(lambda: bool(self._frames), timeout)
             if self._frames:
                 return self._frames.popleft()
-        if time.monotonic_ns() - self._heard > _GONE * 1e9:
+        if time.monotonic_ns() - self._last_frame_ns > DISCONNECT_TIMEOUT_S * 1e9:
             raise CaptureError(
-                f"camera {self.name}: gives no more pictures; was it unplugged?",
+                "gives no more images",
                 code="camera-disconnected",
+                where=f"camera {self.name}",
+                action="Check that it is plugged in",
                 camera=self.name,
             )
         return None
 
     def close(self) -> None:
-        """End the thread, which lets go of the camera. One that hangs in its driver is left to
-        itself: it does so when it comes back."""
-        self._over.set()
+        """Stop the thread, which releases the camera.
+
+        A thread that hangs in its driver releases the camera when it returns.
+        """
+        self._stop.set()
         if self._thread.ident is not None:
-            self._thread.join(_HANGS)
+            self._thread.join(THREAD_JOIN_TIMEOUT_S)
         elif self._capture is not None:
             self._capture.release()
 
@@ -121,31 +160,34 @@ class Webcam:
             self._capture.release()
 
     def _grab(self, capture: cv2.VideoCapture) -> None:
-        while not self._over.is_set():
+        while not self._stop.is_set():
             if not capture.grab():
-                self._over.wait(0.02)
+                self._stop.wait(0.02)
                 continue
-            now = time.monotonic_ns()  # before decoding: the picture is as old as this
-            there, image = capture.retrieve()
-            if there:
-                with self._arrived:
+            now = time.monotonic_ns()  # before decoding, because the image is as old as this
+            has_image, image = capture.retrieve()
+            if has_image:
+                with self._frame_arrived:
                     self._frames.append((np.asarray(image, np.uint8), now))
-                    self._heard = now
-                    self._arrived.notify_all()
+                    self._last_frame_ns = now
+                    self._frame_arrived.notify_all()
 
-
-# Cameras side by side, each in a thread of its own.
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 
 @contextmanager
-def one_thread_per_call(wanted: bool = True) -> Iterator[None]:
-    """OpenCV does not share a call's work out among threads of its own meanwhile: callers that are
-    threads already would wait for each other, twice as long as the work takes."""
+def one_thread_per_call(is_enabled: bool = True) -> Iterator[None]:
+    """Keep OpenCV from dividing a call's work among threads of its own.
+
+    Callers that are threads themselves would wait for each other, and take twice as long.
+
+    Args:
+        is_enabled: Whether to do so.
+    """
     threads = cv2.getNumThreads()
-    if wanted:
+    if is_enabled:
         cv2.setNumThreads(1)
     try:
         yield
@@ -153,13 +195,22 @@ def one_thread_per_call(wanted: bool = True) -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-def in_threads(
-    work: Callable[[_Item, threading.Event], _Result], items: Sequence[_Item], at_most: int
+def run_in_threads(
+    work: Callable[[_Item, threading.Event], _Result], items: Sequence[_Item], max_threads: int
 ) -> list[_Result]:
-    """`work` on all items, `at_most` at once. It is also given an event, which is set when the
-    others need not finish: after an error in one, which is raised here, or an interruption."""
+    """Run a function on all items in threads.
+
+    Args:
+        work: Function of an item and an event. The event is set when the result is no longer
+            needed: after an error in another item, or an interruption.
+        items: Items to process.
+        max_threads: Largest number of threads.
+
+    Returns:
+        The results, in the order of the items.
+    """
     stop = threading.Event()
-    with one_thread_per_call(), ThreadPoolExecutor(min(len(items), at_most)) as pool:
+    with one_thread_per_call(), ThreadPoolExecutor(min(len(items), max_threads)) as pool:
         jobs = [pool.submit(work, item, stop) for item in items]
         try:
             return [job.result() for job in jobs]
@@ -168,14 +219,20 @@ def in_threads(
             raise
 
 
-_IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
-_LATE = 1.5  # periods without a frame that are a gap
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
+GAP_PERIODS = 1.5  # a longer step between frames is a gap
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What the time stamps of t frames say: their median `period`, s; how many frames are `missing`
-    in gaps, how many came twice with one stamp (`repeated`), and how often time went back."""
+    """Regularity of t time stamps.
+
+    Attributes:
+        period: Median period, s.
+        missing: Number of frames missing in gaps.
+        repeated: Number of frames with the stamp of the previous one.
+        back: Number of times that time went back.
+    """
 
     period: float
     missing: int
@@ -183,48 +240,63 @@ class Timing:
     back: int
 
 
-def timing(time: Float) -> Timing:
-    """Of stamps (t,) s."""
+def measure_timing(time: Float) -> Timing:
+    """Measure the regularity of stamps (t,), s."""
     step = np.diff(time)
     if not len(step) or not (step > 0).any():
         return Timing(0.0, 0, int((step == 0).sum()), int((step < 0).sum()))
     period = float(np.median(step[step > 0]))
-    gaps = step[step > _LATE * period]
+    gaps = step[step > GAP_PERIODS * period]
     missing = int((np.round(gaps / period) - 1).sum())
     return Timing(period, missing, int((step == 0).sum()), int((step < 0).sum()))
 
 
 class Video:
-    """The frames of a file, one after the other; the times of images come from `rate`, Hz."""
+    """The frames of a video, a folder of images, or numbered images.
+
+    Args:
+        path: Video, folder, or pattern such as `a%04d.png`.
+        rate: Frames per second, Hz; required for images.
+
+    Raises:
+        CaptureError: If there is nothing to read, or images have no rate.
+    """
 
     def __init__(self, path: Path, rate: float | None = None) -> None:
-        """Raises CaptureError for what is no video, and for images without a rate."""
         self.path, self._rate = path, rate
         self._files: list[Path] = []
         self._capture: cv2.VideoCapture | None = None
         pattern = "%" in path.name
         if path.is_dir():
-            images = (p for p in path.iterdir() if p.suffix.lower() in _IMAGES)
-            self._files = sorted(images, key=_by_number)
+            images = (p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+            self._files = sorted(images, key=_natural_key)
             if not self._files:
                 raise CaptureError(
-                    f"{path}: the folder has no images ({', '.join(_IMAGES)})",
+                    f"the folder has no images ({', '.join(IMAGE_SUFFIXES)})",
                     code="images-missing",
+                    where=path,
+                    action="Choose another folder",
                 )
         elif not path.exists() and not pattern:
-            raise CaptureError(f"{path}: there is no such file", code="file-not-found")
+            raise CaptureError(
+                "there is no such file",
+                code="file-not-found",
+                where=path,
+                action="Check the file's name",
+            )
         if (self._files or pattern) and rate is None:
             raise CaptureError(
-                f"{path}: images have no time stamps; give the frames per second at which they were"
-                " taken with --rate",
+                "images have no time stamps",
                 code="frame-rate-missing",
+                where=path,
+                action="Give the frames per second at which they were taken (rate)",
             )
         if self._files:
             self.expected = len(self._files)
-            first = _image(self._files[0])
+            first = _read_image(self._files[0])
             self.size = first.shape[1], first.shape[0]
             return
-        quiet()
+        silence_opencv()
         self._capture = cv2.VideoCapture(str(path))
         width, height = (
             int(self._capture.get(k)) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
@@ -232,53 +304,57 @@ class Video:
         count = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
         if not self._capture.isOpened() or min(width, height) < 1:
             raise CaptureError(
-                f"{path}: cannot be opened as a video; check that it is one and is not damaged",
+                "cannot be opened as a video",
                 code="video-unreadable",
+                where=path,
+                action="Check that it is a video and is not damaged",
             )
         self.size = width, height
-        #: Frames that the file says it has; 0 where it does not say.
+        #: Number of frames that the file states; 0 if it states none.
         self.expected = int(count) if np.isfinite(count) and 0 < count < 1e9 else 0
 
     def frames(self) -> Iterator[tuple[int, float, Image]]:
-        """Number, time s and image of each frame that can be read."""
+        """Yield number, time, s, and image of each frame that can be read."""
         if self._files:
             for k, file in enumerate(self._files):
-                yield k, k / (self._rate or 1.0), _image(file)
+                yield k, k / (self._rate or 1.0), _read_image(file)
             return
         assert self._capture is not None
         k = 0
         while True:
-            there, image = self._capture.read()
-            if not there:
+            has_image, image = self._capture.read()
+            if not has_image:
                 return
             time = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
             yield k, k / self._rate if self._rate else time, np.asarray(image, np.uint8)
             k += 1
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Release the file."""
         if self._capture is not None:
             self._capture.release()
 
 
-def _by_number(path: Path) -> tuple[list[str | int], str]:
-    """For a9 to come before a10."""
+def _natural_key(path: Path) -> tuple[list[str | int], str]:
+    """Return a key that sorts a9 before a10."""
     parts = re.split(r"(\d+)", path.name)
     return [int(p) if k % 2 else p for k, p in enumerate(parts)], path.name
 
 
-def _image(path: Path) -> Image:
+def _read_image(path: Path) -> Image:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
         raise CaptureError(
-            f"{path}: cannot be read as an image; check that it is one and is not damaged",
+            "cannot be read as an image",
             code="image-unreadable",
+            where=path,
+            action="Check that it is an image and is not damaged",
             file=path.name,
         )
     return np.asarray(image, np.uint8)
 
 
-def quiet() -> None:
-    """OpenCV and FFmpeg write to standard error by themselves; errors are told in our words."""
+def silence_opencv() -> None:
+    """Keep OpenCV and FFmpeg from writing to standard error; errors are raised instead."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)

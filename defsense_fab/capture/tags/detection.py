@@ -83,11 +83,11 @@ class Detector:
         if grey.shape[::-1] != self.camera.size:
             raise image_size_error(self.camera, (grey.shape[1], grey.shape[0]))
         x0, y0, x1, y1 = box or (0, 0, *self.camera.size)
-        quads, numbers, _ = self._detector.detectMarkers(np.ascontiguousarray(grey[y0:y1, x0:x1]))
+        found, numbers, _ = self._detector.detectMarkers(np.ascontiguousarray(grey[y0:y1, x0:x1]))
         if numbers is None or not len(numbers):
             return NO_TAGS
         ids = np.asarray(numbers).reshape(-1).astype(np.int64)
-        quads = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads])
+        quads = np.stack([np.asarray(q, float).reshape(4, 2) for q in found])
         image_corners = quads + np.array([x0, y0])
         corners, covariance, _ = refine(grey, self._plane, image_corners, self._cells)
         view = TagView(ids, corners, covariance, image_corners)

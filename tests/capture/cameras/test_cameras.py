@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.cameras.extrinsics import _Problem, estimate_extrinsics
-from defsense_fab.capture.cameras.intrinsics import calibrate
+from defsense_fab.capture.cameras.extrinsics import BundleAdjustment, estimate_extrinsics
+from defsense_fab.capture.cameras.intrinsics import calibrate_camera
 from defsense_fab.capture.cameras.rig_check import Cause, check_rig, diagnose
-from defsense_fab.capture.cameras.view_selection import choose, coverage, descriptor, motion
+from defsense_fab.capture.cameras.view_selection import (
+    choose_views,
+    corner_motion,
+    describe_view,
+    measure_coverage,
+)
 from defsense_fab.capture.tags.detection import BoardFinder, BoardView
 from defsense_fab.capture.tags.tag_patterns import CharucoBoard, load_board, save_board
 from defsense_fab.core.camera import Camera
@@ -71,7 +76,7 @@ def test_intrinsics_are_found_and_odd_views_left_out():
     views = alone(18, rng)
     bent = views[4].corners + rng.normal(0, 4, views[4].corners.shape)
     views[4] = BoardView(views[4].ids, bent)
-    found = calibrate("left", (1280, 720), BOARD, views)
+    found = calibrate_camera("left", (1280, 720), BOARD, views)
     assert np.flatnonzero(~found.used).tolist() == [4]
     assert found.error == pytest.approx(0.05 * 2**0.5, rel=0.15)
     K_ = found.camera.matrix
@@ -84,12 +89,12 @@ def test_intrinsics_are_found_and_odd_views_left_out():
 def test_views_that_do_not_tell_are_refused():
     rng = np.random.default_rng(1)
     with raises(CaptureError, "views-too-few", camera="left", count=7):
-        calibrate("left", (1280, 720), BOARD, alone(7, rng))
+        calibrate_camera("left", (1280, 720), BOARD, alone(7, rng))
     with raises(CaptureError, "focal-length-uncertain", camera="left"):
-        calibrate("left", (1280, 720), BOARD, alone(8, rng, tilt=0.02))
+        calibrate_camera("left", (1280, 720), BOARD, alone(8, rng, tilt=0.02))
     wrong = [BoardView(v.ids, rng.permutation(v.corners)) for v in alone(10, rng)]
     with raises(CaptureError, "views-inconsistent", camera="left"):
-        calibrate("left", (1280, 720), BOARD, wrong)
+        calibrate_camera("left", (1280, 720), BOARD, wrong)
 
 
 @pytest.mark.parametrize(("count", "pairs"), [(2, None), (3, None), (3, [(0, 1), (1, 2)])])
@@ -108,8 +113,8 @@ def test_cameras_are_where_they_are(count, pairs):
         assert found.shared[0, 2] == 0
     check = check_rig(found.cameras, BOARD, together(cameras, 5, rng, pairs))
     assert check.holds
-    assert check.together < 0.2
-    assert check.length < 0.1
+    assert check.ray_error < 0.2
+    assert check.corner_error < 0.1
 
 
 def test_intrinsics_may_change_as_far_as_they_are_open():
@@ -150,7 +155,7 @@ def test_the_jacobian_is_that_of_finite_differences():
     rng = np.random.default_rng(4)
     views = together(cameras, 3, rng)
     sigma = [np.array([3, 3, 3, 3, 0.01, 0.01, 1e-3, 1e-3, 1e-2])] * 3
-    problem = _Problem(cameras, BOARD, views, sigma)
+    problem = BundleAdjustment(cameras, BOARD, views, sigma)
     start = relative(cameras)
     poses = [{0: (turn(0.3, 0.2, 0.1), np.array([5.0, 3, 400]))} for _ in views]
     x = problem.pack(start, poses)
@@ -188,14 +193,14 @@ def test_a_camera_that_moved_and_cameras_that_were_swapped_do_not_hold():
     views = together(moved, 5, rng)
     check = check_rig(cameras, BOARD, views)
     assert not check.holds
-    assert check.own.max() < 0.2
+    assert check.camera_errors.max() < 0.2
     swapped = [{0: v[1], 1: v[0]} for v in together(cameras, 5, rng)]
     assert not check_rig(cameras, BOARD, swapped).holds
     zoomed = [replace(c, matrix=c.matrix * [[1.05], [1.05], [1]]) for c in cameras]
     assert not check_rig(zoomed, BOARD, together(cameras, 5, rng)).holds
     one = check_rig(cameras[:1], BOARD, together(cameras[:1], 5, rng))
     assert one.holds
-    assert np.isnan(one.together)
+    assert np.isnan(one.ray_error)
     with raises(CaptureError, "board-never-shared"):
         check_rig(cameras, BOARD, [])
 
@@ -247,9 +252,9 @@ def test_a_lens_and_a_move_keep_their_names(count):
         found = diagnose(cameras, BOARD, together(now, 5, rng))
         assert found.cause == Cause("moved"), k
         # Of three, one that is far off is known.
-        assert np.flatnonzero(found.check.odd).tolist() in ([], [2] if count == 3 else [])
+        assert np.flatnonzero(found.check.disagreeing).tolist() in ([], [2] if count == 3 else [])
     if count == 3:
-        assert found.check.odd[2]
+        assert found.check.disagreeing[2]
     lens = replace(cameras[-1], matrix=cameras[-1].matrix * [[1.1], [1.1], [1]])
     views = together([*cameras[:-1], lens], 5, rng)
     found = diagnose(cameras, BOARD, views)
@@ -265,26 +270,26 @@ def test_cameras_side_by_side_that_are_swapped_see_no_board_and_say_so():
         for pose in [(turn(0.2 * k, 0.1, 0), np.array([0, 0, 400.0 + 20 * k])) for k in range(4)]
     ]
     found = diagnose(apart, BOARD, shuffled(views, (1, 0)))
-    assert np.isnan(found.check.length)  # the rays meet behind the cameras
+    assert np.isnan(found.check.corner_error)  # the rays meet behind the cameras
     assert found.cause == Cause("order", None, (1, 0))
 
 
 def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():
     rng = np.random.default_rng(8)
     views = alone(30, rng)
-    d = np.array([descriptor(v, BOARD, (1280, 720)) for v in views])
+    d = np.array([describe_view(v, BOARD, (1280, 720)) for v in views])
     again = np.repeat(d, 3, axis=0)
-    chosen = choose(again, np.zeros(len(again)), 12)
+    chosen = choose_views(again, np.zeros(len(again)), 12)
     assert len(chosen) == 12
     assert len(set((chosen // 3).tolist())) == 12
-    assert choose(np.zeros((0, 5)), np.zeros(0), 5).size == 0
-    assert motion([views[0], views[0], None, views[1]]).tolist() == [0, 0, np.inf, np.inf]
-    few = coverage(views[:1], BOARD, (1280, 720), 20)
+    assert choose_views(np.zeros((0, 5)), np.zeros(0), 5).size == 0
+    assert corner_motion([views[0], views[0], None, views[1]]).tolist() == [0, 0, np.inf, np.inf]
+    few = measure_coverage(views[:1], BOARD, (1280, 720), 20)
     assert "take 19 more views" in few.hints
     assert any("tilt" in h for h in few.hints)
-    assert coverage(views, BOARD, (1280, 720), 20).fraction > few.fraction
+    assert measure_coverage(views, BOARD, (1280, 720), 20).fraction > few.fraction
     # Tilted one way and the other the same board has descriptors apart.
-    ways = [descriptor(seen(LENSED, (turn(y=a), np.array([0, 0, 400.0])), rng), BOARD, (1280, 720))
+    ways = [describe_view(seen(LENSED, (turn(y=a), np.array([0, 0, 400.0])), rng), BOARD, (1280, 720))
             for a in (-0.5, 0.5)]  # fmt: skip
     assert ways[0][3] * ways[1][3] < 0
     assert np.abs(ways[0][3] - ways[1][3]) > 0.5
@@ -327,9 +332,9 @@ def test_a_board_that_never_rests_gives_enough_views():
     """Always in motion, and often at much the same place."""
     rng = np.random.default_rng(9)
     views = alone(45, rng)
-    d = np.array([descriptor(v, BOARD, LENSED.size) for v in views])
+    d = np.array([describe_view(v, BOARD, LENSED.size) for v in views])
     moves = rng.uniform(4, 15, 45)
-    assert len(choose(d, moves, 60, moving=True)) >= 30
-    few = choose(d[:1] + rng.normal(0, 1e-3, (45, 5)), moves, 60, moving=True)
+    assert len(choose_views(d, moves, 60, allow_motion=True)) >= 30
+    few = choose_views(d[:1] + rng.normal(0, 1e-3, (45, 5)), moves, 60, allow_motion=True)
     assert len(few) >= 30
-    assert len(choose(d, moves, 60)) < 25  # cameras are arranged by slow ones alone
+    assert len(choose_views(d, moves, 60)) < 25  # cameras are arranged by slow ones alone

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.cameras.extrinsics import estimate_extrinsics
-from defsense_fab.capture.cameras.intrinsics import calibrate
+from defsense_fab.capture.cameras.intrinsics import calibrate_camera
 from defsense_fab.capture.cameras.rig_check import check_rig
 from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
 from defsense_fab.capture.tags.detection import BoardView, Detector
@@ -79,14 +79,14 @@ def test_pixels_beyond_the_model_are_none():
 def test_a_fisheye_is_calibrated_where_a_pinhole_does_not_fit():
     rng = np.random.default_rng(1)
     views = [v for p in poses(40, rng) if (v := view(wide(), p, rng)) is not None][:25]
-    found = calibrate("left", (1280, 720), BOARD, views, fisheye=True)
+    found = calibrate_camera("left", (1280, 720), BOARD, views, fisheye=True)
     assert found.error == pytest.approx(0.05 * 2**0.5, rel=0.1)
     got = np.append(found.camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], found.camera.distortions)
     true = np.append(K[[0, 1, 0, 1], [0, 1, 2, 2]], LENS)
     assert np.abs(found.camera.focal / wide().focal - 1).max() < 1e-3
     assert np.abs((got - true) / found.sigma[:8]).max() < 4
     assert found.used.all()
-    plain = calibrate("left", (1280, 720), BOARD, views)
+    plain = calibrate_camera("left", (1280, 720), BOARD, views)
     assert plain.error > 1.5 * found.error
 
 

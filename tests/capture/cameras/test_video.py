@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from defsense_fab.capture.cameras.image_sources import Timing, Video, timing
+from defsense_fab.capture.cameras.image_sources import Timing, Video, measure_timing
 from defsense_fab.core.errors import CaptureError
 from tests.support.errors import raises
 
@@ -95,13 +95,13 @@ def test_a_damaged_image_and_one_of_another_size(tmp_path):
 
 def test_time_stamps_tell_drops_repeats_and_jumps_back():
     even = np.arange(50) / 30
-    assert timing(even) == Timing(pytest.approx(1 / 30), 0, 0, 0)
-    assert timing(np.delete(even, [10, 11, 30])).missing == 3
-    assert timing(np.insert(even, 20, even[20])).repeated == 1
+    assert measure_timing(even) == Timing(pytest.approx(1 / 30), 0, 0, 0)
+    assert measure_timing(np.delete(even, [10, 11, 30])).missing == 3
+    assert measure_timing(np.insert(even, 20, even[20])).repeated == 1
     back = even.copy()
     back[25:] -= 0.5
-    assert timing(back).back == 1
+    assert measure_timing(back).back == 1
     shaky = even + np.random.default_rng(0).uniform(0, 0.01, 50)
-    assert timing(shaky).missing == 0
-    assert timing(np.zeros(1)) == Timing(0.0, 0, 0, 0)
-    assert timing(np.zeros(3)) == Timing(0.0, 0, 2, 0)
+    assert measure_timing(shaky).missing == 0
+    assert measure_timing(np.zeros(1)) == Timing(0.0, 0, 0, 0)
+    assert measure_timing(np.zeros(3)) == Timing(0.0, 0, 2, 0)

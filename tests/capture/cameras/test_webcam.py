@@ -61,7 +61,7 @@ def test_frames_come_until_it_is_closed(monkeypatch):
 
 
 def test_a_camera_is_not_released_under_its_thread(monkeypatch):
-    monkeypatch.setattr(webcams, "_HANGS", 0.1, raising=False)
+    monkeypatch.setattr(webcams, "THREAD_JOIN_TIMEOUT_S", 0.1, raising=False)
     capture = Capture()
     source = camera(monkeypatch, capture)
     join = source._thread.join
