@@ -32,8 +32,8 @@ def device(tmp_path):
 @pytest.mark.parametrize(
     ("command", "work"),
     [
-        ("calibrate coupon", "defsense_fab.geometry.specimen.coupon.coupon"),
-        ("calibrate specimen", "defsense_fab.geometry.specimen.specimen.jig"),
+        ("calibrate coupon", "defsense_fab.geometry.specimen.coupon.make_coupon"),
+        ("calibrate specimen", "defsense_fab.geometry.specimen.jig.make_jig"),
         ("capture board", None),
     ],
 )

@@ -1,4 +1,4 @@
-"""What CAD gave, as one solid without cavities, and its facets."""
+"""Turn the solids of a CAD program into one solid without cavities, and its facets."""
 
 from __future__ import annotations
 
@@ -11,13 +11,25 @@ import numpy as np
 from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import occ
-from .repair.findings import check_near, place
-from .repair.shells import DEBRIS, cavity_text, refused_cavities
+from .repair.findings import (
+    check_distance_from_origin,
+    closed_cavity_error,
+    describe_cavity,
+    describe_point,
+)
+from .repair.shells import DEBRIS_SHARE
 
 
 @dataclass(frozen=True)
 class CadSolid:
-    """The TopoDS_Solid, its facets, its exact volume (mm3), and what was repaired."""
+    """One solid and its facets.
+
+    Attributes:
+        solid: The TopoDS_Solid.
+        surface: Its facets, mm.
+        volume: Its exact volume, mm^3.
+        repairs: Sentences on what was repaired.
+    """
 
     solid: Any
     surface: Surface
@@ -25,84 +37,99 @@ class CadSolid:
     repairs: tuple[str, ...]
 
 
-def cad_solid(
+def make_cad_solid(
     solids: Sequence[Any],
     where: str,
     sizes: tuple[float, float],
     tolerance: float,
-    relative: bool,
+    is_relative: bool,
     fill_cavities: bool,
 ) -> CadSolid:
-    """The one solid of TopoDS_Solids, with facets no further from it than `tolerance` mm, or times
-    its size where that is `relative`.
+    """Check that there is one closed solid, fill its cavities and tessellate it.
 
-    Raises BodyError where there is not one, it is not closed or of a size outside `sizes` mm,
-    for one that lies far from the origin for these, and for cavities unless they are to be filled.
+    Args:
+        solids: TopoDS_Solids that a script returned or a file holds.
+        where: File to name in errors.
+        sizes: Smallest and largest plausible size, mm.
+        tolerance: Largest distance of a facet from the solid, mm.
+        is_relative: Whether the tolerance is a share of the solid's size instead.
+        fill_cavities: Whether closed cavities are filled; otherwise they are an error.
+
+    Returns:
+        The solid with its facets.
+
+    Raises:
+        BodyError: If there is not exactly one solid, or it is not closed, has an implausible size,
+            lies far from the origin, or has cavities that may not be filled.
     """
     if len(solids) != 1:
-        told = "; ".join(f"{occ.volume(s):.3g} mm3 around {place(occ.centroid(s))}"
-                         for s in solids[:5])  # fmt: skip
+        found = "; ".join(
+            f"{occ.volume(s):.3g} mm3 around {describe_point(occ.centroid(s))}" for s in solids[:5]
+        )
         more = f" and {len(solids) - 5} more" if len(solids) > 5 else ""
         raise BodyError(
-            f"{where}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
-            + (f": {told}{more}" if solids else ""),
+            f"gives {len(solids)} solids instead of one" + (f": {found}{more}" if solids else ""),
             code="not-one-solid",
+            where=where,
+            action="Fuse the solids or remove all but one",
             count=len(solids),
         )
     size = occ.size(solids[0])
     if not sizes[0] <= size <= sizes[1]:
         raise BodyError(
-            f"{where}: the body is {size:.3g} mm across; lengths are in mm: check its units",
+            f"the body is {size:.3g} mm across",
             code="unlikely-size",
+            where=where,
+            action="Check its units: lengths are in mm",
             size=size,
         )
-    solid, repairs = _without_cavities(solids[0], where, fill_cavities)
-    surface = _facets(solid, where, tolerance * size if relative else tolerance)
-    check_near(where, surface.vertices, sizes[1])
+    solid, repairs = _fill_cavities(solids[0], where, fill_cavities)
+    surface = _tessellate(solid, where, tolerance * size if is_relative else tolerance)
+    check_distance_from_origin(where, surface.vertices, sizes[1])
     volume = occ.volume(solid)
     if not volume > 0:
         raise BodyError(
-            f"{where}: the solid's volume is {volume:.3g} mm^3; turn its faces",
+            f"the solid's volume is {volume:.3g} mm^3",
             code="encloses-no-volume",
+            where=where,
+            action="Reverse its faces",
         )
     return CadSolid(solid, surface, volume, repairs)
 
 
-def _without_cavities(solid: Any, where: str, fill: bool) -> tuple[Any, tuple[str, ...]]:
-    found = occ.cavities(solid)
-    if not found:
+def _fill_cavities(solid: Any, where: str, fill: bool) -> tuple[Any, tuple[str, ...]]:
+    """Fill the cavities of a solid if that is allowed or they are tiny."""
+    cavities = occ.find_cavities(solid)
+    if not cavities:
         return solid, ()
-    rest = f" and {len(found) - 1} smaller" if len(found) > 1 else ""
-    told = cavity_text(*found[0]) + rest
-    whole = occ.filled(solid)
-    if found[0][0] >= DEBRIS * occ.volume(whole) and not fill:
-        raise BodyError(
-            refused_cavities(where, told),
-            code="closed-cavity",
-            volume=found[0][0],
-            at=found[0][1].tolist(),
-            count=len(found),
-        )
-    return whole, (f"filled {told}",)
+    text = describe_cavity(*cavities[0], len(cavities) - 1)
+    whole = occ.fill_cavities(solid)
+    if cavities[0][0] >= DEBRIS_SHARE * occ.volume(whole) and not fill:
+        raise closed_cavity_error(where, *cavities[0], len(cavities) - 1)
+    return whole, (f"filled {text}",)
 
 
-def _facets(solid: Any, where: str, tolerance: float) -> Surface:
-    """Raises BodyError where they leave gaps."""
+def _tessellate(solid: Any, where: str, tolerance: float) -> Surface:
+    """Return the facets of a solid, or raise BodyError if they leave gaps."""
     try:
         surface = occ.tessellate(solid, tolerance)
-    except Exception as error:  # OpenCascade's carry no common base; of no facets, ValueError
+    except Exception as error:  # OpenCascade's have no common base; ValueError if no facets
         text = " ".join(str(error).split()) or type(error).__name__
         raise BodyError(
-            f"{where}: its faces cannot be divided into facets: {text}", code="cannot-tessellate"
+            f"its faces cannot be divided into facets: {text}",
+            code="cannot-tessellate",
+            where=where,
         ) from None
     edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     if (count % 2).any():
         at = surface.vertices[unique[count % 2 == 1][0]].mean(0)
         raise BodyError(
-            f"{where}: the solid is not closed near {place(at)}; heal it in the program that made"
-            " it, or export a mesh (STL) and give that as [body] mesh",
+            f"the solid is not closed near {describe_point(at)}",
             code="surface-not-closed",
+            where=where,
+            action="Heal it in the program that made it, or export a mesh (STL) and name that as"
+            " [body] mesh",
             at=at.tolist(),
         )
     return surface

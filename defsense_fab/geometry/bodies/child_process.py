@@ -19,11 +19,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
 from ...core.errors import DefsenseError
-from ...core.machine.processes import OWN_GROUP, end_group, end_own_group, was_killed
+from ...core.machine.processes import NEW_GROUP, kill_group, kill_own_group, was_killed
 from .. import kernels
+
+E = TypeVar("E", bound=DefsenseError)
 
 #: Error text that a child writes when it runs out of memory.
 OUT_OF_MEMORY = "out of memory"
@@ -111,9 +113,7 @@ def error_record(error: DefsenseError) -> dict[str, Any]:
     }
 
 
-def error_from_record[E: DefsenseError](
-    kind: type[E], record: Mapping[str, Any], where: str | None = None
-) -> E:
+def error_from_record(kind: type[E], record: Mapping[str, Any], where: str | None = None) -> E:
     """Recreate an error that a child wrote with `error_record`.
 
     Args:
@@ -151,7 +151,7 @@ def _run(
         text=True,
         encoding="utf-8",
         errors="replace",
-        **OWN_GROUP,
+        **NEW_GROUP,
     )
     assert process.stdin is not None
     assert process.stdout is not None
@@ -171,7 +171,7 @@ def _run(
         error.is_machine_limit = True
         raise error from None
     finally:
-        end_group(process.pid)  # with all processes that it started
+        kill_group(process.pid)  # with all processes that it started
         process.wait()
         process.stdin.close()
         reader.join(1.0)  # a process that the module started may hold the other end
@@ -213,7 +213,7 @@ def end_with_parent() -> None:
 
     def watch() -> None:
         os.read(lifeline, 1)  # returns when the parent's end of the pipe is closed
-        end_own_group()
+        kill_own_group()
 
     threading.Thread(target=watch, daemon=True).start()
 

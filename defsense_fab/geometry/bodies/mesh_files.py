@@ -1,4 +1,4 @@
-"""Triangles from files of meshes, in mm where the format says what its lengths are."""
+"""Detect the format of mesh files and read their triangles, in mm if the format has a unit."""
 
 from __future__ import annotations
 
@@ -13,65 +13,66 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.errors import BodyError
 
-# The boundary of tetrahedra in files of Gmsh, VTK and Medit.
-
 _FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".mesh": "medit"}
-#: Of the files that are read.
+#: Suffixes of the files that are read.
 TET_SUFFIXES = tuple(_FORMATS)
-_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 
 
 def read_tets(path: Path, suffix: str) -> tuple[Float, Int]:
-    """Vertices (n, 3), and as faces (m, 3) the tetrahedra's that only one of them has; the
-    triangles where there are no tetrahedra. Raises BodyError for other cells, and whatever the
-    reader does for damaged files."""
+    """Read the boundary of tetrahedra, or triangles if there are none.
+
+    Returns:
+        Vertices (n, 3), and the faces (m, 3) that only one tetrahedron has.
+
+    Raises:
+        BodyError: For other cells. Damaged files raise whatever the reader does.
+    """
     import meshio
 
     mesh: Any = meshio.read(path, _FORMATS[suffix])
     points = np.asarray(mesh.points, float)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise BodyError("its points are not in space", code="points-not-in-space")
-    tets = _cells(mesh, "tetra", 4)
+        raise BodyError("its points are not three-dimensional", code="points-not-in-space")
+    tets = _cells_of(mesh, "tetra", 4)
     if len(tets):
-        _check(tets, len(points))
+        _check_cells(tets, len(points))
         return points, _boundary(points, tets)
-    triangles = _cells(mesh, "triangle", 3)
+    triangles = _cells_of(mesh, "triangle", 3)
     if not len(triangles):
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "none"
         raise BodyError(
             f"it has neither tetrahedra nor triangles; its cells: {kinds}", code="no-triangles"
         )
-    _check(triangles, len(points))
+    _check_cells(triangles, len(points))
     return points, triangles
 
 
-def _cells(mesh: Any, kind: str, corners: int) -> Int:
-    """Of this kind, of any order."""
-    own = [
+def _cells_of(mesh: Any, kind: str, corners: int) -> Int:
+    """Return the cells of a kind, of any order."""
+    blocks = [
         np.asarray(block.data, np.int64)[:, :corners]
         for block in mesh.cells
         if block.type.rstrip("0123456789") == kind
     ]
-    return np.concatenate(own) if own else np.zeros((0, corners), np.int64)
+    return np.concatenate(blocks) if blocks else np.zeros((0, corners), np.int64)
 
 
-def _check(cells: Int, count: int) -> None:
+def _check_cells(cells: Int, count: int) -> None:
     if cells.min() < 0 or cells.max() >= count:
-        raise BodyError("a cell names a point that is not there", code="vertex-missing")
+        raise BodyError("a cell names a point that does not exist", code="vertex-missing")
 
 
 def _boundary(points: Float, tets: Int) -> Int:
     x = points[tets]
-    inward = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
-    tets = np.where(inward[:, None], tets[:, [0, 2, 1, 3]], tets)
-    faces = tets[:, _FACES].reshape(-1, 3)
+    is_inverted = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
+    tets = np.where(is_inverted[:, None], tets[:, [0, 2, 1, 3]], tets)
+    faces = tets[:, TET_FACES].reshape(-1, 3)
     _, first, count = np.unique(
         np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
     )
     return np.asarray(faces[first[count == 1]])
 
-
-# What kind of body a file holds, by its content: names lie.
 
 _STEP = re.compile(rb"\s*(/\*.*?\*/\s*)*ISO-10303-21\s*;", re.DOTALL)
 _VERTEX = re.compile(rb"^\s*v\s+[-+.\d]", re.MULTILINE)
@@ -82,17 +83,22 @@ _VTU = re.compile(
     rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*UnstructuredGrid", re.DOTALL
 )
 _GLTF = re.compile(rb'\s*\{.*"asset"\s*:', re.DOTALL)
-_HEAD, _TRIANGLE = 84, 50  # bytes of a binary STL file
-_BEGINNING = 4096
+STL_HEAD_BYTES, STL_TRIANGLE_BYTES = 84, 50  # bytes of a binary STL file
+HEAD_BYTES = 4096
 
 
-def kind_of_file(content: bytes) -> str | None:
-    """The suffix of the file that these bytes are: .step, .stl, .obj, .ply, .off, .3mf, .glb,
-    .gltf, .msh, .vtu, .mesh; None for what is none of them. That it can be read is not said."""
-    start = content[:_BEGINNING]
-    for suffix, pattern in (
-        (".step", _STEP), (".off", _OFF), (".mesh", _MEDIT), (".vtu", _VTU)
-    ):  # fmt: skip
+def detect_format(content: bytes) -> str | None:
+    """Detect what kind of body a file holds from its content.
+
+    Args:
+        content: Bytes of the file.
+
+    Returns:
+        The usual suffix of the format (.step, .stl, .obj, .ply, .off, .3mf, .glb, .gltf, .msh, .vtu
+        or .mesh), or None if it is none of them. The file may still be unreadable.
+    """
+    start = content[:HEAD_BYTES]
+    for suffix, pattern in ((".step", _STEP), (".off", _OFF), (".mesh", _MEDIT), (".vtu", _VTU)):
         if pattern.match(start):
             return suffix
     if re.match(rb"ply\s", start):
@@ -103,9 +109,9 @@ def kind_of_file(content: bytes) -> str | None:
         return ".msh"
     if start.startswith(b"PK\x03\x04") and b"3D/" in content:
         return ".3mf"
-    if len(content) >= _HEAD:
-        count = int.from_bytes(content[_HEAD - 4 : _HEAD], "little")
-        if count and len(content) == _HEAD + _TRIANGLE * count:
+    if len(content) >= STL_HEAD_BYTES:
+        count = int.from_bytes(content[STL_HEAD_BYTES - 4 : STL_HEAD_BYTES], "little")
+        if count and len(content) == STL_HEAD_BYTES + STL_TRIANGLE_BYTES * count:
             return ".stl"
     if start.lstrip().startswith(b"solid") and b"facet" in content:
         return ".stl"
@@ -118,12 +124,12 @@ def kind_of_file(content: bytes) -> str | None:
     return None
 
 
-#: Of the files that are read.
+#: Suffixes of the files that are read.
 SUFFIXES = (".stl", ".obj", ".ply", ".off", ".3mf", ".glb", ".gltf", *TET_SUFFIXES)
-#: Of those whose lengths have a unit.
-IN_MM = (".3mf", ".glb", ".gltf")
-#: As they are told.
-KINDS = "STL, OBJ, PLY, OFF, 3MF, GLB, or tetrahedra in .msh, .vtu or .mesh"
+#: Suffixes of formats whose lengths have a unit.
+SUFFIXES_WITH_UNIT = (".3mf", ".glb", ".gltf")
+#: Names of the formats for messages.
+FORMAT_NAMES = "STL, OBJ, PLY, OFF, 3MF, GLB, or tetrahedra in .msh, .vtu or .mesh"
 _3MF_UNITS = {
     "MicroMeter": 1e-3,
     "MilliMeter": 1.0,
@@ -136,23 +142,40 @@ _3MF_UNITS = {
 
 @dataclass(frozen=True)
 class Triangles:
-    """`vertices` (n, 3), in mm where the format has a unit, `faces` (m, 3), what of the reading is
-    to be `told`, and the mm of the file's unit, 1 where it has none."""
+    """Triangles of a file.
+
+    Attributes:
+        vertices: Corners (n, 3), in mm if the format has a unit.
+        faces: Triangles (m, 3).
+        notes: Sentences on the conversion.
+        unit: Millimetres of the file's unit; 1 if the format has none.
+    """
 
     vertices: Float
     faces: Int
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     unit: float = 1.0
 
 
 def read_triangles(path: Path, suffix: str) -> Triangles:
-    """The triangles of a file of the kind that has this suffix. Raises BodyError where it cannot be
-    read. Other files that it names are not."""
+    """Read the triangles of a mesh file. Other files that it names are not read.
+
+    Args:
+        path: The file.
+        suffix: Suffix of its format.
+
+    Raises:
+        BodyError: If the file cannot be read.
+    """
     if suffix not in SUFFIXES:
         raise BodyError(
-            f"{path}: unknown kind of mesh; give {KINDS}", code="unknown-format", suffix=suffix
+            "has an unknown format",
+            code="unknown-format",
+            where=path,
+            action=f"Give {FORMAT_NAMES}",
+            suffix=suffix,
         )
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     unit = 1.0
     try:
         if suffix == ".3mf":
@@ -162,44 +185,46 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
         elif suffix in (".glb", ".gltf"):
             vertices, faces = _read_gltf(path, suffix)
             unit = 1e3
-            told = ("took metres with y upwards, as GLB has them, to millimetres with z upwards",)
+            notes = ("converted metres with y up, as in GLB, to millimetres with z up",)
         else:
             vertices, faces = _read_surface(path, suffix)
     except MemoryError:
         raise BodyError(
-            f"{path}: is too large to be read, or claims to be; write the file again from the"
-            " program that made it",
+            "is too large to be read, or claims to be",
             code="file-too-large",
+            where=path,
+            action="Write the file again from the program that made it",
         ) from None
-    except SystemExit:  # meshio's end the program where a file is damaged
+    except SystemExit:  # meshio ends the program if a file is damaged
         raise BodyError(
-            f"{path}: cannot be read as {suffix[1:].upper()}: it is damaged; write the file again"
-            " from the program that made it",
+            f"cannot be read as {suffix[1:].upper()}: it is damaged",
             code="file-invalid",
+            where=path,
+            action="Write the file again from the program that made it",
             suffix=suffix,
         ) from None
-    except Exception as error:  # readers raise whatever their parsers do
+    except Exception as error:  # readers raise whatever their parsers raise
         text = " ".join(str(error).split())[:300] or type(error).__name__
         code = error.code if isinstance(error, BodyError) else "file-invalid"
         raise BodyError(
-            f"{path}: cannot be read as {suffix[1:].upper()}: {text}", code=code, suffix=suffix
+            f"cannot be read as {suffix[1:].upper()}: {text}", code=code, where=path, suffix=suffix
         ) from None
     if len(faces) == 0:
-        raise BodyError(f"{path}: holds no triangles", code="no-triangles")
+        raise BodyError("holds no triangles", code="no-triangles", where=path)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise BodyError(
-            f"{path}: a triangle names a vertex that is not there", code="vertex-missing"
+            "a triangle names a vertex that does not exist", code="vertex-missing", where=path
         )
     if not np.isfinite(vertices).all():
-        raise BodyError(f"{path}: a vertex is not a finite number", code="vertex-not-finite")
-    return Triangles(vertices, faces, told, unit)
+        raise BodyError("a vertex is not a finite number", code="vertex-not-finite", where=path)
+    return Triangles(vertices, faces, notes, unit)
 
 
 def _read_surface(path: Path, suffix: str) -> tuple[Float, Int]:
     import trimesh
 
-    with path.open("rb") as file:  # by content: the name may have another suffix
-        # Materials are files that the mesh names: they are not read.
+    with path.open("rb") as file:  # opened here, since the name may have another suffix
+        # Materials are files that the mesh names; they are not read.
         mesh: Any = trimesh.load_mesh(
             file, file_type=suffix[1:], process=False, skip_materials=True
         )
@@ -207,12 +232,13 @@ def _read_surface(path: Path, suffix: str) -> tuple[Float, Int]:
 
 
 class _NoFiles:
-    """In place of the files that a glTF file names."""
+    """Refuse access to the files that a glTF file names."""
 
     def get(self, name: str) -> bytes:
         raise BodyError(
-            f"it names another file, {name[:80]!r}, which is not read; export GLB, which holds all",
+            f"it names another file, {name[:80]!r}, which is not read",
             code="names-another-file",
+            action="Export GLB, which holds everything",
             name=name,
         )
 

@@ -1,4 +1,6 @@
-"""Triangle meshes: read, made into one closed surface, and refused where that is a guess."""
+"""Read triangle meshes and repair them to one closed surface, or refuse where that would be a
+guess.
+"""
 
 from __future__ import annotations
 
@@ -9,121 +11,157 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.errors import BodyError
 from ...core.mesh import Surface
-from .mesh_files import IN_MM, kind_of_file, read_triangles
-from .repair.connectivity import cleaned, taken_apart
-from .repair.findings import check_near, number, place
+from .mesh_files import SUFFIXES_WITH_UNIT, detect_format, read_triangles
+from .repair.connectivity import clean_triangles, separate_sheets
+from .repair.findings import check_distance_from_origin, describe_point, format_count
 from .repair.holes import close_holes
-from .repair.solid import one_solid, oriented, remade_solid
+from .repair.solid import make_one_solid, orient_faces, rebuild_solid
 
-_TRIES = 4
-#: What a file's lengths may be in some unit: from micrometres to metres.
-_ANY_UNIT = (1e-6, 1e9)
+MAX_TRIES = 4
+#: Plausible size in a file's lengths, in units from micrometres to metres.
+ANY_UNIT_RANGE = (1e-6, 1e9)
 
 
 def read_mesh(
     path: Path, scale: float, sizes: tuple[float, float], fill_cavities: bool = False
 ) -> tuple[Surface, tuple[str, ...], float]:
-    """The closed surface in `path` times `scale`, what was repaired, and the mm of the file's unit,
-    1 where it has none.
+    """Read a mesh file and repair its surface.
 
-    What kind of file it is, its content says. Raises BodyError for an unreadable file, a size
-    outside `sizes` mm, a place far from the origin for these, holes too wide to close, several
-    separate pieces, cavities unless they are to be filled, no enclosed volume, or a surface that
-    cannot be repaired.
+    The format is detected from the content.
+
+    Args:
+        path: The file.
+        scale: Factor from the file's lengths to mm.
+        sizes: Smallest and largest plausible size, mm.
+        fill_cavities: Whether closed cavities are filled; otherwise they are an error.
+
+    Returns:
+        The closed surface, mm; sentences on what was repaired; and the millimetres of the file's
+        unit, 1 if its format has none.
+
+    Raises:
+        BodyError: If the file cannot be read, or the body has an implausible size, lies far from
+            the origin, has wide holes, several pieces or cavities, encloses no volume, or cannot be
+            repaired.
     """
-    suffix = _suffix(path)
-    read = read_triangles(path, suffix)
+    suffix = _detect_suffix(path)
+    mesh = read_triangles(path, suffix)
     with np.errstate(over="ignore", invalid="ignore"):
-        vertices = read.vertices * scale
-        in_file = float(np.linalg.norm(np.ptp(read.vertices[np.unique(read.faces)], axis=0)))
+        vertices = mesh.vertices * scale
+        in_file = float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0)))
         size = in_file * scale
-    if not _ANY_UNIT[0] <= in_file <= _ANY_UNIT[1]:
+    if not ANY_UNIT_RANGE[0] <= in_file <= ANY_UNIT_RANGE[1]:
         raise BodyError(
-            f"{path}: the body is {in_file:.3g} across in the file's lengths, of which no unit"
-            " makes a device; export it again",
+            f"the body is {in_file:.3g} across in the file's lengths, which is implausible in"
+            f" any unit",
             code="unlikely-size",
+            where=path,
+            action="Export it again",
             size=in_file,
         )
     if not sizes[0] <= size <= sizes[1]:
-        unit = (
-            "the file's lengths were taken as its format has them"
-            if suffix in IN_MM
+        unit_hint = (
+            "the file's lengths were read in the unit of its format"
+            if suffix in SUFFIXES_WITH_UNIT
             else "1000 where the file is in metres, 25.4 for inches"
         )
         raise BodyError(
-            f"{path}: the body is {size:.3g} mm across; set [body] scale in device.toml ({unit})",
+            f"the body is {size:.3g} mm across",
             code="unlikely-size",
+            where=path,
+            action=f"Set [body] scale in device.toml ({unit_hint})",
             size=size,
         )
-    check_near(str(path), vertices[read.faces], sizes[1])
-    vertices, faces, repairs = repair(vertices, read.faces, str(path), fill_cavities)
-    return Surface(vertices, faces), (*_renamed(path, suffix), *read.told, *repairs), read.unit
+    check_distance_from_origin(str(path), vertices[mesh.faces], sizes[1])
+    vertices, faces, repairs = repair_mesh(vertices, mesh.faces, str(path), fill_cavities)
+    return (
+        Surface(vertices, faces),
+        (*_describe_format(path, suffix), *mesh.notes, *repairs),
+        mesh.unit,
+    )
 
 
-def _suffix(path: Path) -> str:
-    """The kind of file, by its content, and where that tells nothing by its name."""
+def _detect_suffix(path: Path) -> str:
+    """Return the suffix of the format, by content or else by name."""
     try:
-        kind = kind_of_file(path.read_bytes())
+        suffix = detect_format(path.read_bytes())
     except OSError as error:
         raise BodyError(
-            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+            f"cannot be read: {error.strerror}", code="file-unreadable", where=path
         ) from None
-    if kind == ".step":
+    if suffix == ".step":
         raise BodyError(
-            f'{path}: is a STEP file; write step = "{path.name}" under [body]',
+            "is a STEP file",
             code="wrong-file-format",
-            suffix=kind,
+            where=path,
+            action=f'Write step = "{path.name}" under [body]',
+            suffix=suffix,
         )
-    return kind or path.suffix.lower()
+    return suffix or path.suffix.lower()
 
 
-def _renamed(path: Path, suffix: str) -> tuple[str, ...]:
+def _describe_format(path: Path, suffix: str) -> tuple[str, ...]:
     if path.suffix.lower() in (suffix, ""):
         return ()
-    return (f"read as {suffix[1:].upper()}, which the file is in spite of its name",)
+    return (f"read as {suffix[1:].upper()}, the format of its content in spite of its name",)
 
 
-def repair(
+def repair_mesh(
     vertices: Float, faces: Int, where: str, fill_cavities: bool = False
 ) -> tuple[Float, Int, list[str]]:
-    """One closed surface that does not pass through itself, turned outward, and what was done: each
-    repair with its place, how far it moved the surface (mm), and what it did to the volume.
+    """Repair triangles to one closed surface that does not pass through itself, turned outward.
 
-    Raises BodyError as `read_mesh` does.
+    Args:
+        vertices: Corners (n, 3), mm.
+        faces: Triangles (m, 3).
+        where: File to name in errors.
+        fill_cavities: Whether closed cavities are filled; otherwise they are an error.
+
+    Returns:
+        Vertices, faces, and a sentence on each repair: its place, how far it moved the surface, and
+        how it changed the volume.
+
+    Raises:
+        BodyError: As `read_mesh`.
     """
     size = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
-    vertices, faces, done = cleaned(vertices, faces, size)
+    vertices, faces, done = clean_triangles(vertices, faces, size)
     if len(faces) == 0:
         raise BodyError(
-            f"{where}: encloses no volume; a closed solid is needed", code="encloses-no-volume"
+            "encloses no volume",
+            code="encloses-no-volume",
+            where=where,
+            action="Give a closed solid",
         )
-    turned = oriented(faces)
-    if (turned != faces).any():
+    oriented = orient_faces(faces)
+    if (oriented != faces).any():
         done.append("turned inconsistent faces")
-    vertices, faces, closed = close_holes(vertices, turned, size, where)
-    done += closed
-    if closed:
-        faces = oriented(faces)
+    vertices, faces, closings = close_holes(vertices, oriented, size, where)
+    done += closings
+    if closings:
+        faces = orient_faces(faces)
     at, replaced = vertices[faces[0, 0]], 0
-    for rings in range(_TRIES):
-        apart = taken_apart(vertices, faces, size)
-        if isinstance(apart, tuple):
+    for rings in range(MAX_TRIES):
+        sheets = separate_sheets(vertices, faces, size)
+        if isinstance(sheets, tuple):
             if replaced:
-                many = number(replaced, "triangle")
-                done.append(f"replaced {many} at edges that have more than two, near {place(at)}")
-            v, f, told = one_solid(*apart[:2], size, where, fill_cavities)
-            return v, f, done + apart[2] + told
-        # Triangles that are joined to others in no sensible way give place to ones that are.
-        gone = apart
-        at = vertices[faces[gone][0]].mean(0)
+                count = format_count(replaced, "triangle")
+                done.append(
+                    f"replaced {count} at edges that have more than two, near {describe_point(at)}"
+                )
+            v, f, notes = make_one_solid(*sheets[:2], size, where, fill_cavities)
+            return v, f, done + sheets[2] + notes
+        # Triangles that cannot be joined to others are removed, and the holes are filled.
+        is_removed = sheets
+        at = vertices[faces[is_removed][0]].mean(0)
         for _ in range(rings):
-            gone = np.asarray(np.isin(faces, faces[gone]).any(1))
-        replaced += int(gone.sum())
+            is_removed = np.asarray(np.isin(faces, faces[is_removed]).any(1))
+        replaced += int(is_removed.sum())
         try:
-            vertices, faces, _ = close_holes(vertices, faces[~gone], size, where)
+            vertices, faces, _ = close_holes(vertices, faces[~is_removed], size, where)
         except BodyError:
             break
-        faces = oriented(faces)
-    why = f"edges have more than two faces, one near {place(at)}"
-    v, f, told = remade_solid(vertices, faces, size, where, why, fill_cavities)
-    return v, f, done + told
+        faces = orient_faces(faces)
+    problem = f"edges have more than two faces, one near {describe_point(at)}"
+    v, f, notes = rebuild_solid(vertices, faces, size, where, problem, fill_cavities)
+    return v, f, done + notes

@@ -1,5 +1,6 @@
-"""How a body stands before a viewer, told from its shape: which axis is up, and which side is in
-front."""
+"""Detect from its shape how a body stands before a viewer: which axis is up, which side is in
+front.
+"""
 
 from __future__ import annotations
 
@@ -9,58 +10,69 @@ from scipy.spatial import ConvexHull, QhullError
 from ...core.arrays import Float
 from ...core.mesh import Surface
 
-#: What is to the right, up and towards the viewer, in rows: z up, seen along +y; and y up, seen
-#: along -z, as most programs for animation have it.
+#: Right, up and towards the viewer, in rows: z up, seen along +y; and y up, seen along -z, as in
+#: most animation programs.
 Z_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 Y_UP = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
 
-_LOW = 0.03  # of the height: how far above the lowest point a body is taken to touch the ground
-_MORE, _LEAST, _LITTLE = 2.0, 0.04, 0.1  # shares of the ground that a standing body covers
-_TALL = 1.3  # of its other sizes
-_LONG = 1.5  # of its width, from where a body is seen from its long side
+#: Points up to this share of the height above the lowest one touch the ground.
+TOUCHING_HEIGHT_SHARE = 0.03
+#: Shares of its outline that the foot of a body covers: along y at least twice that along z, and
+#: this much; below the last the foot says nothing.
+FOOTING_RATIO, MIN_FOOTING_SHARE, SMALL_FOOTING_SHARE = 2.0, 0.04, 0.1
+TALL_RATIO = 1.3  # height of a tall body, in its other sizes
+DEEP_RATIO = 1.5  # depth, in widths, from which a body is seen from its long side
 
 
-def standing(surface: Surface) -> Float:
-    """Unit vectors (3, 3) in rows: to the right, up, and towards the viewer.
+def viewing_axes(surface: Surface) -> Float:
+    """Return unit vectors (3, 3) in rows: to the right, up, and towards the viewer.
 
-    Up is z, as in CAD and printing, unless the shape says that it is y: the body would stand on its
-    lowest points along y (its centre above them), and these cover a far larger share of its outline
-    from there than they do along z; or they cover little along both, and it is longest along y.
-    Front is where y is low, or z high with y up; a body that is much deeper than wide from there is
-    seen from its other side."""
+    Up is z, as in CAD and printing, unless the shape suggests y. That is so if the body would stand
+    on its lowest points along y (its center above them) and these cover a far larger share of its
+    outline than those along z; or if both cover little and the body is longest along y. The front
+    is at low y, or at high z if y is up. A body that is much deeper than wide from there is seen
+    from its other side.
+
+    Args:
+        surface: Surface of the body.
+
+    Returns:
+        The axes.
+    """
     points = surface.vertices[np.unique(surface.faces)]
-    frame = Y_UP if _stands_on_y(points, _middle(surface)) else Z_UP
-    wide, _, deep = np.abs(frame) @ np.ptp(points, axis=0)
-    if deep > _LONG * wide:
+    frame = Y_UP if _stands_on_y(points, _center_of_mass(surface)) else Z_UP
+    width, _, depth = np.abs(frame) @ np.ptp(points, axis=0)
+    if depth > DEEP_RATIO * width:
         right, up, back = frame
         frame = np.array([-back, up, right])
     return frame
 
 
-def _stands_on_y(points: Float, middle: Float) -> bool:
-    along_y, along_z = (_footing(points, middle, axis) for axis in (1, 2))
+def _stands_on_y(points: Float, center: Float) -> bool:
+    along_y, along_z = (_footing_share(points, center, axis) for axis in (1, 2))
     x, y, z = np.ptp(points, axis=0)
-    if max(along_y, along_z) < _LITTLE and y > _TALL * max(x, z):
+    if max(along_y, along_z) < SMALL_FOOTING_SHARE and y > TALL_RATIO * max(x, z):
         return True
-    return bool(along_y > _LEAST + _MORE * along_z)
+    return bool(along_y > MIN_FOOTING_SHARE + FOOTING_RATIO * along_z)
 
 
-def _footing(points: Float, middle: Float, axis: int) -> float:
-    """The share of a body's bounding rectangle, seen along an axis, that its lowest points span; 0
-    where its middle is not above them."""
+def _footing_share(points: Float, center: Float, axis: int) -> float:
+    """Return the share of a body's bounding rectangle, seen along an axis, that its lowest points
+    span; 0 if its center of mass is not above them.
+    """
     height = points[:, axis] - points[:, axis].min()
     flat = np.delete(points, axis, axis=1)
-    touching = flat[height <= _LOW * height.max()]
+    touching = flat[height <= TOUCHING_HEIGHT_SHARE * height.max()]
     try:
         hull = ConvexHull(touching)
-    except (QhullError, ValueError):  # all on a line, or fewer than three
+    except (QhullError, ValueError):  # all on a line, or fewer than three points
         return 0.0
-    above = hull.equations[:, :2] @ np.delete(middle, axis) + hull.equations[:, 2]
+    above = hull.equations[:, :2] @ np.delete(center, axis) + hull.equations[:, 2]
     return float(hull.volume / np.prod(np.ptp(flat, axis=0))) if above.max() < 0 else 0.0
 
 
-def _middle(surface: Surface) -> Float:
-    """Centre of mass (3,) mm."""
+def _center_of_mass(surface: Surface) -> Float:
+    """Return the center of mass (3,), mm."""
     a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
     return np.asarray(volume @ (a + b + c) / 4 / volume.sum())

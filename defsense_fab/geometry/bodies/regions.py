@@ -1,4 +1,6 @@
-"""Whether a region holds anything of a body, known from its surface alone."""
+"""Find whether a region holds any of a body, from the body's surface alone, and describe
+regions.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +10,29 @@ from ...core.arrays import Float
 from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from ...core.mesh import Surface
 
-#: Points along each side of the box in which body and region may meet.
-_SIDE = 24
+#: Grid points along each side of the box in which body and region may meet.
+GRID_POINTS = 24
 
 
 def holds_body(shape: Shape, surface: Surface) -> bool:
-    """Whether a corner or the middle of a triangle lies in the region, or a point of a grid inside
-    the region lies in the body. A corner of a region that only just reaches in may be missed."""
+    """Return whether a region holds a part of a body.
+
+    A corner or center of a triangle lies in the region, or a point of a grid inside the region lies
+    in the body. A region that only just reaches into the body may be missed.
+
+    Args:
+        shape: The region.
+        surface: Surface of the body.
+    """
     corners = surface.vertices[surface.faces]
     if shape.contains(corners.reshape(-1, 3)).any() or shape.contains(corners.mean(1)).any():
         return True
     low, high = surface.bounds
-    least, most = bounds(shape)
-    low, high = np.maximum(low, least), np.minimum(high, most)
+    region_low, region_high = region_bounds(shape)
+    low, high = np.maximum(low, region_low), np.minimum(high, region_high)
     if (low > high).any():
         return False
-    axes = np.linspace(low, high, _SIDE).T
+    axes = np.linspace(low, high, GRID_POINTS).T
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     points = points[shape.contains(points)]
     if not len(points):
@@ -36,8 +45,8 @@ def holds_body(shape: Shape, surface: Surface) -> bool:
     return bool((np.asarray(winding) > 0.5).any())
 
 
-def bounds(shape: Shape) -> tuple[Float, Float]:
-    """Lowest and highest corner (3,) mm of a region; infinite where it has none."""
+def region_bounds(shape: Shape) -> tuple[Float, Float]:
+    """Return the lowest and highest corner (3,), mm, of a region; infinite where it has no end."""
     if isinstance(shape, Box):
         return shape.low, shape.high
     if isinstance(shape, Sphere):
@@ -48,25 +57,28 @@ def bounds(shape: Shape) -> tuple[Float, Float]:
     return np.full(3, -np.inf), np.full(3, np.inf)
 
 
-def where(shape: Shape) -> str:
-    """The region's place in words."""
+def describe_region(shape: Shape) -> str:
+    """Describe the place of a region, as a noun phrase."""
     if isinstance(shape, HalfSpace):
-        return f"the half space from {_point(shape.origin)} on towards {_point(shape.normal)}"
+        return (
+            f"the half space from {_describe_point(shape.origin)} on towards"
+            f" {_describe_point(shape.normal)}"
+        )
     if isinstance(shape, Sphere):
-        return f"the sphere of radius {shape.radius:.4g} mm around {_point(shape.center)}"
+        return f"the sphere of radius {shape.radius:.4g} mm around {_describe_point(shape.center)}"
     if isinstance(shape, Cylinder):
         return (
-            f"the cylinder of radius {shape.radius:.4g} mm from {_point(shape.start)} to"
-            f" {_point(shape.end)}"
+            f"the cylinder of radius {shape.radius:.4g} mm from {_describe_point(shape.start)} to"
+            f" {_describe_point(shape.end)}"
         )
-    return f"the box from {_point(shape.low)} to {_point(shape.high)}"
+    return f"the box from {_describe_point(shape.low)} to {_describe_point(shape.high)}"
 
 
-def place(surface: Surface) -> str:
-    """Where a body lies, in words."""
+def describe_extent(surface: Surface) -> str:
+    """Describe where a body lies, as "from (x, y, z) to (x, y, z) mm"."""
     low, high = surface.bounds
-    return f"from {_point(low)} to {_point(high)} mm"
+    return f"from {_describe_point(low)} to {_describe_point(high)} mm"
 
 
-def _point(p: Float) -> str:
+def _describe_point(p: Float) -> str:
     return "(" + ", ".join(f"{x + 0.0:.4g}" for x in np.round(p, 6)) + ")"

@@ -1,7 +1,7 @@
-"""A body's script in a process of its own: `python -m` this module, with a folder.
+"""Run a body script in a child process, and record which files it reads.
 
-The folder holds `TASK`. The module leaves the solids in `SOLIDS` and, last, the files that the
-script read, or its error, in `RESULT`.
+The child is `python -m` this module with a folder that holds `TASK`. It leaves the solids in
+`SOLIDS` and then, in `RESULT`, the files that the script read, or its error.
 """
 
 from __future__ import annotations
@@ -21,29 +21,40 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ...core.device.device import BodySpec
 from ...core.errors import BodyError
-from ...core.machine.optional_libraries import missing
+from ...core.machine.optional_libraries import missing, missing_code
 from ...core.storage.files import digest, write_json
-from .child_process import end_with_parent
+from .child_process import (
+    ChildFailure,
+    end_with_parent,
+    error_from_record,
+    error_record,
+    load_kernel_meanwhile,
+    run_module,
+)
 
-# Which of the user's files a body was made from: what its script opens and imports.
-
-_CREATES = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-#: Not /run itself: drives of users are mounted in /run/media.
-_SYSTEM = ("/dev", "/etc", "/proc", "/run/user", "/sys", "/usr", "/Library", "/System")
-_USERS_OWN = (".cache", ".config", ".local", "Library")  # in the home folder: settings and caches
+_WRITE_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+#: Without /run itself: users' drives are mounted in /run/media.
+_SYSTEM_FOLDERS = ("/dev", "/etc", "/proc", "/run/user", "/sys", "/usr", "/Library", "/System")
+_USER_FOLDERS = (".cache", ".config", ".local", "Library")  # settings and caches in the home folder
 
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A file and the hash of its content; None where there was none to read."""
+    """A file that a body was made from.
+
+    Attributes:
+        path: The file.
+        content: Hash of its content; None if there was nothing to read.
+    """
 
     path: Path
     content: str | None
 
     @classmethod
-    def now(cls, path: Path) -> SourceFile:
-        """The file as it is."""
+    def from_path(cls, path: Path) -> SourceFile:
+        """Return the file in its present state."""
         try:
             return cls(path, digest(path))
         except OSError:
@@ -51,64 +62,72 @@ class SourceFile:
 
 
 class OpenedFiles:
-    """An audit hook (`sys.addaudithook`) that keeps which files were opened for reading, and their
-    hashes at that time. Files of Python, of installed packages, of the system and of the user's
-    caches do not count, nor do those that were written first. Files that were not there count in
-    `folder`. What native code opens by itself is not seen."""
+    """An audit hook (`sys.addaudithook`) that records which files are opened for reading.
+
+    Each file is hashed when it is opened. Files of Python, of installed packages, of the system and
+    of the user's caches do not count, nor do files that the script wrote first. Missing files count
+    only inside `folder`. Files that native code opens itself are not noticed.
+
+    Attributes:
+        files: Recorded files by absolute path.
+        is_active: Whether openings are recorded.
+    """
 
     def __init__(self, folder: Path) -> None:
-        self.found: dict[str, SourceFile] = {}
-        self.active = True
+        self.files: dict[str, SourceFile] = {}
+        self.is_active = True
         self._folder = os.path.realpath(folder)
-        self._libraries = _libraries()
+        self._library_folders = _library_folders()
         self._written: set[str] = set()
-        self._own = threading.local()
+        self._thread_state = threading.local()
 
     def __call__(self, event: str, args: tuple[Any, ...]) -> None:
-        if not self.active or getattr(self._own, "busy", False):
+        if not self.is_active or getattr(self._thread_state, "busy", False):
             return
         if event == "open":
             name, _, flags = args
-            if flags & _CREATES:
-                self._wrote(name)
+            if flags & _WRITE_FLAGS:
+                self._record_write(name)
             else:
-                self._read(name)
+                self._record_read(name)
         elif event == "import":
-            self._read(args[1])  # None but for extension modules
+            self._record_read(args[1])  # None but for extension modules
         elif event == "os.rename":
-            self._wrote(args[1])
+            self._record_write(args[1])
 
-    def _wrote(self, name: Any) -> None:
+    def _record_write(self, name: Any) -> None:
         path = _absolute(name)
-        if path and (path not in self.found or self.found[path].content is None):
-            self.found.pop(path, None)
+        if path and (path not in self.files or self.files[path].content is None):
+            self.files.pop(path, None)
             self._written.add(path)
 
-    def _read(self, name: Any) -> None:
+    def _record_read(self, name: Any) -> None:
         path = _absolute(name)
-        if not path or path in self.found or path in self._written:
+        if not path or path in self.files or path in self._written:
             return
-        self._own.busy = True  # reading it here is an event too
+        self._thread_state.is_recording = True  # hashing the file raises an event too
         try:
             real = os.path.realpath(path)
-            if self._counts(real) and not os.path.isdir(real):
-                file = SourceFile.now(Path(path))
-                if file.content is not None or _within(real, self._folder):
-                    self.found[path] = file
+            if self._is_relevant(real) and not os.path.isdir(real):
+                file = SourceFile.from_path(Path(path))
+                if file.content is not None or _is_within(real, self._folder):
+                    self.files[path] = file
         finally:
-            self._own.busy = False
+            self._thread_state.is_recording = False
 
-    def _counts(self, path: str) -> bool:
-        """A library's folder may hold the script's, as /usr may; it does not count as one then."""
-        inside = _within(path, self._folder)
+    def _is_relevant(self, path: str) -> bool:
+        """Whether a file counts. A library folder that holds the script's own folder, as /usr may,
+        does not exclude the script's files.
+        """
+        inside = _is_within(path, self._folder)
         return not any(
-            _within(path, root) and not (inside and _within(self._folder, root))
-            for root in self._libraries
+            _is_within(path, root) and not (inside and _is_within(self._folder, root))
+            for root in self._library_folders
         )
 
 
 def _absolute(name: Any) -> str | None:
-    """The path of a file that an event names; of bytecode, that of its source."""
+    """Return the path of a file that an event names; for bytecode, that of its source."""
     if not isinstance(name, str | bytes | os.PathLike):
         return None  # a descriptor
     path = os.path.abspath(os.fsdecode(name))
@@ -122,90 +141,156 @@ def _absolute(name: Any) -> str | None:
     return path
 
 
-def _libraries() -> tuple[str, ...]:
-    """Folders whose files belong to what is installed, not to the user's work."""
-    folders = [sys.prefix, sys.base_prefix, sys.exec_prefix, *_SYSTEM]
+def _library_folders() -> tuple[str, ...]:
+    """Return folders whose files belong to installed software, not to the user's work."""
+    folders = [sys.prefix, sys.base_prefix, sys.exec_prefix, *_SYSTEM_FOLDERS]
     folders += [p for k, p in sysconfig.get_paths().items() if k in ("stdlib", "platstdlib")]
     folders += [*site.getsitepackages(), site.getusersitepackages()]
-    folders += [os.path.join(os.path.expanduser("~"), name) for name in _USERS_OWN]
-    folders.append(str(Path(__file__).resolve().parents[2]))  # this package, run from its sources
+    folders += [os.path.join(os.path.expanduser("~"), name) for name in _USER_FOLDERS]
+    folders.append(
+        str(Path(__file__).resolve().parents[2])
+    )  # this package, if run from its sources
     return tuple(dict.fromkeys(os.path.realpath(f) for f in folders))
 
 
-def _within(path: str, folder: str) -> bool:
+def _is_within(path: str, folder: str) -> bool:
     return path == folder or path.startswith(folder.rstrip(os.sep) + os.sep)
 
 
-# What a body's script raised, as one sentence that its user can act on.
-
-_LONGEST = 300  # characters of a message; CAD kernels list every signature that they have
+MAX_MESSAGE_LENGTH = 300  # characters; CAD kernels list all their signatures
 _SIGNATURES = re.compile(r"The following argument types are supported:.*?Invoked with:")
 _ADDRESS = re.compile(r"<(?:\w+\.)*(\w+) object at 0x[0-9a-f]+>")
 
 
-def script_failure(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> BodyError:
-    """The error of a script that raised: `type`, `message`, and the `file` and `line` (or None)
-    where it did; `parameters` are those that it was called with."""
-    where = f"{raised['file']}:{raised['line']}" if raised["line"] else raised["file"]
-    message = _plain(raised["message"])
+def script_error(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> BodyError:
+    """Return the error for a script that raised an exception.
+
+    Args:
+        raised: The exception's `type`, `message` and `module` (of an ImportError), and the `file`
+            and `line` (or None) where it was raised.
+        parameters: Parameters that the script was called with.
+    """
+    line = raised["line"]
+    where = f"{raised['file']}:{line}" if line else raised["file"]
+    message = _clean_message(raised["message"])
     if raised["type"] == "SystemExit":
-        said = f" ({message})" if message not in ("", "None") else ""
+        status = f" ({message})" if message not in ("", "None") else ""
         return BodyError(
-            f"{where}: the script ends the program{said} in place of returning a body; remove that"
-            " call, or raise an error that says what is wrong",
+            f"the script ends the program{status} instead of returning a body",
             code="script-exits",
-            line=raised["line"],
+            where=where,
+            action="Remove that call, or raise an error that says what is wrong",
+            line=line,
         )
     if raised.get("module"):
-        return BodyError(
-            _missing(where, str(raised["module"]), raised["type"], message),
-            code="missing-library",
-            line=raised["line"],
-            module=raised["module"],
-        )
+        return _missing_library(where, line, str(raised["module"]), raised["type"], message)
     if not message:
-        kernel = raised["type"].startswith(("Standard_", "StdFail_", "gp_"))
+        is_kernel_error = raised["type"].startswith(("Standard_", "StdFail_", "gp_"))
         message = "no message"
-        if kernel:
-            message = "the CAD kernel takes no size that is zero or negative, and no empty shape"
+        if is_kernel_error:
+            message = "the CAD kernel accepts no size of zero or less, and no empty shape"
     given = ", ".join(f"{name} = {value}" for name, value in parameters.items())
     return BodyError(
-        f"{where}: the script raised {raised['type']}: {message}; mend the script or its"
-        f" parameters{f' ({given})' if given else ''}",
+        f"the script raised {raised['type']}: {message}",
         code="script-raises",
-        line=raised["line"],
+        where=where,
+        action=f"Fix the script or its parameters{f' ({given})' if given else ''}",
+        line=line,
         exception=raised["type"],
         message=message,
     )
 
 
-def _missing(where: str, module: str, kind: str, message: str) -> str:
-    """A library that is not installed, or does not load."""
+def _missing_library(
+    where: str, line: int | None, module: str, kind: str, message: str
+) -> BodyError:
+    """Return the error for a library that is not installed or does not load."""
+    error: ImportError
     if kind != ModuleNotFoundError.__name__:
-        return missing(where, ImportError(message, name=module))
-    error = ModuleNotFoundError(name=module)
-    if module.partition(".")[0] == "cadquery":
-        return missing(where, error, "cadquery")
-    return missing(where, error, otherwise="or put what the script imports into its folder")
+        error = ImportError(message, name=module)
+        text = missing(where, error)
+    else:
+        error = ModuleNotFoundError(name=module)
+        if module.partition(".")[0] == "cadquery":
+            text = missing(where, error, "cadquery")
+        else:
+            text = missing(where, error, otherwise="or put what the script imports into its folder")
+    return BodyError(text, code=missing_code(error), line=line, module=module)
 
 
-def _plain(message: str) -> str:
-    """Without the signatures and addresses that bindings of CAD kernels print."""
+def _clean_message(message: str) -> str:
+    """Remove the signatures and addresses that bindings of CAD kernels print."""
     text = _ADDRESS.sub(r"\1", _SIGNATURES.sub("It was given", message))
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+    return text if len(text) <= MAX_MESSAGE_LENGTH else text[: MAX_MESSAGE_LENGTH - 3] + "..."
 
 
 TASK, SOLIDS, RESULT = "task.json", "solids.brep", "result.json"
-_MISSING = object()
+_NO_FUNCTION = object()
+
+
+def run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
+    """Run a body script in a child process and return its solids.
+
+    What the script prints goes to standard error.
+
+    Args:
+        spec: The `[body]` section, whose kind is "script".
+
+    Returns:
+        The TopoDS_Solids of `body(**parameters)`, and the files that the script read.
+
+    Raises:
+        BodyError: If the script fails, takes too long, or returns no solid.
+    """
+    path = spec.path
+    failure = ChildFailure(
+        BodyError,
+        str(path),
+        "the script",
+        "Find the call that ends it",
+        "Simplify the script, or raise [body] time_limit in device.toml",
+    )
+
+    def write_task(folder: Path) -> None:
+        task = {"script": str(path), "parameters": dict(spec.parameters)}
+        (folder / TASK).write_text(json.dumps(task, default=_to_json), encoding="utf-8")
+
+    module = f"{__package__}.script_process"
+    # Both processes need the CAD kernel: this one loads it while the script runs.
+    with (
+        load_kernel_meanwhile("occ") as wait_for_brep,
+        run_module(module, write_task, RESULT, spec.time_limit, failure, relay=True) as folder,
+    ):
+        result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+        if "error" in result:
+            raise error_from_record(BodyError, result["error"], where=str(path))
+        if "type" in result:
+            raise script_error(result, spec.parameters)
+        solids = wait_for_brep().read_brep(folder / SOLIDS)
+    sources = tuple(SourceFile(Path(name), content) for name, content in result["sources"])
+    # A file that no longer exists was a temporary file of the script.
+    return solids, tuple(s for s in sources if s.content is None or s.path.exists())
+
+
+def _to_json(value: Any) -> Any:
+    """Convert a NumPy number for JSON, or raise BodyError for a type that JSON does not have."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise BodyError(
+        f"cannot hold {value!r}",
+        code="unsupported-parameter",
+        where="device.toml: body.parameters",
+        action="Use numbers, texts, lists or tables",
+    )
 
 
 def main(folder: Path) -> None:
-    """Run the script of the task, and write what came of it."""
+    """Run the script of the task in `folder` and write its solids or its error there."""
     end_with_parent()
     task = json.loads((folder / TASK).read_text(encoding="utf-8"))
     path = Path(task["script"])
-    opened = OpenedFiles(path.parent)
-    sys.addaudithook(opened)
+    opened_files = OpenedFiles(path.parent)
+    sys.addaudithook(opened_files)
     outcome: dict[str, Any]
     try:
         result = _call(path, task["parameters"])
@@ -219,43 +304,44 @@ def main(folder: Path) -> None:
             "module": error.name if isinstance(error, ImportError) else None,
         }
     else:
-        opened.active = False
+        opened_files.is_active = False
         outcome = _save(result, folder / SOLIDS)
-        outcome["sources"] = [[str(f.path), f.content] for f in opened.found.values()]
+        outcome["sources"] = [[str(f.path), f.content] for f in opened_files.files.values()]
     write_json(folder / RESULT, outcome)
 
 
 def _call(path: Path, parameters: dict[str, Any]) -> Any:
-    """What `body(**parameters)` of the script returns, or `_MISSING`."""
+    """Return the result of the script's `body(**parameters)`, or `_NO_FUNCTION`."""
     module = ModuleType("__body__")
     module.__file__ = str(path)
     sys.modules["__body__"] = module
     sys.path.insert(0, str(path.parent.absolute()))
     exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), vars(module))  # noqa: S102 - the user's own script
     body = getattr(module, "body", None)
-    return body(**parameters) if callable(body) else _MISSING
+    return body(**parameters) if callable(body) else _NO_FUNCTION
 
 
 def _save(result: Any, target: Path) -> dict[str, Any]:
-    """Write the solids, or say why what the script returned has none."""
-    if result is _MISSING:
-        return {
-            "refused": "defines no function body(...); add one that returns a solid",
-            "code": "no-body-function",
-            "data": {},
-        }
-    if result is None:
-        return {
-            "refused": "body() returned None; return the solid",
-            "code": "not-a-solid",
-            "data": {"type": "NoneType"},
-        }
-    from ..kernels import brep, occ
-
+    """Write the solids to `target`, or return the error if the script returned none."""
     try:
+        if result is _NO_FUNCTION:
+            raise BodyError(
+                "defines no function body(...)",
+                code="no-body-function",
+                action="Add one that returns a solid",
+            )
+        if result is None:
+            raise BodyError(
+                "body() returned None",
+                code="not-a-solid",
+                action="Return the solid",
+                type="NoneType",
+            )
+        from ..kernels import brep, occ
+
         brep.write_brep(occ.solids_of(result), target)
     except BodyError as error:
-        return {"refused": str(error), "code": error.code, "data": error.data}
+        return {"error": error_record(error)}
     return {}
 
 

@@ -1,4 +1,6 @@
-"""What the parameters of a body's script are, read from its text: nothing of it is run."""
+"""Read a body script as text, without running it: its parameters, and the files that run with
+it.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,18 @@ from typing import Any, Literal
 
 from ...core.errors import BodyError
 
-# A body's script as text: what may run when the body is made.
-
-#: What Python imports.
-_SUFFIXES = (".py", ".pyc", ".so", ".pyd")
+#: Suffixes of files that Python imports.
+MODULE_SUFFIXES = (".py", ".pyc", ".so", ".pyd")
 
 
 @dataclass(frozen=True)
 class ScriptText:
-    """The script at `path`, and the programs beside it, by their names in its folder."""
+    """A body script and the programs next to it.
+
+    Attributes:
+        path: The script.
+        files: Name in the script's folder and content of each file, the script first.
+    """
 
     path: Path
     files: tuple[tuple[str, bytes], ...]
@@ -36,42 +41,52 @@ class ScriptText:
 
 
 def read_script(path: Path) -> ScriptText:
-    """The script first, then whatever else may run with it: what it imports from its own folder,
-    and what lies there by a name that any library may import, as its folder is searched first.
-    Raises BodyError where it cannot be read."""
+    """Read a script and all files that may run with it.
+
+    These are the files of its own folder that it imports, and those with names that any library may
+    import, since that folder is searched first.
+
+    Raises:
+        BodyError: If the script cannot be read.
+    """
     try:
         files = {path.name: path.read_bytes()}
-        waiting = [path.name, *_importable(path.parent)]
+        queue = [path.name, *_find_importable(path.parent)]
     except OSError as error:
         raise BodyError(
-            f"{path}: cannot be read: {error.strerror}; give another script", code="file-unreadable"
+            f"cannot be read: {error.strerror}",
+            code="file-unreadable",
+            where=path,
+            action="Give another script",
         ) from None
-    while waiting:
-        name = waiting.pop()
+    while queue:
+        name = queue.pop()
         if name not in files:
             try:
                 files[name] = (path.parent / name).read_bytes()
             except OSError:
                 continue  # an import will not find it either
-        waiting += [n for n in _imported(path.parent, name, files[name]) if n not in files]
+        queue += [n for n in _find_imports(path.parent, name, files[name]) if n not in files]
     first = (path.name, files.pop(path.name))
     return ScriptText(path, (first, *sorted(files.items())))
 
 
-def _importable(folder: Path) -> list[str]:
-    """Modules that lie in the folder, and packages with all that is in them."""
+def _find_importable(folder: Path) -> list[str]:
+    """Return the modules of a folder, and all files of its packages."""
     found = []
     for entry in folder.iterdir():
-        if entry.suffix in _SUFFIXES and entry.is_file():
+        if entry.suffix in MODULE_SUFFIXES and entry.is_file():
             found.append(entry.name)
-        elif any((entry / f"__init__{suffix}").is_file() for suffix in _SUFFIXES):
-            inside = [p for p in entry.rglob("*") if p.suffix in _SUFFIXES and p.is_file()]
+        elif any((entry / f"__init__{suffix}").is_file() for suffix in MODULE_SUFFIXES):
+            inside = [p for p in entry.rglob("*") if p.suffix in MODULE_SUFFIXES and p.is_file()]
             found += [p.relative_to(folder).as_posix() for p in inside]
     return found
 
 
-def _imported(folder: Path, importer: str, content: bytes) -> list[str]:
-    """Files of the folder that the text of `importer` imports; none of what is no Python."""
+def _find_imports(folder: Path, importer: str, content: bytes) -> list[str]:
+    """Return the files of the folder that the text of `importer` imports; none if it is not
+    Python.
+    """
     try:
         tree = ast.parse(content)
     except (SyntaxError, ValueError, RecursionError):
@@ -94,16 +109,25 @@ def _imported(folder: Path, importer: str, content: bytes) -> list[str]:
 
 
 Kind = Literal["number", "whole", "switch", "text", "choice", "other"]
-#: Parts of a default between which a number may lie where the script does not say.
-LEAST, MOST = 0.2, 3.0
+#: Range of a number in multiples of its default, if the script does not state one.
+MIN_FACTOR, MAX_FACTOR = 0.2, 3.0
 _KINDS: dict[str, Kind] = {"float": "number", "int": "whole", "bool": "switch", "str": "text"}
-_TWO = 2
+_PAIR = 2
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """`default` is None where the script has none, or none that can be read; `low` and `high` are
-    the script's bounds of a number, or None, and `unit` what it is in; `choices` of a choice."""
+    """A parameter of `body` in a script.
+
+    Attributes:
+        name: Its name.
+        kind: What kind of value it takes.
+        default: Its default; None if there is none or it cannot be read.
+        low: The script's lower bound of a number, or None.
+        high: The script's upper bound of a number, or None.
+        unit: Unit of a number.
+        choices: Values of a choice.
+    """
 
     name: str
     kind: Kind
@@ -114,36 +138,48 @@ class Parameter:
     choices: tuple[str, ...] = ()
 
     def bounds(self, value: float) -> tuple[float, float]:
-        """Between what a number may be set where it is `value` now: the script's bounds, or a fifth
-        to three times its default; never without `value`."""
+        """Return the range of a number that is `value` now: the script's bounds, or a fifth to
+        three times its default. The range always contains `value`.
+        """
         base = self.default if _is_number(self.default) else value
-        ends = sorted((LEAST * base, MOST * base)) if base else (-10.0, 10.0)
+        limits = sorted((MIN_FACTOR * base, MAX_FACTOR * base)) if base else (-10.0, 10.0)
         if self.kind == "whole":
-            ends = (math.floor(ends[0]), math.ceil(ends[1]))
-        low = ends[0] if self.low is None else self.low
-        high = ends[1] if self.high is None else self.high
+            limits = (math.floor(limits[0]), math.ceil(limits[1]))
+        low = limits[0] if self.low is None else self.low
+        high = limits[1] if self.high is None else self.high
         return min(low, value), max(high, value)
 
 
 def read_parameters(path: Path, given: Mapping[str, Any]) -> tuple[Parameter, ...]:
-    """Of `body` in the script, in its order; `given` are the values that the device has, by which
-    those without default and annotation are known. Raises BodyError where the script cannot be
-    read, is no Python, or has no function `body`."""
+    """Read the parameters of `body` in a script, in its order.
+
+    Args:
+        path: The script.
+        given: The device's values, which tell the kind of parameters without default and
+            annotation.
+
+    Raises:
+        BodyError: If the script cannot be read, is not Python, or has no function `body`.
+    """
     try:
         tree = ast.parse(path.read_bytes(), str(path))
     except SyntaxError as error:
         raise BodyError(
-            f"{path.name}:{error.lineno}: is no Python ({error.msg}); mend that line",
+            f"is not valid Python ({error.msg})",
             code="script-syntax",
+            where=f"{path.name}:{error.lineno}",
+            action="Fix that line",
             line=error.lineno,
         ) from None
     except (OSError, ValueError, RecursionError) as error:
-        raise BodyError(f"{path}: cannot be read: {error}", code="file-unreadable") from None
+        raise BodyError(f"cannot be read: {error}", code="file-unreadable", where=path) from None
     found = [n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == "body"]
     if not found:
         raise BodyError(
-            f"{path.name}: defines no function body(...); add one that returns a solid",
+            "defines no function body(...)",
             code="no-body-function",
+            where=path.name,
+            action="Add one that returns a solid",
         )
     arguments = found[-1].args
     plain = [*arguments.posonlyargs, *arguments.args]
@@ -156,17 +192,17 @@ def read_parameters(path: Path, given: Mapping[str, Any]) -> tuple[Parameter, ..
 
 def _parameter(argument: ast.arg, default: ast.expr | None, given: Any) -> Parameter:
     value = _literal(default)
-    kind, extra, unit = _annotated(argument.annotation)
+    kind, details, unit = _read_annotation(argument.annotation)
     if kind is None:
         kind = _kind_of(value)
-    if kind == "other" and value is None:  # whole numbers of device.toml may stand for others
+    if kind == "other" and value is None:  # whole numbers in device.toml may stand for any number
         kind = "number" if _is_number(given) else _kind_of(given)
     low = high = None
     choices: tuple[str, ...] = ()
-    if kind == "text" and isinstance(extra, tuple) and all(isinstance(x, str) for x in extra):
-        kind, choices = "choice", extra
-    elif kind in ("number", "whole") and isinstance(extra, tuple) and len(extra) == _TWO:
-        low, high = (float(x) if _is_number(x) else None for x in extra)
+    if kind == "text" and isinstance(details, tuple) and all(isinstance(x, str) for x in details):
+        kind, choices = "choice", details
+    elif kind in ("number", "whole") and isinstance(details, tuple) and len(details) == _PAIR:
+        low, high = (float(x) if _is_number(x) else None for x in details)
         if low is not None and high is not None and low >= high:
             low = high = None
     if unit is None:
@@ -174,31 +210,31 @@ def _parameter(argument: ast.arg, default: ast.expr | None, given: Any) -> Param
     return Parameter(argument.arg, kind, value, low, high, unit, choices)
 
 
-def _annotated(annotation: ast.expr | None) -> tuple[Kind | None, Any, str | None]:
-    """Its kind, what Annotated or Literal says besides, and the unit of Annotated."""
+def _read_annotation(annotation: ast.expr | None) -> tuple[Kind | None, Any, str | None]:
+    """Return the kind, the bounds or choices of Annotated or Literal, and the unit of Annotated."""
     if isinstance(annotation, ast.Constant) and isinstance(annotation.value, str):
         try:
             annotation = ast.parse(annotation.value, mode="eval").body
         except (SyntaxError, ValueError):
             return None, None, None
     if isinstance(annotation, ast.Subscript):
-        name = _last(annotation.value)
-        inside = annotation.slice
-        parts = inside.elts if isinstance(inside, ast.Tuple) else [inside]
-        if name == "Annotated" and len(parts) >= _TWO:
-            said = [_literal(p) for p in parts[1:]]
-            unit = next((x for x in said if isinstance(x, str)), None)
-            bounds = next((x for x in said if isinstance(x, tuple)), None)
-            return _annotated(parts[0])[0], bounds, unit
+        name = _last_name(annotation.value)
+        content = annotation.slice
+        parts = content.elts if isinstance(content, ast.Tuple) else [content]
+        if name == "Annotated" and len(parts) >= _PAIR:
+            values_ = [_literal(p) for p in parts[1:]]
+            unit = next((x for x in values_ if isinstance(x, str)), None)
+            bounds = next((x for x in values_ if isinstance(x, tuple)), None)
+            return _read_annotation(parts[0])[0], bounds, unit
         if name == "Literal":
             values = tuple(_literal(p) for p in parts)
             texts = all(isinstance(v, str) for v in values)
             return ("text", values, None) if texts else (None, None, None)
-    return _KINDS.get(_last(annotation)), None, None
+    return _KINDS.get(_last_name(annotation)), None, None
 
 
-def _last(node: ast.expr | None) -> str:
-    """float of typing.float, float."""
+def _last_name(node: ast.expr | None) -> str:
+    """Return the last name of an annotation: "float" for typing.float."""
     if isinstance(node, ast.Attribute):
         return node.attr
     return node.id if isinstance(node, ast.Name) else ""
@@ -210,7 +246,7 @@ def _kind_of(value: Any) -> Kind:
 
 
 def _literal(node: ast.expr | None) -> Any:
-    """Its value where it is written as one, None otherwise."""
+    """Return the value of a literal, or None."""
     if node is None:
         return None
     try:

@@ -1,4 +1,6 @@
-"""Places for camera tags on the skin of a body: nearly flat, spread, some of them on the anchor."""
+"""Place camera tags on the skin of a body: where it is nearly flat, spread out, some on the
+anchor.
+"""
 
 from __future__ import annotations
 
@@ -12,21 +14,32 @@ from ...core.arrays import Bool, Float
 from ...core.curve import Plane
 from ...core.mesh import Surface, facet_crosses
 
-_LEAN = np.cos(np.radians(35))
-_OVERHANG = 0.3  # mm, of a piece over the rim of a flat
-_APART = 1.0  # mm, between two pieces
-_UNDER = 0.2  # mm
-_MOUTH, _DEEP = 1.5, 5.0  # mm: a piece keeps so far from a mouth, unless that is so far below
-_POOL, _DENSITY = (400, 2500), 60  # places tried, and how many an area of one tag gets
-_WORSE = 0.7  # of its distance: what a place over a joint counts, or below, where bodies stand
-_BELOW = -0.7  # z of such a place's normal
-_SEEN = 0.45  # least cosine between a tag's normal and the direction that cameras look from
+MIN_LEAN_COSINE = np.cos(np.radians(35))
+MAX_OVERHANG_MM = 0.3  # of a piece over the rim of a flat place
+PIECE_GAP_MM = 1.0  # between two pieces
+ANCHOR_DEPTH_MM = 0.2  # below the skin, where the anchor is tested
+MOUTH_GAP_MM, MOUTH_DEPTH_MM = (
+    1.5,
+    5.0,
+)  # a piece keeps this far from a mouth, unless it is so far below
+CANDIDATE_RANGE, CANDIDATES_PER_TAG = (
+    (400, 2500),
+    60,
+)  # candidate places in all, and per area of one tag
+POOR_PLACE_WEIGHT = 0.7  # weight of the distance of a place over a joint or on the underside
+UNDERSIDE_NORMAL_Z = -0.7  # z of the normal of a place on the underside
+MIN_VIEW_COSINE = 0.45  # between a tag's normal and the direction of the cameras
 
 
 @dataclass(frozen=True)
-class Place:
-    """The middle (3,) mm of a tag, and its `axes` (3, 3): its x, y and the normal out of the body;
-    whether it is on the anchor."""
+class TagPlace:
+    """A place for a tag.
+
+    Attributes:
+        center: Center (3,), mm.
+        axes: Axes (3, 3) in columns: the tag's x and y, and the normal out of the body.
+        anchor: Whether it is on the anchor.
+    """
 
     center: Float
     axes: Float
@@ -35,10 +48,18 @@ class Place:
 
 @dataclass(frozen=True)
 class TagRequest:
-    """`count` tags with black squares of `size` mm on pieces of `outer` mm; at least `anchored` of
-    them in the region where `anchor` is true of points (n, 3) mm; none over the mouths `avoid`
-    (k, 3) mm, and preferably none across the `joints`; only places that can be seen from the
-    direction `side` (3,), where one is given."""
+    """A request for tags.
+
+    Attributes:
+        count: Number of tags.
+        size: Side of the black squares, mm.
+        outer: Side of the pieces, mm.
+        anchored: Least number of tags on the anchor.
+        anchor: Returns which points (n, 3), mm, are in the anchor region.
+        avoid: Mouths (k, 3) that no tag may cover, mm.
+        joints: Planes of joints that tags should not cross.
+        side: Direction (3,) from which tags must be visible, or None.
+    """
 
     count: int
     size: float
@@ -50,40 +71,58 @@ class TagRequest:
     side: Float | None = None
 
 
-def place_tags(body: Surface, wanted: TagRequest) -> list[Place]:
-    """Farthest-point samples (Gonzalez 1985) of the places where the skin is flat enough for a
-    piece, first of those on the anchor, then of all. Fewer than wanted where there is no room."""
+def place_tags(body: Surface, request: TagRequest) -> list[TagPlace]:
+    """Choose places for tags by farthest-point sampling of the flat places of the skin.
+
+    Places on the anchor are chosen first.
+
+    Args:
+        body: Surface of the body.
+        request: What to place.
+
+    Returns:
+        The places; fewer than requested if there is no room.
+
+    References:
+        Gonzalez (1985), Clustering to minimize the maximum intercluster distance.
+    """
     crosses = facet_crosses(body.vertices, body.faces)
     area = float(np.linalg.norm(crosses, axis=1).sum() / 2)
     rng = np.random.default_rng(1)
-    count = int(np.clip(_DENSITY * area / wanted.outer**2, *_POOL))
+    count = int(np.clip(CANDIDATES_PER_TAG * area / request.outer**2, *CANDIDATE_RANGE))
     points = body.scatter(count, rng)
-    if wanted.anchored:  # which may be a small part of the body
+    if request.anchored:  # the anchor may be a small part of the body
         more = body.scatter(20 * count, rng)
-        points = np.concatenate([points, more[wanted.anchor(more)][: count // 2]])
-    centers, axes = _flat(body, points, wanted)
-    if wanted.side is not None:
-        seen = axes[:, :, 2] @ wanted.side >= _SEEN * float(np.linalg.norm(wanted.side))
-        centers, axes = centers[seen], axes[seen]
+        points = np.concatenate([points, more[request.anchor(more)][: count // 2]])
+    centers, axes = _find_flat(body, points, request)
+    if request.side is not None:
+        is_visible = axes[:, :, 2] @ request.side >= MIN_VIEW_COSINE * float(
+            np.linalg.norm(request.side)
+        )
+        centers, axes = centers[is_visible], axes[is_visible]
     if not len(centers):
         return []
-    anchor = _anchored(centers, axes, wanted)
-    weight = np.where(_crossed(centers, axes, wanted), _WORSE, 1.0)
-    weight[axes[:, 2, 2] < _BELOW] *= _WORSE
-    free = np.ones(len(centers), bool)
+    anchor = _find_anchored(centers, axes, request)
+    weight = np.where(_find_crossed(centers, axes, request), POOR_PLACE_WEIGHT, 1.0)
+    weight[axes[:, 2, 2] < UNDERSIDE_NORMAL_Z] *= POOR_PLACE_WEIGHT
+    is_free = np.ones(len(centers), bool)
     chosen: list[int] = []
-    quota = min(wanted.anchored, wanted.count)
-    for allowed, most in ((anchor, quota), (~anchor, wanted.count), (anchor, wanted.count)):
-        while len(chosen) < most and (allowed & free).any():
-            gap = _gap(centers, chosen)
-            chosen.append(int(np.where(allowed & free, gap * weight, -1.0).argmax()))
-            free &= ~_overlaps(centers, axes, chosen[-1], wanted.outer)
-    return [Place(centers[i], axes[i], bool(anchor[i])) for i in chosen]
+    quota = min(request.anchored, request.count)
+    for allowed, limit in ((anchor, quota), (~anchor, request.count), (anchor, request.count)):
+        while len(chosen) < limit and (allowed & is_free).any():
+            gap = _distance_to_chosen(centers, chosen)
+            chosen.append(int(np.where(allowed & is_free, gap * weight, -1.0).argmax()))
+            is_free &= ~_find_overlaps(centers, axes, chosen[-1], request.outer)
+    return [TagPlace(centers[i], axes[i], bool(anchor[i])) for i in chosen]
 
 
-def are_spread_out(points: Float, least: float) -> bool:
-    """Whether points (n, 3) mm are at least three and not on one line: their greatest distance from
-    the line through the farthest two is `least` mm or more."""
+def are_spread_out(points: Float, min_offset: float) -> bool:
+    """Return whether points (n, 3) are at least three and not on one line.
+
+    Args:
+        points: Points, mm.
+        min_offset: Least of the largest distance from the line through the two farthest points, mm.
+    """
     if len(points) < 3:
         return False
     i, j = np.unravel_index(
@@ -91,99 +130,108 @@ def are_spread_out(points: Float, least: float) -> bool:
     )
     along = points[j] - points[i]
     off = np.linalg.norm(np.cross(points - points[i], along), axis=1) / np.linalg.norm(along)
-    return bool(off.max() >= least)
+    return bool(off.max() >= min_offset)
 
 
-def _flat(body: Surface, points: Float, wanted: TagRequest) -> tuple[Float, Float]:
-    """Of places (n, 3) those where a piece lies on the skin: middles (k, 3) and axes (k, 3, 3)."""
+def _find_flat(body: Surface, points: Float, request: TagRequest) -> tuple[Float, Float]:
+    """Return the centers (k, 3) and axes (k, 3, 3) of the places (n, 3) where a piece lies on the
+    skin.
+    """
     cross = facet_crosses(body.vertices, body.faces)
     normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-30)
-    off = float(np.clip(0.08 * wanted.size, 0.4, 0.9))  # mm, of the skin from the tag
+    tolerance = float(np.clip(0.08 * request.size, 0.4, 0.9))  # mm, between skin and tag
     _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
-    up = normals[np.asarray(face)]
+    normals_up = normals[np.asarray(face)]
     centers = points
-    for last in (False, False, True):
-        steps = wanted.size / 2 * np.linspace(-1, 1, 5 if last else 3)  # and the white's rims:
-        steps = np.array([-wanted.outer / 2, *steps, wanted.outer / 2])
+    for is_last in (False, False, True):
+        steps = (
+            request.size / 2 * np.linspace(-1, 1, 5 if is_last else 3)
+        )  # and the rims of the piece:
+        steps = np.array([-request.outer / 2, *steps, request.outer / 2])
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        black = np.abs(grid).max(1) <= wanted.size / 2 + 1e-9
-        axes = _upright(up)
+        black = np.abs(grid).max(1) <= request.size / 2 + 1e-9
+        axes = upright_axes_of(normals_up)
         on = centers[:, None] + np.einsum("gk,njk->ngj", grid, axes[:, :, :2])
         _, face, skin = igl.point_mesh_squared_distance(
             on.reshape(-1, 3), body.vertices, body.faces
         )
         skin = np.asarray(skin).reshape(on.shape)
-        facing = np.einsum("ngj,nj->ng", normals[np.asarray(face)].reshape(on.shape), up)
-        height = np.einsum("ngj,nj->ng", skin - on, up)
-        aside = np.linalg.norm(skin - on - height[..., None] * up[:, None], axis=2)
-        good = facing.min(1) >= _LEAN
-        if last:
-            good &= np.abs(height[:, black]).max(1) <= off
-            good &= (aside - 0.7 * np.abs(height)).max(1) <= _OVERHANG
+        facing = np.einsum("ngj,nj->ng", normals[np.asarray(face)].reshape(on.shape), normals_up)
+        height = np.einsum("ngj,nj->ng", skin - on, normals_up)
+        sideways = np.linalg.norm(skin - on - height[..., None] * normals_up[:, None], axis=2)
+        is_flat = facing.min(1) >= MIN_LEAN_COSINE
+        if is_last:
+            is_flat &= np.abs(height[:, black]).max(1) <= tolerance
+            is_flat &= (sideways - 0.7 * np.abs(height)).max(1) <= MAX_OVERHANG_MM
             break
-        good &= np.abs(height).max(1) <= 4 * off
-        centers, up, skin = centers[good], up[good], skin[good][:, black]
+        is_flat &= np.abs(height).max(1) <= 4 * tolerance
+        centers, normals_up, skin = centers[is_flat], normals_up[is_flat], skin[is_flat][:, black]
         if not len(centers):
             break
-        # The plane through the skin below the tag, its middle half way between high and low.
-        rest = skin - skin.mean(1, keepdims=True)
-        _, vectors = np.linalg.eigh(np.einsum("ngi,ngj->nij", rest, rest))
+        # The plane through the skin below the tag, centered between its highest and lowest point.
+        centered = skin - skin.mean(1, keepdims=True)
+        _, vectors = np.linalg.eigh(np.einsum("ngi,ngj->nij", centered, centered))
         fitted = vectors[:, :, 0]
-        up = fitted * np.sign(np.einsum("nj,nj->n", fitted, up))[:, None]
-        height = np.einsum("ngj,nj->ng", skin - centers[:, None], up)
-        centers = centers + ((height.min(1) + height.max(1)) / 2)[:, None] * up
+        normals_up = fitted * np.sign(np.einsum("nj,nj->n", fitted, normals_up))[:, None]
+        height = np.einsum("ngj,nj->ng", skin - centers[:, None], normals_up)
+        centers = centers + ((height.min(1) + height.max(1)) / 2)[:, None] * normals_up
     if not len(centers):
         return np.zeros((0, 3)), np.zeros((0, 3, 3))
-    for p in wanted.avoid:
+    for p in request.avoid:
         local = np.abs(np.einsum("nj,njk->nk", p - centers, axes))
-        good &= (local[:, :2].max(1) > wanted.outer / 2 + _MOUTH) | (local[:, 2] > _DEEP)
-    return centers[good], axes[good]
+        is_flat &= (local[:, :2].max(1) > request.outer / 2 + MOUTH_GAP_MM) | (
+            local[:, 2] > MOUTH_DEPTH_MM
+        )
+    return centers[is_flat], axes[is_flat]
 
 
-def _upright(normals: Float) -> Float:
-    """`cutting_tools.upright` of many normals (n, 3): axes (n, 3, 3)."""
+def upright_axes_of(normals: Float) -> Float:
+    """Return `cutting_tools.upright_axes` of many normals (n, 3): axes (n, 3, 3)."""
     flat = np.abs(normals[:, 2]) >= 0.9
     x = np.cross(np.where(flat[:, None], [0.0, 1, 0], [0.0, 0, 1]), normals)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     return np.stack([x, np.cross(normals, x), normals], axis=2)
 
 
-def _anchored(centers: Float, axes: Float, wanted: TagRequest) -> Bool:
-    """Which places (n,) have at least the middle half of their tag in the anchor's region; a little
-    below the skin, on which the region's own faces may lie."""
-    half = wanted.size / 4 * np.array([[0.0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]])
+def _find_anchored(centers: Float, axes: Float, request: TagRequest) -> Bool:
+    """Return which places (n,) have at least the middle half of their tag in the anchor region.
+
+    Points are taken slightly below the skin, on which the region's own faces may lie.
+    """
+    half = request.size / 4 * np.array([[0.0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]])
     on = centers[:, None] + np.einsum("gk,njk->ngj", half, axes[:, :, :2])
-    on -= _UNDER * axes[:, None, :, 2]
-    inside = wanted.anchor(on.reshape(-1, 3)).reshape(len(centers), len(half))
+    on -= ANCHOR_DEPTH_MM * axes[:, None, :, 2]
+    inside = request.anchor(on.reshape(-1, 3)).reshape(len(centers), len(half))
     return np.asarray(inside.all(1))
 
 
-def _crossed(centers: Float, axes: Float, wanted: TagRequest) -> Bool:
-    """Which pieces (n,) a joint's plane cuts."""
+def _find_crossed(centers: Float, axes: Float, request: TagRequest) -> Bool:
+    """Return which pieces (n,) a joint's plane cuts."""
     out = np.zeros(len(centers), bool)
-    for plane in wanted.joints:
+    for plane in request.joints:
         reach = np.abs(np.einsum("njk,j->nk", axes[:, :, :2], plane.normal)).sum(1)
-        out |= np.abs((centers - plane.origin) @ plane.normal) < reach * wanted.outer / 2
+        out |= np.abs((centers - plane.origin) @ plane.normal) < reach * request.outer / 2
     return out
 
 
-def _gap(centers: Float, chosen: Sequence[int]) -> Float:
+def _distance_to_chosen(centers: Float, chosen: Sequence[int]) -> Float:
     if not chosen:
         return 1.0 + np.asarray(np.linalg.norm(centers - centers.mean(0), axis=1))
     return np.asarray(np.linalg.norm(centers[:, None] - centers[chosen], axis=2).min(1))
 
 
-def _overlaps(centers: Float, axes: Float, k: int, side: float) -> Bool:
-    """Which pieces (n,) and piece `k` would lie on each other: squares, about in one plane, that
-    none of their edges parts (separating axes)."""
+def _find_overlaps(centers: Float, axes: Float, k: int, side: float) -> Bool:
+    """Return which pieces (n,) overlap piece `k`: squares, about in one plane, that none of their
+    edges separates (separating axes).
+    """
     offset = centers - centers[k]
-    half, apart = side / 2, np.ones(len(centers), bool)
-    for own in (np.broadcast_to(axes[k], axes.shape), axes):
+    half, overlaps = side / 2, np.ones(len(centers), bool)
+    for axes_ in (np.broadcast_to(axes[k], axes.shape), axes):
         for j in (0, 1):
-            along = own[:, :, j]
+            along = axes_[:, :, j]
             reach = half * (
                 np.abs(np.einsum("nj,njk->nk", along, axes[:, :, :2])).sum(1)
                 + np.abs(along @ axes[k, :, :2]).sum(1)
             )
-            apart &= np.abs(np.einsum("nj,nj->n", offset, along)) < reach + _APART
-    return apart & (axes[:, :, 2] @ axes[k, :, 2] > 0)
+            overlaps &= np.abs(np.einsum("nj,nj->n", offset, along)) < reach + PIECE_GAP_MM
+    return overlaps & (axes[:, :, 2] @ axes[k, :, 2] > 0)

@@ -1,4 +1,7 @@
-"""Which joint each stretch of a cord or wire lies in, and which joints draw it together later."""
+"""Find which joint each stretch of a cord lies in, and which joints strain it during assembly.
+
+A cord whose channel is closed is crimped outside its mouth: it is pulled out for that.
+"""
 
 from __future__ import annotations
 
@@ -12,36 +15,56 @@ from ...core.curve import arc_lengths
 from ...core.mesh import Surface
 from ..kernels.surface_queries import signed_distance_of
 
-# The end of a cord that is crimped when its channel is closed: it is pulled out of its mouth.
-
-#: Of a cord that has to be held or cut to length outside of its mouth, mm.
-_ROOM = 5.0
+#: Length of cord outside its mouth that is needed to hold it or cut it to length.
+HOLDING_LENGTH_MM = 5.0
 
 
-def reach(ferrule: float, lead: float) -> float:
-    """How far outside of its mouth the middle of a ferrule of this length must be for it to be
-    crimped, mm; `lead` is how far outside it stays."""
-    return max(ferrule / 2 + _ROOM, lead)
+def crimping_reach(ferrule: float, lead: float) -> float:
+    """Return how far outside its mouth the middle of a ferrule must be to be crimped, mm.
+
+    Args:
+        ferrule: Length of the ferrule, mm.
+        lead: How far outside the mouth it stays, mm.
+    """
+    return max(ferrule / 2 + HOLDING_LENGTH_MM, lead)
 
 
-def pulled(between: float, loose: float, pocket: float, ferrule: float, lead: float) -> float:
-    """By how much of its length a cord is stretched then, of which so many mm lie `between` its
-    ferrules in the device and are as long when `loose`; the end's `pocket`, 0 for none, in mm."""
+def crimping_strain(
+    between: float, loose: float, pocket: float, ferrule: float, lead: float
+) -> float:
+    """Return the strain of a cord while it is crimped outside its mouth.
+
+    Args:
+        between: Length between the ferrules in the device, mm.
+        loose: The same length of the slack cord, mm.
+        pocket: Length of the end's pocket, mm; 0 for none.
+        ferrule: Length of the ferrule, mm.
+        lead: How far outside the mouth the ferrule stays, mm.
+    """
     inside = pocket - ferrule / 2 if pocket else -lead
-    return (between + inside + reach(ferrule, lead)) / loose - 1
+    return (between + inside + crimping_reach(ferrule, lead)) / loose - 1
 
 
-_STEP = 0.5  # mm, between the places that are asked
-_BESIDE = (0.3, 0.9, 1.8)  # mm beyond the channel's wall, where parts are looked for
-_SHORT = 1.5  # mm; shorter stretches are noise where three parts meet, but for a joint's only one
+PROBE_STEP_MM = 0.5  # between probed places
+PROBE_DISTANCES_MM = (0.3, 0.9, 1.8)  # beyond the channel's wall
+MIN_STRETCH_MM = (
+    1.5  # shorter stretches are noise where three parts meet, unless they are a joint's only one
+)
 
 #: The two groups of parts, by index, that a joint brings together.
-Sides = tuple[frozenset[int], frozenset[int]]
+JointSides = tuple[frozenset[int], frozenset[int]]
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """From `start` to `stop` (mm along the line) it lies in a `joint`, between two parts."""
+    """A stretch of a cord in one joint.
+
+    Attributes:
+        joint: Index of the joint.
+        parts: The two parts on both sides.
+        start: Start along the line, mm.
+        stop: End along the line, mm.
+    """
 
     joint: int
     parts: tuple[int, int]
@@ -49,41 +72,54 @@ class Stretch:
     stop: float
 
 
-def stretches(
+def find_stretches(
     line: Float,
     normal: Float,
     radius: float,
     parts: Sequence[Surface],
-    joints: Sequence[Sides],
+    joints: Sequence[JointSides],
     within: Sequence[int],
 ) -> tuple[Stretch, ...]:
-    """Of a line (p, 3) mm, the middle of a channel of `radius` mm in a plane of this `normal` (3,):
-    its stretches in the joints `within` (indices of `joints`), from its start on. Empty where it
-    lies in none."""
-    at = arc_lengths(line)
+    """Return the stretches of a line in joints, from its start on.
+
+    Args:
+        line: Center line (p, 3) of a channel, mm.
+        normal: Unit normal (3,) of its plane.
+        radius: Radius of the channel, mm.
+        parts: Surfaces of the parts.
+        joints: The two groups of parts of each joint.
+        within: Indices of the joints to consider.
+
+    Returns:
+        The stretches; empty if the line lies in no joint.
+    """
+    lengths = arc_lengths(line)
     if len(within) == 1:
         low, high = joints[within[0]]
-        return (Stretch(within[0], (min(low), min(high)), 0.0, float(at[-1])),)
-    places = np.linspace(0, at[-1], max(2, int(at[-1] / _STEP) + 1))
-    points = np.stack([np.interp(places, at, line[:, k]) for k in range(3)], axis=1)
-    beside = [
-        [_nearest(points + sign * (radius + far) * normal, parts) for far in _BESIDE]
+        return (Stretch(within[0], (min(low), min(high)), 0.0, float(lengths[-1])),)
+    places = np.linspace(0, lengths[-1], max(2, int(lengths[-1] / PROBE_STEP_MM) + 1))
+    points = np.stack([np.interp(places, lengths, line[:, k]) for k in range(3)], axis=1)
+    nearest_parts = [
+        [
+            _nearest(points + sign * (radius + distance) * normal, parts)
+            for distance in PROBE_DISTANCES_MM
+        ]
         for sign in (-1, 1)
     ]
     found: list[tuple[int, tuple[int, int]] | None] = []
     for k in range(len(points)):
-        pairs = ((int(a[k]), int(b[k])) for a, b in zip(*beside, strict=True))
+        pairs = ((int(a[k]), int(b[k])) for a, b in zip(*nearest_parts, strict=True))
         found.append(next((f for f in (_joint(p, joints, within) for p in pairs) if f), None))
-    return tuple(_merged(_filled(found), places))
+    return tuple(_merge(_fill_gaps(found), places))
 
 
 def _nearest(points: Float, parts: Sequence[Surface]) -> Float:
-    """The part (n,) that each point (n, 3) is deepest in, or else nearest to."""
+    """Return the part (n,) that each point (n, 3) is deepest in, or else nearest to."""
     return np.asarray(np.argmax([signed_distance_of(part)(points) for part in parts], axis=0))
 
 
 def _joint(
-    pair: tuple[int, int], joints: Sequence[Sides], within: Sequence[int]
+    pair: tuple[int, int], joints: Sequence[JointSides], within: Sequence[int]
 ) -> tuple[int, tuple[int, int]] | None:
     a, b = pair
     for j in within:
@@ -93,10 +129,10 @@ def _joint(
     return None
 
 
-def _filled(
+def _fill_gaps(
     found: Sequence[tuple[int, tuple[int, int]] | None],
 ) -> list[tuple[int, tuple[int, int]]]:
-    """Places that tell nothing are as those before them, or behind."""
+    """Give places without a joint that of the place before them, or after them."""
     known = [k for k, f in enumerate(found) if f]
     out = []
     for k in range(len(found)):
@@ -107,39 +143,49 @@ def _filled(
     return [f for f in out if f]
 
 
-def _merged(found: Sequence[tuple[int, tuple[int, int]]], places: Float) -> Iterator[Stretch]:
-    """Runs of the same joint, without the crumbs between them."""
+def _merge(found: Sequence[tuple[int, tuple[int, int]]], places: Float) -> Iterator[Stretch]:
+    """Join runs of the same joint, without the short runs between them."""
     runs: list[list[int]] = []
     for k, (joint, _) in enumerate(found):
         if runs and found[runs[-1][0]][0] == joint:
             runs[-1].append(k)
         else:
             runs.append([k])
-    whole = [r for r in runs if places[r[-1]] - places[r[0]] >= _SHORT]
-    sure = {found[r[0]][0] for r in whole}
-    kept: list[list[int]] = []
-    for run in (r for r in runs if r in whole or found[r[0]][0] not in sure):
-        if kept and found[kept[-1][0]][0] == found[run[0]][0]:
-            kept[-1] += run
+    long_runs = [r for r in runs if places[r[-1]] - places[r[0]] >= MIN_STRETCH_MM]
+    known_joints = {found[r[0]][0] for r in long_runs}
+    merged: list[list[int]] = []
+    for run in (r for r in runs if r in long_runs or found[r[0]][0] not in known_joints):
+        if merged and found[merged[-1][0]][0] == found[run[0]][0]:
+            merged[-1] += run
         else:
-            kept.append(list(run))
-    for n, run in enumerate(kept):
+            merged.append(list(run))
+    for n, run in enumerate(merged):
         joint, pair = found[run[len(run) // 2]]
         start = 0.0 if n == 0 else float(places[run[0]])
-        stop = float(places[-1] if n == len(kept) - 1 else places[kept[n + 1][0]])
+        stop = float(places[-1] if n == len(merged) - 1 else places[merged[n + 1][0]])
         yield Stretch(joint, pair, start, stop)
 
 
-def find_late_joints(found: Sequence[Stretch], joints: Sequence[Sides]) -> list[tuple[int, int]]:
-    """Where a cord is drawn together only after it was laid: (joint, k) for each joint that is
-    closed later than those of the stretches k - 1 and k, and brings their parts together. Joints
-    are closed in their order."""
+def find_late_joints(
+    found: Sequence[Stretch], joints: Sequence[JointSides]
+) -> list[tuple[int, int]]:
+    """Return where a joint that is closed later draws an inserted cord together.
+
+    Args:
+        found: Stretches of the cord.
+        joints: Joints, in the order in which they are closed.
+
+    Returns:
+        Pairs (joint, k): the joint is closed later than those of the stretches k - 1 and k, and
+            brings
+        their parts together.
+    """
     out = []
     for k in range(1, len(found)):
-        before, behind = found[k - 1], found[k]
-        for j in range(max(before.joint, behind.joint) + 1, len(joints)):
+        before, after = found[k - 1], found[k]
+        for j in range(max(before.joint, after.joint) + 1, len(joints)):
             low, high = joints[j]
-            one, two = set(before.parts), set(behind.parts)
-            if (one <= low and two <= high) or (one <= high and two <= low):
+            first, second = set(before.parts), set(after.parts)
+            if (first <= low and second <= high) or (first <= high and second <= low):
                 out.append((j, k))
     return out

@@ -1,4 +1,4 @@
-"""The cords' channels from skin to skin, with their ends."""
+"""Make the cords' channels from skin to skin, with their ends."""
 
 from __future__ import annotations
 
@@ -16,19 +16,27 @@ from ...core.mesh import Surface
 from ..kernels import surface_queries, triangle_kernel
 from ..kernels.cutting_tools import Tool, cylinder
 from ..kernels.surface_queries import signed_distance_of
-from .channel_ends import End, Ends, Pockets, end_tools
+from .channel_ends import End, EndPlanner, Pockets, make_end_tools
 from .wire_channels import Hollow, Lead
 
-_STEP = 0.25  # mm, between samples of a channel
-_SAG = 0.004  # mm, between a channel's chords and the path
+SAMPLE_STEP_MM = 0.25  # between samples of a channel
+MAX_SAG_MM = 0.004  # between a channel's chords and the path
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A cord's channel. `line` (p, 3) mm is its centre line with the tool's runs out of the body,
-    `inside` (q, 3) the part of it from mouth to mouth; `inlets` are the straight runs from the
-    path's ends to the skin and `runs` how far the tool goes on from the path's ends, mm; `tools`
-    shape its `ends`; `solid` is all of it for manifold3d, with the wires' leads."""
+    """A cord's channel.
+
+    Attributes:
+        sensor: The cord.
+        line: Center line (p, 3) with the tool's runs out of the body, mm.
+        inside: Center line (q, 3) from mouth to mouth, mm.
+        inlets: Straight runs from the path's ends to the skin, mm.
+        runs: How far the tool continues from the path's ends, mm.
+        ends: Both ends.
+        tools: Tools that shape the ends.
+        solid: The whole channel with the wires' leads, for manifold3d.
+    """
 
     sensor: Sensor
     line: Float
@@ -45,24 +53,25 @@ class Channel:
 
     @property
     def length(self) -> float:
-        """From mouth to mouth, mm."""
+        """Length from mouth to mouth, mm."""
         return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
 
     @property
     def between(self) -> float:
-        """What of that is not in pockets, mm: the least that a cord has between its ferrules."""
+        """Length that is not in pockets, mm: the least that a cord has between its ferrules."""
         return self.length - sum(e.pocket for e in self.ends)
 
     @property
     def sensing(self) -> Float:
-        """The stretch of the cord's path (p, 3) mm outside of its pockets, p as in `sample_path`:
-        what lies in a pocket, and straight runs to the skin, are not strained."""
+        """The part (p, 3) of the cord's path outside its pockets, mm, with p as in `sample_path`.
+        Parts in a pocket and straight runs to the skin are not strained.
+        """
         path = sample_path(self.sensor)
         hidden = [max(0.0, e.pocket - i) for e, i in zip(self.ends, self.inlets, strict=True)]
         return resample(path, hidden[0], float(arc_lengths(path)[-1]) - hidden[1], len(path))
 
     def hollows(self, diameter: float, pockets: Pockets | None) -> list[Hollow]:
-        """Points (n, 3) mm along what is hollow, and its radius there, mm."""
+        """Return points (n, 3) along each hollow and its radius, mm."""
         out = [(self.inside, diameter / 2)]
         for end in self.ends:
             out += end.hollows(pockets)
@@ -70,28 +79,29 @@ class Channel:
 
     @property
     def leads(self) -> list[Lead]:
-        """Those that there are."""
+        """The existing leads."""
         return [end.lead for end in self.ends if end.lead]
 
     @property
     def insides(self) -> list[Float]:
-        """Centre lines of the channel and its leads in the body, each (p, 3) mm."""
+        """Center lines (p, 3) of the channel and its leads in the body, mm."""
         return [self.inside, *(lead.inside for lead in self.leads)]
 
     @property
     def lines(self) -> list[Float]:
-        """Centre lines of the channel and its leads with the tools' runs, each (p, 3) mm."""
+        """Center lines (p, 3) of the channel and its leads with the tools' runs, mm."""
         return [self.line, *(lead.line for lead in self.leads)]
 
     def cord(self, diameter: float) -> Any:
-        """A solid of the cord itself, along the path and its straight runs out of the body; finer
-        than the channel that it is checked in."""
-        path = sample_path(self.sensor, 2 * per_span_for_sag(self.sensor.curve, _SAG))
+        """Return a solid of the cord itself, along the path and its straight runs out of the body.
+        It is finer than the channel that it is checked in.
+        """
+        path = sample_path(self.sensor, 2 * per_span_for_sag(self.sensor.curve, MAX_SAG_MM))
         line = np.concatenate([self.line[:1], path, self.line[-1:]])
         return triangle_kernel.tube(line, self.sensor.plane.normal, diameter, sides=24)
 
     def wires(self, diameter: float) -> list[Any]:
-        """Solids of the wires in their leads."""
+        """Return solids of the wires in their leads."""
         normal = self.sensor.plane.normal
         out = [triangle_kernel.tube(lead.line, normal, diameter, sides=24) for lead in self.leads]
         return out + [
@@ -108,27 +118,43 @@ def make_channels(
     wall: float,
     pockets: Pockets | None,
 ) -> list[Channel]:
-    """Every cord's channel of `diameter` mm. Raises FabricationError for a path that is not in
-    the body, or bends too tightly for a channel."""
-    traced = [_trace(s, body, diameter) for s in sensors]
+    """Make the channel of every cord.
+
+    Args:
+        sensors: The cords.
+        body: Surface of the body.
+        diameter: Diameter of the channels, mm.
+        wall: Least wall between hollows, mm.
+        pockets: Pockets at the ends, or None.
+
+    Raises:
+        FabricationError: If a path leaves the body or bends too tightly for a channel.
+    """
+    traces = [_trace(s, body, diameter) for s in sensors]
     planes = [s.plane for s in sensors]
-    ends = Ends(planes, [t.inside for t in traced], diameter, wall, body, pockets).made()
+    ends = EndPlanner(planes, [t.inside for t in traces], diameter, wall, body, pockets).plan()
     out = []
-    for s, t, pair in zip(sensors, traced, ends, strict=True):
-        tools = tuple(tool for e in pair for tool in end_tools(e, diameter, wall, pockets))
+    for s, t, ends_pair in zip(sensors, traces, ends, strict=True):
+        tools = tuple(
+            tool for e in ends_pair for tool in make_end_tools(e, diameter, wall, pockets)
+        )
         tubes = [triangle_kernel.tube(t.line, s.plane.normal, diameter)]
         if pockets and pockets.wires:
-            wide = pockets.wires.diameter
+            wire_diameter = pockets.wires.diameter
             tubes += [
-                triangle_kernel.tube(e.lead.line, s.plane.normal, wide) for e in pair if e.lead
+                triangle_kernel.tube(e.lead.line, s.plane.normal, wire_diameter)
+                for e in ends_pair
+                if e.lead
             ]
         solid = triangle_kernel.union([*tubes, *(triangle_kernel.solid_of(tool) for tool in tools)])
-        out.append(Channel(s, t.line, t.inside, t.inlets, t.runs, pair, tools, solid))
+        out.append(Channel(s, t.line, t.inside, t.inlets, t.runs, ends_pair, tools, solid))
     return out
 
 
 @dataclass(frozen=True)
 class _Trace:
+    """A channel's lines, as in `Channel`."""
+
     line: Float
     inside: Float
     inlets: tuple[float, float]
@@ -136,36 +162,42 @@ class _Trace:
 
 
 def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
-    path = sample_path(sensor, per_span_for_sag(sensor.curve, _SAG))
+    """Extend a path straight to the skin on both sides."""
+    path = sample_path(sensor, per_span_for_sag(sensor.curve, MAX_SAG_MM))
     _check_path(sensor, path, body, diameter)
     tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
-    found = [
+    exits = [
         surface_queries.find_exit(path[0], -first, body, 2 * diameter),
         surface_queries.find_exit(path[-1], last, body, 2 * diameter),
     ]
-    (start, before), (end, after) = found
+    (start, before), (end, after) = exits
     line = np.concatenate([path[:1] - before * first, path, path[-1:] + after * last])
     low, high = before - start, float(arc_lengths(line)[-1]) - (after - end)
-    inside = resample(line, low, high, max(3, int((high - low) / _STEP) + 1))
+    inside = resample(line, low, high, max(3, int((high - low) / SAMPLE_STEP_MM) + 1))
     return _Trace(line, inside, (start, end), (before, after))
 
 
 def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:
+    """Raise FabricationError if a path leaves the body or bends too tightly."""
     if (np.linalg.norm(sensor.curve.tangents[[0, -1]], axis=1) < 1e-9).any():
         raise FabricationError(
-            f"cord {sensor.name!r}: a tangent at its ends is zero; give it one",
+            "a tangent at its ends is zero",
             code="zero-tangent",
+            where=f"cord {sensor.name!r}",
+            action="Give it a tangent",
             cord=sensor.name,
         )
     inside = signed_distance_of(body).inside(path)
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
-        where = "misses the body" if not inside.any() else "leaves the body"
+        problem = "misses the body" if not inside.any() else "leaves the body"
         at = format_point(outside[len(outside) // 2])
         raise FabricationError(
-            f"cord {sensor.name!r} {where} near {at}; move its plane or its path",
+            f"{problem} near {at}",
             code="path-leaves-body",
+            where=f"cord {sensor.name!r}",
+            action="Move its plane or its path",
             cord=sensor.name,
             misses=not inside.any(),
         )
@@ -174,9 +206,11 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
     if radius[k] < 0.6 * diameter:
         at = format_point(path[k + 1])
         raise FabricationError(
-            f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near {at}, too tight"
-            f" for a channel of {diameter:.2f} mm; smooth the path",
+            f"bends to a radius of {radius[k]:.2f} mm near {at}, too tight for a channel of"
+            f" {diameter:.2f} mm",
             code="bend-too-tight",
+            where=f"cord {sensor.name!r}",
+            action="Smooth the path",
             cord=sensor.name,
             radius=float(radius[k]),
         )

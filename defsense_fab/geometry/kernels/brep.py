@@ -1,4 +1,4 @@
-"""Exact solids in a file, as OpenCascade has them: what one process hands to another."""
+"""Exchange exact solids between processes in OpenCascade's BREP files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
 
 
 def write_brep(solids: Sequence[Any], path: Path) -> None:
-    """TopoDS_Solids to a binary BREP file. Raises OSError where it cannot be written."""
+    """Write TopoDS_Solids to a binary BREP file.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
     builder, compound = BRep_Builder(), TopoDS_Compound()
     builder.MakeCompound(compound)
     for solid in solids:
@@ -24,13 +28,17 @@ def write_brep(solids: Sequence[Any], path: Path) -> None:
 
 
 def read_brep(path: Path) -> list[Any]:
-    """The TopoDS_Solids that `write_brep` wrote, in their order."""
+    """Return the TopoDS_Solids of a file of `write_brep`, in their order.
+
+    Raises:
+        OSError: If the file cannot be read.
+    """
     shape = TopoDS_Shape()
     if not BinTools.Read_s(shape, str(path)):
         raise OSError(f"{path}: OpenCascade could not read it")
     solids = []
-    walk = TopExp_Explorer(shape, TopAbs_SOLID)
-    while walk.More():
-        solids.append(TopoDS.Solid_s(walk.Current()))
-        walk.Next()
+    explorer = TopExp_Explorer(shape, TopAbs_SOLID)
+    while explorer.More():
+        solids.append(TopoDS.Solid_s(explorer.Current()))
+        explorer.Next()
     return solids

@@ -1,4 +1,4 @@
-"""The OpenCascade kernel. Bodies and parts go through here; `specimen.py` models its own."""
+"""Use the OpenCascade kernel: read, write, tessellate, sweep, cut and divide exact solids."""
 
 from __future__ import annotations
 
@@ -25,50 +25,60 @@ from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
-from .canonical_facets import canonical
-from .cutting_tools import CRUMB, Frustum, Prism, Tool, frame
-
-# Cavities of an exact solid: closed shells within its outer one.
+from .canonical_facets import canonicalize
+from .cutting_tools import MIN_PIECE_MM3, Frustum, Prism, Tool, axes_from_normal
 
 
-def cavities(solid: Any) -> list[tuple[float, Float]]:
-    """Of a TopoDS_Solid: each cavity's volume (mm3) and centre (3,) mm, the largest first."""
+def find_cavities(solid: Any) -> list[tuple[float, Float]]:
+    """Return the volume, mm^3, and center (3,), mm, of each cavity of a TopoDS_Solid, largest
+    first.
+    """
     outer = BRepClass3d.OuterShell_s(solid)
-    found = []
-    walk = TopExp_Explorer(solid, TopAbs_SHELL)
-    while walk.More():
-        shell = TopoDS.Shell_s(walk.Current())
+    cavities_found = []
+    explorer = TopExp_Explorer(solid, TopAbs_SHELL)
+    while explorer.More():
+        shell = TopoDS.Shell_s(explorer.Current())
         if not shell.IsSame(outer):
-            own = bd.Solid(BRepBuilderAPI_MakeSolid(shell).Solid())
-            middle = own.center(bd.CenterOf.BOUNDING_BOX)
-            found.append((abs(own.volume), np.array([middle.X, middle.Y, middle.Z])))
-        walk.Next()
-    return sorted(found, key=lambda c: -c[0])
+            cavity = bd.Solid(BRepBuilderAPI_MakeSolid(shell).Solid())
+            middle = cavity.center(bd.CenterOf.BOUNDING_BOX)
+            cavities_found.append((abs(cavity.volume), np.array([middle.X, middle.Y, middle.Z])))
+        explorer.Next()
+    return sorted(cavities_found, key=lambda c: -c[0])
 
 
-def filled(solid: Any) -> Any:
-    """The TopoDS_Solid within its outer shell."""
+def fill_cavities(solid: Any) -> Any:
+    """Return the TopoDS_Solid within the outer shell of a TopoDS_Solid."""
     return BRepBuilderAPI_MakeSolid(BRepClass3d.OuterShell_s(solid)).Solid()
 
 
-#: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
-ANGLE = 0.06
+#: Largest angle between neighboring facets of a curved face: 0.06 % of a circle's area.
+FACET_ANGLE_RAD = 0.06
 #: Largest distance of a channel's arcs (`core/curve_conversion.py`) from the path, mm.
-PATH_TOLERANCE = 0.01
-_LOST = 2e-3  # of the parts' volume
-_MENDED = 1e-6  # share of the volume that a mended solid may differ by
-_NOTHING = 1e-3  # mm^3
-_STAMP = "1980-01-01T00:00:00"  # of STEP files
-_USE = re.compile(rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+")
-_NOT_ASCII = re.compile(rb"[\x80-\xff]+(?:\r?\n[\x80-\xff]+)*")  # lines end within a letter
+PATH_TOLERANCE_MM = 0.01
+MAX_VOLUME_LOSS = 2e-3  # share of the parts' volume
+MAX_HEALING_CHANGE = 1e-6  # share of the volume by which a healed solid may differ
+MIN_VOLUME_MM3 = 1e-3
+STEP_TIMESTAMP = "1980-01-01T00:00:00"  # of STEP files
+USE_NUMBER_PATTERN = re.compile(rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+")
+NON_ASCII_PATTERN = re.compile(
+    rb"[\x80-\xff]+(?:\r?\n[\x80-\xff]+)*"
+)  # a line may end within a letter
 
 
 def solids_of(result: Any) -> list[Any]:
-    """TopoDS_Solids in what a script returned: a build123d or CadQuery object."""
+    """Return the TopoDS_Solids in the result of a script.
+
+    Args:
+        result: A build123d or CadQuery object.
+
+    Raises:
+        BodyError: If it is neither.
+    """
     if isinstance(result, type):
         raise BodyError(
-            f"body() returned the class {result.__name__}; call it to make a solid",
+            f"body() returned the class {result.__name__}",
             code="class-not-called",
+            action="Call it to make a solid",
             type=result.__name__,
         )
     if hasattr(result, "vals") and callable(result.vals):  # a CadQuery Workplane
@@ -79,22 +89,27 @@ def solids_of(result: Any) -> list[Any]:
         shapes = [result.wrapped]
     else:
         raise BodyError(
-            f"body() returned {type(result).__name__}; return a build123d or CadQuery solid",
+            f"body() returned {type(result).__name__}",
             code="not-a-solid",
+            action="Return a build123d or CadQuery solid",
             type=type(result).__name__,
         )
     solids: list[Any] = []
     for shape in shapes:
-        walk = TopExp_Explorer(shape, TopAbs_SOLID)
-        while walk.More():
-            solids.append(TopoDS.Solid_s(walk.Current()))
-            walk.Next()
+        explorer = TopExp_Explorer(shape, TopAbs_SOLID)
+        while explorer.More():
+            solids.append(TopoDS.Solid_s(explorer.Current()))
+            explorer.Next()
     return solids
 
 
 def read_step(path: Path) -> list[Any]:
-    """TopoDS_Solids of a STEP file. Raises BodyError where it cannot be read."""
-    Message.DefaultMessenger_s().ChangePrinters().Clear()  # what it says, the error says too
+    """Return the TopoDS_Solids of a STEP file.
+
+    Raises:
+        BodyError: If the file is not valid STEP.
+    """
+    Message.DefaultMessenger_s().ChangePrinters().Clear()  # the error repeats its messages
     try:
         return solids_of(bd.import_step(str(path)))
     except BodyError:
@@ -102,19 +117,19 @@ def read_step(path: Path) -> list[Any]:
     except Exception as error:  # the reader raises bare exceptions of OCP
         text = " ".join(str(error).split()) or "no valid STEP file"
         raise BodyError(
-            f"{path}: cannot be read as STEP: {text}", code="file-invalid", suffix=".step"
+            f"cannot be read as STEP: {text}", code="file-invalid", where=path, suffix=".step"
         ) from None
 
 
 def write_step(solid: Any, path: Path, label: str) -> None:
-    """A STEP file of one solid by name, in mm."""
+    """Write a STEP file of one TopoDS_Solid, in mm, named `label`."""
     shape = bd.Solid(solid)
     shape.label = label
     _export(shape, path)
 
 
 def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
-    """One STEP file with the named solids in place."""
+    """Write one STEP file with named TopoDS_Solids in place, in mm."""
     children = []
     for name, solid in solids.items():
         child = bd.Solid(solid)
@@ -124,55 +139,72 @@ def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
 
 
 def _export(shape: Any, path: Path) -> None:
-    """The same shape gives the same bytes at any time: OpenCascade stamps the time, and numbers the
-    uses of parts on and on while the program runs. On a full disk it would say nothing of use, so
-    it writes to memory. Names come out of it with each byte of their UTF-8 as a letter of its own,
-    and are written as the standard asks for (ISO 10303-21, 6.4.3)."""
-    written = io.BytesIO()
-    bd.export_step(shape, written, timestamp=_STAMP)
+    """Write a shape so that the same shape gives the same bytes at any time.
+
+    OpenCascade stamps the time and numbers the uses of parts on while the program runs. On a full
+    disk it would report nothing useful, so it writes to memory. It writes each byte of a name's
+    UTF-8 as a letter; names are encoded as the standard requires (ISO 10303-21, 6.4.3).
+    """
+    buffer = io.BytesIO()
+    bd.export_step(shape, buffer, timestamp=STEP_TIMESTAMP)
     count = itertools.count(1)
-    numbered = _USE.sub(lambda m: m[1] + str(next(count)).encode(), written.getvalue())
-    path.write_bytes(_NOT_ASCII.sub(_escaped, numbered))
+    numbered = USE_NUMBER_PATTERN.sub(lambda m: m[1] + str(next(count)).encode(), buffer.getvalue())
+    path.write_bytes(NON_ASCII_PATTERN.sub(_escape, numbered))
 
 
-def _escaped(found: re.Match[bytes]) -> bytes:
-    """Letters beyond ASCII in hexadecimal digits."""
-    text = b"".join(found[0].split()).decode()
-    with contextlib.suppress(UnicodeError):  # the file's own name is written as it should be
+def _escape(match: re.Match[bytes]) -> bytes:
+    """Return letters beyond ASCII as hexadecimal digits."""
+    text = b"".join(match[0].split()).decode()
+    with contextlib.suppress(UnicodeError):  # only the file's own name is encoded correctly
         text = text.encode("latin-1").decode()
-    wide = max(map(ord, text)) >= 0x10000
-    kind, coding = (b"X4", "utf-32-be") if wide else (b"X2", "utf-16-be")
+    is_wide = max(map(ord, text)) >= 0x10000
+    kind, coding = (b"X4", "utf-32-be") if is_wide else (b"X2", "utf-16-be")
     return b"\\%s\\%s\\X0\\" % (kind, text.encode(coding).hex().upper().encode())
 
 
 def volume(solid: Any) -> float:
-    """Of a TopoDS_Solid, mm^3."""
+    """Return the volume of a TopoDS_Solid, mm^3."""
     return float(bd.Solid(solid).volume)
 
 
 def size(solid: Any) -> float:
-    """Diagonal of the bounding box, mm; NaN where there is none."""
+    """Return the diagonal of the bounding box, mm; NaN if there is none."""
     try:
         return float(bd.Solid(solid).bounding_box().diagonal)
-    except Exception:  # OpenCascade's void box; its exceptions carry no common base
+    except Exception:  # for an empty box; OpenCascade's have no common base
         return float("nan")
 
 
 def tessellate(solid: Any, tolerance: float) -> Surface:
-    """Closed triangle surface of a solid, no facet further than `tolerance` mm from it."""
-    points, triangles = bd.Solid(solid).tessellate(tolerance, ANGLE)
+    """Return the closed triangle surface of a solid, with no facet farther than `tolerance` mm from
+    it.
+    """
+    points, triangles = bd.Solid(solid).tessellate(tolerance, FACET_ANGLE_RAD)
     vertices = np.array([[p.X, p.Y, p.Z] for p in points], float)
-    return Surface(*canonical(vertices, np.array(triangles, np.int64)))
+    return Surface(*canonicalize(vertices, np.array(triangles, np.int64)))
 
 
 def tube(
     plane: Plane, pieces: Float, ends: Float, before: float, after: float, diameter: float
 ) -> Any:
-    """Round tube along arcs (n, 3, 2) mm of a plane, each by start, middle and end, lengthened by
-    straight runs along the directions `ends` (2, 2) of its first and last point; a TopoDS_Solid.
+    """Sweep a round tube along planar arcs.
 
-    All its faces are tori and cylinders, whose cuts with the cord plane are exact. Along Bezier
-    curves they are splines, which OCC cut wrongly or never ended.
+    All faces are tori and cylinders, whose cuts with the cord plane are exact. Along Bezier curves
+    they would be splines, which OpenCascade cut wrongly or without end.
+
+    Args:
+        plane: Plane of the arcs.
+        pieces: Arcs (n, 3, 2), each by start, middle and end, mm.
+        ends: Directions (2, 2) at the first and last point.
+        before: Length of a straight run before the first point, mm.
+        after: Length of a straight run after the last point, mm.
+        diameter: Diameter, mm.
+
+    Returns:
+        A TopoDS_Solid.
+
+    Raises:
+        FabricationError: If the sweep fails.
     """
     world = plane.to_world(pieces)
     ends = ends @ plane.axes[:, :2].T
@@ -187,36 +219,39 @@ def tube(
     if after > 1e-6:
         edges.append(bd.Line(tuple(world[-1, 2]), tuple(end)))
     # The circle's seam points along the normal: near the cord plane it would meet the cuts.
-    frame = bd.Plane(origin=tuple(start), x_dir=tuple(plane.normal), z_dir=tuple(first))
-    section = (frame * bd.Circle(diameter / 2)).face()
+    plane_at_start = bd.Plane(origin=tuple(start), x_dir=tuple(plane.normal), z_dir=tuple(first))
+    section = (plane_at_start * bd.Circle(diameter / 2)).face()
     try:
         pipe = BRepOffsetAPI_MakePipe(bd.Wire(edges).wrapped, section.wrapped)
         solid = bd.Solid(pipe.Shape())
-        good = solid.is_valid and solid.volume > 0
-    except Exception as error:  # OCP's own exceptions carry no common base
+        is_valid = solid.is_valid and solid.volume > 0
+    except Exception as error:  # OCP's exceptions have no common base
         text = " ".join(str(error).split()) or type(error).__name__
         raise FabricationError(
-            f"the channel cannot be swept: {text}; smooth the path", code="cannot-sweep-channel"
-        ) from None
-    if not good:
-        raise FabricationError(
-            "the channel's solid is not valid; the path bends tighter than the channel's radius",
+            f"the channel cannot be swept: {text}",
             code="cannot-sweep-channel",
+            action="Smooth the path",
+        ) from None
+    if not is_valid:
+        raise FabricationError(
+            "the channel's solid is not valid: the path bends tighter than the channel's radius",
+            code="cannot-sweep-channel",
+            action="Smooth the path",
         )
     return solid.wrapped
 
 
 def solid_of(tool: Tool) -> Any:
-    """A tool as a build123d solid."""
+    """Return a tool as a build123d solid."""
     if isinstance(tool, Frustum):
         along = tool.end - tool.start
         height = float(np.linalg.norm(along))
-        axes = frame(along / height)
+        axes = axes_from_normal(along / height)
         low, high = tool.radii
-        place = _located(tool.start, axes)
+        location = _located(tool.start, axes)
         if abs(low - high) < 1e-9:
-            return bd.Solid.make_cylinder(low, height, place)
-        return bd.Solid.make_cone(low, high, height, place)
+            return bd.Solid.make_cylinder(low, height, location)
+        return bd.Solid.make_cone(low, high, height, location)
     outline = bd.Wire.make_polygon([tuple(p) for p in _in_space(tool)])
     face = bd.Face(outline)
     return bd.Solid.extrude(face, bd.Vector(*(tool.height * tool.axes[:, 2])))
@@ -230,18 +265,27 @@ def _in_space(tool: Prism) -> Float:
     return np.asarray(tool.origin + tool.polygon @ tool.axes[:, :2].T)
 
 
-def without(solid: Any, tools: Sequence[Tool]) -> Any:
-    """A TopoDS_Solid with tools cut out. Raises FabricationError where it falls apart."""
+def cut_out(solid: Any, tools: Sequence[Tool]) -> Any:
+    """Return a TopoDS_Solid with tools cut out.
+
+    Raises:
+        FabricationError: If it falls apart.
+    """
     if not tools:
         return solid
-    return one_solid(bd.Solid(solid).cut(*[solid_of(t) for t in tools]))
+    return as_one_solid(bd.Solid(solid).cut(*[solid_of(t) for t in tools]))
 
 
 @dataclass(frozen=True)
 class Knife:
-    """One cut of the one piece whose centre of mass is nearest to `center` (3,) mm: through and
-    through, or only the solids nearest to `taken` (each (3,) mm); of a limited cut, `region` are
-    the prisms of what is cut off and of the lid."""
+    """One planar cut of one piece.
+
+    Attributes:
+        plane: Plane of the cut.
+        center: Point (3,) nearest to the center of mass of the piece to cut, mm.
+        taken: Centers of mass (3,) of the solids that come off; empty for a cut right through.
+        region: For a limited cut, the prisms that bound the cut-off solid and the lid, else None.
+    """
 
     plane: Plane
     center: Float
@@ -252,31 +296,45 @@ class Knife:
 def carve_and_split(
     solid: Any, cutters: Sequence[Any], knives: Sequence[Knife], count: int, expected: float
 ) -> list[Any]:
-    """Cut solids out of the body and divide it into `count` parts (TopoDS_Solids) whose volumes
-    should add up to about `expected` mm^3, without crumbs.
+    """Cut solids out of a body and divide it into parts.
 
-    Raises FabricationError where OpenCascade loses a part or some volume on the way.
+    Args:
+        solid: The body's TopoDS_Solid.
+        cutters: TopoDS_Solids to cut out.
+        knives: Planar cuts, in order.
+        count: Expected number of parts.
+        expected: Expected volume of all parts, mm^3.
+
+    Returns:
+        The parts (TopoDS_Solids), without crumbs.
+
+    Raises:
+        FabricationError: If OpenCascade loses a part or some volume.
     """
     body, tools = bd.Solid(solid), [bd.Solid(t) for t in cutters]
     channels = _solids(tools[0].fuse(*tools[1:])) if len(tools) > 1 else tools
 
     def carved(pieces: list[Any]) -> list[Any]:
-        return [s for p in pieces for s in _solids(p.cut(*channels)) if s.volume > CRUMB]
+        return [s for p in pieces for s in _solids(p.cut(*channels)) if s.volume > MIN_PIECE_MM3]
 
-    for channels_first in (False, True):  # now and then one order fails where the other works
-        made = (
-            _divided(carved([body]), knives) if channels_first else carved(_divided([body], knives))
+    for channels_first in (False, True):  # sometimes one order fails where the other works
+        parts = (
+            _divide(carved([body]), knives) if channels_first else carved(_divide([body], knives))
         )
-        if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < _LOST:
-            return [p.wrapped for p in made]
+        if (
+            len(parts) == count
+            and abs(sum(p.volume for p in parts) / expected - 1) < MAX_VOLUME_LOSS
+        ):
+            return [p.wrapped for p in parts]
     raise FabricationError(
-        "OpenCascade could not divide the solid; move a cord plane slightly",
+        "OpenCascade could not divide the solid",
         code="cannot-divide-solid",
+        action="Move a cord plane slightly",
     )
 
 
-def _divided(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
-    """The solids after planar cuts; a cut that fails leaves its piece whole."""
+def _divide(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
+    """Return the solids after planar cuts; a cut that fails leaves its piece whole."""
     for knife in knives:
         nearest = _nearest(parts, knife.center)
         plane = _located(knife.plane.origin, knife.plane.axes)
@@ -302,24 +360,29 @@ def _nearest(solids: Sequence[Any], at: Float) -> Any:
 
 
 def _solids(result: Any) -> list[Any]:
-    """The solids in what a boolean operation gave: a shape, a list of them, or nothing; without
-    the empty ones that it leaves at times."""
+    """Return the solids in the result of a boolean operation: a shape, a list of them, or nothing;
+    without the empty ones that it sometimes leaves.
+    """
     if result is None:
         return []
     found = result if isinstance(result, list | tuple | bd.ShapeList) else [result]
-    return [s for r in found for s in r.solids() if s.volume > _NOTHING]
+    return [s for r in found for s in r.solids() if s.volume > MIN_VOLUME_MM3]
 
 
 def centroid(solid: Any) -> Float:
-    """Of a TopoDS_Solid, (3,) mm."""
+    """Return the center of mass (3,) of a TopoDS_Solid, mm."""
     c = bd.Solid(solid).center(bd.CenterOf.MASS)
     return np.array([c.X, c.Y, c.Z])
 
 
-def one_solid(shape: Any) -> Any:
-    """The TopoDS_Solid that a build123d shape consists of; faults that boolean operations leave at
-    times (edges that miss their surface by more than their tolerance) are mended. Raises
-    FabricationError where it is not one valid solid."""
+def as_one_solid(shape: Any) -> Any:
+    """Return the one TopoDS_Solid of a build123d shape, healed if necessary.
+
+    Boolean operations sometimes leave edges that miss their surface by more than their tolerance.
+
+    Raises:
+        FabricationError: If the shape is not one valid solid.
+    """
     solids = list(shape.solids())
     if len(solids) != 1 or solids[0].volume <= 0:
         raise FabricationError(
@@ -329,11 +392,11 @@ def one_solid(shape: Any) -> Any:
         )
     solid = solids[0]
     if not solid.is_valid:
-        mended = solid.fix()
-        if not mended.is_valid or abs(mended.volume / solid.volume - 1) > _MENDED:
+        healed = solid.fix()
+        if not healed.is_valid or abs(healed.volume / solid.volume - 1) > MAX_HEALING_CHANGE:
             raise FabricationError(
-                "the geometry kernel made a solid of one part that is not valid",
+                "the geometry kernel made a part that is not a valid solid",
                 code="solid-invalid",
             )
-        solid = mended
+        solid = healed
     return solid.wrapped

@@ -1,4 +1,6 @@
-"""How deep points lie below a body's skin."""
+"""Answer geometric queries on triangle surfaces: signed distances, rays, plane sections and
+samples.
+"""
 
 from __future__ import annotations
 
@@ -18,35 +20,46 @@ T = TypeVar("T")
 
 
 class SurfaceCache(Generic[T]):
-    """What `make` gives for a surface, kept as long as that surface (by its identity) is; it must
-    not keep the surface itself."""
+    """A value computed once for each surface.
+
+    The value is kept as long as the surface (by its identity) exists; it must not refer to the
+    surface.
+
+    Args:
+        make: Computes the value.
+    """
 
     def __init__(self, make: Callable[[Surface], T]) -> None:
         self._make = make
-        self._known: dict[int, tuple[weakref.ref[Surface], T]] = {}
+        self._values: dict[int, tuple[weakref.ref[Surface], T]] = {}
 
     def __call__(self, surface: Surface) -> T:
         key = id(surface)
-        found = self._known.get(key)
-        if found is not None and found[0]() is surface:
-            return found[1]
-        made = self._make(surface)
-        gone = weakref.ref(surface, lambda _: self._known.pop(key, None))
-        self._known[key] = (gone, made)
-        return made
+        entry = self._values.get(key)
+        if entry is not None and entry[0]() is surface:
+            return entry[1]
+        value = self._make(surface)
+        reference = weakref.ref(surface, lambda _: self._values.pop(key, None))
+        self._values[key] = (reference, value)
+        return value
 
 
-# Points of a body's skin with their normals.
-
-_WITHIN = 20
+POINTS_PER_SQUARE = 20
 
 
-def samples(body: Surface, size: float) -> tuple[Float, Float]:
-    """Points (n, 3) mm spread over the skin, about 20 within a square of `size` mm unless
-    the body is large, and its unit normals there (n, 3)."""
+def sample_skin(body: Surface, size: float) -> tuple[Float, Float]:
+    """Return points spread over a skin, with its normals.
+
+    Args:
+        body: Surface of the body.
+        size: Side of a square that should hold about 20 points, mm. Large bodies get fewer.
+
+    Returns:
+        Points (n, 3), mm, and unit normals (n, 3).
+    """
     a, b, c = (body.vertices[body.faces[:, i]] for i in range(3))
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-    count = int(np.clip(_WITHIN * area / size**2, 1000, 30_000))
+    count = int(np.clip(POINTS_PER_SQUARE * area / size**2, 1000, 30_000))
     points = body.scatter(count, np.random.default_rng(1))
     _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
     a, b, c = (body.vertices[body.faces[np.asarray(face)][:, i]] for i in range(3))
@@ -54,12 +67,17 @@ def samples(body: Surface, size: float) -> tuple[Float, Float]:
     return points, normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
-# Where a plane cuts a body's surface.
-
-
 def plane_section(surface: Surface, plane: Plane) -> Float:
-    """The outline as unordered segments (m, 2, 2) mm in the plane's frame; none where the plane
-    misses the body. A facet that lies in the plane gives none: its neighbours do."""
+    """Cut a surface with a plane.
+
+    Args:
+        surface: The surface.
+        plane: The plane.
+
+    Returns:
+        The outline as unordered segments (m, 2, 2) in the plane's frame, mm; (0, 2, 2) if the plane
+        misses the surface. A facet that lies in the plane gives none: its neighbors do.
+    """
     local = (surface.vertices - plane.origin) @ plane.axes
     above = local[:, 2] > 0
     count = above[surface.faces].sum(1)
@@ -79,8 +97,13 @@ def plane_section(surface: Surface, plane: Plane) -> Float:
 
 
 def inside_section(section: Float, points: Float) -> np.ndarray:
-    """Which points (q, 2) mm lie inside of the outline (m, 2, 2): a ray to the right crosses it an
-    odd number of times."""
+    """Return which points lie inside an outline: a ray to the right crosses it an odd number of
+    times.
+
+    Args:
+        section: Outline (m, 2, 2) of `plane_section`, mm.
+        points: Points (q, 2), mm.
+    """
     a, b = section[:, 0], section[:, 1]
     x, y = points[:, None, 0], points[:, None, 1]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -90,7 +113,7 @@ def inside_section(section: Float, points: Float) -> np.ndarray:
 
 
 def nearest_on_section(section: Float, point: Float) -> Float:
-    """The point (2,) of the outline (m, 2, 2), m >= 1, that is nearest to one."""
+    """Return the point (2,) of the outline (m, 2, 2), m >= 1, nearest to `point` (2,)."""
     a, along = section[:, 0], section[:, 1] - section[:, 0]
     square = np.maximum((along**2).sum(1), 1e-18)
     t = np.clip(((point - a) * along).sum(1) / square, 0, 1)
@@ -98,15 +121,23 @@ def nearest_on_section(section: Float, point: Float) -> Float:
     return np.asarray(places[((places - point) ** 2).sum(1).argmin()])
 
 
-# Where a ray meets a triangle surface.
+def cast_ray(origin: Float, direction: Float, surface: Surface) -> Float:
+    """Return the distances at which a ray meets a surface.
 
+    Args:
+        origin: Start (3,) of the ray, mm.
+        direction: Direction (3,), of any length.
+        surface: The surface.
 
-def hits(origin: Float, direction: Float, surface: Surface) -> Float:
-    """Distances (k,) mm, ascending, from `origin` (3,) along `direction` (3,) to the facets that
-    the ray meets, edges shared by two facets once (Moeller & Trumbore 1997)."""
+    Returns:
+        Distances (k,), mm, ascending. An edge that two facets share counts once.
+
+    References:
+        Moeller & Trumbore (1997), Fast, minimum storage ray/triangle intersection.
+    """
     d = direction / np.linalg.norm(direction)
-    near = _balls_of(surface).met(origin, d)
-    a, b, c = (surface.vertices[surface.faces[near, i]] for i in range(3))
+    candidates = _cached_balls(surface).meeting(origin, d)
+    a, b, c = (surface.vertices[surface.faces[candidates, i]] for i in range(3))
     e1, e2 = b - a, c - a
     h = np.cross(d, e2)
     det = np.einsum("ij,ij->i", e1, h)
@@ -118,12 +149,12 @@ def hits(origin: Float, direction: Float, surface: Surface) -> Float:
     v = inv * (q @ d)
     t = inv * np.einsum("ij,ij->i", e2, q)
     hit = ok & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > -1e-9)
-    found = np.sort(t[hit])
-    return np.asarray(found[np.diff(found, prepend=-np.inf) > 1e-6])
+    distances = np.sort(t[hit])
+    return np.asarray(distances[np.diff(distances, prepend=-np.inf) > 1e-6])
 
 
 class _Balls:
-    """A ball around each triangle: most are far from a ray, and are left out by that."""
+    """A ball around each triangle, to exclude most triangles of a ray quickly."""
 
     def __init__(self, surface: Surface) -> None:
         corners = surface.vertices[surface.faces]
@@ -133,8 +164,10 @@ class _Balls:
         size = float(np.abs(surface.vertices).max())
         self._reach, self._margin = radius**2 * (1 + 1e-6), 1e-9 * (1 + size) ** 2
 
-    def met(self, origin: Float, d: Float) -> Int:
-        """The triangles whose balls meet the line through `origin` along the unit vector `d`."""
+    def meeting(self, origin: Float, d: Float) -> Int:
+        """Return the triangles whose balls meet the line through `origin` along the unit vector
+        `d`.
+        """
         along = self._middle @ d - origin @ d
         squared = self._squared - 2 * (self._middle @ origin) + origin @ origin
         margin = self._margin + 1e-9 * float(origin @ origin)
@@ -142,27 +175,37 @@ class _Balls:
 
 
 #: Rays come by the thousand.
-_balls_of = SurfaceCache(_Balls)
+_cached_balls = SurfaceCache(_Balls)
 
 
-def find_exit(start: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:
-    """From a point in the body along `out`: how far to the skin, and how far a tool may go on, up
-    to `most` mm beyond it but only half way to where the body begins again."""
-    found = hits(start, out, body)
-    inlet = float(found[0]) if len(found) else 0.0
-    again = found[found > inlet + 0.1]
-    return inlet, inlet + min(most, (again[0] - inlet) / 2 if len(again) else most)
+def find_exit(start: Float, out: Float, body: Surface, max_run: float) -> tuple[float, float]:
+    """Find where a tool leaves a body.
+
+    Args:
+        start: Point (3,) in the body, mm.
+        out: Direction (3,) of the tool.
+        body: Surface of the body.
+        max_run: Largest run beyond the skin, mm.
+
+    Returns:
+        The distance to the skin, and how far the tool may run: up to `max_run` beyond the skin but
+        only half way to where the body starts again, mm.
+    """
+    distances = cast_ray(start, out, body)
+    inlet = float(distances[0]) if len(distances) else 0.0
+    reentries = distances[distances > inlet + 0.1]
+    return inlet, inlet + min(max_run, (reentries[0] - inlet) / 2 if len(reentries) else max_run)
 
 
-# What is made of a surface once, and asked for many times: search trees, solids.
-
-
-_ON_FACET = 1e-9  # mm; a point so near has the facet's normal for its gradient
+ON_FACET_MM = 1e-9  # mm; a point so near has the facet's normal for its gradient
 
 
 class SignedDistance:
-    """Of one body: its search trees are made when they are first needed, once, and take most of the
-    time of a single call."""
+    """Signed distances to the surface of one body.
+
+    Its search trees are built once, when they are first needed; they take most of the time of a
+    single call.
+    """
 
     def __init__(self, surface: Surface) -> None:
         self._v = np.ascontiguousarray(surface.vertices)
@@ -187,13 +230,14 @@ class SignedDistance:
         return tree
 
     def __call__(self, points: Float) -> Float:
-        """Distance (q,) mm of points (q, 3) to the facets, negative outside by the winding
-        number."""
+        """Return the distance (q,), mm, of points (q, 3) to the facets; negative outside by the
+        winding number.
+        """
         distance = self.unsigned(points)
         return np.asarray(np.where(self.sides(points, distance), distance, -distance))
 
     def with_gradient(self, points: Float) -> tuple[Float, Float]:
-        """The same, and its gradient (q, 3) with the points."""
+        """Return the same distances (q,), mm, and their gradients (q, 3)."""
         q = np.ascontiguousarray(points)
         square, facet, nearest = self._tree.squared_distance(self._v, self._f, q)
         distance = np.sqrt(np.asarray(square))
@@ -201,16 +245,19 @@ class SignedDistance:
         away = q - np.asarray(nearest)
         size = np.linalg.norm(away, axis=1, keepdims=True)
         gradient = np.where(
-            size > _ON_FACET,
-            away / np.maximum(size, _ON_FACET) * np.sign(signed)[:, None],
+            size > ON_FACET_MM,
+            away / np.maximum(size, ON_FACET_MM) * np.sign(signed)[:, None],
             self._inward[np.asarray(facet)],
         )
         return signed, gradient
 
     def sides(self, points: Float, distance: Float) -> Bool:
-        """Which points (q, 3), at a distance (q,) mm, lie inside. That takes some ten times as long
-        as the distance, but of points along a path: where the skin is further away than the next
-        point, both are on one side of it, and one winding number tells of them."""
+        """Return which points (q, 3), at distances (q,) mm from the surface, lie inside.
+
+        A winding number takes some ten times as long as a distance. Along a path, where the skin is
+        farther away than the next point, both points are on the same side and share one winding
+        number.
+        """
         if not len(points):
             return np.zeros(0, bool)
         step = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -220,17 +267,17 @@ class SignedDistance:
         return np.asarray(self.inside(points[deepest])[run])
 
     def unsigned(self, points: Float) -> Float:
-        """Distance (q,) mm of points (q, 3) to the facets."""
+        """Return the distance (q,), mm, of points (q, 3) to the facets."""
         q = np.ascontiguousarray(points)
         return np.asarray(np.sqrt(self._tree.squared_distance(self._v, self._f, q)[0]))
 
     def nearest(self, points: Float) -> Float:
-        """The points (q, 3) mm of the facets that are nearest to points (q, 3)."""
+        """Return the points (q, 3) of the facets nearest to points (q, 3), mm."""
         q = np.ascontiguousarray(points)
         return np.array(self._tree.squared_distance(self._v, self._f, q)[2])
 
     def inside(self, points: Float) -> Bool:
-        """Which points (q, 3) lie inside, by the winding number."""
+        """Return which points (q, 3) lie inside, by the winding number."""
         q = np.ascontiguousarray(points)
         return np.asarray(self._winding.winding_number(q) > 0.5)
 

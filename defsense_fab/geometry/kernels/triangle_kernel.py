@@ -1,4 +1,4 @@
-"""The triangle kernel (manifold3d): carve and split bodies that are meshes, check CAD ones."""
+"""Cut triangle bodies with manifold3d: carve and split mesh bodies, and check CAD ones."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
-from .cutting_tools import Frustum, Tool, frame
+from .cutting_tools import Frustum, Tool, axes_from_normal
 from .surface_queries import SurfaceCache
 
-#: Facets around a round tool: its radius is that of the circle of the same area.
-SIDES = 48
-#: Half of what is left between the mating faces of two parts, mm: above the rounding of coordinates
-#: in single precision, far below what any printer resolves.
-GAP = 5e-5
-_FLAT = 1e-6  # mm
+#: Facets around a round tool, which has the area of the circle.
+TUBE_SIDES = 48
+#: Half of the gap between the mating faces of two parts: above the rounding of coordinates in
+#: single precision, far below what any printer resolves.
+MATING_GAP_MM = 5e-5
+PLANE_TOLERANCE_MM = 1e-6  # mm
 
 
 def _manifold(surface: Surface) -> Any:
@@ -31,94 +31,123 @@ def _manifold(surface: Surface) -> Any:
     )
 
 
-#: Many layouts are cut out of one body, and finished parts are looked at again and again.
-_manifold_of = SurfaceCache(_manifold)
+#: Many layouts are cut out of one body, and finished parts are checked repeatedly.
+_cached_manifold = SurfaceCache(_manifold)
 
 
 def to_manifold(surface: Surface, what: str) -> Any:
-    """A manifold3d solid. Raises FabricationError where the surface is not closed and outward."""
-    solid = _manifold_of(surface)
+    """Return a surface as a manifold3d solid.
+
+    Args:
+        surface: Closed surface, mm.
+        what: Name of the body or part for errors.
+
+    Raises:
+        FabricationError: If the surface is not closed and outward.
+    """
+    solid = _cached_manifold(surface)
     if solid.status() != m3.Error.NoError:
         raise FabricationError(
-            f"{what}: not a closed manifold ({solid.status().name})", code="surface-not-closed"
+            f"is not a closed manifold ({solid.status().name})",
+            code="surface-not-closed",
+            where=what,
         )
     if solid.volume() <= 0:
-        raise FabricationError(f"{what}: encloses no positive volume", code="encloses-no-volume")
+        raise FabricationError("encloses no positive volume", code="encloses-no-volume", where=what)
     return solid
 
 
-def printable(solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ()) -> Surface:
-    """A solid's facets as an STL file can hold them: in single precision, where no two vertices
-    coincide that were apart, so that whoever reads the file finds the same edges again.
+def to_printable_surface(
+    solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ()
+) -> Surface:
+    """Return a solid's facets as an STL file can hold them.
 
-    Faces in the `mating` planes (outward normal (3,), offset mm) are set back by `GAP`, or by what
-    coordinates are rounded by far from the origin: as rounded,
-    those of two parts would pass through each other, which booleans of whoever checks them may
-    take for an overlap of any size.
+    Coordinates are in single precision, and no two vertices coincide that were apart, so that a
+    program that reads the file finds the same edges again. Faces in `mating` planes are set back by
+    `MATING_GAP_MM`, or by the rounding of coordinates far from the origin: otherwise the rounded
+    faces of two parts would pass through each other, which boolean operations may report as an
+    overlap of any size.
 
-    Raises FabricationError where the result is not closed, or not in one piece.
+    Args:
+        solid: The manifold3d solid.
+        what: Name of the part for errors.
+        mating: Planes as outward normal (3,) and offset, mm.
+
+    Raises:
+        FabricationError: If the result is not closed or not in one piece.
     """
     mesh = solid.to_mesh64()
     exact = np.array(mesh.vert_properties, float)[:, :3]
     faces = np.array(mesh.tri_verts, np.int64)
     rounding = float(np.spacing(np.float32(np.abs(exact).max())))
     for normal, offset in mating:
-        exact[np.abs(exact @ normal - offset) < _FLAT] -= max(GAP, rounding) * normal
+        exact[np.abs(exact @ normal - offset) < PLANE_TOLERANCE_MM] -= (
+            max(MATING_GAP_MM, rounding) * normal
+        )
     step = 16 * rounding
     rng = np.random.default_rng(0)
     vertices = exact.astype(np.float32)
     for _ in range(50):
         order = np.lexsort(vertices.T[::-1])
-        alike = (vertices[order[1:]] == vertices[order[:-1]]).all(axis=1)
-        again = np.sort(order[1:][alike])
-        if not len(again):
+        is_duplicate = (vertices[order[1:]] == vertices[order[:-1]]).all(axis=1)
+        duplicates = np.sort(order[1:][is_duplicate])
+        if not len(duplicates):
             break
-        moved = exact[again] + rng.uniform(-step, step, (len(again), 3))
-        vertices[again] = moved.astype(np.float32)
+        shifted = exact[duplicates] + rng.uniform(-step, step, (len(duplicates), 3))
+        vertices[duplicates] = shifted.astype(np.float32)
     surface = Surface(vertices.astype(float), faces)
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     edges = ends.min(axis=1) * len(vertices) + ends.max(axis=1)
     if (np.unique(edges, return_counts=True)[1] != 2).any():
         raise FabricationError(
-            f"{what}: an edge of its facets does not have two of them", code="surface-not-closed"
+            "an edge of its facets does not have exactly two of them",
+            code="surface-not-closed",
+            where=what,
         )
     if len(to_manifold(surface, what).decompose()) != 1:
-        raise FabricationError(f"{what}: is not in one piece", code="not-one-piece")
+        raise FabricationError("is not in one piece", code="not-one-piece", where=what)
     return surface
 
 
 def solid_of(tool: Tool) -> Any:
-    """A tool's manifold3d solid."""
+    """Return the manifold3d solid of a tool."""
     if isinstance(tool, Frustum):
         along = tool.end - tool.start
         height = float(np.linalg.norm(along))
-        wide = _same_area(SIDES)
-        low, high = (wide * r for r in tool.radii)
-        made = m3.Manifold.cylinder(height, low, high, SIDES)
-        axes, origin = frame(along / height), tool.start
+        widening = _equal_area_radius(TUBE_SIDES)
+        low, high = (widening * r for r in tool.radii)
+        solid = m3.Manifold.cylinder(height, low, high, TUBE_SIDES)
+        axes, origin = axes_from_normal(along / height), tool.start
     else:
-        made = m3.Manifold.extrude(m3.CrossSection([tool.polygon]), tool.height)
+        solid = m3.Manifold.extrude(m3.CrossSection([tool.polygon]), tool.height)
         axes, origin = tool.axes, tool.origin
-    return made.transform(np.column_stack([axes, origin]))
+    return solid.transform(np.column_stack([axes, origin]))
 
 
-def without(solid: Any, tools: Sequence[Tool]) -> Any:
-    """The solid with tools cut out of it."""
+def cut_out(solid: Any, tools: Sequence[Tool]) -> Any:
+    """Return the solid with tools cut out of it."""
     return solid - union([solid_of(t) for t in tools]) if tools else solid
 
 
-def _same_area(sides: int) -> float:
-    """Circumradius of the polygon that has the area of the unit circle."""
+def _equal_area_radius(sides: int) -> float:
+    """Return the circumradius of the polygon with the area of the unit circle."""
     return float(np.sqrt(2 * np.pi / (sides * np.sin(2 * np.pi / sides))))
 
 
-def tube(points: Float, normal: Float, diameter: float, sides: int = SIDES) -> Any:
-    """Tube along a planar polyline (n, 3) whose plane has `normal`, of the round tube's area."""
+def tube(points: Float, normal: Float, diameter: float, sides: int = TUBE_SIDES) -> Any:
+    """Return a tube along a planar polyline, with the cross-section area of the round tube.
+
+    Args:
+        points: Corners (n, 3) of the polyline, mm.
+        normal: Unit normal (3,) of its plane.
+        diameter: Diameter, mm.
+        sides: Number of facets around.
+    """
     tangent = np.gradient(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.cross(normal, tangent)
     angle = np.arange(sides) * 2 * np.pi / sides
-    radius = diameter / 2 * _same_area(sides)
+    radius = diameter / 2 * _equal_area_radius(sides)
     ring = np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side[:, None, :]
     vertices = (points[:, None] + radius * ring).reshape(-1, 3)
     n = len(points)
@@ -137,19 +166,19 @@ def tube(points: Float, normal: Float, diameter: float, sides: int = SIDES) -> A
 
 
 def union(solids: Sequence[Any]) -> Any:
-    """All solids in one manifold."""
+    """Return the union of solids."""
     return m3.Manifold.batch_boolean(list(solids), m3.OpType.Add)
 
 
 def to_surface(solid: Any) -> Surface:
-    """The facets of a manifold, mm."""
+    """Return the facets of a manifold3d solid, mm."""
     mesh = solid.to_mesh64()
     vertices = np.array(mesh.vert_properties, float)[:, :3]
     return Surface(vertices, np.array(mesh.tri_verts, np.int64))
 
 
 def centroid(surface: Surface) -> Float:
-    """Centre of mass (3,) mm: each facet and the origin span a tetrahedron."""
+    """Return the center of mass (3,), mm: each facet and the origin span a tetrahedron."""
     corners = surface.vertices[surface.faces]
     volume = np.linalg.det(corners)
     return np.asarray(volume @ corners.sum(1) / (4 * volume.sum()))

@@ -1,4 +1,4 @@
-"""The faces of a part in which it meets others, and what each of them has hollowed out."""
+"""Find the faces in which a part meets others, and the hollows that open into each of them."""
 
 from __future__ import annotations
 
@@ -11,126 +11,146 @@ import numpy as np
 from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import frame
+from ..kernels.cutting_tools import axes_from_normal
 from ..parts.part_contacts import Contact
 from ..parts.records import PartSet
-from .planar import flat, upright
+from .planar import from_plane_frame, to_plane_frame
 from .records import Face
 
-_ABOVE = 0.02  # mm, by which a part may stand over the plane of one of its faces
-_TOUCHES = 1e-3  # mm, from a face
-_WIDE = 0.3  # mm, of a notch that is one
-_CRUMB = 0.3  # mm^3, of a hollow that reaches no face: rounding of facets
+MAX_RISE_MM = 0.02  # by which a part may rise over the plane of one of its faces
+TOUCH_MM = 1e-3  # from a face
+MIN_NOTCH_WIDTH_MM = 0.3  # narrower notches are ignored
+MAX_CRUMB_MM3 = 0.3  # of a hollow that reaches no face: rounding of facets
 
 
-def faces(made: PartSet, index: int) -> list[Face]:
-    """Of the part with this index, the largest first.
+def find_faces(part_set: PartSet, index: int) -> list[Face]:
+    """Return the faces of a part, the largest first.
 
-    Raises FabricationError for a part without faces, or with a hollow that opens into none.
+    Args:
+        part_set: The parts.
+        index: Index of the part.
+
+    Raises:
+        FabricationError: If the part has no face, or a hollow that opens into none.
     """
-    part, bare = made.parts[index], made.bare[index]
-    found: dict[int, tuple[Float, Float, float]] = {}
-    meeting: dict[int, list[Contact]] = {}
-    for contact in made.contacts:
+    part, bare = part_set.parts[index], part_set.bare[index]
+    face_of_cut: dict[int, tuple[Float, Float, float]] = {}
+    contacts_of_cut: dict[int, list[Contact]] = {}
+    for contact in part_set.contacts:
         if index in (contact.lower, contact.upper):
-            out = contact.plane.normal if contact.lower == index else -contact.plane.normal
-            area = found[contact.cut][2] if contact.cut in found else 0.0
-            meeting.setdefault(contact.cut, []).append(contact)
-            found[contact.cut] = (out, contact.plane.origin, area + contact.area)
-    if not found:
+            outward = contact.plane.normal if contact.lower == index else -contact.plane.normal
+            area = face_of_cut[contact.cut][2] if contact.cut in face_of_cut else 0.0
+            contacts_of_cut.setdefault(contact.cut, []).append(contact)
+            face_of_cut[contact.cut] = (outward, contact.plane.origin, area + contact.area)
+    if not face_of_cut:
         raise FabricationError(
-            f"{part.name} cannot be cast: it has no face in which it meets another part, for the"
-            " mould to open at; choose a process that prints",
+            "cannot be cast: it has no face in which it meets another part, where the mould"
+            " could open",
             code="no-joint-face",
+            where=part.name,
+            action="Choose a process that prints",
             part=part.name,
         )
-    ordered = sorted(found.values(), key=lambda f: -f[2])
-    hollows = hollows_of(made, index)
+    ordered = sorted(face_of_cut.values(), key=lambda f: -f[2])
+    hollows = unite_hollows(part_set, index)
     cores: list[list[Any]] = [[] for _ in ordered]
     for hollow in (bare ^ hollows).decompose() if hollows is not None else []:
         corners = triangle_kernel.to_surface(hollow).vertices
-        meets = [k for k, (n, o, _) in enumerate(ordered) if ((corners - o) @ n).max() > -_TOUCHES]
-        if meets:
-            cores[max(meets, key=lambda k: _opening(hollow, *ordered[k][:2]))].append(hollow)
-        elif hollow.volume() > _CRUMB:
+        faces_met = [
+            k for k, (n, o, _) in enumerate(ordered) if ((corners - o) @ n).max() > -TOUCH_MM
+        ]
+        if faces_met:
+            cores[max(faces_met, key=lambda k: _opening_area(hollow, *ordered[k][:2]))].append(
+                hollow
+            )
+        elif hollow.volume() > MAX_CRUMB_MM3:
             at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(hollow)))
             raise FabricationError(
-                f"{part.name} cannot be cast: a hole near {at} opens into none of its faces, and"
-                " nothing in the mould could leave it; set strain_relief = false or remove"
-                " [body.bay], or choose a process that prints",
+                f"cannot be cast: a hole near {at} opens into none of its faces, so that"
+                f" nothing in the mould could leave it",
                 code="hollow-not-castable",
+                where=part.name,
+                action="Set strain_relief = false or remove [body.bay], or choose a process"
+                " that prints",
                 part=part.name,
             )
-    which = sorted(found, key=lambda cut: -found[cut][2])
-    return [_face(bare, *ordered[k], cores[k], meeting[cut]) for k, cut in enumerate(which)]
+    cuts = sorted(face_of_cut, key=lambda cut: -face_of_cut[cut][2])
+    return [
+        _make_face(bare, *ordered[k], cores[k], contacts_of_cut[cut]) for k, cut in enumerate(cuts)
+    ]
 
 
-def _face(
+def _make_face(
     bare: Any,
     normal: Float,
     origin: Float,
     area: float,
     core: Sequence[Any],
-    meeting: Sequence[Contact],
+    contacts: Sequence[Contact],
 ) -> Face:
-    """The face, its core united with the notch in which the face lies, where there is one."""
-    over = (triangle_kernel.to_surface(bare).vertices - origin) @ normal
-    if over.max() <= _ABOVE:
+    """Return a face; its core includes the notch in which the face lies, if there is one."""
+    rise = (triangle_kernel.to_surface(bare).vertices - origin) @ normal
+    if rise.max() <= MAX_RISE_MM:
         return Face(normal, origin, area, triangle_kernel.union(core) if core else None)
-    axes = frame(normal)
-    local = flat(bare, axes, origin)
-    floor = local.slice(-_ABOVE) - local.slice(_ABOVE)
-    floor = floor.offset(-_WIDE).offset(_WIDE)
-    met = triangle_kernel.union(
+    axes = axes_from_normal(normal)
+    local = to_plane_frame(bare, axes, origin)
+    floor = local.slice(-MAX_RISE_MM) - local.slice(MAX_RISE_MM)
+    floor = floor.offset(-MIN_NOTCH_WIDTH_MM).offset(MIN_NOTCH_WIDTH_MM)
+    contact_area = triangle_kernel.union(
         [
-            flat(upright(m3.Manifold.extrude(c.section, 1.0), c.plane.axes, c.plane.origin), axes,
-                 origin)
-            for c in meeting
+            to_plane_frame(
+                from_plane_frame(m3.Manifold.extrude(c.section, 1.0), c.plane.axes, c.plane.origin),
+                axes,
+                origin,
+            )
+            for c in contacts
         ]
-    ).project()  # fmt: skip
-    own = [p for p in floor.decompose() if (p ^ met).area() > _WIDE]
-    if not own:
+    ).project()
+    notches = [p for p in floor.decompose() if (p ^ contact_area).area() > MIN_NOTCH_WIDTH_MM]
+    if not notches:
         return Face(normal, origin, area, triangle_kernel.union(core) if core else None)
-    high = float(over.max())
+    high = float(rise.max())
     notch = m3.Manifold.batch_boolean(
-        [m3.Manifold.extrude(p, high + _TOUCHES).translate([0, 0, -_TOUCHES]) for p in own],
+        [m3.Manifold.extrude(p, high + TOUCH_MM).translate([0, 0, -TOUCH_MM]) for p in notches],
         m3.OpType.Add,
     )
-    notch = upright(notch, axes, origin)
-    filled = triangle_kernel.union([*core, notch - bare])
-    return Face(normal, origin + high * normal, area, filled, notch)
+    notch = from_plane_frame(notch, axes, origin)
+    core_with_notch = triangle_kernel.union([*core, notch - bare])
+    return Face(normal, origin + high * normal, area, core_with_notch, notch)
 
 
-def _opening(hollow: Any, normal: Float, origin: Float) -> float:
-    """Area, mm^2, with which a hollow opens into a face."""
-    return float(flat(hollow, frame(normal), origin).slice(-2 * _TOUCHES).area())
+def _opening_area(hollow: Any, normal: Float, origin: Float) -> float:
+    """Return the area with which a hollow opens into a face, mm^2."""
+    return float(
+        to_plane_frame(hollow, axes_from_normal(normal), origin).slice(-2 * TOUCH_MM).area()
+    )
 
 
-def filled(bare: Any, sides: Sequence[Face]) -> Any:
-    """The part without hollows, notches over its faces filled."""
+def fill_notches(bare: Any, sides: Sequence[Face]) -> Any:
+    """Return the part without hollows, with the notches over its faces filled."""
     notches = [f.notch for f in sides if f.notch is not None]
     return triangle_kernel.union([bare, *notches]) if notches else bare
 
 
-def hollows_of(made: PartSet, index: int) -> Any:
-    """All tools that cut into the part with this index, as one solid, or None."""
-    tools = [c.solid for c in made.channels]
-    for pin in made.pins:
-        contact = made.contacts[pin.contact]
+def unite_hollows(part_set: PartSet, index: int) -> Any:
+    """Return all tools that cut into the part with this index as one solid, or None."""
+    tools = [c.solid for c in part_set.channels]
+    for pin in part_set.pins:
+        contact = part_set.contacts[pin.contact]
         for other, upper in ((contact.lower, False), (contact.upper, True)):
             if other == index:
                 tools.append(triangle_kernel.solid_of(pin.socket_in(upper=upper)))
-    for label in made.labels:
+    for label in part_set.labels:
         if label.part == index:
             tools += [triangle_kernel.solid_of(t) for t in label.tools]
     return triangle_kernel.union(tools) if tools else None
 
 
-def mouths(made: PartSet) -> Float:
-    """Directions (n, 3) in which channels and wires leave the body."""
+def mouth_directions(part_set: PartSet) -> Float:
+    """Return the directions (n, 3) in which channels and wires leave the body."""
     out = []
-    for channel in made.channels:
+    for channel in part_set.channels:
         for line in channel.lines:
             out += [line[0] - line[1], line[-1] - line[-2]]
-    ways = np.array(out).reshape(-1, 3)
-    return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))
+    directions = np.array(out).reshape(-1, 3)
+    return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""What finished moulds are measured for before anything is written."""
+"""Check finished moulds before anything is written."""
 
 from __future__ import annotations
 
@@ -11,134 +11,154 @@ from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import frame
+from ..kernels.cutting_tools import axes_from_normal
 from ..parts.records import Check, Part
 from .records import MouldPiece, MouldRules
 
-#: mm^3 of rounding: of a piece, and of two that pass each other.
-CRUMB, _TOUCH = 1.0, 0.6
-CAVITY, _SUM = 1e-3, 1e-4
-_MOVED = (0.3, 1.0, 3.0, 10.0, 30.0)  # mm, of a piece that is taken off
-_LAYERS, THIN, TOLD = 24, 0.3, 0.02
+#: Volumes of rounding: of a piece, and of two that pass each other.
+CRUMB_MM3, MAX_OVERLAP_MM3 = 1.0, 0.6
+CAVITY_TOLERANCE, BLOCK_TOLERANCE = 1e-3, 1e-4
+OPEN_DISTANCES_MM = (0.3, 1.0, 3.0, 10.0, 30.0)  # of a piece that comes off
+LAYERS, MAX_THIN_SHARE, NOTED_THIN_SHARE = 24, 0.3, 0.02
 
 
-def adds_up(name: str, pieces: float, block: float, fed: float) -> Check:
-    """Pieces, cavity, play and what was drilled make up the block."""
+def check_block_volume(name: str, pieces: float, block: float, fed: float) -> Check:
+    """Check that pieces, cavity, play and drilled holes make up the block."""
     error = abs((pieces + fed) / block - 1)
-    if not error <= _SUM:
+    if not error <= BLOCK_TOLERANCE:
         raise FabricationError(
-            f"the mould of {name} and its cavity add up to {pieces + fed:.1f} mm^3, but its block"
-            f" has {block:.1f}; move a cord's plane slightly",
+            f"the mould of {name} and its cavity add up to {pieces + fed:.1f} mm^3, but its"
+            f" block has {block:.1f}",
             code="volume-not-conserved",
+            action="Move a cord's plane slightly",
             part=name,
         )
-    return Check(f"mould of {name}: volume lost or gained", error, _SUM, "", "")
+    return Check(f"mould of {name}: volume lost or gained", error, BLOCK_TOLERANCE, "", "")
 
 
-def cavity(name: str, volume: float, part: Part) -> Check:
-    """The cavity, less the shrinkage, is the part."""
+def check_cavity(name: str, volume: float, part: Part) -> Check:
+    """Check that the cavity, before enlargement by the shrinkage, is the part."""
     error = abs(volume / part.volume - 1)
-    if not error <= CAVITY:
+    if not error <= CAVITY_TOLERANCE:
         raise FabricationError(
-            f"the mould of {name} holds {volume:.1f} mm^3 but the part has {part.volume:.1f}; move"
-            " a cord's plane slightly",
+            f"the mould of {name} holds {volume:.1f} mm^3, but the part has {part.volume:.1f}",
             code="cavity-differs-from-part",
+            action="Move a cord's plane slightly",
             part=name,
         )
-    return Check(f"mould of {name}: cavity against the part", error, CAVITY, "", "")
+    return Check(f"mould of {name}: cavity against the part", error, CAVITY_TOLERANCE, "", "")
 
 
-def opens(
+def check_opening(
     name: str,
     solids: Sequence[Any],
-    ways: Sequence[Float],
+    directions: Sequence[Float],
     cast: Any,
-    eased: Sequence[float],
+    allowed_overlaps: Sequence[float],
 ) -> list[Check]:
-    """Every piece in its turn comes off without passing through the ones that are still there,
-    and not through the part either, or through no more of it than `eased`, mm^3, where the part is
-    known to be stretched over an undercut."""
-    worst, rubbed, where = 0.0, 0.0, ""
-    for k, (solid, way, most) in enumerate(zip(solids, ways, eased, strict=True)):
-        for far in _MOVED:
-            moved = solid.translate((far * way).tolist())
+    """Check that every piece in its turn comes off without passing through the others or the part.
+
+    Args:
+        name: Name of the part.
+        solids: Pieces in the order in which they come off.
+        directions: Direction (3,) of each.
+        cast: The cast part.
+        allowed_overlaps: Volume of the part, mm^3, that each piece may pass through, where the part
+            stretches over an undercut.
+
+    Raises:
+        FabricationError: If a piece locks.
+    """
+    worst, worst_in_part, where = 0.0, 0.0, ""
+    for k, (solid, direction, allowed) in enumerate(
+        zip(solids, directions, allowed_overlaps, strict=True)
+    ):
+        for distance in OPEN_DISTANCES_MM:
+            moved = solid.translate((distance * direction).tolist())
             for j in range(k + 1, len(solids)):
                 common = moved ^ solids[j]
                 worst = max(worst, float(common.volume()))
-                if common.volume() > _TOUCH:
+                if common.volume() > MAX_OVERLAP_MM3:
                     at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
                     raise FabricationError(
                         f"the pieces {k + 1} and {j + 1} of the mould of {name} lock near"
-                        f" {format_point(at)}, by {common.volume():.1f} mm^3; move a cord's plane there",
+                        f" {format_point(at)}, by {common.volume():.1f} mm^3",
                         code="mould-pieces-lock",
+                        action="Move a cord's plane there",
                         part=name,
                     )
             common = moved ^ cast
             volume = float(common.volume())
-            if volume > rubbed:
-                rubbed = volume
+            if volume > worst_in_part:
+                worst_in_part = volume
                 where = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(common)))
-            if volume > max(_TOUCH, most):
+            if volume > max(MAX_OVERLAP_MM3, allowed):
                 raise FabricationError(
                     f"the mould of {name} does not open: its piece {k + 1} passes through"
-                    f" {volume:.1f} mm^3 of the part near {where}; move a cord's plane there, or"
-                    " choose a process that prints",
+                    f" {volume:.1f} mm^3 of the part near {where}",
                     code="mould-does-not-open",
+                    action="Move a cord's plane there, or choose a process that prints",
                     part=name,
                 )
-    limit = max(_TOUCH, *eased)
+    limit = max(MAX_OVERLAP_MM3, *allowed_overlaps)
     return [
-        Check(f"mould of {name}: pieces that lock", worst, _TOUCH, "mm3", ""),
+        Check(f"mould of {name}: pieces that lock", worst, MAX_OVERLAP_MM3, "mm3", ""),
         Check(
             f"mould of {name}: part in the way of a piece",
-            rubbed,
+            worst_in_part,
             limit,
             "mm3",
-            where if rubbed > _TOUCH else "",
+            where if worst_in_part > MAX_OVERLAP_MM3 else "",
         ),
     ]
 
 
-def keyed(name: str, count: int) -> Check:
-    """Keys and screws between those two pieces that have the fewest."""
-    told = (
+def check_keys(name: str, count: int) -> Check:
+    """Return the number of keys and screws between the two pieces that have the fewest."""
+    note = (
         f"the mould of {name} has no room for keys between two of its pieces: align their outsides"
         " and hold them with tape"
     )
-    said = f"mould of {name}: keys and screws"
-    return Check(said, count, 1, "in all", "", "" if count else told, at_least=True)
+    name_of_check = f"mould of {name}: keys and screws"
+    return Check(name_of_check, count, 1, "in all", "", "" if count else note, at_least=True)
 
 
-def thin(pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Check]:
-    """How much of each piece's cores is thinner than two lines in the layers that it is printed
-    in: of a layer, what is lost when its outline is opened by that width."""
+def check_thin_cores(pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Check]:
+    """Measure how much of each piece's cores is thinner than two lines of the printer.
+
+    A piece is sliced as it is printed; the area counts that is lost when an outline is opened by
+    that width.
+    """
     out = []
     for piece in pieces:
-        lying = _lying(piece)
-        low, high = lying.bounding_box()[2], lying.bounding_box()[5]
-        whole, lost, at = 0.0, 0.0, ""
-        most = 0.0
+        upright = _turn_down(piece)
+        low, high = upright.bounding_box()[2], upright.bounding_box()[5]
+        total_area, thin_area, at = 0.0, 0.0, ""
+        largest_area = 0.0
         width = 2 * rules.line
-        for z in low + (np.arange(_LAYERS) + 0.5) / _LAYERS * (high - low):
-            layer = lying.slice(float(z))
-            whole += float(layer.area())
-            gone = layer - layer.offset(-width / 2).offset(width / 2 + 0.02)
-            for shape in gone.decompose():
+        for z in low + (np.arange(LAYERS) + 0.5) / LAYERS * (high - low):
+            layer = upright.slice(float(z))
+            total_area += float(layer.area())
+            thin_shapes = layer - layer.offset(-width / 2).offset(width / 2 + 0.02)
+            for shape in thin_shapes.decompose():
                 area = float(shape.area())
                 if area > width**2:
-                    lost += area
-                    if area > most:
-                        most = area
+                    thin_area += area
+                    if area > largest_area:
+                        largest_area = area
                         x = np.asarray(shape.to_polygons()[0]).mean(axis=0)
-                        at = format_point(frame(-piece.down) @ np.array([*x, z]))
-        share = lost / whole if whole else 1.0
-        said = f"{piece.name}: share thinner than {width:.1f} mm"
-        told = f"{said}: {share:.0%}, near {at}: a core may break there as it is printed"
-        out.append(Check(said, share, THIN, "", at, told if share > TOLD else ""))
+                        at = format_point(axes_from_normal(-piece.down) @ np.array([*x, z]))
+        share = thin_area / total_area if total_area else 1.0
+        name = f"{piece.name}: share thinner than {width:.1f} mm"
+        note = f"{name}: {share:.0%}, near {at}: a core may break there as it is printed"
+        out.append(
+            Check(name, share, MAX_THIN_SHARE, "", at, note if share > NOTED_THIN_SHARE else "")
+        )
     return out
 
 
-def _lying(piece: MouldPiece) -> Any:
-    axes = frame(-piece.down)
+def _turn_down(piece: MouldPiece) -> Any:
+    """Return a piece as it is printed, as a manifold3d solid."""
+    axes = axes_from_normal(-piece.down)
     surface = piece.surface
     return triangle_kernel.to_manifold(Surface(surface.vertices @ axes, surface.faces), piece.name)

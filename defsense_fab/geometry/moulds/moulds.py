@@ -1,9 +1,9 @@
-"""From parts to the moulds in which they are cast.
+"""Make the moulds in which parts are cast.
 
 Every face in which a part meets others gets a lid that carries the face's grooves, pockets and
-sockets as cores and comes off along its normal, as the device itself opens there. What is left of
-the mould is its shell, in one or two pieces (`openings`). A part with one face is cast in two
-pieces: a cup and its lid.
+sockets as cores and comes off along its normal, as the device itself opens there. The rest of the
+mould is its shell, in one or two pieces (`openings`). A part with one face is cast in two pieces: a
+cup and its lid.
 """
 
 from __future__ import annotations
@@ -20,111 +20,122 @@ from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import frame
+from ..kernels.cutting_tools import axes_from_normal
 from ..parts.records import PartSet
-from ..printing.print_bed import least_turn
+from ..printing.print_bed import find_least_turn
 from . import mould_checks
-from .cores import faces, filled, hollows_of, mouths
-from .fittings import fed, joined
-from .openings import Opening, shell_opening, skin_of
-from .planar import over_core, through, widened
+from .cores import fill_notches, find_faces, mouth_directions, unite_hollows
+from .fittings import join_pieces, make_feed
+from .openings import Opening, find_shell_opening, sample_part_skin
+from .planar import bridge_face, find_core_cover, widen
 from .records import Face, Mould, MouldPiece, MouldRules
 
-_ROUND = 2e-3  # mm, far below what a printer resolves
-#: Of a part's volume, what a piece of the shell may pass through: of a part that is stretched over
-#: an undercut, and of one in two half shells.
-_EASED, _FACETS = 0.05, 2e-4
-#: Orders in which lids are taken off that are tried; each costs seconds.
-_MOST_ORDERS = 24
-_PARALLEL = 0.9998  # cosine of directions that are taken for one
+SIMPLIFY_MM = 2e-3  # far below what a printer resolves
+#: Share of a part's volume that a piece of the shell may pass through: if the part is stretched
+#: over an undercut, and in two half shells.
+STRETCH_SHARE, FACET_SHARE = 0.05, 2e-4
+#: Orders of lids that are compared; each takes seconds.
+MAX_ORDERS = 24
+PARALLEL_COSINE = 0.9998  # between directions that count as equal
 
 
 def make_moulds(
-    made: PartSet, rules: MouldRules, report: Callable[[float, str], None] = lambda *_: None
+    part_set: PartSet, rules: MouldRules, report: Callable[[float, str], None] = lambda *_: None
 ) -> list[Mould]:
-    """A mould for every part, in the parts' order.
+    """Make a mould for every part, in the parts' order.
 
-    Raises FabricationError for a part that no mould of this kind gives, with the place.
+    Args:
+        part_set: The parts.
+        rules: Rules of moulds.
+        report: Called with the share of the work that is done and its step.
+
+    Raises:
+        FabricationError: If no mould of this kind gives a part, with the place.
     """
     out = []
-    for i, part in enumerate(made.parts):
-        report(i / len(made.parts), f"mould of {part.name}")
-        out.append(_mould(made, i, rules))
+    for i, part in enumerate(part_set.parts):
+        report(i / len(part_set.parts), f"mould of {part.name}")
+        out.append(_make_mould(part_set, i, rules))
     return out
 
 
-def check_openings(made: PartSet, rules: MouldRules) -> None:
-    """Whether every part's mould can come off its skin, which takes a tenth of the time of the
-    moulds themselves; their lids may lock all the same.
+def check_openings(part_set: PartSet, rules: MouldRules) -> None:
+    """Check that every part's mould can come off its skin.
 
-    Raises FabricationError for a part that no mould of this kind gives, with the place.
+    This takes a tenth of the time of the moulds themselves; their lids may still lock.
+
+    Raises:
+        FabricationError: If no mould of this kind gives a part, with the place.
     """
-    for i in range(len(made.parts)):
-        _opening(made, i, rules)
+    for i in range(len(part_set.parts)):
+        _find_opening(part_set, i, rules)
 
 
-def _opening(made: PartSet, index: int, rules: MouldRules) -> tuple[list[Face], Opening]:
-    """The faces of a part, and how the shell of its mould comes off."""
-    sides = faces(made, index)
-    skin = skin_of(triangle_kernel.to_surface(filled(made.bare[index], sides)), sides)
-    return sides, shell_opening(made.parts[index].name, skin, sides, rules)
+def _find_opening(part_set: PartSet, index: int, rules: MouldRules) -> tuple[list[Face], Opening]:
+    """Return the faces of a part, and how the shell of its mould comes off."""
+    sides = find_faces(part_set, index)
+    skin = sample_part_skin(
+        triangle_kernel.to_surface(fill_notches(part_set.bare[index], sides)), sides
+    )
+    return sides, find_shell_opening(part_set.parts[index].name, skin, sides, rules)
 
 
-def _mould(made: PartSet, index: int, rules: MouldRules) -> Mould:
-    """The mould of one part: of the orders in which its lids may be taken off the first that lets
-    all of them pass each other."""
-    sides, opening = _opening(made, index, rules)
+def _make_mould(part_set: PartSet, index: int, rules: MouldRules) -> Mould:
+    """Return the mould of one part, with the first order of lids in which they pass each other."""
+    sides, opening = _find_opening(part_set, index, rules)
     problem: FabricationError | None = None
     orders = itertools.permutations(range(len(sides)))
-    for order in itertools.islice(orders, _MOST_ORDERS):
+    for order in itertools.islice(orders, MAX_ORDERS):
         try:
-            return _made(made, index, [sides[k] for k in order], opening, rules)
+            return _make_with_order(part_set, index, [sides[k] for k in order], opening, rules)
         except FabricationError as error:
             problem = problem or error
     assert problem is not None
     raise problem
 
 
-def _made(
-    made: PartSet, index: int, sides: Sequence[Face], opening: Opening, rules: MouldRules
+def _make_with_order(
+    part_set: PartSet, index: int, sides: Sequence[Face], opening: Opening, rules: MouldRules
 ) -> Mould:
-    part, bare = made.parts[index], made.bare[index]
-    closed = filled(bare, sides)
+    part, bare = part_set.parts[index], part_set.bare[index]
+    closed = fill_notches(bare, sides)
     surface = triangle_kernel.to_surface(closed)
-    hollows = hollows_of(made, index)
+    hollows = unite_hollows(part_set, index)
     cast = bare if hollows is None else bare - hollows
-    block = _block(surface.vertices, sides, rules)
-    lids, shell, free = _divided(made, closed, block, sides, hollows, rules)
-    shells = _shells(shell, lids, sides, opening)
-    own = [f for f in sides if not _merged(f, opening, sides)]
+    block = _make_block(surface.vertices, sides, rules)
+    lids, shell, free = _divide_block(part_set, closed, block, sides, hollows, rules)
+    shells = _divide_shell(shell, lids, sides, opening)
+    lid_faces = [f for f in sides if not _is_merged(f, opening, sides)]
     lids = [lid for lid in lids if lid is not None]
     total = sum(float(s.volume()) for s in (*lids, *shells, cast))
-    checks = [mould_checks.adds_up(part.name, total, float(block.volume()), free)]
-    feed = fed(part.name, lids[0], cast, sides[0].normal, sides[0].origin)
-    solids, keys = _fitted([feed.lid, *lids[1:], *shells], cast, own, opening, rules)
-    names = _names(part.name, len(lids), len(shells))
-    solids = [whole(s, n) for s, n in zip(solids, names, strict=True)]
-    ways = [*(f.normal for f in own), *opening.directions]
-    # Halves of a round part meet beside its widest line by what facets are wide.
-    eased = _EASED if opening.strain else _FACETS if opening.plane else 0.0
-    eased *= float(cast.volume())
-    checks += mould_checks.opens(
-        part.name, solids, ways, cast, [0.0] * len(lids) + [eased] * len(shells)
+    checks = [mould_checks.check_block_volume(part.name, total, float(block.volume()), free)]
+    feed = make_feed(part.name, lids[0], cast, sides[0].normal, sides[0].origin)
+    solids, keys = _add_fittings([feed.lid, *lids[1:], *shells], cast, lid_faces, opening, rules)
+    names = _piece_names(part.name, len(lids), len(shells))
+    solids = [take_whole_piece(s, n) for s, n in zip(solids, names, strict=True)]
+    directions = [*(f.normal for f in lid_faces), *opening.directions]
+    # Halves of a round part meet next to its widest line, within a facet's width.
+    allowed_overlap = STRETCH_SHARE if opening.strain else FACET_SHARE if opening.plane else 0.0
+    allowed_overlap *= float(cast.volume())
+    checks += mould_checks.check_opening(
+        part.name, solids, directions, cast, [0.0] * len(lids) + [allowed_overlap] * len(shells)
     )
     factor = 1 / (1 - rules.shrinkage)
     pieces = tuple(
         MouldPiece(
             name,
-            triangle_kernel.printable(whole(solid.scale([factor] * 3), name), name),
-            way,
-            # Cores and cavities up: a cup stands on its bottom, halves lie on their outsides.
-            way if k < len(lids) or len(shells) > 1 else -ways[0],
+            triangle_kernel.to_printable_surface(
+                take_whole_piece(solid.scale([factor] * 3), name), name
+            ),
+            direction,
+            # Cores and cavities point up: a cup stands on its bottom, halves lie on their outsides.
+            direction if k < len(lids) or len(shells) > 1 else -directions[0],
         )
-        for k, (name, solid, way) in enumerate(zip(names, solids, ways, strict=True))
+        for k, (name, solid, direction) in enumerate(zip(names, solids, directions, strict=True))
     )
-    checks += mould_checks.thin(pieces, rules)
-    checks.append(mould_checks.cavity(part.name, float(cast.volume()), part))
-    checks.append(mould_checks.keyed(part.name, keys))
+    checks += mould_checks.check_thin_cores(pieces, rules)
+    checks.append(mould_checks.check_cavity(part.name, float(cast.volume()), part))
+    checks.append(mould_checks.check_keys(part.name, keys))
     return Mould(
         part.name,
         pieces,
@@ -139,15 +150,16 @@ def _made(
     )
 
 
-def _block(vertices: Float, sides: Sequence[Face], rules: MouldRules) -> Any:
-    """What the mould is cut from: the least box around the part that stands on the side opposite
-    its largest face, with a lid's thickness beyond each face."""
+def _make_block(vertices: Float, sides: Sequence[Face], rules: MouldRules) -> Any:
+    """Return the block that the mould is cut from: the smallest box around the part that stands on
+    the side opposite its largest face, with a lid's thickness beyond each face.
+    """
     first = sides[0]
-    axes = frame(first.normal)
+    axes = axes_from_normal(first.normal)
     local = vertices @ axes
-    turn = least_turn(local[ConvexHull(local[:, :2]).vertices, :2])
-    c, s = np.cos(turn), np.sin(turn)
-    axes = axes @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    turn = find_least_turn(local[ConvexHull(local[:, :2]).vertices, :2])
+    cosine, sine = np.cos(turn), np.sin(turn)
+    axes = axes @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     local = vertices @ axes
     low, high = local.min(0), local.max(0)
     bottom = rules.wall if len(sides) == 1 else rules.rim
@@ -160,84 +172,94 @@ def _block(vertices: Float, sides: Sequence[Face], rules: MouldRules) -> Any:
     return box
 
 
-def _divided(
-    made: PartSet, bare: Any, block: Any, sides: Sequence[Face], hollows: Any, rules: MouldRules
+def _divide_block(
+    part_set: PartSet, bare: Any, block: Any, sides: Sequence[Face], hollows: Any, rules: MouldRules
 ) -> tuple[list[Any], Any, float]:
-    """A lid for each face, with its cores, and the shell around the part; the volume, mm^3, that is
-    left free at the ends of cores so that lids can be closed."""
+    """Return a lid for each face, with its cores, the shell around the part, and the volume, mm^3,
+    that is left free at the ends of cores so that lids can be closed.
+    """
     rest, lids = block, []
     for face in sides:
         above, rest = rest.split_by_plane(face.normal.tolist(), face.height)
         lids.append(above)
     shell = rest - bare
-    shell = shell - triangle_kernel.union([through(bare, f.normal, f.origin, 0.5) for f in sides])
+    shell = shell - triangle_kernel.union(
+        [bridge_face(bare, f.normal, f.origin, 0.5) for f in sides]
+    )
     free = 0.0
     if hollows is not None:
-        ends = [bare.translate((rules.play * way).tolist()) for way in mouths(made)]
-        wider = (hollows ^ triangle_kernel.union(ends)) - bare
-        smaller = shell - wider
+        ends = [bare.translate((rules.play * way).tolist()) for way in mouth_directions(part_set)]
+        ends_with_play = (hollows ^ triangle_kernel.union(ends)) - bare
+        smaller = shell - ends_with_play
         free += float(shell.volume() - smaller.volume())
         shell = smaller
-    later = [*lids, shell]
+    pieces = [*lids, shell]
     for k, face in enumerate(sides):
         if face.core is None:
             continue
-        own = [later[k], face.core, through(face.core, face.normal, face.origin, 0.3)]
-        # What lies in the way of a core, where the skin leans over it, comes off with the lid.
-        for j in range(k + 1, len(later)):
-            over = over_core(later[j], face)
-            if over is not None:
-                own += [over, through(over, face.normal, face.origin, 0.3)]
-                smaller = later[j] - widened(over, face.normal, rules.play)
-                free += float(later[j].volume() - smaller.volume() - over.volume())
-                later[j] = smaller
-        later[k] = triangle_kernel.union(own)
-        if k:  # what holds the core may reach beyond its own lid, into those over it
-            later[k] = later[k] - triangle_kernel.union(later[:k])
-    return later[:-1], later[-1], free
+        lid_parts = [pieces[k], face.core, bridge_face(face.core, face.normal, face.origin, 0.3)]
+        # What blocks a core, where the skin leans over it, comes off with the lid.
+        for j in range(k + 1, len(pieces)):
+            cover = find_core_cover(pieces[j], face)
+            if cover is not None:
+                lid_parts += [cover, bridge_face(cover, face.normal, face.origin, 0.3)]
+                smaller = pieces[j] - widen(cover, face.normal, rules.play)
+                free += float(pieces[j].volume() - smaller.volume() - cover.volume())
+                pieces[j] = smaller
+        pieces[k] = triangle_kernel.union(lid_parts)
+        if k:  # the holder of a core may reach beyond its lid, into those over it
+            pieces[k] = pieces[k] - triangle_kernel.union(pieces[:k])
+    return pieces[:-1], pieces[-1], free
 
 
-def _merged(face: Face, opening: Opening, sides: Sequence[Face]) -> bool:
+def _is_merged(face: Face, opening: Opening, sides: Sequence[Face]) -> bool:
     """Whether a face's lid comes off as the shell does, and needs no piece of its own."""
     return face is not sides[0] and any(
-        float(face.normal @ d) > _PARALLEL for d in opening.directions
+        float(face.normal @ d) > PARALLEL_COSINE for d in opening.directions
     )
 
 
-def _shells(shell: Any, lids: list[Any], sides: Sequence[Face], opening: Opening) -> list[Any]:
-    """The shell's pieces, with the lids that come off as they do: those are None afterwards."""
+def _divide_shell(
+    shell: Any, lids: list[Any], sides: Sequence[Face], opening: Opening
+) -> list[Any]:
+    """Return the shell's pieces, with the lids that come off with them; those become None in
+    `lids`.
+    """
     if opening.plane is None:
         pieces = [shell]
     else:
         normal, height = opening.plane
         pieces = list(shell.split_by_plane(normal.tolist(), height))
     for k, face in enumerate(sides):
-        if _merged(face, opening, sides):
-            own = int(np.argmax([float(face.normal @ d) for d in opening.directions]))
-            seam = through(pieces[own], face.normal, face.origin, 0.3)
-            pieces[own] = triangle_kernel.union([pieces[own], lids[k], seam])
+        if _is_merged(face, opening, sides):
+            owner = int(np.argmax([float(face.normal @ d) for d in opening.directions]))
+            seam = bridge_face(pieces[owner], face.normal, face.origin, 0.3)
+            pieces[owner] = triangle_kernel.union([pieces[owner], lids[k], seam])
             lids[k] = None
     return pieces
 
 
-def _fitted(
-    solids: list[Any], cast: Any, own: Sequence[Face], opening: Opening, rules: MouldRules
+def _add_fittings(
+    solids: list[Any], cast: Any, lid_faces: Sequence[Face], opening: Opening, rules: MouldRules
 ) -> tuple[list[Any], int]:
-    """Pieces around what is `cast` with keys and screws: lids first, then the shell's. And how many
-    of them there are between those two that have the fewest."""
+    """Return the pieces with keys and screws, lids first, then the shell's; and the number of keys
+    and screws between the two pieces that have the fewest.
+    """
     out = list(solids)
-    least = []
-    first = len(own)
-    for k, face in enumerate(own):
-        found = 0
+    counts = []
+    first = len(lid_faces)
+    for k, face in enumerate(lid_faces):
+        count = 0
         for j in range(k + 1, len(out)):
-            joint = joined(out[k], out[j], cast, face.normal, face.origin, face.normal, rules.play)
+            joint = join_pieces(
+                out[k], out[j], cast, face.normal, face.origin, face.normal, rules.play
+            )
             out[k], out[j] = joint.above, joint.below
-            found += joint.keys + joint.screws
-        least.append(found)
+            count += joint.keys + joint.screws
+        counts.append(count)
     if opening.plane is not None:
         normal, height = opening.plane
-        joint = joined(
+        joint = join_pieces(
             out[first],
             out[first + 1],
             cast,
@@ -247,31 +269,36 @@ def _fitted(
             rules.play,
         )
         out[first], out[first + 1] = joint.above, joint.below
-        least.append(joint.keys + joint.screws)
-    return out, min(least)
+        counts.append(joint.keys + joint.screws)
+    return out, min(counts)
 
 
-def _names(part: str, lids: int, shells: int) -> list[str]:
-    def several(what: str, count: int) -> list[str]:
+def _piece_names(part: str, lids: int, shells: int) -> list[str]:
+    def names_of(what: str, count: int) -> list[str]:
         return [f"mould-{part}-{what}" + (f"-{k + 1}" if count > 1 else "") for k in range(count)]
 
-    return [*several("lid", lids), *several("cup", shells)]
+    return [*names_of("lid", lids), *names_of("cup", shells)]
 
 
-def whole(solid: Any, name: str) -> Any:
-    """The piece as one solid, without the slivers that would be solids of their own in single
-    precision. Raises FabricationError where it falls apart."""
-    surface = triangle_kernel.to_surface(solid.as_original().simplify(_ROUND))
+def take_whole_piece(solid: Any, name: str) -> Any:
+    """Return a piece as one solid, without slivers that would be separate solids in single
+    precision.
+
+    Raises:
+        FabricationError: If it falls apart.
+    """
+    surface = triangle_kernel.to_surface(solid.as_original().simplify(SIMPLIFY_MM))
     rounded = Surface(surface.vertices.astype(np.float32).astype(float), surface.faces)
-    found = sorted(
+    pieces = sorted(
         triangle_kernel.to_manifold(rounded, name).decompose(), key=lambda p: -float(p.volume())
     )
-    if len(found) > 1 and found[1].volume() > mould_checks.CRUMB:
-        at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(found[1])))
+    if len(pieces) > 1 and pieces[1].volume() > mould_checks.CRUMB_MM3:
+        at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(pieces[1])))
         raise FabricationError(
-            f"{name} falls apart: {found[1].volume():.1f} mm^3 come off near {at}; move a cord's"
-            " plane there, or choose a process that prints",
+            f"falls apart: {pieces[1].volume():.1f} mm^3 come off near {at}",
             code="not-one-piece",
+            where=name,
+            action="Move a cord's plane there, or choose a process that prints",
             part=name,
         )
-    return found[0]
+    return pieces[0]

@@ -1,8 +1,8 @@
-"""The directions in which the shell of a mould comes off the skin of its part.
+"""Find the directions in which the shell of a mould comes off the skin of its part.
 
-The lids over a part's faces come off along the faces' normals. What is left of the mould, its
-shell, has to come off the part's skin: in one piece where some direction lets it, or in two that
-open in opposite directions. A soft part stretches over a small undercut.
+The lids over a part's faces come off along the faces' normals. The rest of the mould, its shell,
+has to come off the part's skin: in one piece if some direction allows it, or in two that open in
+opposite directions. A soft part stretches over a small undercut.
 """
 
 from __future__ import annotations
@@ -18,56 +18,78 @@ from ...core.arrays import Bool, Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import surface_queries
-from ..kernels.cutting_tools import frame
+from ..kernels.cutting_tools import axes_from_normal
 from .records import Face, MouldRules
 
-_POINTS, _WAYS = 600, 150
-_OFF = 0.03  # mm, of points from the skin
-_DEEP = 0.05  # mm, of an undercut that facets may make
-_STEPS = 14
-_TRIED = 8
-_WHOLE = 0.99  # length of a direction that is one
-_LEVEL = 0.005  # of a normal's component: as good as along the skin
+SKIN_SAMPLES, MAX_EXTRA_FACETS = 600, 150
+SKIN_OFFSET_MM = 0.03  # of points from the skin
+DEPTH_TOLERANCE_MM = 0.05  # of undercuts that facets may cause
+DEPTH_STEPS = 14
+MAX_DIRECTIONS = 8
+MIN_UNIT_LENGTH = 0.99  # shorter sums of directions are discarded
+NORMAL_TOLERANCE = 0.005  # components of normals below this count as tangential
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Points (n, 3) mm just outside of a part's skin, its faces left out, and unit normals."""
+    """Samples just outside of a part's skin, without its faces.
+
+    Attributes:
+        part: Surface of the part.
+        points: Points (n, 3), mm.
+        normals: Unit normals (n, 3).
+    """
 
     part: Surface
     points: Float
     normals: Float
 
     def depths(self, direction: Float, of: Bool | None = None) -> Float:
-        """How deep (n,) mm into the part the mould beside each point gets as it is moved along the
-        direction, at the most; of some points only, zero for the others."""
+        """Return how deep the mould next to each point gets into the part as it comes off.
+
+        Args:
+            direction: Direction (3,) in which it comes off.
+            of: Flags (n,) of the points to consider, or None for all.
+
+        Returns:
+            Largest depth (n,), mm; zero for other points.
+        """
         chosen = np.arange(len(self.points)) if of is None else np.flatnonzero(of)
         out = np.zeros(len(self.points))
         size = float(np.linalg.norm(np.ptp(self.part.bounds, axis=0)))
-        steps = np.geomspace(0.2, size, _STEPS)
+        steps = np.geomspace(0.2, size, DEPTH_STEPS)
         moved = self.points[chosen, None] + steps[:, None] * direction
-        deep = depth_in(self.part, moved.reshape(-1, 3)).reshape(len(chosen), _STEPS)
+        deep = depth_inside(self.part, moved.reshape(-1, 3)).reshape(len(chosen), DEPTH_STEPS)
         out[chosen] = deep.max(axis=1, initial=0.0)
         return out
 
     def strain(self, depths: Float) -> tuple[float, Float | None]:
-        """The largest of depth by thickness of the part there, and the point (3,)."""
+        """Return the largest ratio of depth to thickness of the part, and the point (3,), mm, or
+        None.
+        """
         worst, at = 0.0, None
         for k in np.argsort(-depths, kind="stable")[:12]:
-            if depths[k] <= _DEEP:
+            if depths[k] <= DEPTH_TOLERANCE_MM:
                 break
-            start = self.points[k] - 2 * _OFF * self.normals[k]
-            found = surface_queries.hits(start, -self.normals[k], self.part)
-            thick = float(found[0]) if len(found) else 2 * _OFF
-            if depths[k] / thick > worst:
-                worst, at = float(depths[k]) / thick, self.points[k]
+            start = self.points[k] - 2 * SKIN_OFFSET_MM * self.normals[k]
+            distances = surface_queries.cast_ray(start, -self.normals[k], self.part)
+            thickness = float(distances[0]) if len(distances) else 2 * SKIN_OFFSET_MM
+            if depths[k] / thickness > worst:
+                worst, at = float(depths[k]) / thickness, self.points[k]
         return worst, at
 
 
 @dataclass(frozen=True)
 class Opening:
-    """One direction (3,) or two opposite ones, for the pieces above and below the `plane` (normal
-    (3,), height mm); strain of the part as it comes out, and where."""
+    """How a shell opens.
+
+    Attributes:
+        directions: One direction (3,), or two opposite ones for the pieces above and below the
+            plane.
+        plane: Unit normal (3,) and height, mm, of the plane between two pieces, or None.
+        strain: Strain of the part as it comes out.
+        at: Where (3,), mm, or None.
+    """
 
     directions: tuple[Float, ...]
     plane: tuple[Float, float] | None
@@ -75,8 +97,8 @@ class Opening:
     at: Float | None
 
 
-def depth_in(part: Surface, points: Float) -> Float:
-    """How deep (n,) mm points (n, 3) lie in the part, 0 outside."""
+def depth_inside(part: Surface, points: Float) -> Float:
+    """Return how deep (n,) points (n, 3) lie in the part, mm; 0 outside."""
     inside = np.asarray(igl.fast_winding_number(part.vertices, part.faces, points)) > 0.5
     out = np.zeros(len(points))
     if inside.any():
@@ -85,53 +107,68 @@ def depth_in(part: Surface, points: Float) -> Float:
     return out
 
 
-def skin_of(part: Surface, faces: Sequence[Face]) -> Skin:
-    """Of a part without hollows."""
+def sample_part_skin(part: Surface, faces: Sequence[Face]) -> Skin:
+    """Sample the skin of a part without hollows."""
     corners = part.vertices[part.faces]
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(outward, axis=1)
-    free = area > 1e-9
+    is_free = area > 1e-9
     for face in faces:
-        free &= (np.abs(corners @ face.normal - face.height) > 1e-3).any(axis=1)
+        is_free &= (np.abs(corners @ face.normal - face.height) > 1e-3).any(axis=1)
     rng = np.random.default_rng(0)
-    which = rng.choice(np.flatnonzero(free), _POINTS, p=area[free] / area[free].sum())
-    a, b = np.sqrt(rng.random(_POINTS)), rng.random(_POINTS)
+    chosen = rng.choice(
+        np.flatnonzero(is_free), SKIN_SAMPLES, p=area[is_free] / area[is_free].sum()
+    )
+    a, b = np.sqrt(rng.random(SKIN_SAMPLES)), rng.random(SKIN_SAMPLES)
     weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)
-    # A narrow strip that looks elsewhere may be missed by chance: the largest facet of each way.
-    large = np.flatnonzero(free)[np.argsort(-area[free], kind="stable")]
-    ways = np.round(outward[large] / area[large, None], 1)
-    first = large[np.sort(np.unique(ways, axis=0, return_index=True)[1])][:_WAYS]
-    which = np.concatenate([which, first])
-    weights = np.concatenate([weights, np.full((len(first), 3), 1 / 3)])
-    normals = outward[which] / area[which, None]
-    points = np.einsum("nk,nkd->nd", weights, corners[which]) + _OFF * normals
+    # Samples may miss a narrow strip: add the largest facet of each direction.
+    by_area = np.flatnonzero(is_free)[np.argsort(-area[is_free], kind="stable")]
+    rounded_normals = np.round(outward[by_area] / area[by_area, None], 1)
+    one_per_direction = by_area[np.sort(np.unique(rounded_normals, axis=0, return_index=True)[1])][
+        :MAX_EXTRA_FACETS
+    ]
+    chosen = np.concatenate([chosen, one_per_direction])
+    weights = np.concatenate([weights, np.full((len(one_per_direction), 3), 1 / 3)])
+    normals = outward[chosen] / area[chosen, None]
+    points = np.einsum("nk,nkd->nd", weights, corners[chosen]) + SKIN_OFFSET_MM * normals
     return Skin(part, points, normals)
 
 
-def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRules) -> Opening:
-    """The way with the fewest pieces in which the shell comes off, and of these that with the least
-    strain. Raises FabricationError where there is none."""
-    tried = _candidates(skin, faces)
-    found: list[Opening] = []
-    for direction in tried[:_TRIED]:
+def find_shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRules) -> Opening:
+    """Return the opening with the fewest pieces, and of these that with the least strain.
+
+    Args:
+        name: Name of the part.
+        skin: Its skin.
+        faces: Its faces.
+        rules: Rules of moulds.
+
+    Raises:
+        FabricationError: If there is none.
+    """
+    directions = _candidates(skin, faces)
+    openings: list[Opening] = []
+    for direction in directions[:MAX_DIRECTIONS]:
         strain, at = skin.strain(skin.depths(direction))
-        found.append(Opening((direction,), None, strain, at))
+        openings.append(Opening((direction,), None, strain, at))
         if strain == 0:
-            return found[-1]
-    best = min(found, key=lambda o: o.strain)
+            return openings[-1]
+    best = min(openings, key=lambda o: o.strain)
     if best.strain <= rules.strain:
         return best
-    pairs = [_pair(skin, d) for d in _axes(skin, faces)]
+    pairs = [_split_in_two(skin, d) for d in _pair_axes(skin, faces)]
     best = min([best, *pairs], key=lambda o: o.strain)
     if best.strain <= rules.strain:
         return best
     where = format_point(best.at) if best.at is not None else "its skin"
     raise FabricationError(
-        f"{name} cannot be cast: however its mould is divided, the part would be strained by"
+        f"cannot be cast: however its mould is divided, the part would be strained by"
         f" {best.strain:.0%} of its thickness near {where} as it is taken out, and"
-        f" {rules.strain:.0%} is taken as safe; let a cord's plane pass through the widest place"
-        " there, add a cord, or choose a process that prints",
+        f" {rules.strain:.0%} is considered safe",
         code="undercut-too-deep",
+        where=name,
+        action="Let a cord's plane pass through the widest place there, add a cord, or choose a"
+        " process that prints",
         part=name,
         strain=best.strain,
         at=None if best.at is None else best.at.tolist(),
@@ -139,62 +176,71 @@ def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRule
 
 
 def _candidates(skin: Skin, faces: Sequence[Face]) -> list[Float]:
-    """Directions, those first into which the least of the skin looks back: of equal ones those that
-    save a piece, by opening where another face's lid does."""
-    own = [*_widest(skin.normals), *(f.normal for f in faces[1:])]
+    """Return directions, those first that the skin opposes least.
+
+    Of equal ones, those come first that save a piece by opening with another face's lid.
+    """
+    preferred = [*_widest_direction(skin.normals), *(f.normal for f in faces[1:])]
     mean = np.sum([f.normal for f in faces], axis=0)
-    plain = [-faces[0].normal, -mean / max(float(np.linalg.norm(mean)), 1e-9)]
-    around = np.linalg.svd(skin.points - skin.points.mean(0), full_matrices=False)[2]
-    plain += [*np.eye(3), *-np.eye(3), *around, *-around, *skin.normals[:60]]
-    plain += [_unit(a + b) for a, b in zip(skin.normals[:60], skin.normals[60:120], strict=True)]
-    plain += [-f.normal for f in faces[1:]]
-    every = [d for d in (*own, *plain) if np.linalg.norm(d) > _WHOLE]  # sums may vanish
-    back = [float(np.clip(-(skin.normals @ d) - _LEVEL, 0, None).sum()) for d in every]
-    # A lid's own way into the mould is the way in which nothing else may come.
-    allowed = [k for k, d in enumerate(every) if d @ faces[0].normal < 0.5]
-    order = sorted(allowed, key=lambda k: (round(back[k], 2), k))
-    return [every[k] for k in order]
+    others = [-faces[0].normal, -mean / max(float(np.linalg.norm(mean)), 1e-9)]
+    main_axes = np.linalg.svd(skin.points - skin.points.mean(0), full_matrices=False)[2]
+    others += [*np.eye(3), *-np.eye(3), *main_axes, *-main_axes, *skin.normals[:60]]
+    others += [_unit(a + b) for a, b in zip(skin.normals[:60], skin.normals[60:120], strict=True)]
+    others += [-f.normal for f in faces[1:]]
+    directions = [
+        d for d in (*preferred, *others) if np.linalg.norm(d) > MIN_UNIT_LENGTH
+    ]  # sums may vanish
+    opposition = [
+        float(np.clip(-(skin.normals @ d) - NORMAL_TOLERANCE, 0, None).sum()) for d in directions
+    ]
+    # Nothing else may come off in the direction of the first lid.
+    allowed = [k for k, d in enumerate(directions) if d @ faces[0].normal < 0.5]
+    order = sorted(allowed, key=lambda k: (round(opposition[k], 2), k))
+    return [directions[k] for k in order]
 
 
-def _widest(normals: Float) -> list[Float]:
-    """The direction that none of the skin looks back from, and that it looks along the most, by a
-    linear program; none where there is no such direction."""
+def _widest_direction(normals: Float) -> list[Float]:
+    """Return the direction that none of the skin opposes and that it faces most, by a linear
+    program; none if there is no such direction.
+    """
     rows = np.unique(np.round(normals, 8), axis=0)
-    done = linprog(
+    result = linprog(
         -normals.mean(axis=0),
         A_ub=-rows,
         b_ub=np.full(len(rows), 1e-7),
         bounds=[(-1, 1)] * 3,
         method="highs",
     )
-    found = done.status == 0 and np.linalg.norm(done.x) > 0.5
-    return [_unit(np.asarray(done.x))] if found else []
+    is_found = result.status == 0 and np.linalg.norm(result.x) > 0.5
+    return [_unit(np.asarray(result.x))] if is_found else []
 
 
 def _unit(vector: Float) -> Float:
     return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-9))
 
 
-def _axes(skin: Skin, faces: Sequence[Face]) -> list[Float]:
-    """Directions of two pieces that open opposite ways."""
-    around = np.linalg.svd(skin.points - skin.points.mean(0), full_matrices=False)[2]
-    every = [*(f.normal for f in faces), *np.eye(3), *around]
+def _pair_axes(skin: Skin, faces: Sequence[Face]) -> list[Float]:
+    """Return directions of two pieces that open in opposite ways."""
+    main_axes = np.linalg.svd(skin.points - skin.points.mean(0), full_matrices=False)[2]
+    candidates = [*(f.normal for f in faces), *np.eye(3), *main_axes]
     out: list[Float] = []
-    for d in every:
+    for d in candidates:
         if all(abs(d @ other) < 0.999 for other in out):
             out.append(d)
     return out
 
 
-def _pair(skin: Skin, direction: Float) -> Opening:
-    """Two pieces, divided by the plane that leaves the fewest points to the one that they do not
-    come off with."""
+def _split_in_two(skin: Skin, direction: Float) -> Opening:
+    """Return two pieces, divided by the plane that leaves the fewest points to the wrong piece."""
     up, down = skin.depths(direction), skin.depths(-direction)
-    only_up, only_down = (up <= _DEEP) & (down > _DEEP), (down <= _DEEP) & (up > _DEEP)
-    axes = frame(direction)
+    only_up, only_down = (
+        (up <= DEPTH_TOLERANCE_MM) & (down > DEPTH_TOLERANCE_MM),
+        (down <= DEPTH_TOLERANCE_MM) & (up > DEPTH_TOLERANCE_MM),
+    )
+    axes = axes_from_normal(direction)
     local = skin.points @ axes
     middle = local.mean(axis=0)
-    plane = _between(local - middle, only_up, only_down)
+    plane = _separating_plane(local - middle, only_up, only_down)
     above = (local - middle)[:, 2] > np.column_stack(
         [np.ones(len(local)), (local - middle)[:, :2]]
     ) @ plane
@@ -205,9 +251,12 @@ def _pair(skin: Skin, direction: Float) -> Opening:
     return Opening((direction, -direction), (normal, float(normal @ point)), strain, at)
 
 
-def _between(local: Float, high: Bool, low: Bool) -> Float:
-    """Coefficients (3,) of z = a + b x + c y that has the `high` points (n, 3) above it and the
-    `low` ones below, by the least sum of what they lie on the wrong side (a linear program)."""
+def _separating_plane(local: Float, high: Bool, low: Bool) -> Float:
+    """Return coefficients (3,) of z = a + b x + c y that separates points.
+
+    The `high` points (n, 3) should lie above it and the `low` ones below, with the least sum of
+    violations (a linear program).
+    """
     a = np.column_stack([np.ones(len(local)), local[:, :2]])
     rows = np.concatenate([a[high], -a[low]])
     bound = np.concatenate([local[high, 2], -local[low, 2]])
@@ -215,11 +264,13 @@ def _between(local: Float, high: Bool, low: Bool) -> Float:
     if n == 0:
         return np.zeros(3)
     cost = np.concatenate([np.zeros(3), np.ones(n)])
-    done = linprog(
+    result = linprog(
         cost,
         A_ub=np.hstack([rows, -np.eye(n)]),
         b_ub=bound,
         bounds=[(None, None), (-3, 3), (-3, 3), *([(0, None)] * n)],
         method="highs",
     )
-    return np.asarray(done.x[:3]) if done.status == 0 else np.array([np.median(local[:, 2]), 0, 0])
+    return (
+        np.asarray(result.x[:3]) if result.status == 0 else np.array([np.median(local[:, 2]), 0, 0])
+    )

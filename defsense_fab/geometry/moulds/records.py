@@ -1,4 +1,4 @@
-"""What a mould must keep, its pieces, and how they were found to be."""
+"""Define the records of moulds: the rules that they keep, their faces and pieces."""
 
 from __future__ import annotations
 
@@ -12,9 +12,16 @@ from ..parts.records import Check
 
 @dataclass(frozen=True)
 class MouldRules:
-    """Sizes of a mould, mm: `wall` between cavity and outside where nothing is screwed, `rim` round
-    the cavity where pieces meet, `play` between them, the printer's `line`; linear `shrinkage` of
-    what is cast, and by how much of its thickness it may be strained as it is taken out."""
+    """Rules of a mould.
+
+    Attributes:
+        wall: Wall between cavity and outside where nothing is screwed, mm.
+        rim: Width around the cavity where pieces meet, mm.
+        play: Play between pieces, mm.
+        line: Width of the printer's line, mm.
+        shrinkage: Linear shrinkage of the cast material.
+        strain: Largest strain of the part, in its thickness, as it is taken out.
+    """
 
     wall: float = 5.0
     rim: float = 9.0
@@ -26,11 +33,18 @@ class MouldRules:
 
 @dataclass(frozen=True)
 class Face:
-    """A face in which a part meets others: its outward `normal` (3,), a point of it (3,) mm, its
-    area, mm^2, and what is hollowed out of the part there, as a manifold3d solid.
+    """A face in which a part meets others.
 
-    Where the part wraps round the face, the `notch` over it is filled, the point lies as high as
-    the part goes, and the notch is of the core, too."""
+    Where the part wraps around the face, the `notch` over it is filled, the point lies as high as
+    the part reaches, and the notch belongs to the core, too.
+
+    Attributes:
+        normal: Outward unit normal (3,).
+        origin: Point (3,) of the face, mm.
+        area: Area, mm^2.
+        core: What is hollowed out of the part there (manifold3d solid), or None.
+        notch: The filled notch, or None.
+    """
 
     normal: Float
     origin: Float
@@ -40,14 +54,20 @@ class Face:
 
     @property
     def height(self) -> float:
-        """Of the face along its normal, mm."""
+        """Height of the face along its normal, mm."""
         return float(self.normal @ self.origin)
 
 
 @dataclass(frozen=True)
 class MouldPiece:
-    """A piece of a mould in the part's rest frame, enlarged by the shrinkage: it is taken off along
-    `opens` (3,); `down` (3,) points to the bed as it is printed."""
+    """A piece of a mould in the part's rest frame, enlarged by the shrinkage.
+
+    Attributes:
+        name: Its name.
+        surface: Its surface, mm.
+        opens: Direction (3,) in which it comes off.
+        down: Direction (3,) to the bed as it is printed.
+    """
 
     name: str
     surface: Surface
@@ -57,10 +77,20 @@ class MouldPiece:
 
 @dataclass(frozen=True)
 class Mould:
-    """The mould of a part: pieces in the order in which they are taken off; `up` (3,) points up as
-    it is filled, through `pour` (3,) mm, air leaving through `vents` (v, 3) mm; the cavity's volume
-    and that of the whole block, mm^3; the largest `strain` of the part as it is taken out, and
-    where (3,) mm, where there is any."""
+    """The mould of a part.
+
+    Attributes:
+        part: Name of the part.
+        pieces: Pieces in the order in which they come off.
+        up: Direction (3,) that points up while it is filled.
+        pour: Pouring hole (3,), mm.
+        vents: Vents (v, 3), mm.
+        cavity: Volume of the cavity, mm^3.
+        block: Volume of the whole block, mm^3.
+        strain: Largest strain of the part as it is taken out.
+        at: Where (3,), mm, or None if there is none.
+        checks: Measurements.
+    """
 
     part: str
     pieces: tuple[MouldPiece, ...]

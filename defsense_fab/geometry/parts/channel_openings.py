@@ -1,8 +1,8 @@
-"""Where a channel runs along the face of another cord's cut, and opens into it.
+"""Find where a channel runs along the face of another cord's cut and opens into it.
 
 A channel that crosses such a face steeply only makes a hole in it. One that crosses it at a small
-angle, or runs beside it, leaves a wall that fades out over a long way: hard to print, and glue
-finds its way into the channel.
+angle, or runs next to it, leaves a wall that fades out over a long way: it is hard to print, and
+glue flows into the channel.
 """
 
 from __future__ import annotations
@@ -18,15 +18,22 @@ from ...core.arrays import Float
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
 
-#: A crossing at less than this angle is too long, rad.
-_STEEP = np.radians(20)
-_FLAT = 1e-5  # mm
+#: Crossings at a smaller angle are too long.
+MIN_CROSSING_ANGLE_RAD = np.radians(20)
+PLANE_TOLERANCE_MM = 1e-5
 
 
 @dataclass(frozen=True)
 class ChannelOpening:
-    """The channel `line` (an index) has less than the wall to a face of the cut `cut` (an index)
-    over `length` mm, around `at` (3,) mm, and `wall` mm at the least, below 0 where it opens."""
+    """A stretch of a channel that is too near to a face of another cut.
+
+    Attributes:
+        line: Index of the channel.
+        cut: Index of the cut.
+        length: Length of the stretch, mm.
+        wall: Least wall, mm; below 0 if the channel opens.
+        at: Point (3,) of the least wall, mm.
+    """
 
     line: int
     cut: int
@@ -35,8 +42,8 @@ class ChannelOpening:
     at: Float
 
 
-def borders(normal: Float, origin: Float, region: Prism | None) -> list[tuple[Float, float]]:
-    """Planes (normal (3,), offset mm) on which the faces of one cut lie."""
+def cut_planes(normal: Float, origin: Float, region: Prism | None) -> list[tuple[Float, float]]:
+    """Return the planes (unit normal (3,), offset in mm) on which the faces of one cut lie."""
     planes = [(normal, float(normal @ origin))]
     if region is not None:
         corners = region.origin + region.polygon @ region.axes[:, :2].T
@@ -47,22 +54,27 @@ def borders(normal: Float, origin: Float, region: Prism | None) -> list[tuple[Fl
     return planes
 
 
-def channel_openings(
+def find_channel_openings(
     leaves: Sequence[Any],
     faces: Sequence[Sequence[tuple[Float, float]]],
     lines: Sequence[tuple[int, Float]],
     radius: float,
     wall: float,
 ) -> list[ChannelOpening]:
-    """All stretches of the channels (index and centre line (p, 3) mm, of `radius` mm) that keep
-    less than `wall` mm from a face of another cord's cut and do not just cross it.
+    """Return all stretches of channels too near to a face of another cord's cut that they do not
+    just cross.
 
-    `leaves` are the parts (manifold3d solids) without channels, `faces` each cut's planes.
+    Args:
+        leaves: The parts (manifold3d solids) without channels.
+        faces: Planes of each cut.
+        lines: Index and center line (p, 3), mm, of each channel.
+        radius: Radius of the channels, mm.
+        wall: Least wall, mm.
     """
     surfaces = [triangle_kernel.to_surface(leaf) for leaf in leaves]
     out = []
     for k, planes in enumerate(faces):
-        triangles = _lying_on(surfaces, planes)
+        triangles = _facets_in_planes(surfaces, planes)
         if not len(triangles):
             continue
         index = np.arange(3 * len(triangles)).reshape(-1, 3)
@@ -71,35 +83,35 @@ def channel_openings(
             if np.abs(line @ normal - offset).max() < 1e-3:
                 continue  # its own plane
             square = igl.point_mesh_squared_distance(line, triangles.reshape(-1, 3), index)[0]
-            out += _stretches(i, k, line, np.sqrt(np.asarray(square)), radius, wall)
+            out += _find_stretches(i, k, line, np.sqrt(np.asarray(square)), radius, wall)
     return out
 
 
-def _lying_on(surfaces: Sequence[Any], planes: Sequence[tuple[Float, float]]) -> Float:
-    """Corners (t, 3, 3) of all facets in the planes."""
-    found = [np.zeros((0, 3, 3))]
+def _facets_in_planes(surfaces: Sequence[Any], planes: Sequence[tuple[Float, float]]) -> Float:
+    """Return the corners (t, 3, 3) of all facets in the planes."""
+    corners = [np.zeros((0, 3, 3))]
     for s in surfaces:
         for normal, offset in planes:
-            on = np.abs(s.vertices @ normal - offset) < _FLAT
-            found.append(s.vertices[s.faces[on[s.faces].all(axis=1)]])
-    return np.concatenate(found)
+            is_in_plane = np.abs(s.vertices @ normal - offset) < PLANE_TOLERANCE_MM
+            corners.append(s.vertices[s.faces[is_in_plane[s.faces].all(axis=1)]])
+    return np.concatenate(corners)
 
 
-def _stretches(
+def _find_stretches(
     i: int, k: int, line: Float, distance: Float, radius: float, wall: float
 ) -> list[ChannelOpening]:
     step = float(np.linalg.norm(line[1] - line[0]))
-    near = np.concatenate([[False], distance < radius + wall, [False]])
-    edges = np.flatnonzero(np.diff(near.astype(int)))
+    is_near = np.concatenate([[False], distance < radius + wall, [False]])
+    edges = np.flatnonzero(np.diff(is_near.astype(int)))
     out = []
     for a, b in edges.reshape(-1, 2):
-        least = int(a + distance[a:b].argmin())
-        crosses = distance[least] < step
-        spare = 2 * (radius + wall) / np.sin(_STEEP) if crosses else 0.0
-        if (b - a) * step > spare:
+        nearest = int(a + distance[a:b].argmin())
+        crosses = distance[nearest] < step
+        allowed_length = 2 * (radius + wall) / np.sin(MIN_CROSSING_ANGLE_RAD) if crosses else 0.0
+        if (b - a) * step > allowed_length:
             out.append(
                 ChannelOpening(
-                    i, k, float((b - a) * step), float(distance[least]) - radius, line[least]
+                    i, k, float((b - a) * step), float(distance[nearest]) - radius, line[nearest]
                 )
             )
     return out

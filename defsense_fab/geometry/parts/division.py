@@ -1,7 +1,11 @@
-"""Which pieces of a body each cord plane has to cut: only those that its cords run through."""
+"""Plan which pieces of a body each cord plane cuts, and divide the body.
+
+A plane cuts only the pieces that its cords run through.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,29 +18,37 @@ from ...core.curve import Plane, group_coincident_planes
 from ...core.errors import FabricationError
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import CRUMB, Prism
-from .channel_openings import ChannelOpening, borders, channel_openings
-from .cut_orders import cut_orders
+from ..kernels.cutting_tools import MIN_PIECE_MM3, Prism
+from .channel_openings import ChannelOpening, cut_planes, find_channel_openings
 
-_THREAD = 0.05  # mm, diameter of the line that stands for a cord
-_BLOCKED = 0.1  # mm^2, by which parts may cover each other and still come apart
-_PIN = 6.0  # mm, kept for a pin beside a cord where a cut is limited
-_WORTH = 15.0  # mm of channel along another cut's face weigh as much as one part
-_LIMITED = 0.5  # parts that a limited cut has to save
-_ROUGH = 0.3  # mm, by which the body may differ where plans are compared
-#: Parts smaller than this part of the body are hard to print and to handle.
-SMALL = 0.01
+THREAD_DIAMETER_MM = 0.05  # diameter of the tube that represents a cord
+MAX_COVER_MM2 = 0.1  # by which parts may cover each other and still come apart
+PIN_MARGIN_MM = 6.0  # kept for a pin next to a cord where a cut is limited
+OPENING_MM_PER_PART = 15.0  # of channel along another cut's face that weighs as much as one part
+LIMITED_CUT_COST = 0.5  # parts that a limited cut must save
+ROUGH_TOLERANCE_MM = 0.3  # by which the body may differ while plans are compared
+#: Parts below this share of the body are hard to print and to handle.
+SMALL_PART_SHARE = 0.01
+
+
+#: All orders of the cuts are compared for up to this many planes.
+MAX_PERMUTED_PLANES = 4
 
 
 @dataclass(frozen=True)
 class Cut:
-    """One planar cut: the centre of mass (3,) mm of the piece that it divides, the cords that
-    run in it there (`wires`: those of which only wires do), and the final parts below and above it
-    (by index).
+    """One planar cut.
 
-    Where the plane does not divide the whole piece, `taken` are the centres of mass of the solids
-    that come off it. Of a limited cut, `region` are the prisms around its cords that bound what is
-    cut off and, a play smaller, the lid that goes in its place.
+    Attributes:
+        plane: The plane.
+        center: Center of mass (3,) of the piece that it divides, mm.
+        cords: Indices of the cords that run in it.
+        sides: Indices of the final parts below and above it.
+        taken: If it does not divide the whole piece, centers of mass (3,) of the solids that come
+            off.
+        region: Of a limited cut, the prisms around its cords that bound the cut-off solid and,
+            smaller by the play, the lid that replaces it.
+        wires: Those of the cords of which only wires run in it.
     """
 
     plane: Plane
@@ -50,8 +62,14 @@ class Cut:
 
 @dataclass(frozen=True)
 class Division:
-    """The parts (manifold3d solids), the same without channels, the cuts in order, and the volume
-    of the channels, mm^3."""
+    """A divided body.
+
+    Attributes:
+        parts: The parts (manifold3d solids).
+        leaves: The same without channels.
+        cuts: The cuts, in order.
+        removed: Volume of the channels, mm^3.
+    """
 
     parts: tuple[Any, ...]
     leaves: tuple[Any, ...]
@@ -60,8 +78,10 @@ class Division:
 
 
 @dataclass(frozen=True)
-class Planned:
-    """A cut of `piece` whose leaves [a, b) lie below the plane and [b, c) above."""
+class PlannedCut:
+    """A cut of `piece` whose leaves [a, b) lie below the plane and [b, c) above; the rest as in
+    `Cut`.
+    """
 
     plane: Plane
     piece: Any
@@ -74,31 +94,36 @@ class Planned:
 
 @dataclass(frozen=True)
 class Plan:
-    """Pieces from left to right, and the cuts between them. No channels yet."""
+    """A planned division, without channels.
+
+    Attributes:
+        leaves: The pieces from left to right.
+        cuts: The cuts between them.
+    """
 
     leaves: list[Any]
-    cuts: list[Planned]
+    cuts: list[PlannedCut]
 
-    def grazes(
+    def find_openings(
         self, channels: Sequence[Channel], radius: float, wall: float
     ) -> list[ChannelOpening]:
-        """Where channels and their leads run along the faces of others' cuts."""
+        """Return where channels and their leads run along the faces of other cords' cuts."""
         faces = [
-            borders(c.plane.normal, c.plane.origin, c.region[0] if c.region else None)
+            cut_planes(c.plane.normal, c.plane.origin, c.region[0] if c.region else None)
             for c in self.cuts
         ]
         lines = [(k, line) for k, c in enumerate(channels) for line in c.insides]
-        return channel_openings(self.leaves, faces, lines, radius, wall)
+        return find_channel_openings(self.leaves, faces, lines, radius, wall)
 
-    def joints_of(self, cord: int, line: Any) -> int:
-        """In how many joints a cord is laid, whose middle `line` is this thin tube."""
+    def count_joints(self, cord: int, line: Any) -> int:
+        """Return in how many joints a cord lies, given its center line as a thin tube."""
         return sum(cord in c.cords and _runs_in(line, c.piece) for c in self.cuts)
 
     @property
     def burden(self) -> float:
-        """The number of pieces; one that is too small to handle well counts up to twice."""
+        """Number of pieces; one that is too small to handle well counts up to twice."""
         volumes = np.array([float(p.volume()) for p in self.leaves])
-        small = np.clip(1 - volumes / (SMALL * volumes.sum()), 0, None)
+        small = np.clip(1 - volumes / (SMALL_PART_SHARE * volumes.sum()), 0, None)
         return len(volumes) + float(small.sum())
 
     @property
@@ -107,7 +132,25 @@ class Plan:
         return min(float(p.volume()) for p in self.leaves)
 
 
-def plan(
+def cut_orders(planes: int, early: Sequence[int] = ()) -> list[tuple[int, ...]]:
+    """Return the orders of cuts to compare, for parts and for the optimizer's thin parts.
+
+    Args:
+        planes: Number of planes.
+        early: Indices of planes that should be cut first.
+
+    Returns:
+        Orders of plane indices: all of them for few planes, whose parts depend on it; for more
+        the given order, and that with the `early` ones first.
+    """
+    order = tuple(range(planes))
+    if planes <= MAX_PERMUTED_PLANES:
+        return list(itertools.permutations(order))
+    rest = tuple(i for i in order if i not in early)
+    return list(dict.fromkeys([order, (*early, *rest)]))
+
+
+def plan_division(
     body: Any,
     channels: Sequence[Channel],
     radius: float,
@@ -117,47 +160,62 @@ def plan(
     through: bool = False,
     across: float = 0.0,
 ) -> Plan:
-    """The cuts that divide the body into few parts that print well.
+    """Plan the cuts that divide a body into few parts that print well.
 
-    A plane cuts only those pieces through which its cords run, and of what it would cut off only
-    what a cord touches. Orders of cuts are compared, and cuts that go through with those that end
-    a little beyond their cords (only these with `limit`, none with `through`), by how many parts
-    result and how far channels (of `radius` mm) run along the faces of others' cuts, with less than
-    `wall` mm between. Before that, cords shorter than `across` mm between their ferrules are each
-    laid in one joint, if that can be: in several, a joint that is closed later pulls at them while
-    it is open.
-    The lid of a limited cut is `play` mm smaller than what was cut off.
+    A plane cuts only the pieces through which its cords run, and of what it would cut off only what
+    a cord touches. Orders of cuts are compared, and cuts right through with limited ones that end a
+    little beyond their cords, by the number of parts and by how far channels run along the faces of
+    other cuts. Before that, cords shorter than `across` between their ferrules are each laid in one
+    joint, if possible: in several, a joint that is closed later pulls at them while it is open.
+
+    Args:
+        body: The body (manifold3d solid).
+        channels: The channels.
+        radius: Radius of the channels, mm.
+        wall: Least wall between a channel and another cut's face, mm.
+        play: Play of the lid of a limited cut, mm.
+        limit: Whether all cuts are limited.
+        through: Whether all cuts go right through.
+        across: Length below which a cord is laid in one joint, mm.
     """
-    own = group_coincident_planes([c.sensor.plane for c in channels])
-    planes = [channels[same[0]].sensor.plane for same in own]
-    threads = [_thread(c.lines, c) for c in channels]
-    margin = 2 * radius + 2 * wall + _PIN
-    rough = body.simplify(_ROUGH)  # good enough to compare plans on
-    short = {k: _thread([c.line], c) for k, c in enumerate(channels) if c.between < across}
-    early = [i for i, same in enumerate(own) if any(k in short for k in same)]
+    coplanar = group_coincident_planes([c.sensor.plane for c in channels])
+    planes = [channels[group[0]].sensor.plane for group in coplanar]
+    threads = [_make_thread(c.lines, c) for c in channels]
+    margin = 2 * radius + 2 * wall + PIN_MARGIN_MM
+    rough = body.simplify(ROUGH_TOLERANCE_MM)  # accurate enough to compare plans
+    short_threads = {
+        k: _make_thread([c.line], c) for k, c in enumerate(channels) if c.between < across
+    }
+    early = [i for i, group in enumerate(coplanar) if any(k in short_threads for k in group)]
     tried: list[tuple[int, float, float, float | None, Sequence[int]]] = []
-    for m in (margin,) if limit else (None,) if through else (None, margin):
-        known: dict[tuple[int, int], _Opened] = {}
+    for cut_margin in (margin,) if limit else (None,) if through else (None, margin):
+        known: dict[tuple[int, int], _OpenedPiece] = {}
         for order in cut_orders(len(planes), early):
-            made = _cut(rough, planes, threads, own, order, m, play, known)
-            torn = sum(made.joints_of(k, line) > 1 for k, line in short.items())
-            cost = made.burden + (_LIMITED if m and not limit else 0.0)
-            if tried and (torn, cost) > min(t[:2] for t in tried):
+            candidate = _cut(rough, planes, threads, coplanar, order, cut_margin, play, known)
+            split_cords = sum(
+                candidate.count_joints(k, line) > 1 for k, line in short_threads.items()
+            )
+            cost = candidate.burden + (LIMITED_CUT_COST if cut_margin and not limit else 0.0)
+            if tried and (split_cords, cost) > min(t[:2] for t in tried):
                 continue
-            cost += sum(g.length for g in made.grazes(channels, radius, wall)) / _WORTH
-            tried.append((torn, cost, -made.smallest, m, order))
+            cost += (
+                sum(g.length for g in candidate.find_openings(channels, radius, wall))
+                / OPENING_MM_PER_PART
+            )
+            tried.append((split_cords, cost, -candidate.smallest, cut_margin, order))
     _, _, _, best, chosen = min(tried, key=lambda t: t[:3])
-    return _cut(body, planes, threads, own, chosen, best, play, {})
+    return _cut(body, planes, threads, coplanar, chosen, best, play, {})
 
 
-def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
-    """Cut the channels out of the body and divide it as planned.
+def divide_body(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
+    """Cut the channels out of a body and divide it as planned.
 
-    Raises FabricationError where a channel cuts a part in two.
+    Raises:
+        FabricationError: If a channel cuts a part in two.
     """
     hollow = triangle_kernel.union([c.solid for c in channels])
-    cords = [_thread([c.line], c) for c in channels]
-    parts = [_whole(leaf - hollow, channels) for leaf in planned.leaves]
+    cords = [_make_thread([c.line], c) for c in channels]
+    parts = [_check_whole(leaf - hollow, channels) for leaf in planned.leaves]
     cuts = tuple(
         Cut(
             c.plane,
@@ -170,35 +228,41 @@ def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
         )
         for c in planned.cuts
     )
-    # One by one: a union of channels and gaps, whose walls are alike, may lose some.
+    # One by one: a union of channels and gaps, whose walls coincide, may lose some.
     gaps = [c.gap - hollow for c in planned.cuts if c.gap is not None]
     removed = sum(float(v.volume()) for v in (body ^ hollow, *gaps))
     return Division(tuple(parts), tuple(planned.leaves), cuts, removed)
 
 
-def _thread(lines: Sequence[Float], channel: Channel) -> Any:
-    """Thin tubes along lines in a channel's plane."""
+def _make_thread(lines: Sequence[Float], channel: Channel) -> Any:
+    """Return thin tubes along lines in a channel's plane."""
     normal = channel.sensor.plane.normal
-    return triangle_kernel.union([triangle_kernel.tube(x, normal, _THREAD, sides=4) for x in lines])
+    return triangle_kernel.union(
+        [triangle_kernel.tube(x, normal, THREAD_DIAMETER_MM, sides=4) for x in lines]
+    )
 
 
-def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
-    """A leaf that was rid of its channels; refused where they cut it in two."""
+def _check_whole(leaf: Any, channels: Sequence[Channel]) -> Any:
+    """Return a leaf after its channels were cut out; raise FabricationError if they cut it in
+    two.
+    """
     pieces = sorted(_solids(leaf), key=lambda p: -float(p.volume()))
     if len(pieces) > 1:
         chip = pieces[1]
         at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(chip)))
-        near = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
+        cords = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
-            f"the channel of cord {' and '.join(near)} cuts a piece of {chip.volume():.1f} mm^3 off"
-            f" its part near {at}; move it away from the other cords' planes",
+            f"cuts a piece of {chip.volume():.1f} mm^3 off its part near {at}",
             code="channel-cuts-part",
-            cords=[c.name for c in channels if repr(c.name) in near],
+            where=f"the channel of cord {' and '.join(cords)}",
+            action="Move it away from the planes of other cords",
+            cords=[c.name for c in channels if repr(c.name) in cords],
         )
     if not pieces:
         raise FabricationError(
-            "a channel takes up a whole part; move the cords' planes apart",
+            "a channel fills a whole part",
             code="channel-fills-part",
+            action="Move the planes of the cords apart",
         )
     return pieces[0]
 
@@ -207,46 +271,48 @@ def _cut(
     body: Any,
     planes: Sequence[Plane],
     threads: Sequence[Any],
-    own: Sequence[Sequence[int]],
+    coplanar: Sequence[Sequence[int]],
     order: Sequence[int],
     margin: float | None,
     play: float,
-    known: dict[tuple[int, int], _Opened],
+    known: dict[tuple[int, int], _OpenedPiece],
 ) -> Plan:
-    """Cut depth first, so that the parts of a piece stay neighbours in the list. What is `known` of
-    a piece (by its identity) and a plane is used again: orders of cuts have pieces in common."""
+    """Cut depth first, so that the parts of a piece stay neighbors in the list.
+
+    Cuts `known` for a piece (by its identity) and a plane are reused: orders of cuts share pieces.
+    """
     out = Plan([], [])
 
-    def opened(piece: Any, i: int) -> _Opened:
+    def opened(piece: Any, i: int) -> _OpenedPiece:
         if (id(piece), i) not in known:
-            inside = tuple(c for c in own[i] if _runs_in(threads[c], piece))
+            cords_inside = tuple(c for c in coplanar[i] if _runs_in(threads[c], piece))
             halves = None
-            if inside:
-                line = triangle_kernel.union([threads[c] for c in inside])
+            if cords_inside:
+                line = triangle_kernel.union([threads[c] for c in cords_inside])
                 halves = min(
                     _options(piece, planes[i], line, margin, play),
                     key=lambda h: (len(h.below) + len(h.above), h.rank),
                     default=None,
                 )
-            known[id(piece), i] = _Opened(piece, inside, halves)
+            known[id(piece), i] = _OpenedPiece(piece, cords_inside, halves)
         return known[id(piece), i]
 
     def descend(piece: Any, todo: Sequence[int]) -> None:
         for n, i in enumerate(todo):
-            found = opened(piece, i)
-            inside, halves = found.cords, found.halves
+            opened_piece = opened(piece, i)
+            cords_inside, halves = opened_piece.cords, opened_piece.halves
             if halves is None:
                 continue
             at, a = len(out.cuts), len(out.leaves)
-            out.cuts.append(Planned(planes[i], piece, inside, (a, a, a), (), None, None))
+            out.cuts.append(PlannedCut(planes[i], piece, cords_inside, (a, a, a), (), None, None))
             for solid in halves.below:
                 descend(solid, todo[n + 1 :])
             b = len(out.leaves)
             for solid in halves.above:
                 descend(solid, todo[n + 1 :])
             span = (a, b, len(out.leaves))
-            out.cuts[at] = Planned(
-                planes[i], piece, inside, span, halves.taken, halves.by, halves.gap
+            out.cuts[at] = PlannedCut(
+                planes[i], piece, cords_inside, span, halves.taken, halves.by, halves.gap
             )
             return
         out.leaves.append(piece)
@@ -256,17 +322,20 @@ def _cut(
 
 
 def _solids(solid: Any) -> list[Any]:
-    """The separate solids of one, without crumbs."""
-    return [p for p in solid.decompose() if p.volume() > CRUMB]
+    """Return the separate solids of one, without crumbs."""
+    return [p for p in solid.decompose() if p.volume() > MIN_PIECE_MM3]
 
 
 def _runs_in(thread: Any, piece: Any) -> bool:
-    return float((piece ^ thread).volume()) > 0.1 * _THREAD**2
+    """Whether a thread runs in a piece."""
+    return float((piece ^ thread).volume()) > 0.1 * THREAD_DIAMETER_MM**2
 
 
 @dataclass(frozen=True)
 class _Halves:
-    """A way to open a piece along a plane; of two alike the one with the lower `rank` is taken."""
+    """A way to open a piece along a plane; of two equal ones that with the lower `rank` is
+    taken.
+    """
 
     below: list[Any]
     above: list[Any]
@@ -277,9 +346,10 @@ class _Halves:
 
 
 @dataclass(frozen=True)
-class _Opened:
-    """A piece (kept, so that its identity stays its own), the cords of a plane that run in it, and
-    how it is opened for them, if it is."""
+class _OpenedPiece:
+    """A piece (stored, so that its identity stays unique), the cords of a plane in it, and how it
+    is opened for them, or None.
+    """
 
     piece: Any
     cords: tuple[int, ...]
@@ -289,8 +359,9 @@ class _Opened:
 def _options(
     piece: Any, plane: Plane, line: Any, margin: float | None, play: float
 ) -> Iterator[_Halves]:
-    """Ways to open the piece along the plane for the cords of `line`: through and through, or only
-    what they touch on one side, where that comes out."""
+    """Yield ways to open a piece along a plane for the cords of `line`: right through, or only what
+    they touch on one side, if that can come out.
+    """
     above, below = piece.split_by_plane(plane.normal, float(plane.normal @ plane.origin))
     if above.is_empty() or below.is_empty():
         return
@@ -301,38 +372,41 @@ def _options(
         yield _Halves(*sides, rank=0.0)
         if len(sides[0]) + len(sides[1]) == 2:
             return
-    prisms = None if margin is None else _around(piece, plane, line, margin, play)
-    found = False
+    prisms = None if margin is None else _prisms_around(piece, plane, line, margin, play)
+    is_found = False
     for s, side in enumerate((below, above)):
-        column = _solids(side if prisms is None else side ^ triangle_kernel.solid_of(prisms[s][0]))
-        touched = [c for c in column if _runs_in(line, c)]
-        others = [c for c in column if not _runs_in(line, c)]
-        if not touched or _blocked(touched, others, plane):
+        candidates = _solids(
+            side if prisms is None else side ^ triangle_kernel.solid_of(prisms[s][0])
+        )
+        touched = [c for c in candidates if _runs_in(line, c)]
+        others = [c for c in candidates if not _runs_in(line, c)]
+        if not touched or _is_blocked(touched, others, plane):
             continue
-        loose = triangle_kernel.union(touched)
-        rest = _solids(piece - loose)
-        lid = loose if prisms is None else loose ^ triangle_kernel.solid_of(prisms[s][1])
+        freed = triangle_kernel.union(touched)
+        rest = _solids(piece - freed)
+        lid = freed if prisms is None else freed ^ triangle_kernel.solid_of(prisms[s][1])
         taken = _solids(lid)
         if not rest or not taken:
             continue
-        found = True
+        is_found = True
         share = float(lid.volume() / piece.volume())
         yield _Halves(
             *((taken, rest) if s == 0 else (rest, taken)),
             rank=1.0 + share,
             taken=tuple(taken),
             by=prisms[s] if prisms else None,
-            gap=loose - lid if prisms else None,
+            gap=freed - lid if prisms else None,
         )
-    if margin is not None and not found:
+    if margin is not None and not is_found:
         yield _Halves(*sides, rank=0.0)
 
 
-def _around(
+def _prisms_around(
     piece: Any, plane: Plane, line: Any, margin: float, play: float
 ) -> list[tuple[Prism, Prism]]:
-    """The prisms below and above the plane that reach `margin` mm beyond the cords in it, each
-    with the one `play` mm smaller across."""
+    """Return the prisms below and above the plane that reach `margin` mm beyond the cords in it,
+    each with the one `play` mm smaller.
+    """
     corners = triangle_kernel.to_surface(piece ^ line).vertices
     flat = (corners - plane.origin) @ plane.axes[:, :2]
     grown = m3.CrossSection.hull_points(flat).offset(margin, m3.JoinType.Miter, 2.0).simplify(0.05)
@@ -350,11 +424,12 @@ def _around(
     return [(below[0], below[1]), (above[0], above[1])]
 
 
-def _blocked(taken: Sequence[Any], others: Sequence[Any], plane: Plane) -> bool:
-    """Whether what stays on the same side of the plane lies in the way of what comes off along
-    its normal: whether they cover each other, seen along it."""
+def _is_blocked(taken: Sequence[Any], others: Sequence[Any], plane: Plane) -> bool:
+    """Whether what stays on the same side of the plane blocks what comes off along its normal:
+    whether they cover each other in that direction.
+    """
     if not others:
         return False
     turn = np.column_stack([plane.axes.T, np.zeros(3)])
     a, b = (triangle_kernel.union(list(s)).transform(turn).project() for s in (taken, others))
-    return float((a ^ b).area()) > _BLOCKED
+    return float((a ^ b).area()) > MAX_COVER_MM2

@@ -1,5 +1,6 @@
-"""The same parts from the exact solid, by OpenCascade: a STEP file each, and a check of both
-kernels on each other."""
+"""Make the same parts from the exact solid with OpenCascade, and check both kernels on each
+other.
+"""
 
 from __future__ import annotations
 
@@ -15,85 +16,112 @@ from ...core.errors import FabricationError
 from ..kernels import occ
 from ..kernels.cutting_tools import Tool
 from .division import Division
-from .records import PartSet, Part, PartRules
+from .records import Part, PartRules, PartSet
 
-#: Largest difference of a part's volume between the kernels: of the part, and of the body.
-PART, BODY = 2e-3, 1e-4
+#: Largest difference of a part's volume between the kernels, as shares of the part and of the body.
+PART_TOLERANCE, BODY_TOLERANCE = 2e-3, 1e-4
 
 
-def solid_parts(
-    solid: Any, made: PartSet, division: Division, own: Sequence[Sequence[Tool]], rules: PartRules
+def add_solids(
+    solid: Any,
+    part_set: PartSet,
+    division: Division,
+    part_tools: Sequence[Sequence[Tool]],
+    rules: PartRules,
 ) -> list[Part]:
-    """The parts of `made` with their TopoDS_Solids.
+    """Return the parts with their TopoDS_Solids.
 
-    `solid` is the body's, `own` what is cut out of each part besides the channels. Raises
-    FabricationError where OpenCascade fails or its parts differ from the facets'.
+    Args:
+        solid: The body's TopoDS_Solid.
+        part_set: The parts from facets.
+        division: Their division.
+        part_tools: Tools that cut each part besides the channels.
+        rules: Rules of the parts.
+
+    Raises:
+        FabricationError: If OpenCascade fails, or its parts differ from those of the facets.
     """
-    with _errors():
-        return _solid_parts(solid, made, division, own, rules)
+    with _convert_errors():
+        return _add_solids(solid, part_set, division, part_tools, rules)
 
 
-def carved(solid: Any, tools: Sequence[Tool]) -> Any:
-    """A TopoDS_Solid with tools cut out of it. Raises FabricationError where OpenCascade fails."""
-    with _errors():
-        return occ.without(solid, tools)
+def carve_solid(solid: Any, tools: Sequence[Tool]) -> Any:
+    """Return a TopoDS_Solid with tools cut out.
+
+    Raises:
+        FabricationError: If OpenCascade fails.
+    """
+    with _convert_errors():
+        return occ.cut_out(solid, tools)
 
 
 @contextmanager
-def _errors() -> Iterator[None]:
+def _convert_errors() -> Iterator[None]:
+    """Turn OpenCascade's errors into FabricationError."""
     try:
         yield
     except FabricationError:
         raise
-    except Exception as error:  # OCP's own exceptions carry no common base
+    except Exception as error:  # OCP's exceptions have no common base
         text = " ".join(str(error).split()) or type(error).__name__
         raise FabricationError(f"OpenCascade failed: {text}", code="kernel-failed") from None
 
 
-def _solid_parts(
-    solid: Any, made: PartSet, division: Division, own: Sequence[Sequence[Tool]], rules: PartRules
+def _add_solids(
+    solid: Any,
+    part_set: PartSet,
+    division: Division,
+    part_tools: Sequence[Sequence[Tool]],
+    rules: PartRules,
 ) -> list[Part]:
     cutters = []
-    for c in made.channels:
+    for c in part_set.channels:
         plane, curve = c.sensor.plane, c.sensor.curve
-        path = curve_to_arcs(curve, occ.PATH_TOLERANCE)
+        path = curve_to_arcs(curve, occ.PATH_TOLERANCE_MM)
         cutters.append(occ.tube(plane, path, curve.tangents[[0, -1]], *c.runs, rules.channel))
         if rules.pockets and rules.pockets.wires:
-            wide = rules.pockets.wires.diameter
+            diameter = rules.pockets.wires.diameter
             for lead in c.leads:
                 way = lead.way
-                cutters.append(occ.tube(plane, way.arcs, way.directions, 0.0, lead.run, wide))
+                cutters.append(occ.tube(plane, way.arcs, way.directions, 0.0, lead.run, diameter))
         cutters += [occ.solid_of(t).wrapped for t in c.tools]
     knives = [occ.Knife(c.plane, c.center, c.taken, c.region) for c in division.cuts]
-    bare = [float(p.volume()) for p in division.parts]
-    pieces = occ.carve_and_split(solid, cutters, knives, len(made.parts), sum(bare))
-    left = [(p, occ.volume(p), occ.centroid(p)) for p in pieces]
-    out = list(made.parts)
-    for k in sorted(range(len(out)), key=lambda k: -bare[k]):
+    bare_volumes = [float(p.volume()) for p in division.parts]
+    pieces = occ.carve_and_split(solid, cutters, knives, len(part_set.parts), sum(bare_volumes))
+    unassigned = [(p, occ.volume(p), occ.centroid(p)) for p in pieces]
+    out = list(part_set.parts)
+    for k in sorted(range(len(out)), key=lambda k: -bare_volumes[k]):
         part = out[k]
-        near = [
-            float(np.linalg.norm(c - part.center)) + abs(v - bare[k]) / made.body_volume
-            for _, v, c in left
+        differences = [
+            float(np.linalg.norm(c - part.center)) + abs(v - bare_volumes[k]) / part_set.body_volume
+            for _, v, c in unassigned
         ]
-        piece, volume, _ = left.pop(int(np.argmin(near)))
-        _agree(part.name, volume, bare[k], made.body_volume)
-        finished = occ.without(piece, own[k])
-        agree(part.name, finished, part.volume, made.body_volume)
+        piece, volume, _ = unassigned.pop(int(np.argmin(differences)))
+        _check_volumes(part.name, volume, bare_volumes[k], part_set.body_volume)
+        finished = occ.cut_out(piece, part_tools[k])
+        check_volumes_agree(part.name, finished, part.volume, part_set.body_volume)
         out[k] = replace(part, solid=finished)
     return out
 
 
-def agree(name: str, solid: Any, faceted: float, body: float) -> None:
-    """Raises FabricationError where a TopoDS_Solid does not have the volume of its facets, mm^3, to
-    a share of it and of that of the `body`."""
-    _agree(name, occ.volume(solid), faceted, body)
+def check_volumes_agree(name: str, solid: Any, faceted: float, body: float) -> None:
+    """Raise FabricationError if a solid does not have the volume of its facets.
+
+    Args:
+        name: Name of the part.
+        solid: Its TopoDS_Solid.
+        faceted: Volume of its facets, mm^3.
+        body: Volume of the body, mm^3.
+    """
+    _check_volumes(name, occ.volume(solid), faceted, body)
 
 
-def _agree(name: str, exact: float, faceted: float, body: float) -> None:
-    if abs(exact - faceted) > PART * faceted + BODY * body:
+def _check_volumes(name: str, exact: float, faceted: float, body: float) -> None:
+    if abs(exact - faceted) > PART_TOLERANCE * faceted + BODY_TOLERANCE * body:
         raise FabricationError(
-            f"the two geometry kernels disagree on {name} ({exact:.1f} and {faceted:.1f} mm^3);"
-            " move a cord plane slightly",
+            f"the two geometry kernels disagree on its volume ({exact:.1f} and {faceted:.1f} mm^3)",
             code="kernels-disagree",
+            where=name,
+            action="Move a cord plane slightly",
             part=name,
         )

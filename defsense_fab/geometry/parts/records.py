@@ -1,8 +1,9 @@
-"""The records of this folder: what parts must keep, the parts, and how they were found to be."""
+"""Define the records of parts: the rules that they keep, the parts, and their checks."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 from ...core.arrays import Float
@@ -14,14 +15,20 @@ from .division import Cut
 from .engraving import Label, Seat
 from .part_contacts import Contact
 
-# A measurement of finished parts, as inspections make it and manifests keep it.
-
 
 @dataclass(frozen=True)
 class Check:
-    """`value` as measured, and the `limit` that it keeps, rounding of facets allowed for: it is
-    `at_least` so large, or else at most. Beyond it an inspection raises, or leaves a `note`: what a
-    maker should be told; `at` is where."""
+    """A measurement of finished parts, as checks make it and manifests store it.
+
+    Attributes:
+        name: What was measured.
+        value: The value.
+        limit: The limit, including the rounding of facets.
+        unit: Unit of both.
+        at: Where.
+        note: What the maker should know, if anything.
+        at_least: Whether the limit is the least allowed value; otherwise the largest.
+    """
 
     name: str
     value: float
@@ -38,12 +45,21 @@ class Check:
 
 @dataclass(frozen=True)
 class PartRules:
-    """What the cord and the printing process ask for, mm: diameters of the `cord` and its
-    `channel`, `clearance` of pins on the diameter, least `wall` to the skin;
-    whether to `limit` cuts to what their cords need; the `pockets` at cords' ends, or None;
-    how many `seats` for square tags of `tag` mm the skin gets; whether every cut goes `through`, as
-    moulds of the parts ask for; `across`: cords of less mm between their ferrules are to be laid in
-    one joint, for they cannot be held across an open one."""
+    """Rules of the cord and the printing process.
+
+    Attributes:
+        cord: Diameter of the cord, mm.
+        channel: Diameter of its channel, mm.
+        clearance: Clearance of pins on the diameter, mm.
+        wall: Least wall to the skin, mm.
+        limit: Whether cuts are limited to what their cords need.
+        pockets: Pockets at the cords' ends, or None.
+        seats: Number of seats for tags in the skin.
+        tag: Side of a square tag, mm.
+        through: Whether every cut goes right through, as moulds require.
+        across: Length between the ferrules, mm, below which a cord is laid in one joint, since it
+            cannot be held across an open one.
+    """
 
     cord: float
     channel: float
@@ -64,9 +80,16 @@ class PartRules:
 
 @dataclass(frozen=True)
 class Part:
-    """One printable piece in the rest frame: `surface` is what its STL holds, `volume` (mm^3) and
-    `center` (3,) mm are those facets', `down` (3,) points to the bed as it is printed; `solid` is
-    its TopoDS_Solid where the body is CAD."""
+    """One printable piece in the rest frame.
+
+    Attributes:
+        name: Its name.
+        surface: Surface, as in its STL file.
+        volume: Volume of the facets, mm^3.
+        center: Center of mass (3,) of the facets, mm.
+        down: Direction (3,) to the bed as it is printed.
+        solid: TopoDS_Solid if the body is CAD, else None.
+    """
 
     name: str
     surface: Surface
@@ -78,10 +101,23 @@ class Part:
 
 @dataclass(frozen=True)
 class PartSet:
-    """The parts, in the order of their numbers, and how they are held together. Cuts come in the
-    order in which the body was divided: it is closed in the opposite one. `cut_out` is the volume
-    of all that was removed, mm^3; `bare` are the parts without channels, sockets and numbers
-    (manifold3d)."""
+    """The parts of a device and how they are held together.
+
+    Attributes:
+        parts: The parts, in the order of their numbers.
+        cuts: Cuts in the order in which the body was divided; the device is closed in reverse
+            order.
+        contacts: Faces in which parts meet.
+        pins: Pins between parts.
+        labels: Engraved numbers.
+        seats: Seats for tags.
+        channels: Channels of the cords.
+        checks: Measurements.
+        warnings: What the maker should know.
+        cut_out: Volume of all that was removed, mm^3.
+        body_volume: Volume of the body, mm^3.
+        bare: The parts without channels, sockets and numbers (manifold3d solids).
+    """
 
     parts: tuple[Part, ...]
     cuts: tuple[Cut, ...]
@@ -95,3 +131,4 @@ class PartSet:
     cut_out: float
     body_volume: float
     bare: tuple[Any, ...] = ()
+    exact: Callable[[PartSet, Any], PartSet] | None = field(default=None, repr=False, compare=False)

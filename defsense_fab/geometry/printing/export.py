@@ -1,4 +1,4 @@
-"""Writing parts: binary STL, and one 3MF with every part by name."""
+"""Write parts as binary STL files, or as one 3MF file with every part by name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...core.mesh import Surface
 
 
 def write_stl(surface: Surface, path: Path) -> None:
-    """Binary STL in mm."""
+    """Write a surface as binary STL, in mm."""
     corners = surface.vertices[surface.faces].astype("<f4")
     record = np.zeros(
         len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("tag", "<u2")]
@@ -27,44 +27,53 @@ def write_stl(surface: Surface, path: Path) -> None:
 
 
 def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bool = True) -> None:
-    """Named parts in mm: one assembly (3MF core specification: object with components), or each
-    an item of its own that a slicer can move."""
+    """Write named parts as 3MF, in mm.
+
+    Args:
+        parts: Surfaces by name.
+        path: The file.
+        title: Name of the assembly.
+        together: Whether to write one assembly (3MF core specification: object with components);
+            otherwise each part is an item that a slicer can move.
+    """
     import lib3mf
 
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
-    model.SetBuildUUID(_uuid(title, "build"))
+    model.SetBuildUUID(_make_uuid(title, "build"))
     if together:
         assembly = model.AddComponentsObject()
         assembly.SetName(title)
-        assembly.SetUUID(_uuid(title, "assembly"))
+        assembly.SetUUID(_make_uuid(title, "assembly"))
     for name, surface in parts.items():
         mesh = model.AddMeshObject()
         mesh.SetName(name)
-        mesh.SetUUID(_uuid(title, "object", name))
-        vertices = [_filled(lib3mf.Position(), "Coordinates", v) for v in surface.vertices.tolist()]
-        triangles = [_filled(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
+        mesh.SetUUID(_make_uuid(title, "object", name))
+        vertices = [_fill(lib3mf.Position(), "Coordinates", v) for v in surface.vertices.tolist()]
+        triangles = [_fill(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
         mesh.SetGeometry(vertices, triangles)
         if together:
             component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
-            component.SetUUID(_uuid(title, "component", name))
+            component.SetUUID(_make_uuid(title, "component", name))
         else:
             item = model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
-            item.SetUUID(_uuid(title, "item", name))
+            item.SetUUID(_make_uuid(title, "item", name))
     if together:
         item = model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
-        item.SetUUID(_uuid(title, "item"))
-    # To memory first: on a full disk lib3mf ends the program.
+        item.SetUUID(_make_uuid(title, "item"))
+    # Write to memory first: on a full disk lib3mf ends the program.
     path.write_bytes(bytes(model.QueryWriter("3mf").WriteToBuffer()))
 
 
-def _uuid(*names: str) -> str:
-    """Of what is called so: lib3mf draws at random, and the same parts give the same bytes."""
+def _make_uuid(*names: str) -> str:
+    """Return a UUID derived from names: lib3mf draws at random, and the same parts must give the
+    same bytes.
+    """
     return str(uuid.uuid5(uuid.NAMESPACE_OID, "\0".join(("defsense-fab", *names))))
 
 
-def _filled(record: Any, field: str, values: Sequence[float]) -> Any:
+def _fill(record: Any, field: str, values: Sequence[float]) -> Any:
     for i, value in enumerate(values):
         getattr(record, field)[i] = value
     return record

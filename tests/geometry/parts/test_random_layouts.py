@@ -20,7 +20,7 @@ from defsense_fab.geometry.printing.export import write_stl
 from defsense_fab.geometry.printing.print_bed import lay_flat
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.prediction.as_built import fabricate
-from defsense_fab.optimize.prediction.design_task import limits
+from defsense_fab.optimize.prediction.design_task import layout_limits
 from tests.geometry import slicer
 from tests.geometry.parts.random_layouts import random_layout
 from tests.support.places import DEVICES
@@ -45,7 +45,7 @@ def body(name):
 @cache
 def layout(name, seed):
     device, surface, _ = body(name)
-    return random_layout(surface, limits(device), seed)
+    return random_layout(surface, layout_limits(device), seed)
 
 
 @cache
@@ -87,7 +87,7 @@ def test_what_keeps_the_limits_is_made(name):
     kept = [
         seed
         for seed in range(COUNT)
-        if not verify(layout(name, seed), surface, limits(device)).violations
+        if not verify(layout(name, seed), surface, layout_limits(device)).violations
     ]
     made = [seed for seed in kept if not isinstance(parts(name, seed), str)]
     assert len(kept) >= max(1, COUNT // 4)

@@ -27,7 +27,11 @@ def test_no_two_overlap_and_all_lie_on_their_plate(seed):
             apart = x1 <= a0 + 1e-6 or a1 <= x0 + 1e-6 or y1 <= b0 + 1e-6 or b1 <= y0 + 1e-6
             assert other != plate or apart
     used = 1 + max(b[0] for b in boxes)
-    assert count_least_plates(sizes, (210.0, 190.0)) <= used <= count_least_plates(sizes, (210.0, 190.0)) + 1
+    assert (
+        count_least_plates(sizes, (210.0, 190.0))
+        <= used
+        <= count_least_plates(sizes, (210.0, 190.0)) + 1
+    )
 
 
 def test_pieces_that_were_one_plate_fill_one_plate_again():

@@ -45,7 +45,9 @@ def test_a_face_in_a_hollow_is_no_foot():
                                                      [0, 0, 0, 1.0]])), engine="manifold"
     )  # fmt: skip
     surface = Surface(np.asarray(el.vertices), np.asarray(el.faces, np.int64))
-    down = choose_side_down(surface, [np.array([-1.0, 0, 0])])  # the step inside is larger than the rim
+    down = choose_side_down(
+        surface, [np.array([-1.0, 0, 0])]
+    )  # the step inside is larger than the rim
     flat = lay_flat(surface, down)
     low = flat.vertices[:, 2] < 1e-9
     assert low[flat.faces].all(axis=1).sum() >= 2
@@ -70,7 +72,9 @@ def test_a_body_without_flats_stands_on_its_widest_end():
 def test_plates_hold_all_parts_side_by_side():
     rng = np.random.default_rng(3)
     parts = {f"p{k}": box_surface([0, 0, 0], rng.uniform(10, 120, 3)) for k in range(20)}
-    placed = arrange({n: lay_flat(s, np.array([0, 0, -1.0])) for n, s in parts.items()}, BED, "printer")
+    placed = arrange(
+        {n: lay_flat(s, np.array([0, 0, -1.0])) for n, s in parts.items()}, BED, "printer"
+    )
     assert set(placed) == set(parts)
     boxes = [(p.plate, p.surface.bounds) for p in placed.values()]
     for k, (plate, (low, high)) in enumerate(boxes):

@@ -114,8 +114,8 @@ def test_strains_are_those_of_the_paper(folder):
 def no_parts(monkeypatch):
     """Specimens without the time that their solids take."""
     files = "defsense_fab.workflow.calibrate.calibration_parts"
-    monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.jig", lambda *_: None)
-    monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.halves", lambda *_: {})
+    monkeypatch.setattr("defsense_fab.geometry.specimen.jig.make_jig", lambda *_: None)
+    monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.make_halves", lambda *_: {})
     monkeypatch.setattr(f"{files}.Print.of", lambda *_: Print(Surface(CORNERS, FACES), None))
     monkeypatch.setattr(f"{files}.write_prints", lambda folder, _, data, file: data)
 

@@ -16,8 +16,9 @@ import numpy as np
 from ....core.errors import StorageError
 from ....core.mesh import Surface, TetMesh
 from ....core.storage.files import digest, replace_file, storage_errors
-from .tetrahedra import FTETWILD, Tetrahedra
 from .mesh_store import made_as, told
+from .meshers import FTETWILD
+from .tetrahedra import Tetrahedra
 
 FILE = "device.mesh"
 
@@ -38,7 +39,7 @@ def outgrown(device: Path, time_limit: float) -> bool:
     """Whether this time limit (s) would better a mesh that is kept; not of a file that cannot be
     read, which is told when it is used."""
     with suppress(StorageError):
-        return any(made.outgrown(time_limit) for made in read(device).values())
+        return any(made.is_outgrown(time_limit) for made in read(device).values())
     return False
 
 

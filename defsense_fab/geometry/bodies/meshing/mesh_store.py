@@ -60,7 +60,7 @@ def recall(surface: Surface, edge_length: float, time_limit: float) -> Tetrahedr
         os.utime(path)
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile):
         return None  # none, or not readable: it is made anew
-    return None if made.outgrown(time_limit) else made
+    return None if made.is_outgrown(time_limit) else made
 
 
 def remember(surface: Surface, edge_length: float, made: Tetrahedra) -> None:

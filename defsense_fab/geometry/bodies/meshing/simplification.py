@@ -1,8 +1,8 @@
-"""Surfaces with far more triangles than tets of an edge length can show, simplified before meshing.
+"""Simplify surfaces that have far more triangles than tets of an edge length can represent.
 
 Quadric edge collapse (Garland & Heckbert 1997) that refuses collapses after which the surface would
-cut itself. It is sequential, so that it gives the same everywhere. How far the result is from what
-was given is measured afterwards, from both sides.
+cross itself. It is sequential, so that it gives the same result everywhere. The distance between
+the result and the given surface is measured afterwards, in both directions.
 """
 
 from __future__ import annotations
@@ -16,57 +16,75 @@ from ....core.arrays import Float, Int
 from ....core.mesh import Surface, facet_crosses
 
 #: Surfaces with fewer triangles than this are never simplified.
-FEW = 20_000
-#: Edges of a surface shorter than this share of the tets' edges are more than these show.
-_FINE = 0.25
-#: How far the simplified surface may be from the one given, in edges of the tets.
-TOLERANCE = 0.05
-#: Edges that fold by more than this are sharp (cosine), and go on straight up to this turn.
-_FOLD, _STRAIGHT = np.cos(np.deg2rad(40.0)), -np.cos(np.deg2rad(25.0))
-#: Folds longer than this share of the body's size need not go on.
-_LONG = 0.05
-#: Of all that folds, this share goes on straight where it is not noise.
-_MOSTLY = 0.5
+MIN_FINE_TRIANGLES = 20_000
+#: Edges of a surface below this share of the tets' edges are finer than tets can represent.
+FINE_EDGE_SHARE = 0.25
+#: Allowed distance of the simplified surface from the given one, in edges of the tets.
+TOLERANCE_EDGES = 0.05
+#: Edges that fold by more than this are sharp (cosine), and continue straight up to this turn.
+FOLD_COSINE, STRAIGHT_COSINE = np.cos(np.deg2rad(40.0)), -np.cos(np.deg2rad(25.0))
+#: Folds longer than this share of the body's size need not continue.
+LONG_FOLD_SHARE = 0.05
+#: Share of the length of folds that continues straight unless they are noise.
+STRAIGHT_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class Simplified:
-    """The `surface` to mesh; how far it may be from the one given and how far it is, mm: both are 0
-    where it is that one."""
+class SimplifiedSurface:
+    """A surface to mesh.
+
+    Attributes:
+        surface: The surface.
+        tolerance: Allowed distance from the given surface, mm; 0 if it is that one.
+        deviation: Measured distance, mm.
+    """
 
     surface: Surface
     tolerance: float = 0.0
-    deviation: float = 0.0
+    measure_deviation: float = 0.0
 
 
-def area(surface: Surface) -> float:
-    """mm^2."""
+def surface_area(surface: Surface) -> float:
+    """Return the area of a surface, mm^2."""
     crosses = facet_crosses(surface.vertices, surface.faces)
     return float(np.linalg.norm(crosses, axis=1).sum() / 2)
 
 
 def is_fine(surface: Surface, edge_length: float) -> bool:
-    """Whether the surface has many triangles, all smaller than tets of an edge length (mm), and no
-    sharp edges: as scanners and sculpting programs write them, and CAD programs do not."""
-    if len(surface.faces) <= FEW:
+    """Return whether a surface has many triangles, all smaller than the tets, and no sharp edges.
+
+    Scanners and sculpting programs write such surfaces; CAD programs do not.
+
+    Args:
+        surface: The surface.
+        edge_length: Edge length of the tets, mm.
+    """
+    if len(surface.faces) <= MIN_FINE_TRIANGLES:
         return False
     corners = surface.vertices[surface.faces]
     longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max()
     return bool(longest < edge_length) and not is_creased(surface)
 
 
-def _shown(surface: Surface, edge_length: float) -> int:
-    """How many triangles the finest surface has that is worth its while."""
-    return int(area(surface) / (np.sqrt(3) / 4 * (_FINE * edge_length) ** 2))
+def _useful_triangles(surface: Surface, edge_length: float) -> int:
+    """Return the number of triangles of the finest surface that tets can represent."""
+    return int(surface_area(surface) / (np.sqrt(3) / 4 * (FINE_EDGE_SHARE * edge_length) ** 2))
 
 
-def simplified(surface: Surface, edge_length: float) -> Simplified:
-    """The surface with as few triangles as keep it within TOLERANCE edges; itself where no simpler
-    one is as near, or where it has few or is not fine."""
+def simplify_surface(surface: Surface, edge_length: float) -> SimplifiedSurface:
+    """Simplify a surface as far as it stays within `TOLERANCE_EDGES` edges.
+
+    Args:
+        surface: The surface.
+        edge_length: Edge length of the tets, mm.
+
+    Returns:
+        The simplified surface; the given one if it is not fine or no simpler one is near enough.
+    """
     if not is_fine(surface, edge_length):
-        return Simplified(surface)
-    tolerance = TOLERANCE * edge_length
-    count = max(_shown(surface, edge_length) // 2, 5000)
+        return SimplifiedSurface(surface)
+    tolerance = TOLERANCE_EDGES * edge_length
+    count = max(_useful_triangles(surface, edge_length) // 2, 5000)
     while count < 0.7 * len(surface.faces):
         vertices, faces, *_ = igl.qslim(
             np.asfortranarray(surface.vertices),
@@ -74,21 +92,23 @@ def simplified(surface: Surface, edge_length: float) -> Simplified:
             count,
             block_intersections=True,
         )
-        made = Surface(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, np.int64))
-        off = deviation(made, surface)
-        if off <= tolerance:
-            return Simplified(made, tolerance, off)
+        simplified = Surface(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, np.int64))
+        distance = measure_deviation(simplified, surface)
+        if distance <= tolerance:
+            return SimplifiedSurface(simplified, tolerance, distance)
         count *= 2
-    return Simplified(surface)
+    return SimplifiedSurface(surface)
 
 
-def deviation(a: Surface, b: Surface) -> float:
-    """The largest distance (mm) between two surfaces: from the corners, the middles of edges and
-    the middles of triangles of each to the other."""
-    return float(max(_distances(a, b).max(), _distances(b, a).max()))
+def measure_deviation(a: Surface, b: Surface) -> float:
+    """Return the largest distance between two surfaces, mm.
+
+    It is measured from the corners, edge centers and triangle centers of each to the other.
+    """
+    return float(max(_sample_distances(a, b).max(), _sample_distances(b, a).max()))
 
 
-def _distances(a: Surface, b: Surface) -> Float:
+def _sample_distances(a: Surface, b: Surface) -> Float:
     corners = a.vertices[a.faces]
     middles = (corners + corners[:, [1, 2, 0]]) / 2
     points = np.concatenate(
@@ -101,35 +121,44 @@ def _distances(a: Surface, b: Surface) -> Float:
 
 
 def is_creased(surface: Surface) -> bool:
-    """Whether the body has sharp edges, which triangles laid afresh would cut off: folds that go on
-    straight, and are longer, together, than the body. Those of noise and bumps do not."""
+    """Return whether a body has sharp edges, which remeshing would cut off.
+
+    These are folds that continue straight and together are longer than the body. Folds of noise and
+    bumps do not.
+    """
     cross = facet_crosses(surface.vertices, surface.faces)
     length = np.linalg.norm(cross, axis=1)
     normals = cross / np.where(length > 0, length, 1.0)[:, None]
-    a, b, left, right = pairs(surface.faces)
-    folded = (normals[left] * normals[right]).sum(1) < _FOLD
-    a, b = a[folded], b[folded]
+    a, b, left, right = find_triangle_pairs(surface.faces)
+    is_folded = (normals[left] * normals[right]).sum(1) < FOLD_COSINE
+    a, b = a[is_folded], b[is_folded]
     along = surface.vertices[b] - surface.vertices[a]
-    long = np.linalg.norm(along, axis=1)
-    along /= np.where(long > 0, long, 1.0)[:, None]
+    lengths = np.linalg.norm(along, axis=1)
+    along /= np.where(lengths > 0, lengths, 1.0)[:, None]
     ends = np.concatenate([a, b])
-    out = np.concatenate([along, -along])
+    directions = np.concatenate([along, -along])
     count = np.bincount(ends, minlength=len(surface.vertices))
-    # Of the directions away from a vertex: none where two folds go on straight.
-    total = np.stack([np.bincount(ends, out[:, k], len(count)) for k in range(3)], axis=1)
-    straight = (count == 2) & ((total**2).sum(1) <= 2 + 2 * _STRAIGHT)
-    broken = (count == 1) | ((count == 2) & ~straight)
+    # The sum of directions away from a vertex vanishes where two folds continue straight.
+    total = np.stack([np.bincount(ends, directions[:, k], len(count)) for k in range(3)], axis=1)
+    is_straight = (count == 2) & ((total**2).sum(1) <= 2 + 2 * STRAIGHT_COSINE)
+    is_broken = (count == 1) | ((count == 2) & ~is_straight)
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
-    sharp = (straight[a] | straight[b] | (long > _LONG * size)) & ~broken[a] & ~broken[b]
-    return bool(long[sharp].sum() > max(size, _MOSTLY * long.sum()))
+    is_sharp = (
+        (is_straight[a] | is_straight[b] | (lengths > LONG_FOLD_SHARE * size))
+        & ~is_broken[a]
+        & ~is_broken[b]
+    )
+    return bool(lengths[is_sharp].sum() > max(size, STRAIGHT_SHARE * lengths.sum()))
 
 
-def pairs(faces: Int) -> tuple[Int, Int, Int, Int]:
-    """Edges that two triangles share: their ends, in the order of the first, and the triangles."""
+def find_triangle_pairs(faces: Int) -> tuple[Int, Int, Int, Int]:
+    """Return the edges that two triangles share: both ends, in the order of the first, and the
+    triangles.
+    """
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = int(faces.max()) + 1
     key = ends.min(1) * count + ends.max(1)
     order = np.argsort(key, kind="stable")
-    same = key[order][1:] == key[order][:-1]
-    first, second = order[:-1][same], order[1:][same]
+    is_shared = key[order][1:] == key[order][:-1]
+    first, second = order[:-1][is_shared], order[1:][is_shared]
     return ends[first, 0], ends[first, 1], first // 3, second // 3

@@ -1,9 +1,10 @@
-"""Triangles laid afresh over a surface: as long as the tets' edges, shorter where it is curved.
+"""Remesh a surface: triangles as long as the tets' edges, shorter where the surface is curved.
 
 The vertices are lifted into six dimensions by their normals, times a length (Levy & Bonneel 2012):
 there, triangles of one size are small where the normals turn. The shortest edges are collapsed
 until as many triangles are left as that size gives; then edges are flipped and vertices moved along
-the surface, onto which they are put back.
+the surface, onto which they are projected. A surface that cannot be meshed as it is is rebuilt from
+a grid of signed distances instead.
 """
 
 from __future__ import annotations
@@ -16,28 +17,36 @@ from ....core.arrays import Float, Int
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, facet_crosses
 from ...kernels.surface_queries import signed_distance_of
-from .simplification import pairs
+from .simplification import find_triangle_pairs
 
-# A surface from a grid of signed distances: what is left of one that cannot be meshed as it is.
-#
-# Winding numbers (Barill et al. 2018) tell inside from outside also where a surface crosses itself
-# or has holes. Whatever is finer than the grid is lost, and gaps narrower than it are closed.
-
-#: The grid's step, in edges of the tets, and how many points it has at most.
-_STEP, _MOST = 0.4, 1_500_000
+#: Step of the grid in edges of the tets, and its largest number of points.
+GRID_STEP_EDGES, MAX_GRID_POINTS = 0.4, 1_500_000
 
 
-def voxel_surface(surface: Surface, edge_length: float) -> Surface:
-    """The largest closed piece of the surface at distance 0 on a grid, by marching cubes. Raises
-    MeshingError where there is none."""
+def remesh_on_grid(surface: Surface, edge_length: float) -> Surface:
+    """Rebuild a surface from a grid of signed distances by marching cubes.
+
+    Winding numbers (Barill et al. 2018) separate inside from outside even if the surface crosses
+    itself or has holes. Details finer than the grid are lost, and narrower gaps are closed.
+
+    Args:
+        surface: The surface, mm.
+        edge_length: Edge length of the tets, mm.
+
+    Returns:
+        The largest closed piece of the surface at distance 0.
+
+    Raises:
+        MeshingError: If there is none.
+    """
     low, high = surface.bounds
-    step = _step(surface, edge_length)
+    step = _grid_step(surface, edge_length)
     axes = [np.arange(a - 2 * step, b + 3 * step, step) for a, b in zip(low, high, strict=True)]
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    inside = igl.fast_winding_number(
-        surface.vertices, np.ascontiguousarray(surface.faces), points
-    ) > 0.5  # fmt: skip
+    inside = (
+        igl.fast_winding_number(surface.vertices, np.ascontiguousarray(surface.faces), points) > 0.5
+    )
     squared = igl.point_mesh_squared_distance(
         points, surface.vertices, np.ascontiguousarray(surface.faces)
     )[0]
@@ -45,53 +54,60 @@ def voxel_surface(surface: Surface, edge_length: float) -> Surface:
     signed = np.where(np.abs(signed) < 0.05 * step, 0.05 * step, signed)  # no slivers
     vertices, faces, _ = igl.marching_cubes(signed, points, *(len(a) for a in axes), 0.0)
     if not len(faces):
-        raise MeshingError(f"a grid of {step:.2g} mm holds nothing of the body", code="grid-empty")
+        raise MeshingError(
+            f"a grid of {step:.2g} mm contains nothing of the body", code="grid-empty"
+        )
     faces = np.asarray(faces, np.int64)
     piece = np.asarray(igl.facet_components(faces)[1])
     faces = faces[piece == np.bincount(piece).argmax()]
-    made = Surface(np.asarray(vertices, float), faces).compact()[0]
-    return made if made.volume > 0 else Surface(made.vertices, made.faces[:, ::-1].copy())
+    result = Surface(np.asarray(vertices, float), faces).compact()[0]
+    return result if result.volume > 0 else Surface(result.vertices, result.faces[:, ::-1].copy())
 
 
-def grid_points(surface: Surface, edge_length: float) -> float:
-    """About how many points that grid has."""
-    return float(np.prod(np.ptp(surface.bounds, axis=0) / _step(surface, edge_length) + 4))
+def count_grid_points(surface: Surface, edge_length: float) -> float:
+    """Return about how many points the grid of `remesh_on_grid` has."""
+    return float(np.prod(np.ptp(surface.bounds, axis=0) / _grid_step(surface, edge_length) + 4))
 
 
-def _step(surface: Surface, edge_length: float) -> float:
+def _grid_step(surface: Surface, edge_length: float) -> float:
     whole = float(np.prod(np.ptp(surface.bounds, axis=0)))
-    return max(_STEP * edge_length, float(np.cbrt(whole / _MOST)))
+    return max(GRID_STEP_EDGES * edge_length, float(np.cbrt(whole / MAX_GRID_POINTS)))
 
 
-#: Edges in six dimensions, and the length that normals are multiplied with, in edges of the tets.
-_EDGE, _CURVED = 0.85, 1.0
-#: Normals are taken over this many edges of the tets.
-_SMOOTH = 0.25
+#: Edges in six dimensions, and the factor on normals, in edges of the tets.
+LIFTED_EDGE, NORMAL_WEIGHT = 0.85, 1.0
+#: Normals are smoothed over this many edges of the tets.
+SMOOTHING_EDGES = 0.25
 #: Edges are split until none is longer than this many edges of the tets.
-_SPLIT = 0.6
-_ROUNDS = 8
-#: What a triangle may turn by when a vertex moves or an edge is flipped (cosine).
-_TURN = 0.7
+MAX_SPLIT_EDGE = 0.6
+ROUNDS = 8
+#: Largest turn of a triangle when a vertex moves or an edge is flipped (cosine).
+MIN_TURN_COSINE = 0.7
 #: Edges that fold by more than this (cosine) stay, and so do their ends.
-_FOLD = np.cos(np.deg2rad(60.0))
+FOLD_COSINE = np.cos(np.deg2rad(60.0))
 
 
-def remeshed(surface: Surface, edge_length: float) -> Surface:
-    """A surface of triangles with edges of `edge_length` mm or less whose vertices lie on the one
-    given. Raises MeshingError where there is none."""
-    vertices, faces = _split(surface.vertices, surface.faces, _SPLIT * edge_length)
-    lifted = np.hstack([vertices, _CURVED * edge_length * _normals(vertices, faces, edge_length)])
-    count = max(int(_area(lifted, faces) / (np.sqrt(3) / 4 * (_EDGE * edge_length) ** 2)), 20)
+def remesh_surface(surface: Surface, edge_length: float) -> Surface:
+    """Remesh a surface with edges of `edge_length` mm or less and vertices on the given surface.
+
+    Raises:
+        MeshingError: If the result encloses no volume.
+    """
+    vertices, faces = _split_edges(surface.vertices, surface.faces, MAX_SPLIT_EDGE * edge_length)
+    lifted = np.hstack(
+        [vertices, NORMAL_WEIGHT * edge_length * _smooth_normals(vertices, faces, edge_length)]
+    )
+    count = max(int(_area(lifted, faces) / (np.sqrt(3) / 4 * (LIFTED_EDGE * edge_length) ** 2)), 20)
     if count < len(faces):
-        made, faces, *_ = igl.decimate(
+        collapsed, faces, *_ = igl.decimate(
             np.asfortranarray(lifted), np.asfortranarray(faces, np.int32), count
         )
         faces = np.ascontiguousarray(faces, np.int64)
-        vertices = np.ascontiguousarray(made[:, :3])
+        vertices = np.ascontiguousarray(collapsed[:, :3])
     vertices = signed_distance_of(surface).nearest(vertices)
-    for _ in range(_ROUNDS):
-        faces = _flipped(vertices, faces)
-        vertices = _moved(vertices, faces, surface)
+    for _ in range(ROUNDS):
+        faces = _flip_edges(vertices, faces)
+        vertices = _relax_vertices(vertices, faces, surface)
     out = Surface(vertices, faces)
     if not out.volume > 0:
         raise MeshingError("triangles of that size enclose no volume", code="encloses-no-volume")
@@ -99,7 +115,7 @@ def remeshed(surface: Surface, edge_length: float) -> Surface:
 
 
 def _area(x: Float, faces: Int) -> float:
-    """Of triangles in any number of dimensions."""
+    """Return the area of triangles in any number of dimensions."""
     a, b = x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]]
     squared = (a**2).sum(1) * (b**2).sum(1) - (a * b).sum(1) ** 2
     return float(np.sqrt(np.maximum(squared, 0)).sum() / 2)
@@ -110,48 +126,48 @@ def _unit(x: Float) -> Float:
     return np.asarray(x / np.where(length > 0, length, 1.0))
 
 
-def _at_vertices(values: Float, faces: Int, count: int) -> Float:
-    """Sums (count, 3) of what the triangles at each vertex have (m, 3)."""
+def _sum_at_vertices(values: Float, faces: Int, count: int) -> Float:
+    """Return the sums (count, 3) over the triangles at each vertex of their values (m, 3)."""
     return np.stack(
         [np.bincount(faces.ravel(), np.repeat(values[:, k], 3), count) for k in range(3)], axis=1
     )
 
 
-def _normals(vertices: Float, faces: Int, edge_length: float) -> Float:
-    """At the vertices, smoothed so that what is finer than the tets does not count."""
-    normals = _unit(_at_vertices(facet_crosses(vertices, faces), faces, len(vertices)))
+def _smooth_normals(vertices: Float, faces: Int, edge_length: float) -> Float:
+    """Return normals at the vertices, smoothed so that details finer than the tets do not count."""
+    normals = _unit(_sum_at_vertices(facet_crosses(vertices, faces), faces, len(vertices)))
     a, b = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0).T
     edges = np.linalg.norm(vertices[a] - vertices[b], axis=1).mean()
-    own = np.arange(len(vertices))
-    i, j = np.concatenate([a, b, own]), np.concatenate([b, a, own])
+    itself = np.arange(len(vertices))
+    i, j = np.concatenate([a, b, itself]), np.concatenate([b, a, itself])
     around = csr_matrix((np.ones(len(i)), (i, j)))
-    for _ in range(int(np.clip(2 * (_SMOOTH * edge_length / edges) ** 2, 1, 100))):
+    for _ in range(int(np.clip(2 * (SMOOTHING_EDGES * edge_length / edges) ** 2, 1, 100))):
         normals = _unit(around @ normals)
     return normals
 
 
-def _split(vertices: Float, faces: Int, longest: float) -> tuple[Float, Int]:
-    """With edges halved until none is longer."""
+def _split_edges(vertices: Float, faces: Int, max_length: float) -> tuple[Float, Int]:
+    """Halve edges until none is longer than `max_length` mm."""
     for _ in range(30):
         ends = faces[:, [[0, 1], [1, 2], [2, 0]]]
-        long = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2)
-        # One edge of a triangle at a time, the longest: two halves, and no new shape to choose.
-        marked = np.zeros(long.shape, bool)
+        lengths = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2)
+        # Split one edge of a triangle at a time, the longest, so that the split is unique.
+        marked = np.zeros(lengths.shape, bool)
         rows = np.arange(len(faces))
-        marked[rows, long.argmax(1)] = long.max(1) > longest
+        marked[rows, lengths.argmax(1)] = lengths.max(1) > max_length
         if not marked.any():
             break
         key = ends.min(2) * len(vertices) + ends.max(2)
         chosen = np.unique(key[marked])
-        # A triangle of which two edges are wanted gets the longer one now, the other one later.
-        wanted = np.isin(key, chosen)
-        best = np.where(wanted, long, -1.0).argmax(1)
-        agreed = np.zeros_like(wanted)
-        agreed[rows, best] = wanted[rows, best]
-        both = np.unique(key[agreed], return_counts=True)
-        chosen = both[0][both[1] == 2]
-        hit = agreed & np.isin(key, chosen)
-        row, side = np.nonzero(hit)
+        # If two edges of a triangle are requested, it is split at the longer one first.
+        is_requested = np.isin(key, chosen)
+        best = np.where(is_requested, lengths, -1.0).argmax(1)
+        is_chosen = np.zeros_like(is_requested)
+        is_chosen[rows, best] = is_requested[rows, best]
+        counts = np.unique(key[is_chosen], return_counts=True)
+        chosen = counts[0][counts[1] == 2]
+        is_split = is_chosen & np.isin(key, chosen)
+        row, side = np.nonzero(is_split)
         if not len(row):
             break
         new = len(vertices) + np.searchsorted(chosen, key[row, side])
@@ -165,9 +181,9 @@ def _split(vertices: Float, faces: Int, longest: float) -> tuple[Float, Int]:
     return vertices, faces
 
 
-def _flipped(vertices: Float, faces: Int) -> Int:
-    """With edges flipped where the two angles across exceed a half turn (Delaunay)."""
-    a, b, left, right = pairs(faces)
+def _flip_edges(vertices: Float, faces: Int) -> Int:
+    """Flip edges where the two opposite angles exceed a half turn (Delaunay)."""
+    a, b, left, right = find_triangle_pairs(faces)
     c = faces[left].sum(1) - a - b
     d = faces[right].sum(1) - a - b
 
@@ -179,11 +195,13 @@ def _flipped(vertices: Float, faces: Int) -> Int:
     n = _unit(facet_crosses(vertices, faces))
     first, second = np.column_stack([a, d, c]), np.column_stack([d, b, c])
     p, q = (_unit(facet_crosses(vertices, f)) for f in (first, second))
-    old = n[left] + n[right]
-    fine = (n[left] * n[right]).sum(1) > _FOLD
-    fine &= ((p * q).sum(1) > _TURN) & ((p * _unit(old)).sum(1) > _TURN)
-    fine &= (q * _unit(old)).sum(1) > _TURN
-    candidates = np.flatnonzero(fine & (excess > 1e-3))
+    mean_normal = n[left] + n[right]
+    is_allowed = (n[left] * n[right]).sum(1) > FOLD_COSINE
+    is_allowed &= ((p * q).sum(1) > MIN_TURN_COSINE) & (
+        (p * _unit(mean_normal)).sum(1) > MIN_TURN_COSINE
+    )
+    is_allowed &= (q * _unit(mean_normal)).sum(1) > MIN_TURN_COSINE
+    candidates = np.flatnonzero(is_allowed & (excess > 1e-3))
     edges = set(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True))
     touched: set[int] = set()
     faces = faces.copy()
@@ -198,26 +216,28 @@ def _flipped(vertices: Float, faces: Int) -> Int:
     return faces
 
 
-def _moved(vertices: Float, faces: Int, surface: Surface) -> Float:
-    """With vertices moved along the surface towards the middle of the triangles at them."""
+def _relax_vertices(vertices: Float, faces: Int, surface: Surface) -> Float:
+    """Move vertices along the surface towards the center of the triangles at them."""
     cross = facet_crosses(vertices, faces)
     size = np.linalg.norm(cross, axis=1, keepdims=True)
     count = len(vertices)
-    total = _at_vertices(np.repeat(size, 3, axis=1), faces, count)
-    middle = _at_vertices(size * vertices[faces].mean(1), faces, count) / np.maximum(total, 1e-300)
-    normals = _unit(_at_vertices(cross, faces, count))
+    total = _sum_at_vertices(np.repeat(size, 3, axis=1), faces, count)
+    middle = _sum_at_vertices(size * vertices[faces].mean(1), faces, count) / np.maximum(
+        total, 1e-300
+    )
+    normals = _unit(_sum_at_vertices(cross, faces, count))
     step = 0.6 * (middle - vertices)
     step -= (step * normals).sum(1, keepdims=True) * normals
     unit = _unit(cross)
-    a, b, left, right = pairs(faces)
-    sharp = (unit[left] * unit[right]).sum(1) < _FOLD
-    step[np.concatenate([a[sharp], b[sharp]])] = 0.0
+    a, b, left, right = find_triangle_pairs(faces)
+    is_sharp = (unit[left] * unit[right]).sum(1) < FOLD_COSINE
+    step[np.concatenate([a[is_sharp], b[is_sharp]])] = 0.0
     target = signed_distance_of(surface).nearest(vertices + step)
     target[(step == 0).all(1)] = vertices[(step == 0).all(1)]
     for _ in range(8):
-        turned = (_unit(facet_crosses(target, faces)) * unit).sum(1) < _TURN
-        if not turned.any():
+        is_turned = (_unit(facet_crosses(target, faces)) * unit).sum(1) < MIN_TURN_COSINE
+        if not is_turned.any():
             return target
-        back = np.unique(faces[turned])
-        target[back] = vertices[back]
+        restored = np.unique(faces[is_turned])
+        target[restored] = vertices[restored]
     return vertices

@@ -1,4 +1,9 @@
-"""A body's surface to tetrahedra, by one way after the other until a mesh is sound."""
+"""Fill a body's surface with tetrahedra, trying one method after the other until a mesh is sound.
+
+Netgen on the surface as it is keeps sharp edges, but fails on bumps finer than the tets, and takes
+long with many triangles. Remeshed triangles suit any organic surface and are fast, but cut sharp
+edges. fTetWild (Hu et al. 2020) meshes what the others cannot, but never twice the same.
+"""
 
 from __future__ import annotations
 
@@ -12,168 +17,246 @@ from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh
 from ..child_process import OUT_OF_MEMORY
-from . import ftetwild, netgen
-from .mesh_quality import checked, facet_gaps, fit_boundary
-from .mesher_runs import UnusableMesherError, Watch, run
-from .simplification import FEW, Simplified, deviation, is_creased, is_fine
-from .surface_process import remeshed_in_time, simplified_in_time, voxel_surface_in_time
+from .mesh_quality import check_mesh, fit_boundary, measure_facet_gaps
+from .meshers import FTETWILD, NETGEN, RunMonitor, UnusableMesherError, run_mesher
+from .simplification import (
+    MIN_FINE_TRIANGLES,
+    SimplifiedSurface,
+    is_creased,
+    is_fine,
+    measure_deviation,
+)
+from .surface_process import remesh_in_time, remesh_on_grid_in_time, simplify_in_time
 
-# The ways from a surface to tets, and in which order they are tried.
-#
-# Netgen on the surface as it is keeps sharp edges, but gives up on bumps finer than the tets, and
-# takes long where there are many triangles. Triangles laid afresh suit any organic surface, soon, but
-# cut sharp edges. fTetWild (Hu et al. 2020) meshes what the others cannot, but never twice the same.
-
-NETGEN, FTETWILD = "netgen", "ftetwild"
-#: Netgen's largest edge for edges of 1 on average; its smallest where the surface is curved.
-_LARGEST, _SMALLEST = 0.8, 0.3
-#: How far facets may be off the surface before edges get shorter there, in edges.
-_GAP = 0.03
-#: How far a surface laid afresh, and one of a grid, may be from the body, in edges of the tets.
-_REMESHED, _GRID = 0.35, 0.6
-#: Sizes of triangles laid afresh, in edges of the tets: where they cut each other, the next.
-_FINER = (1.0, 0.75, 0.55)
-#: fTetWild's envelope in edges, and its largest part of the body's size; the coarser one.
-_ENVELOPE, _MOST, _COARSE = 0.02, 1e-3, 0.06
+#: Netgen's largest edge for a mean edge of 1, and its smallest where the surface is curved.
+MAX_EDGE, MIN_EDGE = 0.8, 0.3
+#: Distance of facets from the surface above which edges get shorter there, in edges.
+MAX_GAP_EDGES = 0.03
+#: Allowed distance of a remeshed surface, and of one from a grid, from the body, in edges of the
+#: tets.
+REMESHED_TOLERANCE_EDGES, GRID_TOLERANCE_EDGES = 0.35, 0.6
+#: Edges of remeshed triangles, in edges of the tets: if they cross each other, the next is used.
+EDGE_FACTORS = (1.0, 0.75, 0.55)
+#: fTetWild's envelope in edges, its largest share of the body's size, and the coarser envelope.
+ENVELOPE_EDGES, MAX_ENVELOPE, COARSE_ENVELOPE_EDGES = 0.02, 1e-3, 0.06
 
 
 @dataclass(frozen=True)
 class MeshedSurface:
-    """The surface that was meshed instead of the body's: its number of `triangles`, `of` how many;
-    the `tolerance` that it had to keep and its `deviation` as measured afterwards, mm."""
+    """The surface that was meshed instead of the body's.
+
+    Attributes:
+        triangles: Its number of triangles.
+        of: Number of triangles of the body's surface.
+        tolerance: Distance from the body's surface that was allowed, mm.
+        deviation: Distance as measured, mm.
+    """
 
     triangles: int
     of: int
     tolerance: float
-    deviation: float
+    measure_deviation: float
 
 
 Outcome = tuple[TetMesh, MeshedSurface | None]
 
 
 @dataclass(frozen=True)
-class Way:
-    """`says` what it is; `mesher` runs in it; it may take this `share` of the time limit, and takes
-    about `usual` s."""
+class MeshingMethod:
+    """One method from a surface to tets.
 
-    says: str
+    Attributes:
+        name: Display name.
+        mesher: Mesher that it runs.
+        share: Share of the time limit that it may take.
+        usual_duration: Duration on an idle machine, s.
+        make: Makes the mesh under a monitor.
+    """
+
+    name: str
     mesher: str
     share: float
-    usual: float
-    make: Callable[[Watch], Outcome]
+    usual_duration: float
+    make: Callable[[RunMonitor], Outcome]
 
 
-def ways(surface: Surface, edge_length: float) -> list[Way]:
-    """All of them, the best first: what repeats itself comes before what does not, unless the body
-    has sharp edges that only the latter keeps."""
+def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
+    """Return all methods, the best first.
+
+    Repeatable methods come first, unless the body has sharp edges that only fTetWild keeps.
+
+    Args:
+        surface: Surface of the body.
+        edge_length: Edge length of the tets, mm.
+    """
     triangles = len(surface.faces)
     tets = 8.5 * abs(surface.volume) / edge_length**3
     fine_surface = is_fine(surface, edge_length)
-    which = "the simplified surface" if fine_surface else "the surface"
-    fewer = _Simpler(surface, edge_length)
-    count = min(triangles, FEW) if fine_surface else triangles
-    own = Way(
-        f"Netgen on {which}", NETGEN, 0.1, 2 + tets / 1000 + count / 4000,
-        lambda w: (_on_surface(fewer.surface(w), surface, edge_length, w), fewer.told),
-    )  # fmt: skip
-    afresh = [_afresh(surface, edge_length, k, tets) for k in _FINER]
-    grid = Way(
-        "Netgen on the surface of a grid of distances", NETGEN, 0.1, 5 + tets / 1000,
-        lambda w: _filled(
-            voxel_surface_in_time(surface, edge_length, w), surface, edge_length, 1.0, _GRID, w
+    surface_name = "the simplified surface" if fine_surface else "the surface"
+    simplified = _LazySimplification(surface, edge_length)
+    count = min(triangles, MIN_FINE_TRIANGLES) if fine_surface else triangles
+    direct = MeshingMethod(
+        f"Netgen on {surface_name}",
+        NETGEN,
+        0.1,
+        2 + tets / 1000 + count / 4000,
+        lambda monitor: (
+            _mesh_surface(simplified.surface(monitor), surface, edge_length, monitor),
+            simplified.record,
         ),
-    )  # fmt: skip
+    )
+    remeshed = [_remeshing_method(surface, edge_length, k, tets) for k in EDGE_FACTORS]
+    grid = MeshingMethod(
+        "Netgen on the surface of a grid of distances",
+        NETGEN,
+        0.1,
+        5 + tets / 1000,
+        lambda monitor: _fill_remeshed(
+            remesh_on_grid_in_time(surface, edge_length, monitor),
+            surface,
+            edge_length,
+            1.0,
+            GRID_TOLERANCE_EDGES,
+            monitor,
+        ),
+    )
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
-    usual = 10 + count / 150
+    usual_duration = 10 + count / 150
     fine, coarse = (
-        Way(f"fTetWild on {which}{text}", FTETWILD, share, usual,
-            _by_ftetwild(fewer, edge_length, epsilon))
-        for text, share, epsilon in (
-            ("", 0.5, min(_MOST, _ENVELOPE * edge_length / size)),
-            (" with a coarse envelope", 1.0, _COARSE * edge_length / size),
+        MeshingMethod(
+            f"fTetWild on {surface_name}{text}",
+            FTETWILD,
+            share,
+            usual_duration,
+            _ftetwild_step(simplified, edge_length, epsilon),
         )
-    )  # fmt: skip
+        for text, share, epsilon in (
+            ("", 0.5, min(MAX_ENVELOPE, ENVELOPE_EDGES * edge_length / size)),
+            (" with a coarse envelope", 1.0, COARSE_ENVELOPE_EDGES * edge_length / size),
+        )
+    )
     if fine_surface:
-        return [*afresh, own, grid, fine, coarse]
+        return [*remeshed, direct, grid, fine, coarse]
     if is_creased(surface):
-        return [own, fine, *afresh, grid, coarse]
-    return [own, *afresh, grid, fine, coarse]
+        return [direct, fine, *remeshed, grid, coarse]
+    return [direct, *remeshed, grid, fine, coarse]
 
 
-def _on_surface(given: Surface, surface: Surface, edge_length: float, watch: Watch) -> TetMesh:
-    """Netgen lays triangles over the surface `given`; they are fitted to the body's `surface`."""
-    task = {"edge_length": _LARGEST * edge_length, "points": np.zeros((0, 3)), "edges": []}
-    mesh = run(netgen, given, task, watch)
-    middles, gaps = facet_gaps(mesh, given)
-    wide = gaps > _GAP * edge_length
-    if wide.any():  # where facets cut corners, edges as short as that takes
-        shrink = np.maximum(np.sqrt(_GAP * edge_length / gaps[wide]), _SMALLEST)
-        task |= {"points": middles[wide], "edges": shrink * _LARGEST * edge_length}
-        mesh = run(netgen, given, task, watch)
+def _mesh_surface(
+    given: Surface, surface: Surface, edge_length: float, monitor: RunMonitor
+) -> TetMesh:
+    """Mesh the surface `given` with Netgen, which places its own triangles on it, and fit the mesh
+    to the body's `surface`.
+    """
+    task = {"edge_length": MAX_EDGE * edge_length, "points": np.zeros((0, 3)), "edges": []}
+    mesh = run_mesher(NETGEN, given, task, monitor)
+    middles, gaps = measure_facet_gaps(mesh, given)
+    is_wide = gaps > MAX_GAP_EDGES * edge_length
+    if is_wide.any():  # where facets cut corners, edges as short as that takes
+        shrink = np.maximum(np.sqrt(MAX_GAP_EDGES * edge_length / gaps[is_wide]), MIN_EDGE)
+        task |= {"points": middles[is_wide], "edges": shrink * MAX_EDGE * edge_length}
+        mesh = run_mesher(NETGEN, given, task, monitor)
     return fit_boundary(mesh, surface)
 
 
-def _afresh(surface: Surface, edge_length: float, factor: float, tets: float) -> Way:
-    finer = "" if factor == 1.0 else f", edges of {factor:g}"
-    return Way(
-        f"Netgen on triangles laid afresh{finer}", NETGEN, 0.1, 3 + tets / factor**3 / 1000,
-        lambda w: _filled(surface, surface, edge_length, factor, _REMESHED, w),
-    )  # fmt: skip
+def _remeshing_method(
+    surface: Surface, edge_length: float, factor: float, tets: float
+) -> MeshingMethod:
+    suffix = "" if factor == 1.0 else f", edges of {factor:g}"
+    return MeshingMethod(
+        f"Netgen on remeshed triangles{suffix}",
+        NETGEN,
+        0.1,
+        3 + tets / factor**3 / 1000,
+        lambda monitor: _fill_remeshed(
+            surface, surface, edge_length, factor, REMESHED_TOLERANCE_EDGES, monitor
+        ),
+    )
 
 
-def _filled(
-    given: Surface, surface: Surface, edge_length: float, factor: float, most: float, watch: Watch
+def _fill_remeshed(
+    given: Surface,
+    surface: Surface,
+    edge_length: float,
+    factor: float,
+    tolerance_edges: float,
+    monitor: RunMonitor,
 ) -> Outcome:
-    """Triangles laid over the surface `given`, filled with tets, and fitted to the body's."""
-    laid = remeshed_in_time(given, factor * edge_length, watch)
-    off, tolerance = deviation(laid, surface), most * edge_length
-    if off > tolerance:
+    """Remesh the surface `given`, fill it with tets, and fit them to the body's surface."""
+    remeshed = remesh_in_time(given, factor * edge_length, monitor)
+    distance, tolerance = measure_deviation(remeshed, surface), tolerance_edges * edge_length
+    if distance > tolerance:
         raise MeshingError(
-            f"the triangles are {off:.2g} mm off the surface, of {tolerance:.2g} mm allowed",
+            f"the triangles are {distance:.2g} mm off the surface, and {tolerance:.2g} mm is"
+            f" allowed",
             code="surface-too-far",
-            distance=off,
+            distance=distance,
         )
-    nothing = {"points": np.zeros((0, 3)), "edges": []}
-    task = {"edge_length": edge_length, "fill": True} | nothing
-    mesh = fit_boundary(run(netgen, laid, task, watch), surface)
-    return mesh, MeshedSurface(len(laid.faces), len(surface.faces), tolerance, off)
+    no_sizes = {"points": np.zeros((0, 3)), "edges": []}
+    task = {"edge_length": edge_length, "fill": True} | no_sizes
+    mesh = fit_boundary(run_mesher(NETGEN, remeshed, task, monitor), surface)
+    return mesh, MeshedSurface(len(remeshed.faces), len(surface.faces), tolerance, distance)
 
 
-def _by_ftetwild(fewer: _Simpler, edge_length: float, epsilon: float) -> Callable[[Watch], Outcome]:
+def _ftetwild_step(
+    simplified: _LazySimplification, edge_length: float, epsilon: float
+) -> Callable[[RunMonitor], Outcome]:
     task = {"edge_length": edge_length, "epsilon": epsilon}
-    return lambda w: (run(ftetwild, fewer.surface(w), task, w), fewer.told)
+    return lambda monitor: (
+        run_mesher(FTETWILD, simplified.surface(monitor), task, monitor),
+        simplified.record,
+    )
 
 
-class _Simpler:
-    """A surface simplified when it is first asked for."""
+class _LazySimplification:
+    """A surface that is simplified when it is first requested."""
 
     def __init__(self, surface: Surface, edge_length: float) -> None:
-        self._given, self._edge_length = surface, edge_length
-        self._made: Simplified | None = None
+        self._surface, self._edge_length = surface, edge_length
+        self._simplified: SimplifiedSurface | None = None
 
-    def surface(self, watch: Watch) -> Surface:
-        """The body's own where it is simple enough. Raises MeshingError where simplifying it does
-        not end in time; it is the body's own from then on."""
-        if self._made is None:
-            self._made = Simplified(self._given)
-            self._made = simplified_in_time(self._given, self._edge_length, watch)
-        return self._made.surface
+    def surface(self, monitor: RunMonitor) -> Surface:
+        """Return the simplified surface.
+
+        If simplifying takes too long, raise MeshingError; later calls return the body's own
+        surface.
+        """
+        if self._simplified is None:
+            self._simplified = SimplifiedSurface(self._surface)
+            self._simplified = simplify_in_time(self._surface, self._edge_length, monitor)
+        return self._simplified.surface
 
     @property
-    def told(self) -> MeshedSurface | None:
-        """What is to be said of it, once it was asked for."""
-        if self._made is None or self._made.surface is self._given:
+    def record(self) -> MeshedSurface | None:
+        """The record of the simplified surface, or None if the body's own was meshed."""
+        if self._simplified is None or self._simplified.surface is self._surface:
             return None
-        few, many = len(self._made.surface.faces), len(self._given.faces)
-        return MeshedSurface(few, many, self._made.tolerance, self._made.deviation)
+        triangles, original_triangles = (
+            len(self._simplified.surface.faces),
+            len(self._surface.faces),
+        )
+        return MeshedSurface(
+            triangles,
+            original_triangles,
+            self._simplified.tolerance,
+            self._simplified.deviation,
+        )
 
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """A mesh; the `mesher` and the `way` that made it; the `surface` that was meshed, None where it
-    was the body's own; sentences on the ways `tried` before, and whether one was `stopped` for
-    want of time or memory, of which another machine might have more; the `time_limit` (s) of all
-    ways then, the usual one where it was not told."""
+    """A mesh and how it was made.
+
+    Attributes:
+        mesh: The mesh.
+        mesher: Mesher that made it.
+        way: Display name of the method.
+        surface: The surface that was meshed, or None if it was the body's.
+        tried: Sentences on methods that failed before.
+        stopped: Whether a method was stopped for lack of time or memory, of which another machine
+            might have more.
+        time_limit: Time limit of all methods then, s; the default if it is unknown.
+    """
 
     mesh: TetMesh
     mesher: str
@@ -188,8 +271,10 @@ class Tetrahedra:
         """Whether the same surface gives the same mesh again."""
         return self.mesher == NETGEN and not self.stopped
 
-    def outgrown(self, time_limit: float) -> bool:
-        """Whether a better way was stopped that this longer limit (s) gives more time."""
+    def is_outgrown(self, time_limit: float) -> bool:
+        """Return whether a better method was stopped to which a longer limit (s) gives more
+        time.
+        """
         return self.stopped and time_limit > self.time_limit
 
 
@@ -199,81 +284,98 @@ def tetrahedralize(
     on_step: Callable[[str], None] | None = None,
     time_limit: float = MeshSpec.time_limit,
 ) -> Tetrahedra:
-    """Tets of about `edge_length` mm inside `surface`, smaller where its curvature asks for it, by
-    the first of the `ways` whose mesh is sound.
+    """Fill a surface with tets by the first method whose mesh is sound.
 
-    Raises MeshingError where the edge length does not fit the body, Netgen is not installed as it
-    should be, or all ways fail or take more than `time_limit` s.
+    Args:
+        surface: Closed surface, mm.
+        edge_length: Mean edge length of the tets, mm; shorter where the curvature requires it.
+        on_step: Called with progress messages.
+        time_limit: Time limit of all methods, s.
+
+    Returns:
+        The mesh.
+
+    Raises:
+        MeshingError: If the edge length does not fit the body, a mesher is not installed properly,
+            or all methods fail or take too long.
     """
     _check_size(surface, edge_length)
-    tell = on_step or (lambda _: None)
-    tell(f"{len(surface.faces):,} triangles are looked at")
-    until = time.monotonic() + time_limit
+    report = on_step or (lambda _: None)
+    report(f"{len(surface.faces):,} triangles are checked")
+    deadline = time.monotonic() + time_limit
     tried: list[str] = []
     stopped = False
-    plan = ways(surface, edge_length)
-    for k, way in enumerate(plan):
-        limit = min(way.share * time_limit, until - time.monotonic())
+    plan = plan_methods(surface, edge_length)
+    for k, method in enumerate(plan):
+        limit = min(method.share * time_limit, deadline - time.monotonic())
         if limit <= 0:
-            tried.append(f"no time was left for {', '.join(w.says for w in plan[k:])}")
+            tried.append(f"no time was left for {', '.join(m.name for m in plan[k:])}")
             break
-        otherwise = f"{plan[k + 1].says} is tried" if k + 1 < len(plan) else "nothing else"
-        watch = Watch(limit, tell, way.says, way.usual, otherwise)
-        tell(f"{way.says}, usually {way.usual:.0f} s" + _after(tried))
-        begun = time.monotonic()
+        fallback = f"{plan[k + 1].name} comes next" if k + 1 < len(plan) else "nothing else"
+        monitor = RunMonitor(limit, report, method.name, method.usual_duration, fallback)
+        report(f"{method.name}, usually {method.usual_duration:.0f} s" + _describe_last(tried))
+        started_at = time.monotonic()
         try:
-            mesh, meshed = way.make(watch)
-            mesh = checked(mesh, surface, edge_length)
+            mesh, meshed = method.make(monitor)
+            mesh = check_mesh(mesh, surface, edge_length)
         except UnusableMesherError:
             raise
         except (MeshingError, RuntimeError, ValueError, MemoryError) as error:
-            # Native libraries raise whatever they do; the next way does without them.
-            stopped |= time.monotonic() - begun >= limit
+            # Native libraries raise errors of any class; the next method does without them.
+            stopped |= time.monotonic() - started_at >= limit
             stopped |= isinstance(error, MemoryError) or getattr(error, "is_machine_limit", False)
-            why = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
-            tried.append(f"{way.says}: {' '.join(why.split()).partition(';')[0]}")
+            reason = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
+            tried.append(f"{method.name}: {' '.join(reason.split()).partition(';')[0]}")
         else:
-            told = tuple(tried)
-            return Tetrahedra(mesh, way.mesher, way.says, meshed, told, stopped, time_limit)
+            failures = tuple(tried)
+            return Tetrahedra(
+                mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
+            )
+    is_out_of_time = time.monotonic() >= deadline
     raise MeshingError(
-        _advice(tried, time.monotonic() >= until, edge_length, time_limit),
+        f"no method filled the body's surface with tets ({'. '.join(tried)})",
         code="no-mesh",
+        action=_advice(is_out_of_time, edge_length, time_limit),
         tried=tuple(tried),
         limit=time_limit,
-        out_of_time=time.monotonic() >= until,
+        out_of_time=is_out_of_time,
     )
 
 
-def _after(tried: list[str]) -> str:
+def _describe_last(tried: list[str]) -> str:
     return f"; before that, {tried[-1]}" if tried else ""
 
 
-def _advice(tried: list[str], late: bool, edge_length: float, time_limit: float) -> str:
-    do = f"use a [mesh] edge_length other than {edge_length:g} mm in device.toml"
-    if late:
-        do = (
-            f"raise [mesh] time_limit ({time_limit:g} s) or edge_length ({edge_length:g} mm) in"
+def _advice(is_out_of_time: bool, edge_length: float, time_limit: float) -> str:
+    """Return the action for a body that no method could mesh."""
+    change = f"Use a [mesh] edge_length other than {edge_length:g} mm in device.toml"
+    if is_out_of_time:
+        change = (
+            f"Raise [mesh] time_limit ({time_limit:g} s) or edge_length ({edge_length:g} mm) in"
             " device.toml"
         )
     return (
-        f"no way led from the body's surface to tets ({'. '.join(tried)}); {do}, or mend the"
-        " surface in a mesh editor: remesh it, and remove triangles that cut each other"
+        f"{change}, or repair the surface in a mesh editor: remesh it, and remove triangles that"
+        " cross each other"
     )
 
 
 def _check_size(surface: Surface, edge_length: float) -> None:
+    """Raise MeshingError if the edge length does not fit the body."""
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
     if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
         raise MeshingError(
-            f"device.toml: mesh.edge_length: {edge_length:g} mm gives more than 2e6 tets; use"
-            f" {(8.5 * surface.volume / 1e5) ** (1 / 3):.2g} mm or more",
+            f"{edge_length:g} mm gives more than 2e6 tets",
             code="edge-too-short",
+            where="device.toml: mesh.edge_length",
+            action=f"Use {(8.5 * surface.volume / 1e5) ** (1 / 3):.2g} mm or more",
             edge_length=edge_length,
         )
     if edge_length > size:
         raise MeshingError(
-            f"device.toml: mesh.edge_length: {edge_length:g} mm is more than the body's size of"
-            f" {size:.3g} mm; use a fifth of the thickness",
+            f"{edge_length:g} mm is more than the body's size of {size:.3g} mm",
             code="edge-too-long",
+            where="device.toml: mesh.edge_length",
+            action="Use a fifth of the thickness",
             edge_length=edge_length,
         )

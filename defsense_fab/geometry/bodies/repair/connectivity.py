@@ -1,4 +1,4 @@
-"""Edges and corners at which a surface touches itself: taken apart."""
+"""Repair how triangles are connected: merge, remove, and separate sheets that touch."""
 
 from __future__ import annotations
 
@@ -8,19 +8,26 @@ from scipy.sparse.csgraph import connected_components
 
 from ....core.arrays import Bool, Float, Int
 from ....core.mesh import facet_crosses
-from .findings import number, place
+from .findings import describe_point, format_count
 
-# What is wrong with single triangles and edges: merged, removed.
-
-_PASSES = 30
-_SAME = 1e-7  # of the size: vertices that are one
+MAX_PASSES = 30
+MERGE_SHARE = 1e-7  # of the size: nearer vertices are merged
 
 
-def cleaned(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, list[str]]:
-    """Merge coincident vertices; remove degenerate, doubled and surplus triangles."""
+def clean_triangles(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, list[str]]:
+    """Merge coincident vertices; remove degenerate, duplicate and surplus triangles.
+
+    Args:
+        vertices: Corners (n, 3), mm.
+        faces: Triangles (m, 3).
+        size: Diagonal of the bounding box, mm.
+
+    Returns:
+        Vertices, faces, and sentences on what was done.
+    """
     done: list[str] = []
     _, first, inverse = np.unique(
-        np.round(vertices / (_SAME * size)), axis=0, return_index=True, return_inverse=True
+        np.round(vertices / (MERGE_SHARE * size)), axis=0, return_index=True, return_inverse=True
     )
     if len(first) < len(vertices):
         done.append(f"merged {len(vertices) - len(first)} coincident vertices")
@@ -34,13 +41,17 @@ def cleaned(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, list[
     mask &= keep
     if not mask.all():
         done.append(f"removed {(~mask).sum()} degenerate or doubled triangles")
-    faces, lost = _without_surplus(vertices, faces[mask])
+    faces, lost = _remove_surplus(vertices, faces[mask])
     return vertices, faces, done + lost
 
 
-def edges_of(faces: Int) -> tuple[Int, Int, Int]:
-    """The edges (k, 2) of triangles (m, 3), how many triangles each has (k,), and which (3 m,) are
-    the three edges of each triangle, in a row."""
+def find_edges(faces: Int) -> tuple[Int, Int, Int]:
+    """Return the edges of triangles.
+
+    Returns:
+        The edges (k, 2); how many triangles each has (k,); and the edge indices (3 m,) of the three
+        edges of each triangle, in a row.
+    """
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     edges, index, count = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
@@ -48,9 +59,11 @@ def edges_of(faces: Int) -> tuple[Int, Int, Int]:
     return edges, count, index.reshape(-1)
 
 
-def patches_of(faces: Int) -> Int:
-    """A number (m,) for each triangle: those joined by edges of just two triangles are one."""
-    _, count, index = edges_of(faces)
+def _find_patches(faces: Int) -> Int:
+    """Return a patch number (m,) for each triangle: triangles joined by two-triangle edges share
+    one.
+    """
+    _, count, index = find_edges(faces)
     order = np.argsort(index, kind="stable")
     owner = order // 3
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])[count == 2]
@@ -59,24 +72,30 @@ def patches_of(faces: Int) -> Int:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def _without_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
-    """Without fins and inner walls: patches that end at edges of three triangles, and without which
-    these have two. Open ones go first, then the smallest. Where none is left but such edges are,
-    their smallest triangles go, which leaves holes."""
-    gone, at = 0, vertices[0]
+def _remove_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
+    """Remove fins and inner walls: patches that end at edges of three triangles, which then have
+    two.
+
+    Open patches go first, then the smallest. If no such patch is left but such edges are, their
+    smallest triangles are removed, which leaves holes.
+    """
+    removed, at = 0, vertices[0]
     done: list[str] = []
-    for _ in range(_PASSES):
-        found = _surplus(vertices, faces)
-        if not found.any():
+    for _ in range(MAX_PASSES):
+        is_surplus = _find_surplus(vertices, faces)
+        if not is_surplus.any():
             break
-        gone += int(found.sum())
-        at = vertices[faces[found][0]].mean(0)
-        faces = faces[~found]
-    if gone:
-        done.append(f"removed fins or inner walls of {number(gone, 'triangle')}, near {place(at)}")
+        removed += int(is_surplus.sum())
+        at = vertices[faces[is_surplus][0]].mean(0)
+        faces = faces[~is_surplus]
+    if removed:
+        done.append(
+            f"removed fins or inner walls of {format_count(removed, 'triangle')}, near"
+            f" {describe_point(at)}"
+        )
     before = faces
-    for _ in range(_PASSES):
-        _, count, index = edges_of(faces)
+    for _ in range(MAX_PASSES):
+        _, count, index = find_edges(faces)
         odd = (count > 2) & (count % 2 == 1)
         if not odd.any():
             break
@@ -88,8 +107,8 @@ def _without_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
         at = vertices[faces[small][0]].mean(0)
         faces = faces[~small]
     if len(faces) < len(before):
-        left = number(len(before) - len(faces), "triangle")
-        done.append(f"removed {left} at edges that have more than two, near {place(at)}")
+        text = format_count(len(before) - len(faces), "triangle")
+        done.append(f"removed {text} at edges that have more than two, near {describe_point(at)}")
     return faces, done
 
 
@@ -97,92 +116,111 @@ def _areas(vertices: Float, faces: Int) -> Float:
     return np.asarray(np.linalg.norm(facet_crosses(vertices, faces), axis=1) / 2)
 
 
-def _surplus(vertices: Float, faces: Int) -> Bool:
-    """Triangles (m,) to remove: of patches that have no such edge in common."""
-    _, count, index = edges_of(faces)
+def _find_surplus(vertices: Float, faces: Int) -> Bool:
+    """Return the triangles (m,) to remove: of patches that have no such edge in common."""
+    _, count, index = find_edges(faces)
     odd = (count > 2) & (count % 2 == 1)
-    gone = np.zeros(len(faces), bool)
+    is_surplus = np.zeros(len(faces), bool)
     if not odd.any():
-        return gone
-    patch = patches_of(faces)
+        return is_surplus
+    patch = _find_patches(faces)
     area = np.bincount(patch, _areas(vertices, faces))
     of_edge = np.repeat(patch, 3)
     touches = np.bincount(of_edge, odd[index]) > 0
     is_open = np.bincount(of_edge, count[index] == 1) > 0
-    # What each edge would have left without the patch: never one triangle alone.
+    # Without the patch, no edge may be left with a single triangle.
     pairs, times = np.unique(np.stack([of_edge, index]), axis=1, return_counts=True)
     alone = (count[pairs[1]] - times) == 1
     harmful = np.bincount(pairs[0], alone, minlength=len(area)) > 0
     candidates = np.nonzero(touches & ~harmful)[0]
     if len(area) == 1:
-        return gone
+        return is_surplus
     order = np.argsort(of_edge, kind="stable")
     starts = np.searchsorted(of_edge[order], np.arange(len(area) + 1))
     used = np.zeros(len(count), bool)
     for k in candidates[np.lexsort([area[candidates], ~is_open[candidates]])]:
-        own = index[order[starts[k] : starts[k + 1]]]
-        own = own[count[own] > 2]
-        if not used[own].any():
-            used[own] = True
-            gone |= patch == k
-    return gone
+        patch_edges = index[order[starts[k] : starts[k + 1]]]
+        patch_edges = patch_edges[count[patch_edges] > 2]
+        if not used[patch_edges].any():
+            used[patch_edges] = True
+            is_surplus |= patch == k
+    return is_surplus
 
 
-_APART = 5e-4  # of the size: how far corners that touched are drawn back, at most
-_SHARE = 0.1  # of the way to their neighbours, at most
+MAX_RETREAT_SHARE = 5e-4  # of the size, for corners that touched
+MAX_RETREAT_OF_EDGE = 0.1  # of the distance to their neighbors
 
 
-def taken_apart(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, list[str]] | Bool:
-    """Closed, oriented triangles as sheets that are joined along edges of two triangles only, each
-    sheet's corners that others had too drawn back a little.
+def separate_sheets(
+    vertices: Float, faces: Int, size: float
+) -> tuple[Float, Int, list[str]] | Bool:
+    """Separate sheets of closed, oriented triangles that touch at edges or corners.
 
-    Where around an edge solid and empty space do not take turns, there are no such sheets, and the
-    triangles (m,) at these edges are returned.
+    In the result triangles are joined only along edges of two triangles; corners that several
+    sheets shared are drawn back a little.
+
+    Args:
+        vertices: Corners (n, 3), mm.
+        faces: Triangles (m, 3).
+        size: Diagonal of the bounding box, mm.
+
+    Returns:
+        Vertices, faces and sentences on what was done. If solid and empty space do not alternate
+        around an edge, there are no such sheets: then the triangles (m,) at these edges.
     """
-    joined = _joined(vertices, faces)
+    joined = _join_corners(vertices, faces)
     if isinstance(joined, np.ndarray):
         return joined
     left, right = joined
     corners = 3 * len(faces)
     graph = coo_array((np.ones(len(left)), (left, right)), (corners, corners))
     count, label = connected_components(graph, directed=False)
-    old = np.zeros(count, np.int64)
-    old[label] = faces.reshape(-1)
+    original = np.zeros(count, np.int64)
+    original[label] = faces.reshape(-1)
     if count == len(np.unique(faces)):
         return vertices, faces, []
-    made = vertices[old]
+    corners_out = vertices[original]
     faces = label.reshape(-1, 3).astype(np.int64)
-    several = np.bincount(old, minlength=len(vertices))[old] > 1
+    is_shared = np.bincount(original, minlength=len(vertices))[original] > 1
     edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-    around = np.zeros_like(made)
+    around = np.zeros_like(corners_out)
     degree = np.bincount(edges.reshape(-1), minlength=count)
     for axis in range(3):
-        around[:, axis] = np.bincount(edges[:, 0], made[edges[:, 1], axis], count) + np.bincount(
-            edges[:, 1], made[edges[:, 0], axis], count
-        )
-    way = around / degree[:, None] - made
-    length = np.linalg.norm(way, axis=1)
-    step = np.minimum(_APART * size, _SHARE * length) / np.maximum(length, 1e-300)
-    made = np.where(several[:, None], made + step[:, None] * way, made)
-    moved = float((step * length)[several].max())
-    places = number(len(np.unique(old[several])), "corner")
-    return made, faces, [
-        f"took sheets apart that touched at {places}, one near {place(made[several][0])}: moved"
-        f" {moved:.2g} mm"
-    ]  # fmt: skip
+        around[:, axis] = np.bincount(
+            edges[:, 0], corners_out[edges[:, 1], axis], count
+        ) + np.bincount(edges[:, 1], corners_out[edges[:, 0], axis], count)
+    direction = around / degree[:, None] - corners_out
+    length = np.linalg.norm(direction, axis=1)
+    step = np.minimum(MAX_RETREAT_SHARE * size, MAX_RETREAT_OF_EDGE * length) / np.maximum(
+        length, 1e-300
+    )
+    corners_out = np.where(is_shared[:, None], corners_out + step[:, None] * direction, corners_out)
+    largest_move = float((step * length)[is_shared].max())
+    places = format_count(len(np.unique(original[is_shared])), "corner")
+    return (
+        corners_out,
+        faces,
+        [
+            f"separated sheets that touched at {places}, one near"
+            f" {describe_point(corners_out[is_shared][0])}: moved"
+            f" {largest_move:.2g} mm"
+        ],
+    )
 
 
-def _joined(vertices: Float, faces: Int) -> tuple[Int, Int] | Bool:
-    """Pairs of corners (3 face + corner) that are one vertex: those at both ends of edges across
-    which two triangles are joined; or the triangles (m,) at edges of which that cannot be said."""
-    edges, count, index = edges_of(faces)
+def _join_corners(vertices: Float, faces: Int) -> tuple[Int, Int] | Bool:
+    """Return pairs of corners (3 face + corner) that are one vertex: those at both ends of edges
+    across which two triangles are joined. If that is undefined at some edges, return their
+    triangles (m,).
+    """
+    edges, count, index = find_edges(faces)
     order = np.argsort(index, kind="stable")
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
     first, second = [order[starts[count == 2]]], [order[starts[count == 2] + 1]]
     failed = count % 2 == 1
     for e in np.nonzero((count > 2) & ~failed)[0]:
         sides = order[starts[e] : starts[e] + count[e]]
-        pairs = _around(vertices, faces, edges[e], sides)
+        pairs = _pair_half_edges(vertices, faces, edges[e], sides)
         if pairs is None:
             failed[e] = True
         else:
@@ -190,11 +228,11 @@ def _joined(vertices: Float, faces: Int) -> tuple[Int, Int] | Bool:
             second.append(pairs[1])
     if failed.any():
         return np.asarray(failed[index].reshape(-1, 3).any(1))
-    return _ends(faces, np.concatenate(first), np.concatenate(second))
+    return _edge_ends(faces, np.concatenate(first), np.concatenate(second))
 
 
-def _ends(faces: Int, first: Int, second: Int) -> tuple[Int, Int]:
-    """The corners at both ends of half-edges (3 face + side) that are joined."""
+def _edge_ends(faces: Int, first: Int, second: Int) -> tuple[Int, Int]:
+    """Return the corners at both ends of joined half-edges (3 face + side)."""
     a, b = first, 3 * (first // 3) + (first % 3 + 1) % 3
     c, d = second, 3 * (second // 3) + (second % 3 + 1) % 3
     flat = faces.reshape(-1)
@@ -205,8 +243,8 @@ def _ends(faces: Int, first: Int, second: Int) -> tuple[Int, Int]:
     )
 
 
-def _around(vertices: Float, faces: Int, edge: Int, sides: Int) -> tuple[Int, Int] | None:
-    """Half-edges in pairs with the solid between them."""
+def _pair_half_edges(vertices: Float, faces: Int, edge: Int, sides: Int) -> tuple[Int, Int] | None:
+    """Return pairs of half-edges with the solid between them, or None if there are none."""
     a, b = vertices[edge]
     axis = (b - a) / np.linalg.norm(b - a)
     third = faces[sides // 3, (sides % 3 + 2) % 3]
@@ -219,6 +257,6 @@ def _around(vertices: Float, faces: Int, edge: Int, sides: Int) -> tuple[Int, In
     ahead = forward[order]
     if (ahead == np.roll(ahead, 1)).any():
         return None
-    # Seen along the edge, the solid of a triangle that runs with it lies clockwise.
+    # Seen along the edge, the solid of a triangle with the same direction lies clockwise.
     plus = np.nonzero(ahead)[0]
     return sides[order[plus]], sides[order[plus - 1]]

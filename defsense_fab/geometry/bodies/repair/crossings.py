@@ -1,4 +1,6 @@
-"""Where a surface passes through itself: pairs of its triangles that cross."""
+"""Find triangles at which a surface passes through itself or does not separate inside from
+outside.
+"""
 
 from __future__ import annotations
 
@@ -10,65 +12,84 @@ import numpy as np
 from ....core.arrays import Bool, Float, Int
 from ....core.machine.compiled import compiled
 
-# What a surface encloses, by its winding number; the last word on whether it is sound.
-
-_STEP_OFF = 1e-5  # of the bounding box's diagonal
-_HEIGHT = 1e-4  # likewise: thinner triangles may be steps no wider than what is stepped off
+STEP_SHARE = 1e-5  # of the bounding box's diagonal
+MIN_HEIGHT_SHARE = 1e-4  # of the diagonal; thinner triangles may be narrower than the step
 
 
-class Inside:
-    """Of triangles that need be neither closed nor apart from each other: what the generalised
-    winding number (Jacobson et al. 2013; Barill et al. 2018) says is in."""
+class WindingNumber:
+    """Generalized winding number of triangles that need be neither closed nor disjoint.
+
+    References:
+        Jacobson et al. (2013); Barill et al. (2018).
+    """
 
     def __init__(self, vertices: Float, faces: Int) -> None:
         self._tree = igl.FastWindingNumberBVH()
         self._tree.init(np.ascontiguousarray(vertices), np.ascontiguousarray(faces))
 
     def number(self, points: Float) -> Float:
-        """The winding number at points (n, 3)."""
+        """Return the winding number (n,) at points (n, 3)."""
         return np.asarray(self._tree.winding_number(np.ascontiguousarray(points)))
 
     def __call__(self, points: Float) -> Bool:
-        """Whether points (n, 3) are in."""
+        """Return which points (n, 3) are inside: those with a winding number above 0.5."""
         return np.asarray(self.number(points) > 0.5)
 
 
-def beside(inside: Inside, points: Float, normals: Float, size: float) -> tuple[Float, Float]:
-    """The winding numbers (n,) just behind and just before a surface with normals (n, 3) at its
-    points (n, 3)."""
-    step = _STEP_OFF * size * normals
+def winding_on_both_sides(
+    inside: WindingNumber, points: Float, normals: Float, size: float
+) -> tuple[Float, Float]:
+    """Return the winding numbers (n,) just behind and just in front of a surface.
+
+    Args:
+        inside: Winding number of the surface.
+        points: Points (n, 3) on the surface, mm.
+        normals: Unit normals (n, 3) there.
+        size: Diagonal of the bounding box, mm.
+    """
+    step = STEP_SHARE * size * normals
     return inside.number(points - step), inside.number(points + step)
 
 
-def wrong_faces(vertices: Float, faces: Int, size: float) -> Bool:
-    """Triangles (m,) that do not have the inside behind them, with a winding number of 1, and the
-    outside before them, with 0. Of those that are too thin to
-    tell, none is wrong."""
+def find_wrong_faces(vertices: Float, faces: Int, size: float) -> Bool:
+    """Return triangles (m,) that do not have the inside behind them and the outside in front of
+    them.
+
+    The winding number must be 1 behind and 0 in front. Triangles that are too thin to judge are not
+    reported.
+    """
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     length = np.linalg.norm(normal, axis=1)
     longest = np.maximum.reduce([np.linalg.norm(x, axis=1) for x in (b - a, c - b, a - c)])
-    whole = length > _HEIGHT * size * longest
+    is_thick = length > MIN_HEIGHT_SHARE * size * longest
     wrong = np.zeros(len(faces), bool)
-    behind, before = beside(
-        Inside(vertices, faces),
-        ((a + b + c) / 3)[whole],
-        normal[whole] / length[whole, None],
+    behind, before = winding_on_both_sides(
+        WindingNumber(vertices, faces),
+        ((a + b + c) / 3)[is_thick],
+        normal[is_thick] / length[is_thick, None],
         size,
     )
-    wrong[whole] = (np.abs(behind - 1) > 0.5) | (np.abs(before) > 0.5)
+    wrong[is_thick] = (np.abs(behind - 1) > 0.5) | (np.abs(before) > 0.5)
     return wrong
 
 
-_LEAF = 4  # triangles
-_MOST = 1_000_000  # pairs that are looked for
-_NOTHING = 1e-15  # of the cube of the surface's size: a volume that rounding gives
+TRIANGLES_PER_LEAF = 4  # triangles
+MAX_PAIRS = 1_000_000  # of crossing triangles that are searched for
+VOLUME_TOLERANCE = 1e-15  # of the cube of the surface's size: smaller volumes are rounding
 
 
-def crossing_pairs(vertices: Float, faces: Int) -> Int:
-    """Pairs (k, 2) of the triangles (m, 3) of which an edge of one goes through the other.
+def find_crossing_pairs(vertices: Float, faces: Int) -> Int:
+    """Return pairs of triangles of which an edge of one goes through the other.
 
     Triangles that touch, lie in one plane or share an edge do not count.
+
+    Args:
+        vertices: Corners (n, 3), mm.
+        faces: Triangles (m, 3).
+
+    Returns:
+        Indices (k, 2) of triangles; at most a million pairs.
     """
     if len(faces) < 2:
         return np.zeros((0, 2), np.int64)
@@ -77,14 +98,14 @@ def crossing_pairs(vertices: Float, faces: Int) -> Int:
     points = np.ascontiguousarray(vertices - middle)
     corners = points[faces]
     low, high = corners.min(1), corners.max(1)
-    order = np.argsort(_morton((low + high) / 2), kind="stable")
+    order = np.argsort(_morton_codes((low + high) / 2), kind="stable")
     leaves = 1
-    while leaves * _LEAF < len(faces):
+    while leaves * TRIANGLES_PER_LEAF < len(faces):
         leaves *= 2
     boxes = np.empty((2 * leaves, 6))
     boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf
-    count = -(-len(faces) // _LEAF)
-    starts = np.arange(count) * _LEAF
+    count = -(-len(faces) // TRIANGLES_PER_LEAF)
+    starts = np.arange(count) * TRIANGLES_PER_LEAF
     boxes[leaves : leaves + count, :3] = np.minimum.reduceat(low[order], starts)
     boxes[leaves : leaves + count, 3:] = np.maximum.reduceat(high[order], starts)
     level = leaves
@@ -94,13 +115,19 @@ def crossing_pairs(vertices: Float, faces: Int) -> Int:
         boxes[level // 2 : level, 3:] = children[:, :, 3:].max(1)
         level //= 2
     at = order.astype(np.int64)
-    found = _pairs(points, np.ascontiguousarray(faces, np.int64)[at], boxes, leaves,
-                   _NOTHING * size**3, min(_MOST, 8 * len(faces)))  # fmt: skip
+    found = _pairs(
+        points,
+        np.ascontiguousarray(faces, np.int64)[at],
+        boxes,
+        leaves,
+        VOLUME_TOLERANCE * size**3,
+        min(MAX_PAIRS, 8 * len(faces)),
+    )
     return np.asarray(at[found])
 
 
-def _morton(points: Float) -> Int:
-    """Places along a curve that keeps neighbours together."""
+def _morton_codes(points: Float) -> Int:
+    """Return positions along a curve that keeps neighbors together."""
     low, extent = points.min(0), np.maximum(np.ptp(points, axis=0), 1e-300)
     cells = np.minimum((points - low) / extent * 1024, 1023).astype(np.int64)
     code = np.zeros(len(points), np.int64)
@@ -147,8 +174,7 @@ def _pairs(v: Float, f: Int, boxes: Float, leaves: int, nothing: float, most: in
 
 @compiled()
 def _cross(v: Float, p: Int, q: Int, nothing: float) -> bool:
-    """Whether an edge of one triangle goes through the other; edges at a corner that both have
-    cannot."""
+    """Whether an edge of one triangle goes through the other; edges at a shared corner cannot."""
     for k in range(3):
         a, b, c = v[p[0], k], v[p[1], k], v[p[2], k]
         d, e, f = v[q[0], k], v[q[1], k], v[q[2], k]
@@ -190,7 +216,7 @@ def _pierces(s: Float, e: Float, a: Float, b: Float, c: Float, nothing: float) -
 
 @compiled()
 def _volume(a: Float, b: Float, c: Float, d: Float) -> Any:
-    """Six times that of a tetrahedron, signed."""
+    """Return six times the signed volume of a tetrahedron."""
     x, y, z = d[0] - a[0], d[1] - a[1], d[2] - a[2]
     p, q, r = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     s, t, u = c[0] - a[0], c[1] - a[1], c[2] - a[2]

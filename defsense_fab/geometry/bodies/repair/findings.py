@@ -1,4 +1,4 @@
-"""How places and counts are told."""
+"""Texts and errors about bodies that are shared by repairs of meshes and of CAD solids."""
 
 from __future__ import annotations
 
@@ -7,30 +7,68 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.errors import BodyError
 
-# Bodies that lie too far from the origin for the files that their parts are written to.
-
-#: Of the largest size of a body. STL files hold coordinates in single precision: at 15 m they are
-#: rounded by 0.001 mm, further away by more than there is room for between parts.
-_FAR = 1.5
-
-
-def check_near(where: str, vertices: Float, largest: float) -> None:
-    """Raises BodyError where vertices (n, 3) mm lie far away for bodies of at most `largest` mm."""
-    away = float(np.abs(vertices).max())
-    if away > _FAR * largest:
-        raise BodyError(
-            f"{where}: the body reaches {away / 1000:.3g} m away from the origin, where coordinates"
-            " in STL files are rounded too much; move it to the origin",
-            code="far-from-origin",
-            distance=away,
-        )
+#: Largest coordinate, as a multiple of the largest size of a body. STL files hold coordinates in
+#: single precision: at 15 m they are rounded by 0.001 mm, and farther away by more than there is
+#: room for between parts.
+MAX_REACH_SIZES = 1.5
 
 
-def place(p: Float) -> str:
-    """A point (3,) mm."""
+def describe_point(p: Float) -> str:
+    """Return a point (3,) mm as text, such as "(1, 2.5, 0)"."""
     return "(" + ", ".join(f"{x + 0.0:.4g}" for x in p) + ")"
 
 
-def number(count: int, one: str, many: str = "") -> str:
-    """As in 1 hole, 2 holes."""
-    return f"{count} {one if count == 1 else many or one + 's'}"
+def format_count(count: int, singular: str, plural: str = "") -> str:
+    """Return a count with its noun, such as "1 hole" or "2 holes"."""
+    return f"{count} {singular if count == 1 else plural or singular + 's'}"
+
+
+def describe_cavity(volume: float, middle: Float, smaller: int = 0) -> str:
+    """Describe a closed cavity.
+
+    Args:
+        volume: Its volume, mm^3.
+        middle: Its center (3,), mm.
+        smaller: Number of smaller cavities to mention.
+
+    Returns:
+        A noun phrase.
+    """
+    text = f"a closed cavity of {volume:.3g} mm3 around {describe_point(middle)}"
+    return f"{text} and {smaller} smaller" if smaller else text
+
+
+def closed_cavity_error(where: str, volume: float, middle: Float, smaller: int) -> BodyError:
+    """Return the error for cavities that may not be filled; arguments as in `describe_cavity`."""
+    return BodyError(
+        f"{describe_cavity(volume, middle, smaller)} inside the body cannot be made: powder or"
+        " resin stays in it, and no mould reaches it",
+        code="closed-cavity",
+        where=where,
+        action="Write fill_cavities = true under [body] in device.toml to fill it, or open or"
+        " remove"
+        " it in the program that made the body",
+        volume=volume,
+        at=middle.tolist(),
+        count=1 + smaller,
+    )
+
+
+def check_distance_from_origin(where: str, vertices: Float, largest_size: float) -> None:
+    """Raise BodyError if vertices (n, 3) lie too far from the origin for STL files.
+
+    Args:
+        where: File to name in the error.
+        vertices: Coordinates, mm.
+        largest_size: Largest plausible size of a body, mm.
+    """
+    reach = float(np.abs(vertices).max())
+    if reach > MAX_REACH_SIZES * largest_size:
+        raise BodyError(
+            f"the body reaches {reach / 1000:.3g} m away from the origin, where coordinates in STL"
+            " files are rounded too much",
+            code="far-from-origin",
+            where=where,
+            action="Move it to the origin",
+            distance=reach,
+        )

@@ -1,4 +1,4 @@
-"""Holes of a surface: found, and filled with triangles of the least area."""
+"""Find the holes of a surface and fill them with triangles of least area."""
 
 from __future__ import annotations
 
@@ -9,105 +9,132 @@ import numpy as np
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
 from ....core.machine.compiled import compiled
-from .connectivity import edges_of
-from .findings import number, place
+from .connectivity import find_edges
+from .findings import describe_point, format_count
 
-#: Holes of more than three edges that are wider than this part of the bounding box's diagonal are
-#: not guessed at.
-LARGEST_HOLE = 0.1
-_MOST_EDGES = 400  # of a hole that is filled with the least area
-_NARROW = 1e-6  # of the size: a crack
+#: Holes of more than three edges that are wider than this share of the bounding box's diagonal are
+#: not filled.
+MAX_HOLE_SHARE = 0.1
+MAX_OPTIMAL_EDGES = 400  # of a hole that is filled with least area
+CRACK_WIDTH_SHARE = 1e-6  # of the size
 
 
 def close_holes(
     vertices: Float, faces: Int, size: float, where: str
 ) -> tuple[Float, Int, list[str]]:
-    """Fill each hole. Raises BodyError where one is too wide to guess what was there."""
-    edges, count, _ = edges_of(faces)
-    loops = _loops(edges[count == 1], where, vertices)
+    """Fill each hole of a surface.
+
+    Args:
+        vertices: Corners (n, 3), mm.
+        faces: Triangles (m, 3).
+        size: Diagonal of the bounding box, mm.
+        where: File to name in errors.
+
+    Returns:
+        Vertices, faces, and sentences on what was done.
+
+    Raises:
+        BodyError: If a hole is too wide to guess what was there.
+    """
+    edges, count, _ = find_edges(faces)
+    loops = _find_loops(edges[count == 1], where, vertices)
     if not loops:
         return vertices, faces, []
-    added, extra = [], []
-    wide: list[tuple[float, int, Float]] = []
+    added, middles = [], []
+    holes: list[tuple[float, int, Float]] = []
     for loop in loops:
         points = vertices[loop]
         width = float(np.linalg.norm(np.ptp(points, axis=0)))
-        if width > LARGEST_HOLE * size and len(loop) > 3:
+        if width > MAX_HOLE_SHARE * size and len(loop) > 3:
             raise BodyError(
-                f"{where}: a hole {width:.3g} mm wide with {len(loop)} edges near"
-                f" {place(points.mean(0))} is too wide to close; close it in a mesh editor",
+                f"a hole {width:.3g} mm wide with {len(loop)} edges near"
+                f" {describe_point(points.mean(0))} is too wide to close",
                 code="hole-too-wide",
+                where=where,
+                action="Close it in a mesh editor",
                 width=width,
                 edges=len(loop),
             )
-        if len(loop) <= _MOST_EDGES:
-            filled = np.asarray(loop)[_least_area(points)]
+        if len(loop) <= MAX_OPTIMAL_EDGES:
+            filled = np.asarray(loop)[_triangulate(points)]
         else:
-            extra.append(points.mean(0))
-            middle = len(vertices) + len(extra) - 1
+            middles.append(points.mean(0))
+            middle = len(vertices) + len(middles) - 1
             following = np.roll(loop, -1)
             filled = np.stack([loop, following, np.full(len(loop), middle)], axis=1)
         added.append(filled)
-        wide.append((width, len(loop), points.mean(0)))
-    if extra:
-        vertices = np.concatenate([vertices, extra])
-    return vertices, np.concatenate([faces, *added]), _told(wide, vertices, added, size)
+        holes.append((width, len(loop), points.mean(0)))
+    if middles:
+        vertices = np.concatenate([vertices, middles])
+    return vertices, np.concatenate([faces, *added]), _describe(holes, vertices, added, size)
 
 
-def _told(
-    wide: list[tuple[float, int, Float]], vertices: Float, added: list[Int], size: float
+def _describe(
+    filled_holes: list[tuple[float, int, Float]], vertices: Float, fillings: list[Int], size: float
 ) -> list[str]:
-    """Cracks between triangles of which one has a vertex more are told apart from holes."""
+    """Describe the filled holes; cracks between triangles, of which one has an extra vertex,
+    apart.
+    """
     area = []
-    for filled in added:
+    for filled in fillings:
         c = vertices[filled]
         cross = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
         area.append(np.linalg.norm(cross, axis=1).sum() / 2)
-    cracks = [w for w, a in zip(wide, area, strict=True) if a < _NARROW * size * w[0]]
-    holes = [w for w, a in zip(wide, area, strict=True) if a >= _NARROW * size * w[0]]
+    cracks = [
+        w for w, a in zip(filled_holes, area, strict=True) if a < CRACK_WIDTH_SHARE * size * w[0]
+    ]
+    holes = [
+        w for w, a in zip(filled_holes, area, strict=True) if a >= CRACK_WIDTH_SHARE * size * w[0]
+    ]
     done = []
     if len(holes) == 1:
         width, count, at = holes[0]
-        done.append(f"closed 1 hole, {width:.3g} mm wide with {count} edges, near {place(at)}")
+        done.append(
+            f"closed 1 hole, {width:.3g} mm wide with {count} edges, near {describe_point(at)}"
+        )
     elif holes:
         width, count, at = max(holes, key=lambda h: h[0])
         done.append(
             f"closed {len(holes)} holes, the widest of {width:.3g} mm with {count} edges near"
-            f" {place(at)}"
+            f" {describe_point(at)}"
         )
     if cracks:
         width, _, at = max(cracks, key=lambda h: h[0])
         done.append(
-            f"closed {number(len(cracks), 'crack')} of no width, the longest of {width:.3g} mm"
-            f" near {place(at)}"
+            f"closed {format_count(len(cracks), 'crack')} of no width, the longest of"
+            f" {width:.3g} mm"
+            f" near {describe_point(at)}"
         )
     return done
 
 
-def _loops(borders: Int, where: str, vertices: Float) -> list[list[int]]:
-    """Cycles of border edges (k, 2), each vertex once in a cycle: where holes meet, each is one."""
-    beside: dict[int, list[int]] = {}
+def _find_loops(borders: Int, where: str, vertices: Float) -> list[list[int]]:
+    """Return cycles of border edges (k, 2), each vertex once per cycle: where holes meet, each is
+    one cycle.
+    """
+    neighbors: dict[int, list[int]] = {}
     for a, b in borders.tolist():
-        beside.setdefault(a, []).append(b)
-        beside.setdefault(b, []).append(a)
+        neighbors.setdefault(a, []).append(b)
+        neighbors.setdefault(b, []).append(a)
     loops: list[list[int]] = []
-    for start in list(beside):
-        while beside[start]:
+    for start in list(neighbors):
+        while neighbors[start]:
             path, index, at = [start], {start: 0}, start
             while True:
-                if not beside[at]:
+                if not neighbors[at]:
                     raise BodyError(
-                        f"{where}: an open border at {place(vertices[at])} is no loop; close it in"
-                        " a mesh editor",
+                        f"an open border at {describe_point(vertices[at])} does not form a loop",
                         code="border-not-a-loop",
+                        where=where,
+                        action="Close it in a mesh editor",
                     )
-                following = beside[at].pop()
-                beside[following].remove(at)
+                following = neighbors[at].pop()
+                neighbors[following].remove(at)
                 if following in index:
                     cut = index[following]
                     loops.append(path[cut:])
-                    for gone in path[cut + 1 :]:
-                        del index[gone]
+                    for vertex in path[cut + 1 :]:
+                        del index[vertex]
                     path = path[: cut + 1]
                     at = following
                     if len(path) == 1:
@@ -119,9 +146,9 @@ def _loops(borders: Int, where: str, vertices: Float) -> list[list[int]]:
     return loops
 
 
-def _least_area(points: Float) -> Int:
-    """Triangles (n - 2, 3) between the points (n, 3) of a loop, of the least area together."""
-    split = _splits(np.ascontiguousarray(points))
+def _triangulate(points: Float) -> Int:
+    """Return triangles (n - 2, 3) of least total area between the points (n, 3) of a loop."""
+    split = _split_corners(np.ascontiguousarray(points))
     out, todo = [], [(0, len(points) - 1)]
     while todo:
         i, k = todo.pop()
@@ -134,8 +161,8 @@ def _least_area(points: Float) -> Int:
 
 
 @compiled()
-def _splits(p: Float) -> Any:
-    """Of each run from i to k of a loop, the corner between of its triangle on i, k."""
+def _split_corners(p: Float) -> Any:
+    """Return, for each run from i to k of a loop, the corner of its triangle on i, k."""
     n = len(p)
     best = np.zeros((n, n))
     split = np.zeros((n, n), np.int64)

@@ -1,4 +1,4 @@
-"""The closed shells that a surface consists of: which is a body, a cavity in one, or debris."""
+"""Sort the closed shells of a surface into bodies, cavities and debris."""
 
 from __future__ import annotations
 
@@ -9,19 +9,26 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
-from .crossings import Inside
-from .findings import number, place
+from .crossings import WindingNumber
+from .findings import closed_cavity_error, describe_cavity, describe_point, format_count
 
-#: Pieces and cavities of less than this part of the volume are debris.
-DEBRIS = 1e-3
-_MOST = 200  # shells of which it is asked what holds them; the largest
-_FLAT = 1e-9  # of the cube of the size: the volume of what encloses none
+#: Pieces and cavities below this share of the volume are debris.
+DEBRIS_SHARE = 1e-3
+MAX_NESTED = 200  # shells (the largest) whose holders are searched for
+MIN_VOLUME_SHARE = 1e-9  # of the cube of the size: smaller shells enclose nothing
 
 
 @dataclass(frozen=True)
 class Shell:
-    """Closed triangles (m, 3) of the common vertices, turned outward; `volume` mm^3 within;
-    `turned` tells that they had been inward; `low` and `high` corners, (3,) mm."""
+    """A closed part of a surface.
+
+    Attributes:
+        faces: Triangles (m, 3) of the common vertices, turned outward.
+        volume: Enclosed volume, mm^3.
+        turned: Whether the triangles were turned inward before.
+        low: Lowest corner (3,) of the bounding box, mm.
+        high: Highest corner (3,), mm.
+    """
 
     faces: Int
     volume: float
@@ -31,42 +38,47 @@ class Shell:
 
     @property
     def middle(self) -> Float:
-        """Of its bounding box, (3,) mm."""
+        """Center (3,) of the bounding box, mm."""
         return (self.low + self.high) / 2
 
 
-def shells_of(vertices: Float, faces: Int, size: float) -> list[Shell]:
-    """The shells that enclose something, the largest first."""
+def find_shells(vertices: Float, faces: Int, size: float) -> list[Shell]:
+    """Return the shells that enclose a volume, the largest first."""
     label = np.asarray(igl.facet_components(np.ascontiguousarray(faces))[1])
     order = np.argsort(label, kind="stable")
-    found = []
-    for own in np.split(order, np.nonzero(np.diff(label[order]))[0] + 1):
-        mine = faces[np.sort(own)]
-        corners = vertices[mine]
+    shells = []
+    for members in np.split(order, np.nonzero(np.diff(label[order]))[0] + 1):
+        triangles = faces[np.sort(members)]
+        corners = vertices[triangles]
         a, b, c = (corners[:, i] - corners[0, 0] for i in range(3))
         volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
-        if abs(volume) < _FLAT * size**3 and len(own) < len(faces):
+        if abs(volume) < MIN_VOLUME_SHARE * size**3 and len(members) < len(faces):
             continue
         turned = volume < 0
-        found.append(
+        shells.append(
             Shell(
-                np.ascontiguousarray(mine[:, ::-1]) if turned else mine,
+                np.ascontiguousarray(triangles[:, ::-1]) if turned else triangles,
                 abs(volume),
                 turned,
                 corners.min((0, 1)),
                 corners.max((0, 1)),
             )
         )
-    return sorted(found, key=lambda s: -s.volume)
+    return sorted(shells, key=lambda s: -s.volume)
 
 
-def nested(vertices: Float, shells: list[Shell], apart: Int) -> list[int | None]:
-    """For each shell the number of the smallest one that holds it, or None. Those of `apart`, pairs
-    (k, 2) of shells that cross, do not hold each other."""
-    crossed = {(int(a), int(b)) for a, b in apart} | {(int(b), int(a)) for a, b in apart}
-    trees: dict[int, Inside] = {}
+def find_holders(vertices: Float, shells: list[Shell], crossing: Int) -> list[int | None]:
+    """Return, for each shell, the index of the smallest shell that holds it, or None.
+
+    Args:
+        vertices: Corners (n, 3), mm.
+        shells: Shells, the largest first.
+        crossing: Pairs (k, 2) of shells that cross: they do not hold each other.
+    """
+    crossed = {(int(a), int(b)) for a, b in crossing} | {(int(b), int(a)) for a, b in crossing}
+    trees: dict[int, WindingNumber] = {}
     holder: list[int | None] = [None] * len(shells)
-    for i, inner in enumerate(shells[:_MOST]):
+    for i, inner in enumerate(shells[:MAX_NESTED]):
         for j in range(i - 1, -1, -1):
             outer = shells[j]
             if (
@@ -76,85 +88,79 @@ def nested(vertices: Float, shells: list[Shell], apart: Int) -> list[int | None]
             ):
                 continue
             if j not in trees:
-                trees[j] = Inside(vertices, outer.faces)
+                trees[j] = WindingNumber(vertices, outer.faces)
             if trees[j](vertices[inner.faces[:3, 0]]).all():
                 holder[i] = j
                 break
     return holder
 
 
-def without_cavities(
+def remove_inner_shells(
     shells: list[Shell], holder: list[int | None], where: str, fill: bool
 ) -> tuple[list[Shell], list[str]]:
-    """The shells that no other holds: what is within is solid. Raises BodyError for cavities that
-    are no debris, unless they are to be filled."""
-    kept = [s for s, h in zip(shells, holder, strict=True) if h is None]
-    whole = sum(s.volume for s in kept)
-    cavities, solid = [], 0
+    """Return the shells that no other holds: everything inside them is solid.
+
+    Args:
+        shells: Shells, the largest first.
+        holder: Result of `find_holders`.
+        where: File to name in errors.
+        fill: Whether cavities are filled; otherwise large ones are an error.
+
+    Returns:
+        The outer shells, and sentences on what was done.
+
+    Raises:
+        BodyError: If there are cavities that may not be filled.
+    """
+    outer = [s for s, h in zip(shells, holder, strict=True) if h is None]
+    whole = sum(s.volume for s in outer)
+    cavities, buried = [], 0
     for s, h in zip(shells, holder, strict=True):
         if h is None:
             continue
         if holder[h] is None and s.turned != shells[h].turned:
             cavities.append(s)
         else:
-            solid += 1
+            buried += 1
     done: list[str] = []
     if cavities:
-        told = _list(cavities)
-        large = [c for c in cavities if c.volume >= DEBRIS * whole]
+        first, smaller = cavities[0], len(cavities) - 1
+        large = [c for c in cavities if c.volume >= DEBRIS_SHARE * whole]
         if large and not fill:
-            raise BodyError(
-                refused_cavities(where, told),
-                code="closed-cavity",
-                volume=cavities[0].volume,
-                at=cavities[0].middle.tolist(),
-                count=len(cavities),
-            )
-        done.append(f"filled {told}")
-    if solid:
-        done.append(f"removed {number(solid, 'shell')} inside of the solid")
-    return kept, done
+            raise closed_cavity_error(where, first.volume, first.middle, smaller)
+        done.append(f"filled {describe_cavity(first.volume, first.middle, smaller)}")
+    if buried:
+        done.append(f"removed {format_count(buried, 'shell')} inside of the solid")
+    return outer, done
 
 
-def refused_cavities(where: str, told: str) -> str:
-    """What is said of cavities, which are `told`, that are not to be filled."""
-    return (
-        f"{where}: {told} inside of the body cannot be made: powder or resin stays within, and no"
-        " mould reaches it. Write fill_cavities = true under [body] in device.toml to fill it, or"
-        " open or remove it in the program that made the body"
-    )
+def select_piece(pieces: list[Shell], where: str) -> tuple[list[Shell], list[str]]:
+    """Return the one piece that is not debris, in a list, and sentences on what was done.
 
-
-def cavity_text(volume: float, middle: Float) -> str:
-    """A cavity as it is told."""
-    return f"a closed cavity of {volume:.3g} mm3 around {place(middle)}"
-
-
-def _list(cavities: list[Shell]) -> str:
-    first = cavity_text(cavities[0].volume, cavities[0].middle)
-    rest = len(cavities) - 1
-    return first if not rest else f"{first} and {rest} smaller"
-
-
-def one_piece(pieces: list[Shell], where: str) -> tuple[list[Shell], list[str]]:
-    """The one piece that is no debris. Raises BodyError where there are several."""
+    Raises:
+        BodyError: If there are several pieces.
+    """
     whole = sum(p.volume for p in pieces)
-    big = [p for p in pieces if p.volume >= DEBRIS * whole]
-    small = [p for p in pieces if p.volume < DEBRIS * whole]
-    if len(big) > 1:
-        told = "; ".join(f"{p.volume:.3g} mm3 around {place(p.middle)}" for p in big[:5])
-        more = f" and {len(big) - 5} more" if len(big) > 5 else ""
-        raise BodyError(
-            f"{where}: is made of {len(big)} separate pieces: {told}{more}; unite them or keep one",
-            code="separate-pieces",
-            count=len(big),
-            volumes=[p.volume for p in big],
-            places=[p.middle.tolist() for p in big],
+    large = [p for p in pieces if p.volume >= DEBRIS_SHARE * whole]
+    debris = [p for p in pieces if p.volume < DEBRIS_SHARE * whole]
+    if len(large) > 1:
+        found = "; ".join(
+            f"{p.volume:.3g} mm3 around {describe_point(p.middle)}" for p in large[:5]
         )
-    if not small:
-        return big, []
-    volume = sum(p.volume for p in small)
-    return big, [
-        f"dropped {number(len(small), 'small piece')} apart from the body, {volume:.2g} mm3"
-        f" together, the largest near {place(small[0].middle)}"
+        more = f" and {len(large) - 5} more" if len(large) > 5 else ""
+        raise BodyError(
+            f"consists of {len(large)} separate pieces: {found}{more}",
+            code="separate-pieces",
+            where=where,
+            action="Unite the pieces or keep one",
+            count=len(large),
+            volumes=[p.volume for p in large],
+            places=[p.middle.tolist() for p in large],
+        )
+    if not debris:
+        return large, []
+    volume = sum(p.volume for p in debris)
+    return large, [
+        f"dropped {format_count(len(debris), 'small piece')} apart from the body, {volume:.2g} mm3"
+        f" together, the largest near {describe_point(debris[0].middle)}"
     ]

@@ -1,4 +1,4 @@
-"""Closed, oriented triangles to one body whose surface does not pass through itself."""
+"""Turn closed, oriented triangles into one body whose surface does not pass through itself."""
 
 from __future__ import annotations
 
@@ -11,149 +11,179 @@ import numpy as np
 from ....core.arrays import Bool, Float, Int
 from ....core.errors import BodyError
 from ....core.mesh import Surface, facet_crosses
-from .crossings import crossing_pairs, wrong_faces
-from .findings import number, place
-from .remesh import boxes_around, moved, remade, remade_whole
-from .shells import Shell, nested, one_piece, shells_of, without_cavities
+from .crossings import find_crossing_pairs, find_wrong_faces
+from .findings import describe_point, format_count
+from .remesh import enclose_in_boxes, measure_displacement, rebuild_in_boxes, rebuild_whole
+from .shells import Shell, find_holders, find_shells, remove_inner_shells, select_piece
 
-_TINY = 1e-6  # of the size: slivers are thinner, and what removing them moves is less
-_FAR = 0.02  # of the size: a repair that moves the surface further is none
-_CELLS = 150  # of a surface that is made anew as a whole
-_HALF = 0.5  # of the size: boxes as large as this are no places any more
-_MOST_BOXES = 24
-_MOST_BAD = 0.4  # of the area
+SLIVER_SHARE = 1e-6  # of the size: slivers are thinner, and removing them moves less
+MAX_DISPLACEMENT_SHARE = 0.02  # of the size: a repair may not move the surface farther
+WHOLE_CELLS = 150  # along the longest side, when the whole surface is rebuilt
+MAX_BOX_SHARE = 0.5  # of the size: with larger boxes the whole surface is rebuilt
+MAX_BOXES = 24
+MAX_BAD_SHARE = 0.4  # of the area
 
 _Mesh = tuple[Float, Int]
 
 
-def one_solid(
+def make_one_solid(
     vertices: Float, faces: Int, size: float, where: str, fill: bool
 ) -> tuple[Float, Int, list[str]]:
-    """The surface of the one body in it, turned outward. Raises BodyError where there is none, or
-    several, or cavities are not to be filled."""
+    """Return the surface of the one body in closed, oriented triangles, turned outward.
+
+    Args:
+        vertices: Corners (n, 3), mm.
+        faces: Triangles (m, 3).
+        size: Diagonal of the bounding box, mm.
+        where: File to name in errors.
+        fill: Whether cavities are filled; otherwise they are an error.
+
+    Returns:
+        Vertices, faces, and sentences on what was done.
+
+    Raises:
+        BodyError: If there is no body, there are several, or cavities may not be filled.
+    """
     done: list[str] = []
-    shells = shells_of(vertices, faces, size)
+    shells = find_shells(vertices, faces, size)
     if sum(s.volume for s in shells) < 1e-9 * size**3:
         raise BodyError(
-            f"{where}: encloses no volume; a closed solid is needed", code="encloses-no-volume"
+            "encloses no volume",
+            code="encloses-no-volume",
+            where=where,
+            action="Give a closed solid",
         )
     if len(shells) == 1:
-        kept, pairs = shells, np.zeros((0, 2), np.int64)
+        outer, pairs = shells, np.zeros((0, 2), np.int64)
     else:
-        pairs = _crossing_shells(vertices, shells)
-        kept, told = without_cavities(shells, nested(vertices, shells, pairs), where, fill)
-        done += told
-    if kept[0].turned:
-        done.append("turned the surface inside out")
-    sound = []
-    for shell in kept:
-        mesh, told = _uncrossed((vertices, shell.faces), size, where)
-        sound.append(mesh)
-        done += told
-    mesh = _united(sound, where)
-    shells = shells_of(*mesh, size)
-    if len(kept) > len(shells):
-        overlap = sum(Surface(*m).volume for m in sound) - Surface(*mesh).volume
-        done.append(
-            f"united {len(kept)} shells that overlapped by {max(overlap, 0.0):.3g} mm3 or touched,"
-            f" one around {place(kept[-1].middle)}"
+        pairs = _find_crossing_shells(vertices, shells)
+        outer, sentences = remove_inner_shells(
+            shells, find_holders(vertices, shells, pairs), where, fill
         )
-    if len(shells) > 1:  # shells that are united, and surfaces made anew, may have closed some in
-        nobody = np.zeros((0, 2), np.int64)
-        shells, more = without_cavities(shells, nested(mesh[0], shells, nobody), where, fill)
+        done += sentences
+    if outer[0].turned:
+        done.append("turned the surface inside out")
+    meshes = []
+    for shell in outer:
+        mesh, sentences = _uncross((vertices, shell.faces), size, where)
+        meshes.append(mesh)
+        done += sentences
+    mesh = _unite(meshes, where)
+    shells = find_shells(*mesh, size)
+    if len(outer) > len(shells):
+        overlap = sum(Surface(*m).volume for m in meshes) - Surface(*mesh).volume
+        done.append(
+            f"united {len(outer)} shells that overlapped by {max(overlap, 0.0):.3g} mm3 or touched,"
+            f" one around {describe_point(outer[-1].middle)}"
+        )
+    if len(shells) > 1:  # united shells and rebuilt surfaces may have enclosed some
+        no_pairs = np.zeros((0, 2), np.int64)
+        shells, more = remove_inner_shells(
+            shells, find_holders(mesh[0], shells, no_pairs), where, fill
+        )
         done += more
-    pieces, told = one_piece(shells, where)
-    kept_one = Surface(mesh[0], pieces[0].faces).compact()[0]
-    mesh, more = _without_slivers((kept_one.vertices, kept_one.faces), size)
-    if len(kept) > 1:
-        _check(mesh, size, where)
-    return *mesh, done + told + more
+    pieces, sentences = select_piece(shells, where)
+    piece = Surface(mesh[0], pieces[0].faces).compact()[0]
+    mesh, more = _remove_slivers((piece.vertices, piece.faces), size)
+    if len(outer) > 1:
+        _check_united(mesh, size, where)
+    return *mesh, done + sentences + more
 
 
-def remade_solid(
-    vertices: Float, faces: Int, size: float, where: str, why: str, fill: bool
+def rebuild_solid(
+    vertices: Float, faces: Int, size: float, where: str, problem: str, fill: bool
 ) -> tuple[Float, Int, list[str]]:
-    """The surface of what triangles enclose that could not be joined to sheets."""
-    made = _as_whole((vertices, faces), size, where, why)
-    v, f, done = one_solid(*made[0], size, where, fill)
-    return v, f, made[1] + done
+    """Rebuild the surface of what triangles enclose that could not be separated into sheets."""
+    rebuilt = _rebuild_all((vertices, faces), size, where, problem)
+    v, f, done = make_one_solid(*rebuilt[0], size, where, fill)
+    return v, f, rebuilt[1] + done
 
 
-def _crossing_shells(vertices: Float, shells: list[Shell]) -> Int:
-    """Pairs (k, 2) of shells that cross each other."""
+def _find_crossing_shells(vertices: Float, shells: list[Shell]) -> Int:
+    """Return pairs (k, 2) of shells that cross each other."""
     owner = np.repeat(np.arange(len(shells)), [len(s.faces) for s in shells])
-    pairs = owner[crossing_pairs(vertices, np.concatenate([s.faces for s in shells]))]
+    pairs = owner[find_crossing_pairs(vertices, np.concatenate([s.faces for s in shells]))]
     return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
 
 
-def _bad(mesh: _Mesh, size: float) -> Bool:
-    bad = wrong_faces(*mesh, size)
-    bad[crossing_pairs(*mesh).reshape(-1)] = True
+def _find_bad(mesh: _Mesh, size: float) -> Bool:
+    bad = find_wrong_faces(*mesh, size)
+    bad[find_crossing_pairs(*mesh).reshape(-1)] = True
     return bad
 
 
-def _uncrossed(mesh: _Mesh, size: float, where: str) -> tuple[_Mesh, list[str]]:
-    """One shell, made anew where it crosses itself."""
-    bad = _bad(mesh, size)
+def _uncross(mesh: _Mesh, size: float, where: str) -> tuple[_Mesh, list[str]]:
+    """Rebuild one shell where it crosses itself."""
+    bad = _find_bad(mesh, size)
     if not bad.any():
         return mesh, []
     at = mesh[0][mesh[1][bad]].mean(1)[0]
-    crossed = f"the surface passes through itself, in {bad.sum()} triangles such as at {place(at)}"
+    problem = (
+        f"the surface passes through itself, in {bad.sum()} triangles such as at"
+        f" {describe_point(at)}"
+    )
     area = np.linalg.norm(facet_crosses(*mesh), axis=1)
-    if area[bad].sum() > _MOST_BAD * area.sum():
+    if area[bad].sum() > MAX_BAD_SHARE * area.sum():
         raise BodyError(
-            f"{where}: {crossed}: it bounds no solid; make the mesh anew",
+            f"{problem}, so that it bounds no solid",
             code="surface-crosses-itself",
+            where=where,
+            action="Make the mesh again",
         )
     before = Surface(*mesh).volume
     for wider in (1.0, 2.5):
-        boxes = boxes_around(*mesh, bad, size, wider)
-        if len(boxes) > _MOST_BOXES or np.ptp(boxes, axis=1).max() > _HALF * size:
+        boxes = enclose_in_boxes(*mesh, bad, size, wider)
+        if len(boxes) > MAX_BOXES or np.ptp(boxes, axis=1).max() > MAX_BOX_SHARE * size:
             break
-        made = remade(*mesh, boxes)
-        if made is None or _bad(made, size).any():
+        rebuilt = rebuild_in_boxes(*mesh, boxes)
+        if rebuilt is None or _find_bad(rebuilt, size).any():
             continue
-        far = moved(mesh, made, size)
-        if far > _FAR * size:
-            raise BodyError(
-                _too_far(where, crossed, far), code="repair-moves-too-far", distance=far
-            )
-        places = ", ".join(place(b.mean(0)) for b in boxes[:3])
+        distance = measure_displacement(mesh, rebuilt, size)
+        if distance > MAX_DISPLACEMENT_SHARE * size:
+            raise _too_far_error(where, problem, distance)
+        places = ", ".join(describe_point(b.mean(0)) for b in boxes[:3])
         more = f" and {len(boxes) - 3} more" if len(boxes) > 3 else ""
-        return made, [
-            f"made the surface anew where it passed through itself, in"
-            f" {number(len(boxes), 'place')}: {places}{more}; moved at most {far:.2g} mm, volume"
-            f" {_change(before, made)}"
+        return rebuilt, [
+            f"rebuilt the surface where it passed through itself, in"
+            f" {format_count(len(boxes), 'place')}: {places}{more}; moved at most"
+            f" {distance:.2g} mm, volume"
+            f" {_describe_change(before, rebuilt)}"
         ]
-    return _as_whole(mesh, size, where, crossed)
+    return _rebuild_all(mesh, size, where, problem)
 
 
-def _as_whole(mesh: _Mesh, size: float, where: str, why: str) -> tuple[_Mesh, list[str]]:
-    """The whole surface made anew. Raises BodyError where that is too far from it."""
-    made = remade_whole(*mesh, _CELLS)
-    if made is None or _bad(made, size).any():
+def _rebuild_all(mesh: _Mesh, size: float, where: str, problem: str) -> tuple[_Mesh, list[str]]:
+    """Rebuild a whole surface, or raise BodyError if that moves it too far."""
+    rebuilt = rebuild_whole(*mesh, WHOLE_CELLS)
+    if rebuilt is None or _find_bad(rebuilt, size).any():
         raise BodyError(
-            f"{where}: {why}; unite the overlapping parts in a mesh editor",
+            problem,
             code="surface-crosses-itself",
+            where=where,
+            action="Unite the overlapping parts in a mesh editor",
         )
-    far = moved(mesh, made, size)
-    if far > _FAR * size:
-        raise BodyError(_too_far(where, why, far), code="repair-moves-too-far", distance=far)
-    return made, [
-        f"made the whole surface anew, since {why}; moved at most {far:.2g} mm, edges are rounded"
-        f" by as much, volume {_change(Surface(*mesh).volume, made)}"
+    distance = measure_displacement(mesh, rebuilt, size)
+    if distance > MAX_DISPLACEMENT_SHARE * size:
+        raise _too_far_error(where, problem, distance)
+    return rebuilt, [
+        f"rebuilt the whole surface, since {problem}; moved at most {distance:.2g} mm, edges"
+        f" are rounded"
+        f" by as much, volume {_describe_change(Surface(*mesh).volume, rebuilt)}"
     ]
 
 
-def _too_far(where: str, why: str, far: float) -> str:
-    return (
-        f"{where}: {why}, and making it anew would move it by {far:.2g} mm; unite the overlapping"
-        " parts in a mesh editor"
+def _too_far_error(where: str, problem: str, distance: float) -> BodyError:
+    return BodyError(
+        f"{problem}, and rebuilding it would move it by {distance:.2g} mm",
+        code="repair-moves-too-far",
+        where=where,
+        action="Unite the overlapping parts in a mesh editor",
+        distance=distance,
     )
 
 
-def _united(meshes: list[_Mesh], where: str) -> _Mesh:
-    """Shells that overlap or have a part of a face in common as one."""
+def _unite(meshes: list[_Mesh], where: str) -> _Mesh:
+    """Unite shells that overlap or share a part of a face."""
     if len(meshes) == 1:
         return meshes[0]
     return _arrays(m3.Manifold.batch_boolean([_manifold(m, where) for m in meshes], m3.OpType.Add))
@@ -165,8 +195,10 @@ def _manifold(mesh: _Mesh, where: str) -> Any:
     )
     if made.status() != m3.Error.NoError:
         raise BodyError(
-            f"{where}: a shell of it is not closed; close it in a mesh editor",
+            "one of its shells is not closed",
             code="surface-not-closed",
+            where=where,
+            action="Close it in a mesh editor",
         )
     return made
 
@@ -176,47 +208,52 @@ def _arrays(solid: Any) -> _Mesh:
     return np.array(mesh.vert_properties, float)[:, :3], np.array(mesh.tri_verts, np.int64)
 
 
-def _without_slivers(mesh: _Mesh, size: float) -> tuple[_Mesh, list[str]]:
-    """Without triangles that are all but lines, where the triangle kernel can take them out."""
-    count = int(_thin(mesh, size).sum())
+def _remove_slivers(mesh: _Mesh, size: float) -> tuple[_Mesh, list[str]]:
+    """Remove triangles that are almost lines, if the triangle kernel can."""
+    count = int(_find_thin(mesh, size).sum())
     if not count:
         return mesh, []
-    made = m3.Manifold(
+    solid = m3.Manifold(
         m3.Mesh64(np.ascontiguousarray(mesh[0]), np.ascontiguousarray(mesh[1], np.uint64))
     )
-    if made.status() != m3.Error.NoError:
+    if solid.status() != m3.Error.NoError:
         return mesh, []
-    less = _arrays(made.simplify(_TINY * size))
-    gone = count - int(_thin(less, size).sum())
-    if gone <= 0 or len(crossing_pairs(*less)):
+    simplified = _arrays(solid.simplify(SLIVER_SHARE * size))
+    removed = count - int(_find_thin(simplified, size).sum())
+    if removed <= 0 or len(find_crossing_pairs(*simplified)):
         return mesh, []
-    return less, [f"removed {number(gone, 'sliver')} thinner than {_TINY * size:.1g} mm"]
+    return simplified, [
+        f"removed {format_count(removed, 'sliver')} thinner than {SLIVER_SHARE * size:.1g} mm"
+    ]
 
 
-def _thin(mesh: _Mesh, size: float) -> Bool:
+def _find_thin(mesh: _Mesh, size: float) -> Bool:
     corners = mesh[0][mesh[1]]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     cross = facet_crosses(*mesh)
-    return np.asarray(np.linalg.norm(cross, axis=1) < _TINY * size * sides.max(1))
+    return np.asarray(np.linalg.norm(cross, axis=1) < SLIVER_SHARE * size * sides.max(1))
 
 
-def _check(mesh: _Mesh, size: float, where: str) -> None:
-    bad = _bad(mesh, size)
+def _check_united(mesh: _Mesh, size: float, where: str) -> None:
+    """Raise BodyError if united shells pass through themselves."""
+    bad = _find_bad(mesh, size)
     if bad.any():
         at = mesh[0][mesh[1][bad]].mean(1)[0]
         raise BodyError(
-            f"{where}: united, the surface passes through itself, in {bad.sum()} triangles such as"
-            f" at {place(at)}; unite the overlapping parts in a mesh editor",
+            f"united, the surface passes through itself, in {bad.sum()} triangles such as at"
+            f" {describe_point(at)}",
             code="surface-crosses-itself",
+            where=where,
+            action="Unite the overlapping parts in a mesh editor",
         )
 
 
-def _change(before: float, mesh: _Mesh) -> str:
-    """How the volume changed."""
-    now = Surface(*mesh).volume
-    return f"{100 * (now / before - 1):+.2g} %"
+def _describe_change(before: float, mesh: _Mesh) -> str:
+    """Describe how the volume changed."""
+    after = Surface(*mesh).volume
+    return f"{100 * (after / before - 1):+.2g} %"
 
 
-def oriented(faces: Int) -> Int:
-    """With neighbours turned alike."""
+def orient_faces(faces: Int) -> Int:
+    """Return the triangles (m, 3) with neighbors turned alike."""
     return np.asarray(igl.bfs_orient(np.ascontiguousarray(faces))[0], np.int64)

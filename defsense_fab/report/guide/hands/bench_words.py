@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ....core.device.device import Device
+from ....geometry.channels import cord_assembly
 from ....store.manifest import CutCord
 from .actions import Action, Expected
 from .cord_facts import BATCH, LAID, anchored_later
@@ -158,13 +159,13 @@ def pull(w: Words, action: Action) -> list[str]:
 
 def reach_of(device: Device, cord: CutCord, end: int) -> float:
     """How far outside of its mouth the mark of an end must be for its ferrule to be crimped, mm."""
-    return crimping.reach(device.cord.ferrule_length, cord.ends[end].lead)
+    return cord_assembly.crimping_reach(device.cord.ferrule_length, cord.ends[end].lead)
 
 
 def pulled(device: Device, cord: CutCord, end: int) -> float:
     """By how much of its length a cord is stretched with its mark that far out."""
     record = cord.ends[end]
-    return crimping.pulled(
+    return cord_assembly.crimping_strain(
         cord.between_ferrules, cord.unstretched, record.pocket, device.cord.ferrule_length,
         record.lead,
     )  # fmt: skip
