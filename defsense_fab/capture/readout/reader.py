@@ -229,7 +229,7 @@ class Reader:
             times, ns.
         """
         started_at, sent_at, answer = time.monotonic(), 0.0, b""
-        self._stream.forget()
+        self._stream.reset()
         info: Info | None = None
         early_samples: list[tuple[Sample, int]] = []
         is_set_up, command = False, "frames"

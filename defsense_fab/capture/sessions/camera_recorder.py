@@ -14,7 +14,7 @@ import cv2
 
 from ...core.camera import Camera
 from ...core.errors import CaptureError, StorageError
-from ..cameras.image_sources import Images
+from ..cameras.image_sources import ImageSource
 from ..clocks.led_detection import LedDetector
 from ..tags.detection import Image, TagFollower, TagView, to_grey
 from ..tags.tag_patterns import Dictionary
@@ -42,12 +42,12 @@ class CameraRecorder:
     """Reads a camera until it is closed; carries on when the camera was unplugged."""
 
     def __init__(
-        self, opener: Callable[[], Images], camera: Camera, tags: Dictionary, run: Path, log: Log,
+        self, opener: Callable[[], ImageSource], camera: Camera, tags: Dictionary, run: Path, log: Log,
         *, video: bool = False,
     ) -> None:  # fmt: skip
         self.camera = camera
         self._opener, self._follower, self._log = opener, TagFollower(camera, tags), log
-        self._source: Images | None = None
+        self._source: ImageSource | None = None
         self._tags = Stream(run / f"{camera.name}.csv", TAG_COLUMNS)
         self._frames = Stream(run / f"{camera.name}-frames.csv", FRAME_COLUMNS)
         self._film: cv2.VideoWriter | None = None
@@ -105,7 +105,7 @@ class CameraRecorder:
             if self._source is not None:
                 stack.callback(self._source.close)
 
-    def _open(self) -> Images:
+    def _open(self) -> ImageSource:
         source = self._opener()
         source.start()
         if source.size != self.camera.size:

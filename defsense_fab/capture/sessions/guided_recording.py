@@ -16,7 +16,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...sensing.response import relative_change
 from ...sensing.voltage_divider import Dividers
-from ..cameras.image_sources import Images, one_thread_per_call
+from ..cameras.image_sources import ImageSource, one_thread_per_call
 from ..readout.recording import Recorder
 from ..readout.source import Source, StampedSample
 from ..tags.detection import Image
@@ -86,7 +86,7 @@ class GuidedRecording:
     """One run of a session: `run` it."""
 
     def __init__(
-        self, session: CaptureSession, openers: Sequence[Callable[[], Images]],
+        self, session: CaptureSession, openers: Sequence[Callable[[], ImageSource]],
         board: Source | None, screen: CaptureScreen, levels: PoseCoverage | None, *,
         auto: bool = False, video: bool = False, hands: Hands | None = None,
     ) -> None:  # fmt: skip
@@ -299,7 +299,7 @@ class GuidedRecording:
         ids = tuple(int(n) for n in glance.view.ids)
         shared = np.array([any(n in g.view.ids for g in others) for n in ids], bool)
         return CameraView(
-            w.camera.name, glance.image, glance.view.seen, ids, shared, w.rate, w.late
+            w.camera.name, glance.image, glance.view.image_corners, ids, shared, w.rate, w.late
         )
 
     def _warnings(self, glances: Sequence[CameraFrame | None]) -> list[str]:

@@ -6,11 +6,11 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
-from ...core.device.build_folder import build_folder
 from ...core.storage.session_manifest import FILE, load_capture
-from ...sensing.layout import LAYOUT, layout_hash, load_layout
+from ...store.layout import LAYOUT, layout_hash, load_layout
 from .result_files import ALIGNED, QUALITY
 
 

@@ -18,7 +18,7 @@ from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from ...core.markers import Markers, Tracks
 from ..tracking.alignment import Aligned, align
-from ..tracking.rest_pose import rest_pose
+from ..tracking.rest_pose import find_rest_pose
 
 _FEW = 10  # frames by the anchor, in which what all markers make of them can be compared
 _COMPARED, _SETS = 300, 8  # frames by the anchor, and sets of other markers, that are compared
@@ -49,13 +49,13 @@ def lay_on_rest(
     `all`, or `auto`; `corners` (t, a, 4, 3) mm of the anchor's a tags, NaN where fewer than two
     cameras saw them. Raises CaptureError where the markers asked for do not do."""
     frames = resting if resting.sum() >= 5 else np.ones(len(tracks.time), bool)
-    rest = rest_pose(tracks.points[frames], tracks.sigma[frames], m.centers, ids=m.ids)
+    rest = find_rest_pose(tracks.points[frames], tracks.sigma[frames], m.centers, ids=m.ids)
     # Markers that were hidden at rest, or seen by one camera, are where the design has them.
-    there = np.isfinite(rest.points[:, 0]) & ((rest.sigma < _SURE) | rest.moved)
+    there = np.isfinite(rest.points[:, 0]) & ((rest.sigma < _SURE) | rest.is_misplaced)
     pose = np.where(there[:, None], rest.points, m.centers)
     glued = [
         {"tag": int(i), "away": float(d)}
-        for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
+        for i, d, far in zip(m.ids, rest.distance, rest.is_misplaced, strict=True)
         if far
     ]
     warnings = [
@@ -66,7 +66,9 @@ def lay_on_rest(
     weights = _weights(tracks.sigma)
 
     def by_all() -> Aligned:
-        return align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids, covariances=False)
+        return align(
+            tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids, with_covariances=False
+        )
 
     if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
         try:
@@ -140,7 +142,9 @@ def _block_by_anchor(
     sigma = np.concatenate([sigma, apart], axis=1)
     ids = np.append(m.ids, np.repeat(m.ids[m.anchor], 4))
     places = np.concatenate([pose, rest.reshape(-1, 3)])
-    found = align(points, places, _weights(sigma), mask, sigma=sigma, ids=ids, covariances=False)
+    found = align(
+        points, places, _weights(sigma), mask, sigma=sigma, ids=ids, with_covariances=False
+    )
     return replace(found, points=found.points[:, :count], variance=found.variance[:, :count])
 
 

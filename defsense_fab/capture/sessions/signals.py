@@ -14,7 +14,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
-from ...decoding.signal_history import at_times
+from ...decoding.signal_history import interpolate_at
 from ...sensing.voltage_divider import conversion_time
 from ..clocks.clock_fit import Clocks, fit_clocks
 from ..clocks.synchronization import Sync, synchronize_by_led, synchronize_by_motion
@@ -199,4 +199,4 @@ def resistances_at(when: Float, time: Float, ohm: Float) -> Float:
     are left out."""
     later = np.append(True, np.diff(time) > 0)
     time, ohm = time[later], ohm[later]
-    return at_times(when, time, ohm, gap=5 * float(np.median(np.diff(time))))
+    return interpolate_at(when, time, ohm, max_gap=5 * float(np.median(np.diff(time))))

@@ -11,7 +11,7 @@ from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ..cameras.rig_file import Rig
 from ..tracking.camera_clocks import FrameDrops, find_frame_drops, find_offset
-from ..tracking.observations import Observed, StoredObservations, at, blocks
+from ..tracking.observations import ObservationSource, StoredObservations, frame_blocks, interpolate
 
 _REACH, _IN_STEP = 0.25, 1e-3  # s, between clocks: looked for, and not worth a correction
 _APART = 10.0  # s, between videos that were begun by hand
@@ -55,7 +55,7 @@ class CameraSync:
             by = np.diff(steps.offsets)
             where = ", ".join(
                 f"{1e3 * b:+.0f} ms at {t:.2f} s"
-                for t, b in list(zip(steps.at, by, strict=True))[:5]
+                for t, b in list(zip(steps.change_times, by, strict=True))[:5]
             )
             lost = sorted({names[c] if b > 0 else names[0] for b in by})
             out.append(
@@ -96,7 +96,7 @@ def sync_cameras(
             begun = _begun(pair, seen[0], s)
             s = replace(s, time=s.time + begun)
         changed = find_frame_drops(pair, seen[0], s, _REACH)
-        if changed is not None and not len(changed.at):
+        if changed is not None and not len(changed.change_times):
             fits = np.isfinite(changed.time)
             unfit[c] = int((~fits).sum())
             s = s.only(fits)
@@ -122,7 +122,7 @@ def sync_cameras(
     return CameraSync(out, shift, steps, frozen, unfit)
 
 
-def _begun(pair: list[Camera], first: Observed, second: Observed) -> float:
+def _begun(pair: list[Camera], first: ObservationSource, second: ObservationSource) -> float:
     """s, by about how much the second video began later, if that is more than clocks differ by."""
     far = find_offset(pair, first, second, _APART)
     if far is None or abs(far.value) <= _REACH - 0.05 or far.after > _CLOSE:
@@ -130,15 +130,15 @@ def _begun(pair: list[Camera], first: Observed, second: Observed) -> float:
     return far.value if far.after < _BETTER * far.before else 0.0
 
 
-def together(seen: Sequence[Observed], frames: Int) -> tuple[Float, Float]:
+def together(seen: Sequence[ObservationSource], frames: Int) -> tuple[Float, Float]:
     """Corners (k, m, v, 4, 2) and covariances (k, m, v, 5, 2, 2) of all cameras at the times of
     frames (k,) of the first one."""
     ours = seen[0].part(frames)
-    parts = [(ours.corners, ours.covariance), *(at(s, ours.time) for s in seen[1:])]
+    parts = [(ours.corners, ours.covariance), *(interpolate(s, ours.time) for s in seen[1:])]
     return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)
 
 
-def views_of(seen: Sequence[Observed], rows: Int) -> tuple[Float, Float]:
+def views_of(seen: Sequence[ObservationSource], rows: Int) -> tuple[Float, Float]:
     """As `together`, of single tags: (n, v, 4, 2) and (n, v, 5, 2, 2) for `rows` (n, 2) of frames
     of the first camera and tags."""
     frames, place = np.unique(rows[:, 0], return_inverse=True)
@@ -165,10 +165,10 @@ def _thawed(seen: Sequence[StoredObservations]) -> tuple[list[StoredObservations
     return out, counts
 
 
-def _repeats(s: Observed) -> list[tuple[int, int]]:
+def _repeats(s: ObservationSource) -> list[tuple[int, int]]:
     """Runs of frames (from, to) in which all tags are at the very same place."""
     same = np.zeros(max(len(s.time) - 1, 0), bool)
-    for frames in blocks(len(same), len(s.ids)):
+    for frames in frame_blocks(len(same), len(s.ids)):
         flat = s.part(np.append(frames, frames[-1] + 1)).corners.reshape(len(frames) + 1, -1)
         there = np.isfinite(flat)
         alike = ((flat[1:] == flat[:-1]) | ~(there[1:] | there[:-1])).all(axis=1)
@@ -181,11 +181,11 @@ def _moved(a: Float, b: Float) -> Bool:
     return np.asarray((np.abs(a - b) > _MOVES).any())
 
 
-def _moves(s: Observed, start: float, end: float) -> bool:
+def _moves(s: ObservationSource, start: float, end: float) -> bool:
     """Whether tags move before a camera within a time, s."""
     rows = np.flatnonzero((s.time >= start) & (s.time <= end))
     if len(rows) < 2:
         return False
     first = s.part(rows[:1]).corners
-    parts = (rows[1:][k] for k in blocks(len(rows) - 1, len(s.ids)))
+    parts = (rows[1:][k] for k in frame_blocks(len(rows) - 1, len(s.ids)))
     return any(bool(_moved(s.part(part).corners, first)) for part in parts)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Float, Int
 from ...core.camera import Camera
-from ..tracking.observations import Observed, blocks
+from ..tracking.observations import ObservationSource, frame_blocks
 from ..tracking.reconstruction import reconstruct
 from .camera_sync import together
 
@@ -36,7 +36,11 @@ class LocatedTags:
 
 
 def locate_tags(
-    cameras: Sequence[Camera], seen: Sequence[Observed], size: float, frame: Camera, outlined: Int
+    cameras: Sequence[Camera],
+    seen: Sequence[ObservationSource],
+    size: float,
+    frame: Camera,
+    outlined: Int,
 ) -> LocatedTags:
     """Tags of `size` mm by what all cameras see at the times of the first one's frames, in the
     frame of a camera; corners are kept of the columns `outlined` (k,)."""
@@ -47,7 +51,7 @@ def locate_tags(
         np.empty((len(seen[0].time), len(outlined), 4, 3), np.float32),
     )  # fmt: skip
     turn = frame.rotation
-    for frames in blocks(*shape, _TAGS):
+    for frames in frame_blocks(*shape, _TAGS):
         found = reconstruct(cameras, *together(seen, frames), size)
         out.points[frames] = frame.to_camera(found.points)
         turned = turn @ found.covariance @ turn.T

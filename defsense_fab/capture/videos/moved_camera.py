@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.camera import Camera
-from ..tracking.observations import Observed, blocks
+from ..tracking.observations import ObservationSource, frame_blocks
 from ..tracking.reconstruction import reconstruct
 from .camera_sync import together, views_of
 from .located_tags import Count
@@ -37,7 +37,7 @@ def moved_camera(
     return next((k for k in found if k is not None), None)
 
 
-def some_tags(seen: Sequence[Observed], count: Count) -> tuple[Float, Float] | None:
+def some_tags(seen: Sequence[ObservationSource], count: Count) -> tuple[Float, Float] | None:
     """Corners and covariances of some tags that three of v cameras see, by the `count` (t, m) of
     those that do in the first one's frames; None where they are few."""
     rows = np.argwhere(count >= 3)
@@ -46,10 +46,10 @@ def some_tags(seen: Sequence[Observed], count: Count) -> tuple[Float, Float] | N
     return views_of(seen, rows[:: max(len(rows) // _SOME, 1)])
 
 
-def cameras_that_see(seen: Sequence[Observed]) -> Count:
+def cameras_that_see(seen: Sequence[ObservationSource]) -> Count:
     """How many cameras see a tag in each frame of the first one (t, m)."""
     count = np.zeros((len(seen[0].time), len(seen[0].ids)), np.int8)
-    for frames in blocks(*count.shape):
+    for frames in frame_blocks(*count.shape):
         corners, _ = together(seen, frames)
         count[frames] = np.isfinite(corners).all(axis=(3, 4)).sum(axis=2)
     return count

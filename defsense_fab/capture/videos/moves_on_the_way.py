@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ..cameras.rig_file import Rig
 from ..tracking.camera_motion import CameraMotion, find_camera_motion, which_moved
-from ..tracking.observations import Observed, StoredObservations
+from ..tracking.observations import ObservationSource, StoredObservations
 from ..tracking.pose_equations import shared_views
 from .camera_sync import together
 
@@ -66,7 +66,7 @@ class RigPart:
         return [s.only(self.frames(s.time)) for s in seen]
 
 
-def find_moves(rig: Rig, seen: Sequence[Observed], size: float) -> list[CameraMove]:
+def find_moves(rig: Rig, seen: Sequence[ObservationSource], size: float) -> list[CameraMove]:
     """By tags of `size` mm that several cameras saw, all by one clock."""
     if len(rig.cameras) < 2 or not all(len(s.time) for s in seen):
         return []
@@ -85,7 +85,7 @@ def find_moves(rig: Rig, seen: Sequence[Observed], size: float) -> list[CameraMo
 
 
 def _by_picture(
-    motion: CameraMotion, seen: Sequence[Observed], at: float, within: float
+    motion: CameraMotion, seen: Sequence[ObservationSource], at: float, within: float
 ) -> CameraMove:
     """Of two cameras it is the one whose picture jumped; the other's motion is the inverse, as far
     as the cameras' frames are the same (`parts_of` brings them there)."""

@@ -14,10 +14,10 @@ from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
-from ..cameras.image_sources import Timing, Video, in_threads, timing
-from ..tags.detection import TagFollower, TagView, detector, to_grey, wrong_size
+from ..cameras.image_sources import Timing, Video, measure_timing, run_in_threads
+from ..tags.detection import TagFollower, TagView, image_size_error, opencv_detector, to_grey
 from ..tags.tag_patterns import FAMILIES, Dictionary, dictionary
-from ..tracking.observations import FrameTags, stored
+from ..tracking.observations import FrameTags, store_views
 from .detector_compilation import tell_of_compilation
 
 _LOOKED, _SOME = 4, 3  # frames of a video in which other families are tried; tags that tell
@@ -46,7 +46,7 @@ def detect_video(
     videos = [Video(p, rate) for p in paths]
     for video, camera in zip(videos, cameras, strict=True):
         if video.size != camera.size:
-            raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
+            raise image_size_error(camera, video.size, video.path)
     tell_of_compilation(lambda note: progress("tags", 0.0, note))
     done = [0] * len(videos)
     total = max(sum(v.expected for v in videos), 1)
@@ -65,12 +65,12 @@ def detect_video(
                 if k == 0:
                     progress("tags", min(sum(done) / total, 1.0), f"{done[0]} frames")
 
-        shown = stored(views())
+        shown = store_views(views())
         videos[k].close()
         stamps = _even(np.array(times))
-        return VideoDetections(stamps, shown, timing(stamps), videos[k].expected)
+        return VideoDetections(stamps, shown, measure_timing(stamps), videos[k].expected)
 
-    watched = in_threads(look, range(len(videos)), len(videos))
+    watched = run_in_threads(look, range(len(videos)), len(videos))
     progress("tags", 1.0, "done")
     for path, w in zip(paths, watched, strict=True):
         if not len(w.time):
@@ -106,7 +106,7 @@ def detect_all(
     """The times (t,) s of every frame of one video, as its file has them, and the device's tags in
     each."""
     if video.size != camera.size:
-        raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
+        raise image_size_error(camera, video.size, video.path)
     tell_of_compilation(lambda note: progress("tags", 0.0, note))
     found = TagFollower(camera, dictionary(markers.dictionary))
     times: list[float] = []
@@ -118,7 +118,7 @@ def detect_all(
             yield view.only(np.isin(view.ids, markers.ids))
             progress("tags", min(k / max(video.expected, 1), 1.0), f"{k + 1} frames")
 
-    shown = stored(views())
+    shown = store_views(views())
     video.close()
     return np.array(times), shown
 
@@ -129,7 +129,7 @@ def _nothing(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> str
     # The small families of a kind are the first tags of the largest one.
     small = tuple(f"_{n}" for n in (50, 100, 250))
     kinds = [name for name in FAMILIES if not name.endswith(small)]
-    detectors = {name: detector(dictionary(name)) for name in kinds}
+    detectors = {name: opencv_detector(dictionary(name)) for name in kinds}
     for path in paths:
         video = Video(path, rate)
         every = max(video.expected // _LOOKED, 1)

@@ -19,9 +19,9 @@ from ...core.progress import Progress, silent
 from ..cameras.rig_file import Rig, read_rig
 from ..clocks.clock_fit import even_frame_times
 from ..tags.tag_patterns import dictionary
-from ..tracking.observations import Observed, StoredObservations, observe
+from ..tracking.observations import ObservationSource, StoredObservations, observe
 from ..tracking.reconstruction import reconstruct
-from ..tracking.track_filters import possible
+from ..tracking.track_filters import find_reachable
 from .camera_sync import views_of
 from .located_tags import Count, LocatedTags
 from .standing_cameras import locate
@@ -136,7 +136,7 @@ def assemble(
     points, sigma = found.points, found.sigma
     points[odd] = np.nan
     points[standing.shaken(time)] = np.nan
-    keep = possible(time, points, sigma)
+    keep = find_reachable(time, points, sigma)
     wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
     points[~keep], sigma[~keep] = np.nan, np.nan
     there = keep.any(axis=0)
@@ -218,7 +218,7 @@ def _apart(found: LocatedTags, odd: Bool) -> Bool:
 def _check(
     found: LocatedTags,
     rig: Rig,
-    seen: Sequence[Observed],
+    seen: Sequence[ObservationSource],
     size: float,
     names: Sequence[str],
 ) -> None:

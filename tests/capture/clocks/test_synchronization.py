@@ -91,7 +91,9 @@ def test_by_motion(rate):
     motion, signals = both[: len(time)] @ rng.standard_normal((2, 5)), both[len(time) :] @ mix
     motion = motion + 0.02 * rng.standard_normal(motion.shape)
     signals = signals + 0.05 * signals**2 + 0.03 * rng.standard_normal(signals.shape)
-    sync = synchronize_by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
+    sync = synchronize_by_motion(
+        stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0)
+    )
     assert sync.method == "motion"
     assert worst(sync, device + START) < 0.005
     assert worst(sync, device + START) < 2 * sync.error
@@ -110,7 +112,9 @@ def test_motion_that_one_camera_saw_for_a_while(seed):
     motion = motion + 0.01 * rng.standard_normal(motion.shape)
     motion = motion + alone * 0.3 * rng.standard_normal(4)
     signals = both[len(time) :] @ rng.standard_normal((1, 2))
-    sync = synchronize_by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
+    sync = synchronize_by_motion(
+        stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0)
+    )
     assert worst(sync, device + START) < 0.03
 
 

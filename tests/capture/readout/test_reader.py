@@ -308,7 +308,9 @@ def test_a_port_is_not_closed_under_a_command():
 
 
 def test_a_port_whose_driver_hangs_is_closed_by_its_own_thread(monkeypatch):
-    monkeypatch.setattr("defsense_fab.capture.readout.reader.THREAD_JOIN_TIMEOUT_S", 0.1, raising=False)
+    monkeypatch.setattr(
+        "defsense_fab.capture.readout.reader.THREAD_JOIN_TIMEOUT_S", 0.1, raising=False
+    )
     port, reader = Slow(reads=True), Reader(board, "twin")
     reader._port = port
     reader._thread.start()
@@ -326,7 +328,9 @@ def test_a_clock_that_wraps():
     reader = Reader(board, "twin")
     last = 2**32 - 30_000
     for n in range(4):
-        reader._receive(Sample(n, (last + 20_000 * n) % 2**32, False, False, 1, (1,)), n * 20_000_000)
+        reader._receive(
+            Sample(n, (last + 20_000 * n) % 2**32, False, False, 1, (1,)), n * 20_000_000
+        )
     times = [i.device_us for i in reader.drain()]
     assert np.diff(times).tolist() == [20_000] * 3
 

@@ -12,14 +12,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from defsense_fab.capture.sessions import session as sessions
-from defsense_fab.capture.sessions.guided_recording import GuidedRecording
-from defsense_fab.capture.sessions.pose_coverage import BINS, PoseCoverage
 
 from defsense_fab.capture.cameras.rig_file import write_rig
 from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.capture.readout.recording import Recorder
 from defsense_fab.capture.readout.source import Event, StampedSample
+from defsense_fab.capture.sessions import session as sessions
+from defsense_fab.capture.sessions.guided_recording import GuidedRecording
+from defsense_fab.capture.sessions.pose_coverage import BINS, PoseCoverage
 from defsense_fab.capture.tags.detection import Detector
 from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.core.camera import Camera

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from defsense_fab.capture.sessions import recorded_tags
-from defsense_fab.workflow.sessions.processing import process_session
-from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
-from defsense_fab.capture.sessions import session as sessions
-from defsense_fab.capture.sessions import sample_table
 
-from tests.support import memory
 from defsense_fab.capture.files.formats import read_tracks, write_tracks
+from defsense_fab.capture.sessions import recorded_tags, sample_table
+from defsense_fab.capture.sessions import session as sessions
+from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
+from defsense_fab.workflow.sessions.processing import process_session
+from tests.support import memory
 
 SECONDS = 20.0
 MB_A_MINUTE = 8.0  # 60 of them, and what any length takes, are 1 GB at most

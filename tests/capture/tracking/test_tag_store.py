@@ -5,7 +5,13 @@ import pytest
 
 from defsense_fab.capture.tags.detection import TagView
 from defsense_fab.capture.tracking import observations
-from defsense_fab.capture.tracking.observations import Observations, interpolate, frame_blocks, observe, store_views
+from defsense_fab.capture.tracking.observations import (
+    Observations,
+    frame_blocks,
+    interpolate,
+    observe,
+    store_views,
+)
 from tests.capture.rigs import collect
 
 
@@ -60,7 +66,9 @@ def test_parts_are_what_the_whole_is(monkeypatch):
         np.testing.assert_array_equal(found.corners, whole.corners[part])
         np.testing.assert_array_equal(found.covariance, whole.covariance[part])
     asked = rng.uniform(-0.1, 10.1, 500)
-    for one, other in zip(interpolate(seen, asked, 0.004), interpolate(whole, asked, 0.004), strict=True):
+    for one, other in zip(
+        interpolate(seen, asked, 0.004), interpolate(whole, asked, 0.004), strict=True
+    ):
         np.testing.assert_array_equal(one, other)
 
 

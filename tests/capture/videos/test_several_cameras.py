@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.capture.videos.video_detection import VideoDetections
-from defsense_fab.capture.videos.video_tracks import assemble
 
-from tests.support.late_stamps import trial
-from defsense_fab.capture.cameras.image_sources import timing
+from defsense_fab.capture.cameras.image_sources import measure_timing
 from defsense_fab.capture.cameras.rig_file import Rig
 from defsense_fab.capture.tags.detection import TagView
 from defsense_fab.capture.tracking.observations import store_views
+from defsense_fab.capture.videos.video_detection import VideoDetections
+from defsense_fab.capture.videos.video_tracks import assemble
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from tests.capture.rigs import flat, rig, spread, tags
+from tests.support.late_stamps import trial
 
 SIZE, FRAMES, NOISE = 15.0, 40, 0.03
 
@@ -43,7 +43,7 @@ def filmed(seen_by, taken_as, rng, late=0.0, frames=FRAMES):
         px = flat(camera, shown) + rng.normal(scale=NOISE, size=(*shown.shape[:3], 2))
         px = (px - camera.matrix[:2, 2]) / camera.focal * named.focal + named.matrix[:2, 2]
         views = [TagView(np.arange(8), p, spread((8,), NOISE), p) for p in px]
-        out.append(VideoDetections(time, store_views(views), timing(time), frames))
+        out.append(VideoDetections(time, store_views(views), measure_timing(time), frames))
     return out, corners
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from defsense_fab.capture.videos.tag_size import measured_size
 
 

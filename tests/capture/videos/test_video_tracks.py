@@ -10,7 +10,7 @@ import pytest
 from defsense_fab.capture.cameras.rig_file import write_rig
 from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.twin.scenes.scene import Scene
-from tests.support.films import aligned, command, images, LEFT, RIGHT, SIZE, tags, take, told
+from tests.support.films import LEFT, RIGHT, SIZE, aligned, command, images, tags, take, told
 from tests.twin.film import Shutter, load_truth
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
-from defsense_fab.capture.sessions import session as sessions
 
+from defsense_fab.capture.sessions import session as sessions
+from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
 from defsense_fab.capture.tags.detection import TagView
 
 TAGS = np.arange(6)

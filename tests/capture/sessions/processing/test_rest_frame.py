@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from defsense_fab.capture.sessions.rest_frame import lay_on_rest
 from scipy.spatial.transform import Rotation
 
+from defsense_fab.capture.sessions.rest_frame import lay_on_rest
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Tracks
 from tests.capture.sessions import capture_rig as rig

@@ -5,10 +5,10 @@ import threading
 
 import numpy as np
 import pytest
-from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
-from defsense_fab.capture.sessions.camera_recorder import CameraRecorder
-from defsense_fab.capture.sessions.session import BOARD, Log, LOG
 
+from defsense_fab.capture.sessions.camera_recorder import CameraRecorder
+from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
+from defsense_fab.capture.sessions.session import BOARD, LOG, Log
 from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.core.errors import StorageError
 from tests.capture.sessions import capture_rig as rig

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from defsense_fab.capture.sessions.pose_coverage import BINS, PoseCoverage
 from scipy.spatial.transform import Rotation
+
+from defsense_fab.capture.sessions.pose_coverage import BINS, PoseCoverage
 
 REST = np.array([[x, y, 0.0] for x in range(0, 60, 12) for y in (0.0, 15)])
 

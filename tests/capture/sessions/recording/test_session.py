@@ -15,18 +15,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from defsense_fab.core.storage.session_manifest import FILE
-from defsense_fab.workflow.sessions.processing import process_session
-from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
-from defsense_fab.capture.sessions.signals import resistances, signals_in_step
-from defsense_fab.capture.sessions import session as sessions
 from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.files.formats import read_tracks, write_tracks
 from defsense_fab.capture.readout.recording import read_recording
+from defsense_fab.capture.sessions import session as sessions
+from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
+from defsense_fab.capture.sessions.signals import resistances, signals_in_step
 from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.markers import Tracks
+from defsense_fab.core.storage.session_manifest import FILE
+from defsense_fab.workflow.sessions.processing import process_session
 from tests.capture.sessions import capture_rig as rig
 from tests.support.places import ROOT
 
