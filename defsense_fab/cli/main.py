@@ -74,7 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _log_to_standard_error(options.verbose)
             return int(options.run(options))
         except DefsenseError as error:
-            return _refuse(str(error))
+            errors = error.data.get("errors")  # of a file with several problems
+            return _refuse(*map(str, errors if isinstance(errors, tuple) else (error,)))
         except KeyboardInterrupt:
             return _stopped(options.command)
         except Exception as error:
@@ -143,8 +144,9 @@ def _interrupts() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _refuse(message: str) -> int:
-    _tell("error: " + " ".join(message.split()))
+def _refuse(*messages: str) -> int:
+    for message in messages:
+        _tell("error: " + " ".join(message.split()))
     return REFUSED
 
 
