@@ -9,59 +9,57 @@ from typing import TYPE_CHECKING
 from .core.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from .workflow.device import Device as Device
-    from .workflow.layout import Layout as Layout
-    from .workflow.layout import optimise as optimise
-    from .workflow.models.live import Live as Live
-    from .workflow.models.live import live as live
-    from .workflow.models.model import Model as Model
-    from .workflow.models.model import train as train
-    from .workflow.models.surface import MovingSurface as MovingSurface
-    from .workflow.parts import Parts as Parts
-    from .workflow.parts import fabricate as fabricate
-    from .workflow.picture import Picture as Picture
-    from .workflow.poses import Drag as Drag
-    from .workflow.poses import DrawnCord as DrawnCord
-    from .workflow.poses import Handle as Handle
-    from .workflow.poses import Pose as Pose
-    from .workflow.poses import Pressure as Pressure
-    from .workflow.poses import Symmetry as Symmetry
-    from .workflow.prediction import predict as predict
-    from .workflow.recordings import dataset as dataset
-    from .workflow.recordings import load_sessions as load_sessions
-    from .workflow.recordings import record_twin as record_twin
-    from .workflow.regions import box as box
-    from .workflow.regions import cylinder as cylinder
-    from .workflow.regions import half_space as half_space
-    from .workflow.regions import sphere as sphere
-    from .workflow.simulation import Simulation as Simulation
-    from .workflow.simulation import simulate as simulate
     from .core.errors import DefsenseError as DefsenseError
     from .core.mesh import Surface as Surface
     from .core.prediction import Prediction as Prediction
     from .runtime.frames.live_frame import LiveFrame as LiveFrame
     from .training.data.dataset import Dataset as Dataset
     from .training.data.dataset import Recording as Recording
+    from .workflow.device import Device as Device
+    from .workflow.layout import Layout as Layout
+    from .workflow.layout import Parts as Parts
+    from .workflow.layout import fabricate as fabricate
+    from .workflow.layout import optimise as optimise
+    from .workflow.layout import predict as predict
+    from .workflow.live_session import Live as Live
+    from .workflow.live_session import live as live
+    from .workflow.model import Model as Model
+    from .workflow.model import MovingSurface as MovingSurface
+    from .workflow.model import train as train
+    from .workflow.poses import Drag as Drag
+    from .workflow.poses import DrawnCord as DrawnCord
+    from .workflow.poses import Handle as Handle
+    from .workflow.poses import Pose as Pose
+    from .workflow.poses import Pressure as Pressure
+    from .workflow.poses import Symmetry as Symmetry
+    from .workflow.poses import box as box
+    from .workflow.poses import cylinder as cylinder
+    from .workflow.poses import half_space as half_space
+    from .workflow.poses import sphere as sphere
+    from .workflow.recordings import dataset as dataset
+    from .workflow.recordings import load_sessions as load_sessions
+    from .workflow.recordings import record_twin as record_twin
+    from .workflow.simulation import Picture as Picture
+    from .workflow.simulation import Simulation as Simulation
+    from .workflow.simulation import simulate as simulate
 
 _MODULES = {
-    "workflow.device": ("Device",),
-    "workflow.layout": ("Layout", "optimise"),
-    "workflow.models.live": ("Live", "live"),
-    "workflow.models.model": ("Model", "train"),
-    "workflow.models.surface": ("MovingSurface",),
-    "workflow.parts": ("Parts", "fabricate"),
-    "workflow.picture": ("Picture",),
-    "workflow.poses": ("Drag", "DrawnCord", "Handle", "Pose", "Pressure", "Symmetry"),
-    "workflow.prediction": ("predict",),
-    "workflow.recordings": ("dataset", "load_sessions", "record_twin"),
-    "workflow.regions": ("box", "cylinder", "half_space", "sphere"),
-    "workflow.simulation": ("Simulation", "simulate"),
     "core.errors": ("DefsenseError",),
     "core.mesh": ("Surface",),
     "core.prediction": ("Prediction",),
     "runtime.frames.live_frame": ("LiveFrame",),
     "training.data.dataset": ("Dataset", "Recording"),
-}
+    "workflow.device": ("Device",),
+    "workflow.layout": ("Layout", "Parts", "fabricate", "optimise", "predict"),
+    "workflow.live_session": ("Live", "live"),
+    "workflow.model": ("Model", "MovingSurface", "train"),
+    "workflow.poses": (
+        "Drag", "DrawnCord", "Handle", "Pose", "Pressure", "Symmetry",
+        "box", "cylinder", "half_space", "sphere",
+    ),
+    "workflow.recordings": ("dataset", "load_sessions", "record_twin"),
+    "workflow.simulation": ("Picture", "Simulation", "simulate"),
+}  # fmt: skip
 _PLACES = {name: module for module, names in _MODULES.items() for name in names}
 
 

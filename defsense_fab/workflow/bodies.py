@@ -13,7 +13,7 @@ from ..core.errors import BodyError
 from ..core.mesh import Surface
 from ..core.storage.files import storage_errors
 from ..geometry.printing.export import write_stl
-from .given import array, number, of_kind, path, shown
+from .arguments import array, number, of_kind, path, shown
 from .starts.body_unit import body_unit
 from .starts.dropped_body import DroppedBody, look_at, worth_telling
 from .starts.first_device import check_edge_length

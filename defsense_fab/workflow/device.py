@@ -2,54 +2,84 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import tomlkit
 
-from ..core.device.build_folder import refuse_outside
+from ..core.device.build_folder import own_files, refuse_outside
 from ..core.device.device import Device as DeviceRecord
-from ..core.device.device_file import DEVICE, load_device
+from ..core.device.device_file import DEVICE, load_device, read_device
 from ..core.device.regions import Shape
 from ..core.errors import DeviceError, StorageError
 from ..core.progress import Progress, silent
+from ..core.schema.document import Document, parse_document
+from ..core.storage.files import storage_errors
+from ..store.build import Build
+from .arguments import called, each_of, path, plain_table, whole
 from .bodies import write_body
 from .build.build import build
 from .build.stages import STAGES
-from .given import called, each_of, path, whole
-from .plain import table
-from .poses import DrawnCord, Pose
-from .regions import region_tables
+from .poses import DrawnCord, Pose, region_tables
+from .starts.starting_devices import put_device
 from .starts.usual import MOST_CORDS
-from .study.points.studied_device import studied_text
-from .workspace import Workspace
+from .study.points.studied_device import changed_values, studied_text
+
+_BUILD = "build"
 
 
 class Device:
-    """A device as it was read or made; it does not change, and neither does its folder.
+    """A device as it was loaded or created; it does not change, and neither does its folder.
 
-    What is computed from it is kept in a temporary folder of its own while it is in use. Only
-    `save` and `build` write elsewhere. `notes` tell what was repaired of the body that it was
-    created from, and whether its size is unusual.
+    Results are kept in a temporary folder while the device is in use, and reused by devices that
+    were derived from it with `changed`. Only `save` and `build` write elsewhere. Use `Device.load`
+    or `Device.create`; do not instantiate directly.
+
+    Attributes:
+        record: The device as all other functions of the package take it.
+        values: The contents of its `device.toml`.
+        notes: What was repaired of the body, and whether its size is unusual.
     """
 
     def __init__(
-        self, workspace: Workspace, source: Path | None, notes: tuple[str, ...] = ()
+        self,
+        folder: Path,
+        values: Mapping[str, Any],
+        text: str = "",
+        source: Path | None = None,
+        notes: tuple[str, ...] = (),
     ) -> None:
-        """By `Device.load` or `Device.create`."""
-        self.workspace, self._source, self.notes = workspace, source, notes
-        self.record: DeviceRecord = workspace.read()
+        self.values, self.notes = values, notes
+        self._folder, self._text, self._source = folder, text, source
+        self._end = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        document = Document(values, folder / DEVICE, text)
+        self.record: DeviceRecord = read_device(document, folder, {}, complete=True)
 
     @staticmethod
     def load(folder: str | Path) -> Device:
-        """The device of a folder with device.toml, and what is up to date of its build. Raises
-        DeviceError for what is wrong in the file, with its line and key, and for a body outside of
-        the folder."""
+        """Return the device of a folder with a `device.toml`.
+
+        What is up to date of its build is reused.
+
+        Args:
+            folder: The device's folder.
+
+        Raises:
+            DeviceError: The file is invalid (with line and key), or names a body outside of the
+                folder.
+            StorageError: A file cannot be read.
+        """
         source = path(folder, "folder")
         refuse_outside(load_device(source))
         text = (source / DEVICE).read_text(encoding="utf-8")
-        return Device(Workspace.copy_of(source, text), source)
+        values = parse_document(text, source / DEVICE).values
+        return Device(_copy_of(source), values, text, source)
 
     @staticmethod
     def create(
@@ -68,26 +98,32 @@ class Device:
         anchor: str | None = None,
         values: Mapping[str, object] | None = None,
     ) -> Device:
-        """A device without a file.
+        """Create a device without a file.
 
-        `body` is a path, a build123d shape, a trimesh or a Surface; `material`, `cord` and
-        `process` are names of rows of the package's tables; `regions` parts of the body by name, in
-        mm; `poses` what is to be sensed. `cords` are drawn, and so many more are found that there
-        are `sensors` in all, 16 at most. Tetrahedra have edges of `edge_length` mm. Where a region
-        is named `anchor`, it holds still. `values` sets further keys of device.toml, as in
-        {"cord.noise": 0.002}.
+        Args:
+            name: Name in reports and files.
+            body: Path to a STEP file, a mesh or a script; a build123d shape, a trimesh or a
+                Surface. Meshes are repaired as `defsense new` does, and `notes` lists the repairs.
+            material: Name of a material of the package.
+            regions: Named parts of the body, mm.
+            poses: Deformations that the device must sense.
+            cord: Name of a cord of the package.
+            process: Name of a fabrication process of the package.
+            cords: Cords that are drawn.
+            sensors: Number of cords in all, up to 16; the others are found.
+            edge_length: Edge length of the tetrahedra, mm.
+            units: Unit of a mesh: "mm", "cm", "m", "inch" or "um". By default that of its file, or
+                mm; a mesh whose size is unusual for a soft device is then refused.
+            anchor: Name of a region that holds still.
+            values: Further keys of `device.toml`, as in `{"cord.noise": 0.002}`.
 
-        `units` are those of a mesh: "mm", "cm", "m", "inch" or "um". Where they are not given, a
-        mesh is in mm, or in the unit that its file says, and one of a size that soft devices do not
-        have is refused with the unit that it is likely in. STEP, scripts and shapes say their own.
-        A mesh is repaired as `defsense new` does, and `notes` tell what was.
-
-        Raises BodyError for what is no body, DeviceError for the other values; messages name them
-        as device.toml does.
+        Raises:
+            BodyError: The body is not a closed solid.
+            DeviceError: Another value is invalid; messages name it as `device.toml` does.
         """
         count = None if sensors is None else whole(sensors, "sensors", most=MOST_CORDS)
-        further = table({} if values is None else values)
-        data = table({
+        further = plain_table({} if values is None else values)
+        tables = plain_table({
             "schema": 1,
             "name": name,
             "body": {},
@@ -101,27 +137,45 @@ class Device:
             "poses": [pose.table() for pose in each_of(poses, "poses", Pose)],
             "sensors": [drawn.table() for drawn in each_of(cords, "cords", DrawnCord)],
         })  # fmt: skip
-        workspace = Workspace()
-        data["body"], notes = write_body(body, units, edge_length, workspace.folder)
-        workspace.write(studied_text(tomlkit.dumps(data), further))
-        return Device(workspace, None, notes)
+        folder = _new_folder()
+        try:
+            tables["body"], notes = write_body(body, units, edge_length, folder)
+            return Device(folder, changed_values(tables, further), notes=notes)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
 
     def changed(self, values: Mapping[str, object]) -> Device:
-        """The device with other values at dotted keys of device.toml, as in {"cord.noise": 0.002}
-        or {"poses.bend.handles.1.rotate.degrees": 20}; what is the same is not computed again.
-        Raises DeviceError for a value that cannot be, StudyError for a key that leads nowhere."""
-        text = studied_text(self.workspace.text, table(values))
-        return Device(Workspace.copy_of(self.workspace.folder, text), None, self.notes)
+        """Return the device with other values at dotted keys of `device.toml`.
+
+        Results that do not depend on them are not computed again.
+
+        Args:
+            values: Values by key, as in `{"cord.noise": 0.002}` or
+                `{"poses.bend.handles.1.rotate.degrees": 20}`.
+
+        Raises:
+            DeviceError: A value is invalid.
+            StudyError: A key does not exist.
+        """
+        changes = plain_table(values)
+        text = studied_text(self._text, changes) if self._text else ""
+        folder = _copy_of(self._folder)
+        try:
+            return Device(folder, changed_values(self.values, changes), text, notes=self.notes)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
 
     @property
     def name(self) -> str:
-        """As in device.toml."""
+        """The device's name."""
         return self.record.name
 
     @property
     def text(self) -> str:
-        """What its device.toml holds."""
-        return self.workspace.text
+        """The text of its `device.toml`."""
+        return self._text or tomlkit.dumps(dict(self.values))
 
     @property
     def poses(self) -> tuple[str, ...]:
@@ -130,31 +184,72 @@ class Device:
 
     @property
     def regions(self) -> Mapping[str, Shape]:
-        """Named parts of the body, mm in its rest frame."""
+        """Named parts of the body, mm, rest frame."""
         return dict(self.record.regions)
 
+    def results(self, until: str, progress: Progress = silent) -> Build:
+        """Return the results of the device's build up to the stage `until`.
+
+        Stages that are not up to date are run, in the device's temporary folder.
+
+        Raises:
+            DefsenseError: A stage failed.
+        """
+        called(progress)
+        return build(self.record, until, progress).results
+
     def save(self, folder: str | Path) -> Device:
-        """Write device.toml and the body into a folder that has no device yet; the device that is
-        there. Raises StorageError."""
-        self.workspace.save(path(folder, "folder", StorageError))
+        """Write `device.toml` and the body into a folder that has no device, and load it.
+
+        Raises:
+            StorageError: The folder has a device, or cannot be written.
+        """
+        with storage_errors(self._folder):
+            files = {
+                file.relative_to(self._folder).as_posix(): file.read_bytes()
+                for file in own_files(self._folder)
+            }
+        files.pop(DEVICE, None)
+        put_device(path(folder, "folder", StorageError), files, self.text)
         return Device.load(folder)
 
     def build(self, until: str = "report", progress: Progress = silent) -> Path:
-        """Build in the folder that the device was loaded from, as `defsense build` does; the folder
-        of the build. Raises DeviceError for a device without a folder, or whose device.toml changed
-        since it was loaded, and what the stages raise."""
+        """Build in the folder that the device was loaded from, as `defsense build` does.
+
+        Args:
+            until: Name of the last stage.
+            progress: Receives each stage's name, completed fraction and a message.
+
+        Returns:
+            The folder of the build.
+
+        Raises:
+            DeviceError: The device has no folder, or its `device.toml` has changed since it was
+                loaded.
+            DefsenseError: A stage failed.
+        """
         called(progress)
         stages = [s.name for s in STAGES]
         if until not in stages:
             raise DeviceError(
-                f"until {until!r}: there is no such stage; there are {', '.join(stages)}"
+                f"unknown stage {until!r}",
+                code="stage-unknown",
+                where="until",
+                action=f"Use one of {', '.join(stages)}",
             )
         if self._source is None:
-            raise DeviceError(f"device {self.name!r}: is in no folder; use save(folder) first")
-        record = load_device(self._source)
-        if (self._source / DEVICE).read_text(encoding="utf-8") != self.text:
             raise DeviceError(
-                f"{self._source / DEVICE}: changed since it was loaded; load it again"
+                f"device {self.name!r} has no folder",
+                code="device-unsaved",
+                action="Use save(folder) first",
+            )
+        record = load_device(self._source)
+        if (self._source / DEVICE).read_text(encoding="utf-8") != self._text:
+            raise DeviceError(
+                "changed since it was loaded",
+                code="device-changed",
+                where=self._source / DEVICE,
+                action="Load it again",
             )
         return build(record, until, progress).folder
 
@@ -178,6 +273,37 @@ class Device:
 
 
 def table_html(title: str, rows: Mapping[str, str]) -> str:
-    """Names and values for a notebook."""
+    """Return names and values as a table for notebooks."""
     body = "".join(f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows.items())
     return f"<table><caption>{escape(title)}</caption>{body}</table>"
+
+
+def _new_folder() -> Path:
+    return Path(tempfile.mkdtemp(prefix="defsense-"))
+
+
+def _copy_of(source: Path) -> Path:
+    """Return a temporary folder with the files of a device and its build. Raises StorageError."""
+    folder = _new_folder()
+    try:
+        with storage_errors(source):
+            for file in own_files(source):
+                target = folder / file.relative_to(source)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(file, target)
+            if (source / _BUILD).is_dir():
+                shutil.copytree(
+                    source / _BUILD, folder / _BUILD, copy_function=_link, symlinks=True
+                )
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return folder
+
+
+def _link(source: str, target: str) -> None:
+    """Link a file, or copy it: the files of a build are never rewritten."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)

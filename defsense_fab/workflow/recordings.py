@@ -14,7 +14,7 @@ from ..core.progress import Progress, silent
 from ..training.data.dataset import Dataset, Recording
 from ..training.recordings.datasets import load_datasets
 from ..twin.recordings.twin_recordings import simulate_recordings
-from .given import array, called, each_of, number, of_kind, path, whole
+from .arguments import array, called, each_of, number, of_kind, path, whole
 from .layout import Layout
 
 _DAY = 86400.0  # s

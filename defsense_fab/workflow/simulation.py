@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,18 +10,84 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arrays import Bool, Float, Int
-from ..core.errors import DeviceError
-from ..core.mesh import Surface
+from ..core.arrays import Bool, Float, Int, format_point
+from ..core.errors import DeviceError, StorageError
+from ..core.mesh import Surface, TetMesh
 from ..core.progress import Progress, silent
+from ..core.storage.files import replace_file
+from ..geometry.kernels.surface_queries import SignedDistance
+from ..mechanics.elements.point_location import PointLocator
 from ..mechanics.elements.tet10 import QuadraticMesh
-from ..store.body import load_surface
-from ..store.fields import load_fields, load_index
-from ..store.mesh import load_mesh
+from ..runtime.surface.rotation import nearest_rotations
+from ..store.build import Build
+from . import arguments
+from .arguments import array, of_kind
 from .device import Device, table_html
-from .following import followed
-from .given import array, of_kind
-from .picture import Picture
+
+# Pictures that notebooks show and that can be saved.
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture as the bytes of a `png` file: the last value of a notebook's cell is shown."""
+
+    png: bytes
+
+    @staticmethod
+    def of_uri(uri: str) -> Picture:
+        """Of a data URI with a PNG in it."""
+        return Picture(base64.b64decode(uri.partition(",")[2]))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the .png file, whole or not at all. Raises StorageError, for other suffixes too."""
+        file = arguments.path(path, "path", StorageError)
+        if file.suffix.lower() != ".png":
+            raise StorageError(f"{file}: a picture is a .png file; let its name end so")
+        with replace_file(file) as temporary:
+            temporary.write_bytes(self.png)
+        return file
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+
+# Where points on a body go when it deforms, and those a little outside of it, as what is glued on.
+#
+# Fields are known inside the body alone: continued beyond it, their quadratic polynomials soon leave
+# everything that was simulated.
+
+REACH = 0.1  # of the body's diagonal, by which points may be outside
+
+
+def followed(mesh: TetMesh, points: Float, displacements: Float) -> Float:
+    """Points (p, 3) mm of the rest frame in each state, (s, p, 3) mm, with the displacements
+    (s, n, 3) mm of the quadratic mesh's nodes; outside of the body they are carried rigidly by the
+    place of it that is nearest. Raises DeviceError for points further outside than REACH."""
+    skin = SignedDistance(mesh.boundary())
+    outside = np.flatnonzero(~skin.inside(points))
+    on = points.copy()
+    on[outside] = skin.nearest(points[outside])
+    arms = points - on
+    _refuse_far(points, np.linalg.norm(arms, axis=1), mesh)
+    locator = PointLocator(QuadraticMesh.from_linear(mesh))
+    moved = on + locator.displacement(locator.find(on), displacements)
+    there = locator.find(on[outside])
+    deformed = np.eye(3) + locator.gradient(there, displacements)
+    turns = nearest_rotations(deformed.reshape(-1, 3, 3)).reshape(deformed.shape)
+    moved[:, outside] += np.einsum("spij,pj->spi", turns, arms[outside])
+    return np.asarray(moved)
+
+
+def _refuse_far(points: Float, distance: Float, mesh: TetMesh) -> None:
+    limit = REACH * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    far = int((distance > limit).sum())
+    if far:
+        worst = int(distance.argmax())
+        raise DeviceError(
+            f"points: {far} of {len(points)} lie more than {limit:.3g} mm outside of the body, the"
+            f" furthest {format_point(points[worst])} by {distance[worst]:.3g} mm, where nothing was"
+            " simulated; give points in mm in the body's rest frame, on it or near it"
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,6 +107,7 @@ class Simulation:
     strains: Float
     surface: Surface
     warnings: tuple[str, ...]
+    results: Build
 
     def index(self, state: str) -> int:
         """The number of a state by its name, as in "bend@1". Raises DeviceError."""
@@ -53,7 +121,7 @@ class Simulation:
         of the body are carried rigidly by the place of it that is nearest, as what is glued on it.
         Raises DeviceError for what is no points, and for points further outside than a tenth of the
         body's diagonal, where nothing is known."""
-        return followed(load_mesh(self._build), _checked(points), self.displacements)
+        return followed(self.results.mesh, _checked(points), self.displacements)
 
     def picture(self, state: str) -> Picture:
         """The deformed body from two sides, coloured by how far it moves, mm. Raises DeviceError
@@ -62,17 +130,13 @@ class Simulation:
         from ..report.pictures.poses import color_bar
         from ..report.pictures.poses.errors import error_map
 
-        skin = load_mesh(self._build).boundary()
+        skin = self.results.mesh.boundary()
         at = self.index(state)
         moved = self.displaced(skin.vertices)[at]
         far = np.linalg.norm(moved - skin.vertices, axis=1)
         scale = color_bar.scale("viridis", f"{state}: displacement, mm", float(far.max()))
         shape = Surface(moved, skin.faces)
         return Picture.of_uri(error_map(shape, far, viewing_axes(self.surface), scale))
-
-    @property
-    def _build(self) -> Path:
-        return self.device.workspace.folder / "build"
 
     def __repr__(self) -> str:
         states, nodes = len(self.names), len(self.nodes)
@@ -93,14 +157,21 @@ def simulate(device: Device, progress: Progress = silent) -> Simulation:
     for what is no device, BodyError, MeshingError, SolveError for a pose that the body cannot
     take."""
     of_kind(device, "device", Device)
-    folder = device.workspace.built(device.record, "simulate", progress)
-    fields = load_fields(folder)
-    mesh = QuadraticMesh.from_linear(load_mesh(folder))
+    results = device.results("simulate", progress)
+    fields, mesh = results.fields, results.quadratic_mesh
     return Simulation(
-        device, fields.names, fields.weights, fields.held_out, mesh.nodes,
-        np.asarray(mesh.cells, np.int64), fields.displacements, fields.strains,
-        load_surface(folder), load_index(folder).warnings,
-    )  # fmt: skip
+        device=device,
+        names=fields.names,
+        weights=fields.weights,
+        held_out=fields.held_out,
+        nodes=mesh.nodes,
+        cells=np.asarray(mesh.cells, np.int64),
+        displacements=fields.displacements,
+        strains=fields.strains,
+        surface=results.surface,
+        warnings=results.field_index.warnings,
+        results=results,
+    )
 
 
 def _checked(points: ArrayLike) -> Float:

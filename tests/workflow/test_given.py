@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import defsense_fab as df
-from defsense_fab.workflow.plain import plain
+from defsense_fab.workflow.arguments import plain
 from tests.workflow.conftest import small_bar
 
 

@@ -46,8 +46,8 @@ def test_results_are_those_of_the_command_line_to_the_last_digit(device, poses, 
 def test_only_build_writes_into_the_device_s_folder(device, tmp_path):
     loaded = device.save(tmp_path / "small")
     before = sorted((tmp_path / "small").rglob("*"))
-    folder = loaded.workspace.folder
-    loaded.workspace.built(loaded.record, "body")
+    folder = loaded.record.source
+    loaded.results("body")
     assert (folder / "build").is_dir()
     assert sorted((tmp_path / "small").rglob("*")) == before
     assert loaded.build("mesh") == tmp_path / "small" / "build"
@@ -213,7 +213,7 @@ def test_a_script_brings_what_it_imports(tmp_path):
         encoding="utf-8",
     )
     made = small_bar(body=tmp_path / "bar.py")
-    assert (made.workspace.folder / "sizes.py").is_file()
+    assert (made.record.source / "sizes.py").is_file()
     assert made.record.body.kind == "script"
 
 

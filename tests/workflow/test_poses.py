@@ -133,7 +133,7 @@ def test_python_says_what_a_file_can_say():
             "outputs.markers": [[80, 0, 10], [40, 0, 10]], "cord.length": np.array([20, 200]),
         },
     )  # fmt: skip
-    read = parse_device(_FILE, made.workspace.folder)
+    read = parse_device(_FILE, made.record.source)
     assert same(made.record, read)
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...geometry.channels.channel_ends import End
-from ...geometry.channels.cord_assembly import Sides, Stretch, find_late_joints, stretches
+from ...geometry.channels.cord_assembly import JointSides, Stretch, find_late_joints, find_stretches
 from ...geometry.channels.cord_channels import Channel
 from ...geometry.parts.records import PartSet
-from ...optimize.prediction.design_task import SLACK
-from ...optimize.prediction.predict import Scored
+from ...optimize.prediction.design_task import TRIM_SLACK_MM
+from ...optimize.prediction.predict import ScoredLayout
 from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import choose_reference
 from ...store.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
@@ -26,7 +26,7 @@ OUTSIDE = 200.0
 OPENED, GRIP = 25.0, 10.0
 
 
-def cut_list(device: Device, made: PartSet, built: Scored) -> tuple[CutCord, ...]:
+def cut_list(device: Device, made: PartSet, built: ScoredLayout) -> tuple[CutCord, ...]:
     """One row a cord; `built` is what the cords sense as they are built in.
 
     A cord ends in the middle of the ferrule that joins it to a wire: in a pocket of the body, or
@@ -52,12 +52,12 @@ def cut_list(device: Device, made: PartSet, built: Scored) -> tuple[CutCord, ...
         drawn = find_late_joints(lies, joints)
         ends = tuple(_end(e, channel, device, made, joints, k) for e in channel.ends)
         late, after = last_end(lies, drawn, ends)
-        slack = SLACK
+        slack = TRIM_SLACK_MM
         if late is not None:
             ends = tuple(replace(e, after=after) if n == late else e for n, e in enumerate(ends))
             out_of_mouth = ends[late].pocket - ferrule / 2 if ends[late].pocket else 0.0
             reach = between - unstretched + out_of_mouth + OPENED + GRIP
-            slack = max(SLACK, float(np.ceil(reach - ferrule / 2)))
+            slack = max(TRIM_SLACK_MM, float(np.ceil(reach - ferrule / 2)))
         rest = reading.resistance(cord)
         low, high = (rest * (1 + float(s)) for s in (signals.min(), signals.max()))
         out.append(
@@ -76,7 +76,7 @@ def cut_list(device: Device, made: PartSet, built: Scored) -> tuple[CutCord, ...
                 resistance=rest,
                 range=(low, high),
                 reference_resistor=choose_reference(low, high),
-                stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in lies),
+                find_stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in lies),
                 drawn=tuple(drawn),
             )
         )
@@ -98,14 +98,14 @@ def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
         replace(
             cord,
             ends=(ended(cord.ends[0]), ended(cord.ends[1])),
-            stretches=tuple(replace(s, joint=s.joint + joints) for s in cord.stretches),
+            find_stretches=tuple(replace(s, joint=s.joint + joints) for s in cord.stretches),
             drawn=tuple((j + joints, at) for j, at in cord.drawn),
         )
         for cord in cords
     )
 
 
-def _joints(made: PartSet) -> list[Sides]:
+def _joints(made: PartSet) -> list[JointSides]:
     """What each joint brings together, in the order of assembly: the cuts backwards."""
     return [(frozenset(c.sides[0]), frozenset(c.sides[1])) for c in reversed(made.cuts)]
 
@@ -115,7 +115,7 @@ def _lies(
     channel: Channel,
     diameter: float,
     made: PartSet,
-    joints: Sequence[Sides],
+    joints: Sequence[JointSides],
     cord: int,
 ) -> tuple[Stretch, ...]:
     """The joints that a line of the channel's plane lies in, if any."""
@@ -124,7 +124,7 @@ def _lies(
         return ()
     normal = channel.sensor.plane.normal
     parts = [p.surface for p in made.parts]
-    return stretches(line, normal, diameter / 2, parts, joints, within)
+    return find_stretches(line, normal, diameter / 2, parts, joints, within)
 
 
 def held_by(lies: Sequence[Stretch], empty: Sequence[float]) -> tuple[Stretch, ...]:
@@ -153,7 +153,7 @@ def last_end(
 
 
 def _end(
-    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[Sides], cord: int
+    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[JointSides], cord: int
 ) -> CordEnd:
     inside = end.pocket > 0
     return CordEnd(
@@ -167,7 +167,7 @@ def _end(
 
 
 def _wire(
-    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[Sides], cord: int
+    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[JointSides], cord: int
 ) -> WireRecord:
     lead, why = end.lead, end.unled or None
     if lead is None:

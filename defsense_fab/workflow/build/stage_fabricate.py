@@ -14,12 +14,12 @@ from ...geometry.moulds.moulds import make_moulds
 from ...geometry.parts.parts import add_solids
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
-from ...geometry.printing.print_bed import laid
+from ...geometry.printing.print_bed import lay_flat
 from ...geometry.splitting.long_parts import split_long_parts
-from ...optimize.prediction.as_built import as_made, fabricate, mould_rules, rules, with_relief
-from ...optimize.prediction.cord_pull import pulls
+from ...optimize.prediction.as_built import score_channels, fabricate, mould_rules, part_rules, decide_strain_relief
+from ...optimize.prediction.assembly_effects import check_cord_pull
 from ...optimize.prediction.design_task import load_task
-from ...optimize.prediction.open_joints import overstretched
+from ...optimize.prediction.assembly_effects import find_overstretched_cords
 from ...optimize.refinement.refine import report_part
 from ...store.build import Build
 from ...store.layout import LayoutRecord
@@ -70,12 +70,12 @@ def run(device: Device, build: Build, report: Report, winner: Winner | None = No
     parts = winner.parts if build.solid is None else add_solids(winner.parts, build.solid)
     device = winner.device
     report(0.75, "predicting with joints")
-    built = as_made(winner.task, parts.channels)
+    built = score_channels(winner.task, parts.channels)
     warnings = (
         *parts.warnings,
         *winner.notes,
-        *overstretched(device, parts, built.cords),
-        *pulls(device, winner.task, built.cords, layout.band.median),
+        *map(str, find_overstretched_cords(device, parts, built.cords)),
+        *map(str, check_cord_pull(device, winner.task, built.cords, layout.band.median)),
     )
     parts = replace(parts, warnings=warnings)
     cords = cut_list(device, parts, built)
@@ -88,7 +88,7 @@ def _make_layout(device: Device, build: Build, report: Report) -> Winner:
     sensors = [s.sensor() for s in build.layout.sensors]
     task = load_task(device, build).with_decoder(build.layout.prediction.decoder)
     surface, bay = build.surface, build.body.bay
-    device, notes = with_relief(device, task, surface, sensors, bay)
+    device, notes = decide_strain_relief(device, task, surface, sensors, bay)
     return Winner(
         device, tuple(notes), fabricate(device, surface, sensors, report, None, bay), task
     )
@@ -119,14 +119,14 @@ def write_parts(
     """
     cast = device.fabrication.kind == "cast"
     if not cast:
-        split = split_long_parts(made, device.fabrication.bed, rules(device))
+        split = split_long_parts(made, device.fabrication.bed, part_rules(device))
         cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
         made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
     moulds = (
         make_moulds(made, mould_rules(device), partial(report_part, report, 0, 0.9)) if cast else []
     )
     report(0.9 if cast else 0.0, "writing parts")
-    flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
+    flat = casting.lying(moulds) if cast else {p.name: lay_flat(p.surface, p.down) for p in made.parts}
     pins = pin_kinds(made)
     placed, bound = on_plates(device, flat, pins)
     out = folder / "parts"

@@ -26,7 +26,7 @@ def run(device: Device, build: Build, report: Report) -> None:
     _check_regions(device, surface)
     limit = device.mesh.time_limit
     kept_before = mesh_lock.read(device.source)
-    locked = {k: made for k, made in kept_before.items() if not made.outgrown(limit)}
+    locked = {k: made for k, made in kept_before.items() if not made.is_outgrown(limit)}
     used: dict[float, Tetrahedra] = {}
 
     def make(edge_length: float) -> TetMesh:

@@ -17,10 +17,10 @@ from ...core.errors import LayoutError
 from ...decoding.ridge import FEATURES
 from ...geometry.parts.records import PartSet
 from ...optimize.limits.verification import LayoutCheck, verify
-from ...optimize.prediction.as_built import assumed_cords, scored_by_paths
+from ...optimize.prediction.as_built import assumed_cords, score_paths
 from ...optimize.prediction.choose_layout import Trial, choose_layout
-from ...optimize.prediction.design_task import SEED, DesignTask, decoders, load_task, tolerances_of
-from ...optimize.prediction.predict import Scored, left_out_error, predict
+from ...optimize.prediction.design_task import SEED, DesignTask, candidate_decoders, load_task, device_tolerances
+from ...optimize.prediction.predict import ScoredLayout, left_out_error, predict
 from ...optimize.refinement.refine import (
     OptimizedLayout,
     evaluate_unchanged,
@@ -122,7 +122,7 @@ def _search_decoders(
     device: Device, task: DesignTask, report: Report, observer: _SearchObserver
 ) -> tuple[DesignTask, OptimizedLayout]:
     """Return the task with the decoder that does best on unseen states, and its layout."""
-    kinds = decoders(device, task)
+    kinds = candidate_decoders(device, task)
     found: dict[str, tuple[float, OptimizedLayout]] = {}
     for n, kind in enumerate(kinds):
         task = task.with_decoder(kind)
@@ -143,8 +143,8 @@ def _layout_record(
     # What decoders that were not designed for would make of the chosen cords.
     decoded = {kind: task.with_decoder(kind) for kind in DECODERS}
     predicted = {kind: predict(t, final.cords).prediction for kind, t in decoded.items()}
-    tolerances = tolerances_of(device)
-    initial = scored_by_paths(device, task, build.surface, layout.initial, build.body.bay)
+    tolerances = device_tolerances(device)
+    initial = score_paths(device, task, build.surface, layout.initial, build.body.bay)
     check = verify(layout.sensors, build.surface, limits)
     if check.violations:
         raise LayoutError(
@@ -290,7 +290,7 @@ def _cord_records(
     sensors: Sequence[Sensor],
     check: LayoutCheck,
     task: DesignTask,
-    scored: Scored,
+    scored: ScoredLayout,
 ) -> tuple[CordRecord, ...]:
     records = []
     rows = zip(sensors, check.cords, scored.cords, scored.prediction.noise, strict=True)

@@ -1,4 +1,4 @@
-"""From tables and sessions to `response.json` and its report."""
+"""Fit the response to tables and sessions, and write `response.json` with its report."""
 
 from __future__ import annotations
 
@@ -10,14 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from ...calibration import session as sessions
-from ...calibration.calibrate import SPREAD, Calibration, calibrate
+from ...calibration.calibrate import ASSUMED_SPREAD, Calibration, calibrate
 from ...calibration.protocol import Creep
 from ...calibration.reading_checks import Policy
-from ...calibration.readings import Geometry, Readings, half_width, joined
+from ...calibration.readings import (
+    Geometry,
+    Notice,
+    Readings,
+    hysteresis_half_width,
+    join_readings,
+)
 from ...calibration.readings_table import read_table
+from ...calibration.session import FRAMES, read_session
 from ...core.errors import CalibrationError
 from ...core.progress import Progress, silent
+from ...core.response import SCHEMA
 from ...core.storage.files import digest, storage_errors, write_json, write_text
 from ...core.storage.session_manifest import FILE
 from ...core.version import __version__
@@ -25,8 +32,14 @@ from ...core.version import __version__
 
 @dataclass(frozen=True)
 class FittedResponse:
-    """The calibration, what it was made of, creep in the sessions' holds by cord, and what
-    `response.json` holds."""
+    """A fitted response.
+
+    Attributes:
+        calibration: The calibration.
+        sources: Tables and session folders.
+        creeps: Creep in the sessions' holds, with the cord's position.
+        data: Content of `response.json`.
+    """
 
     calibration: Calibration
     sources: tuple[Path, ...]
@@ -42,54 +55,74 @@ def fit_response(
     radii: Sequence[float] | None = None,
     policy: Policy = "refuse",
     model: str | None = None,
-    spread: float = SPREAD,
+    spread: float = ASSUMED_SPREAD,
     seed: int = 1,
     progress: Progress = silent,
 ) -> FittedResponse:
-    """Fit the response to all `sources`, tables or session folders; write `out` and, beside it, its
-    report. `geometry` and `radii` (mm) are those of the specimens in tables.
+    """Fit the response to all sources.
 
-    Raises CalibrationError for what cannot be read or used, before anything is written.
+    Args:
+        sources: Tables and session folders.
+        out: File to write, `response.json`; its report is written next to it.
+        geometry: Geometry of the specimens in tables.
+        radii: Radii of the jigs in tables, mm.
+        policy: What to do about a significant drift of the neutral cord.
+        model: Model to use instead of the chosen one.
+        spread: Assumed standard deviation between specimens.
+        seed: Seed of the bootstrap.
+        progress: Called with the progress.
+
+    Returns:
+        The response.
+
+    Raises:
+        CalibrationError: A source cannot be read or used; nothing is written then.
+        StorageError: A file cannot be written.
     """
-    whole = [s.resolve() for s in sources]
-    twice = next((s for s, w in zip(sources, whole, strict=True) if whole.count(w) > 1), None)
-    if twice is not None:
-        raise CalibrationError(f"{twice}: is given twice, and would count twice; give it once")
+    resolved = [s.resolve() for s in sources]
+    for source, path in zip(sources, resolved, strict=True):
+        if resolved.count(path) > 1:
+            raise CalibrationError(
+                "is given twice, and would count twice",
+                code="duplicate-source",
+                where=source,
+                action="Give each source once",
+            )
     if out is not None:
         _check_out(out, sources)
     parts: list[Readings] = []
     hashed: list[Path] = []
     creeps: list[tuple[str, Creep]] = []
-    warnings: list[str] = []
+    notices: list[Notice] = []
     for n, source in enumerate(sources):
         progress("read", n / len(sources), source.name)
         if source.is_dir():
-            measured = sessions.measure(source)
-            parts.append(measured.readings)
-            creeps += measured.creeps
-            hashed += [source / FILE, source / sessions.FRAMES]
-            if measured.unsettled:
-                warnings.append(
-                    f"{source.name}: {measured.unsettled} readings were taken before they settled"
-                )
+            session = read_session(source)
+            parts.append(session.readings)
+            creeps += session.creeps
+            hashed += [source / FILE, source / FRAMES]
+            if session.unsettled:
+                text = f"{source.name}: {session.unsettled} readings had not settled"
+                notices.append(Notice("readings-unsettled", text))
         else:
-            readings, notes = read_table(source, geometry or Geometry(), radii)
+            readings, table_notices = read_table(source, geometry or Geometry(), radii)
             parts.append(readings)
-            warnings += map(str, notes)
+            notices += table_notices
             hashed.append(source)
     progress("fit", 0.0, "models")
     rng = np.random.default_rng(seed)
-    found = calibrate(joined(parts), policy=policy, model=model, spread=spread, rng=rng)
-    progress("fit", 1.0, "done")
-    data = describe(
-        found, sources, creeps, digest(*hashed), (*warnings, *map(str, found.warnings)), spread
+    calibration = calibrate(
+        join_readings(parts), policy=policy, model=model, spread=spread, rng=rng
     )
+    progress("fit", 1.0, "done")
+    warnings = [*map(str, notices), *map(str, calibration.warnings)]
+    data = describe(calibration, sources, creeps, digest(*hashed), warnings, spread)
     data["seed"] = seed
-    fitted = FittedResponse(found, tuple(sources), tuple(creeps), data)
+    fitted = FittedResponse(calibration, tuple(sources), tuple(creeps), data)
     if out is not None:
         from ...report.calibration_page import page
 
-        text = page(found, data)
+        text = page(calibration, data)
         with storage_errors(out):
             write_text(out.with_suffix(".html"), text)
             write_json(out, data)
@@ -97,72 +130,119 @@ def fit_response(
 
 
 def _check_out(out: Path, sources: Sequence[Path]) -> None:
-    """Raises CalibrationError for a place that the result must not go to."""
+    """Check that the result and its report can be written without overwriting a source."""
     if out.suffix != ".json" or out.is_dir():
-        raise CalibrationError(f"--out {out}: give the name of a file that ends with .json")
+        raise CalibrationError(
+            "is not a name for the result",
+            code="not-json-name",
+            where=out,
+            action="Give the name of a file that ends with .json",
+        )
     report = out.with_suffix(".html")
     for source in sources:
         if source.resolve() in (out.resolve(), report.resolve()):
-            raise CalibrationError(f"--out {out}: would overwrite {source}; choose another name")
+            raise CalibrationError(
+                f"the result or its report would overwrite {source}",
+                code="overwrites-source",
+                where=out,
+                action="Choose another name",
+            )
     if report.is_dir():
-        raise CalibrationError(f"{report}: is a folder, and the report would go there; rename it")
+        raise CalibrationError(
+            "is a folder, where the report would be written",
+            code="not-a-file",
+            where=report,
+            action="Rename the folder, or choose another name for the result",
+        )
     with storage_errors(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         if not os.access(out.parent, os.W_OK):
-            raise CalibrationError(f"--out {out}: {out.parent} may not be written to")
+            raise CalibrationError(
+                "does not accept files",
+                code="permission-denied",
+                where=out.parent,
+                action="Change its permissions, or choose another folder",
+                path=out.parent,
+            )
 
 
 def describe(
-    found: Calibration,
+    calibration: Calibration,
     sources: Sequence[Path],
     creeps: Sequence[tuple[str, Creep]],
-    raw: str,
+    raw_hash: str,
     warnings: Sequence[str],
     spread: float,
 ) -> dict[str, Any]:
-    """`response.json`: what `core/response.py` reads, and where it comes from."""
-    d = found.doubt
-    outer = [p for p, gain in zip(found.pieces, found.gains, strict=True) if np.isfinite(gain)]
-    lasting = [c for _, c in creeps if np.isfinite(c.time)]
-    chosen = found.tried[found.response.model].fitted
-    return {
-        "schema": 1,
-        **found.response.to_json(),
-        "k_res": found.k_res,
-        "interval": list(d.interval),
-        "doubt": {"readings": d.within, "pieces": d.pieces, "assumed": d.assumed, "model": d.model,
-                  "spread_assumed": spread},
-        "standard_errors": d.errors.tolist(),
-        "noise": found.noise,
-        "reason": found.reason,
-        "models": {
-            name: {
-                "left_out_error": t.left_out,
-                "deviance": t.deviance,
-                "coefficients": t.fitted.model.spec(
-                    t.fitted.theta, found.response.strain_range
-                ).to_json()["coefficients"],
-            }
-            for name, t in found.tried.items()
-        },
-        "neutral_drift": found.drift.largest,
-        "neutral_at": found.drift.at,
-        "hysteresis": half_width(chosen.memory) if found.data.memory.any() else None,
-        "creep": {
-            "time": float(np.median([c.time for c in lasting])),
-            "part": float(np.median([c.start / c.end for c in lasting])),
-            "holds": len(lasting),
+    """Return the content of `response.json`.
+
+    Args:
+        calibration: The calibration.
+        sources: Tables and session folders.
+        creeps: Creep in the sessions' holds, with the cord's position.
+        raw_hash: Hash of the sources' content.
+        warnings: Doubts about the readings and the fit.
+        spread: Assumed standard deviation between specimens.
+
+    Returns:
+        The data that `core/response.py` reads, and their origin.
+    """
+    uncertainty = calibration.uncertainty
+    is_known = np.isfinite(calibration.gains)
+    outer = [p for p, known in zip(calibration.pieces, is_known, strict=True) if known]
+    significant = [c for _, c in creeps if np.isfinite(c.time)]
+    fit = calibration.trials[calibration.response.model].fit
+    has_memory = bool(calibration.data.memory.any())
+    creep = None
+    if significant:
+        creep = {
+            "time": float(np.median([c.time for c in significant])),
+            "part": float(np.median([c.start / c.end for c in significant])),
+            "holds": len(significant),
         }
-        if lasting
-        else None,
+    return {
+        "schema": SCHEMA,
+        **calibration.response.to_json(),
+        "k_res": calibration.k_res,
+        "interval": list(uncertainty.interval),
+        "doubt": {
+            "readings": uncertainty.within,
+            "pieces": uncertainty.pieces,
+            "assumed": uncertainty.assumed,
+            "model": uncertainty.model,
+            "spread_assumed": spread,
+        },
+        "standard_errors": uncertainty.errors.tolist(),
+        "noise": calibration.noise,
+        "reason": calibration.reason,
+        "models": _describe_models(calibration),
+        "neutral_drift": calibration.drift.largest,
+        "neutral_at": calibration.drift.at,
+        "hysteresis": hysteresis_half_width(fit.memory) if has_memory else None,
+        "creep": creep,
         "pieces": [
             {"specimen": p.specimen, "cord": p.place, "gain": float(g)}
-            for p, g in zip(outer, found.gains[np.isfinite(found.gains)], strict=True)
+            for p, g in zip(outer, calibration.gains[is_known], strict=True)
         ],
-        "radii": found.readings.radii.tolist(),
-        "readings": len(found.readings.where),
+        "radii": calibration.readings.radii.tolist(),
+        "readings": len(calibration.readings.where),
         "sources": [str(s) for s in sources],
-        "raw_hash": raw,
+        "raw_hash": raw_hash,
         "version": __version__,
         "warnings": list(warnings),
-    }  # fmt: skip
+    }
+
+
+def _describe_models(calibration: Calibration) -> dict[str, Any]:
+    """Return the error, deviance and coefficients of every model."""
+    strains = calibration.response.strain_range
+    return {
+        name: {
+            "left_out_error": trial.left_out_rmse,
+            "deviance": trial.deviance,
+            "coefficients": trial.fit.model.spec(trial.fit.theta, strains).to_json()[
+                "coefficients"
+            ],
+        }
+        for name, trial in calibration.trials.items()
+    }

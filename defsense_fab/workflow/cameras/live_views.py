@@ -10,10 +10,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...capture.cameras.image_sources import Images, Webcam
-from ...capture.cameras.intrinsics import LEAST_VIEWS
+from ...capture.cameras.image_sources import ImageSource, Webcam
+from ...capture.cameras.intrinsics import MIN_VIEWS
 from ...capture.cameras.rig_check import Diagnosis, diagnose
-from ...capture.cameras.view_selection import STILL, coverage, descriptor, is_new, motion
+from ...capture.cameras.view_selection import (
+    MAX_STILL_MOTION_PX,
+    corner_motion,
+    describe_view,
+    is_new,
+    measure_coverage,
+)
 from ...capture.tags.detection import BoardFinder, BoardView, Image
 from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float, Int
@@ -56,7 +62,7 @@ class BoardScreen(Protocol):
     def key(self, timeout: float) -> str | None: ...
 
 
-Opener = Callable[[str], Images]
+Opener = Callable[[str], ImageSource]
 
 
 def calibrate_live(
@@ -79,26 +85,26 @@ def calibrate_live(
     last: BoardView | None = None
     with closing(opener(source)) as camera:
         camera.start()
-        covered = coverage(kept, board, camera.size, wanted)
+        covered = measure_coverage(kept, board, camera.size, wanted)
         while True:
             frame = camera.read(1.0)
             pressed = screen.key(0.0)
             if pressed == "q":
                 raise KeyboardInterrupt
-            if pressed == "enter" and len(kept) >= LEAST_VIEWS:
+            if pressed == "enter" and len(kept) >= MIN_VIEWS:
                 break
             if frame is None:
                 continue
             view = finder.find(frame[0])
             taken = False
             if view is not None:
-                still = float(motion([last, view])[1]) <= STILL
-                shape = descriptor(view, board, camera.size)
+                still = float(corner_motion([last, view])[1]) <= MAX_STILL_MOTION_PX
+                shape = describe_view(view, board, camera.size)
                 if still and is_new(shape, shapes):
                     taken = True
                     kept.append(view)
                     shapes.append(shape)
-                    covered = coverage(kept, board, camera.size, wanted)
+                    covered = measure_coverage(kept, board, camera.size, wanted)
             last = view
             corners = np.zeros((0, 2)) if view is None else view.corners
             screen.show(
@@ -182,7 +188,7 @@ def _gather(
             views = [finder.find(f[0]) for f in there]
             stamps = [f[1] for f in there]
             still = all(
-                v is None or float(motion([a, v])[1]) <= STILL
+                v is None or float(corner_motion([a, v])[1]) <= MAX_STILL_MOTION_PX
                 for a, v in zip(last, views, strict=True)
             )
             last = list(views)
@@ -192,7 +198,7 @@ def _gather(
             if still and near and len(seen) >= (2 if several else 1):
                 c = min(seen)
                 shape = np.append(
-                    descriptor(seen[c], board, cameras[c].size), sum(2.0**k for k in seen)
+                    describe_view(seen[c], board, cameras[c].size), sum(2.0**k for k in seen)
                 )
                 if is_new(shape, shapes):
                     taken = True

@@ -12,11 +12,17 @@ from typing import Any
 import numpy as np
 
 from ...capture.cameras.extrinsics import estimate_extrinsics
-from ...capture.cameras.image_sources import Video, in_threads
-from ...capture.cameras.intrinsics import Intrinsics, calibrate
+from ...capture.cameras.image_sources import Video, run_in_threads
+from ...capture.cameras.intrinsics import Intrinsics, calibrate_camera
 from ...capture.cameras.rig_check import Diagnosis, check_rig, diagnose
 from ...capture.cameras.rig_file import Rig, read_rig, write_rig
-from ...capture.cameras.view_selection import Coverage, choose, coverage, descriptor, motion
+from ...capture.cameras.view_selection import (
+    Coverage,
+    choose_views,
+    corner_motion,
+    describe_view,
+    measure_coverage,
+)
 from ...capture.tags.detection import BoardFinder, BoardView, image_size_error
 from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float
@@ -70,7 +76,7 @@ def look(
             )
         return Seen(video.size, np.array(times), tuple(views), video.path.is_dir())
 
-    out = in_threads(one, videos, 4)
+    out = run_in_threads(one, videos, 4)
     progress("board", 1.0, "done")
     for path, seen in zip(paths, out, strict=True):
         if not any(seen.views):
@@ -98,8 +104,8 @@ def calibrate_views(
 ) -> Calibrated:  # fmt: skip
     """A camera from chosen views, of which so many were wanted. Raises CaptureError where they do
     not tell."""
-    found = calibrate(name, size, board, views, fisheye=fisheye)
-    covered = coverage(views, board, size, wanted)
+    found = calibrate_camera(name, size, board, views, fisheye=fisheye)
+    covered = measure_coverage(views, board, size, wanted)
     c = found.camera
     data = {
         "name": name, "size": list(size), "error": found.error, "views": len(views),
@@ -123,8 +129,10 @@ def calibrate_cameras(
         there = np.flatnonzero([v is not None for v in seen.views])
         views = [seen.views[k] for k in there]
         kept = [v for v in views if v is not None]
-        d = np.array([descriptor(v, board, seen.size) for v in kept])
-        chosen = choose(d, motion(seen.views)[there], MOST, stills=seen.stills, moving=True)
+        d = np.array([describe_view(v, board, seen.size) for v in kept])
+        chosen = choose_views(
+            d, corner_motion(seen.views)[there], MOST, are_stills=seen.stills, allow_motion=True
+        )
         progress("solve", 0.0, name)
         views_ = [kept[k] for k in chosen]
         done.append(calibrate_views(name, seen.size, board, views_, fisheye=fisheye))
@@ -229,7 +237,7 @@ def finish_arranging(
     progress("solve", 1.0, "done")
     checked = check_rig(found.cameras, board, instants)
     metadata = plain(rig) | _about(board)
-    metadata |= {"adjusted": True, "error": found.error, "board_error": checked.length}
+    metadata |= {"adjusted": True, "error": found.error, "board_error": checked.corner_error}
     first = rig.cameras[0]
     cameras = found.cameras if not keep else [_seen_from(c, first) for c in found.cameras]
     write_rig(out, cameras, metadata)
@@ -237,9 +245,9 @@ def finish_arranging(
     return {
         "error": found.error, "errors": found.errors.tolist(), "boards": len(instants),
         "shared": found.shared.tolist(), "distances": distances,
-        "names": [c.name for c in found.cameras], "length_error": checked.length,
+        "names": [c.name for c in found.cameras], "length_error": checked.corner_error,
         "square_measured": board.measured is not None,
-        "warnings": _doubts(found.error, checked.length),
+        "warnings": _doubts(found.error, checked.corner_error),
         "frame": f"the world of {out}" if keep else f"of camera {first.name}",
     }  # fmt: skip
 
@@ -304,7 +312,7 @@ def together(
     """Instants at which several cameras saw the board, the most different of the stillest ones.
     Raises CaptureError for a video of another size than its camera's."""
     check_sizes(cameras, [s.size for s in seen], paths)
-    moves = [motion(s.views) for s in seen]
+    moves = [corner_motion(s.views) for s in seen]
     stills = all(s.stills for s in seen)
     time = seen[0].time
     period = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
@@ -325,11 +333,11 @@ def together(
             # Another pair of cameras is another view, too.
             shapes.append(
                 np.append(
-                    descriptor(views[first], board, seen[first].size), sum(2.0**c for c in views)
+                    describe_view(views[first], board, seen[first].size), sum(2.0**c for c in views)
                 )
             )
             speeds.append(speed)
             found.append(views)
     most = _TOGETHER * max(len(seen) - 1, 1)
-    chosen = choose(np.array(shapes), np.array(speeds), most, stills=stills)
+    chosen = choose_views(np.array(shapes), np.array(speeds), most, are_stills=stills)
     return [found[k] for k in chosen]

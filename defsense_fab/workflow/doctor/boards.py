@@ -51,9 +51,9 @@ def of_program(port: str) -> str:
 
 def listed() -> list[str]:
     """Devices of the ports that are plugged in."""
-    from ...capture.readout.ports import ports
+    from ...capture.readout.ports import serial_ports
 
-    return [port.device for port in ports()]
+    return [port.device for port in serial_ports()]
 
 
 def ask(port: str) -> str:

@@ -10,11 +10,11 @@ from ...core.device.device import Device
 from ...core.device.materials import Silicone, find_silicone
 from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
-from ...geometry.moulds.moulds import whole
+from ...geometry.moulds.moulds import take_whole_piece
 from ...geometry.moulds.records import Mould
 from ...geometry.printing.export import write_stl
-from ...geometry.printing.print_bed import laid
-from ...optimize.prediction.as_built import shrinkage
+from ...geometry.printing.print_bed import lay_flat
+from ...optimize.prediction.as_built import linear_shrinkage
 from ...store.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
 
 #: What is mixed beyond what the cavities hold: it stays in the cup, in funnels and vents.
@@ -27,8 +27,8 @@ def lying(moulds: Sequence[Mould]) -> dict[str, Surface]:
     """Every piece as it is printed, closed in single precision as it lies."""
     out = {}
     for piece in (p for m in moulds for p in m.pieces):
-        solid = triangle_kernel.to_manifold(laid(piece.surface, piece.down), piece.name)
-        out[piece.name] = triangle_kernel.to_printable_surface(whole(solid, piece.name), piece.name)
+        solid = triangle_kernel.to_manifold(lay_flat(piece.surface, piece.down), piece.name)
+        out[piece.name] = triangle_kernel.to_printable_surface(take_whole_piece(solid, piece.name), piece.name)
     return out
 
 
@@ -79,7 +79,7 @@ def casting(device: Device, moulds: Sequence[Mould]) -> Casting:
     steps = _steps(device, moulds, known, mixed, masses)
     return Casting(
         silicone=device.material.name,
-        shrinkage=shrinkage(device),
+        shrinkage=linear_shrinkage(device),
         volume=volume,
         mixed=mixed * 1000,
         mass_a=masses[0],
@@ -165,7 +165,7 @@ def notes(device: Device, moulds: Sequence[Mould]) -> list[str]:
     if find_silicone(device.material.name) is None:
         out.append(
             f"{device.material.name!r} is not in silicones.csv: it is taken to shrink by"
-            f" {shrinkage(device):.1%} and to mix 1 : 1; write [fabrication] shrinkage = 0.002 or"
+            f" {linear_shrinkage(device):.1%} and to mix 1 : 1; write [fabrication] shrinkage = 0.002 or"
             " what its data sheet says"
         )
     return out

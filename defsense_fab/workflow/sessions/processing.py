@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...capture.cameras.image_sources import Video, timing
+from ...capture.cameras.image_sources import Video, measure_timing
 from ...capture.cameras.rig_file import Rig
 from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronization import synchronize_by_motion
@@ -117,7 +117,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
             tags, lacks = _again(session, run, camera, seen.frame, progress)
             if lacks:
                 lacking[camera.name] = lacks
-        watched.append(VideoDetections(time, tags, timing(time), 0))
+        watched.append(VideoDetections(time, tags, measure_timing(time), 0))
     names = [f"{run.name}/{c.name}" for c in rig.cameras]
     try:
         processed = assemble(

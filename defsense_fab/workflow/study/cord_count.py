@@ -15,7 +15,7 @@ from ...core.progress import Progress, silent
 from ...core.storage.files import digest, storage_errors
 from ...optimize.prediction.as_built import assumed_cords
 from ...optimize.prediction.compare_layouts import ComparedLayout
-from ...optimize.prediction.design_task import SEED, decoders, load_task
+from ...optimize.prediction.design_task import SEED, candidate_decoders, load_task
 from ...optimize.prediction.predict import predict
 from ...optimize.studies.cord_count import find_knee, layouts_by_count
 from ..build.build import build
@@ -73,7 +73,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     """
     result = build(device, "simulate", progress)
     task = load_task(device, result.results)
-    kinds = decoders(device, task)
+    kinds = candidate_decoders(device, task)
     task = task.with_decoder(_RICH if _RICH in kinds else kinds[0])
     folder = study_folder(device)
     key = study_key(device, result.folder)

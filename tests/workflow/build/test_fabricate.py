@@ -21,8 +21,8 @@ from defsense_fab.geometry.channels.cord_assembly import Stretch
 from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.prediction import as_built
-from defsense_fab.optimize.prediction.as_built import fabricate, rules
-from defsense_fab.optimize.prediction.design_task import limits
+from defsense_fab.optimize.prediction.as_built import fabricate, part_rules
+from defsense_fab.optimize.prediction.design_task import layout_limits
 from defsense_fab.report.guide.guide import assembly_guide
 from defsense_fab.report.guide.guide_file import plain_steps, write_guide_file
 from defsense_fab.report.guide.hands.steps import guide_steps
@@ -220,9 +220,9 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
             prediction=SimpleNamespace(unseen=loss if cords[0].bent else 1.0)
         ),
     )
-    decide = as_built.with_relief
+    decide = as_built.decide_strain_relief
     decided, note = decide(device, None, body.surface, device.sensors, None)
-    r = rules(decided)
+    r = part_rules(decided)
     made = make_channels(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
     assert sum(len(c.leads) for c in made) == bends
     assert bool(note) == (bends == 0)
@@ -232,7 +232,7 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
         ("longer", piece > 55),
     ):
         assert (said in "".join(note)) == costs
-    assert not verify(device.sensors, body.surface, limits(decided)).violations
+    assert not verify(device.sensors, body.surface, layout_limits(decided)).violations
     wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
     kept, note = decide(wanted, None, body.surface, device.sensors, None)
     assert kept is wanted

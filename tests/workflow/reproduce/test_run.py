@@ -7,7 +7,7 @@ import pytest
 
 from defsense_fab.core.progress import silent
 from defsense_fab.workflow.reproduce import run as module
-from defsense_fab.workflow.reproduce.devices import causes
+from defsense_fab.workflow.reproduce.devices import sessions
 from defsense_fab.workflow.reproduce.experiments.examples import find_experiments
 from defsense_fab.workflow.reproduce.run import PAGE, RESULTS, reproduce
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 def one_cause():
     """Each cause is another session and training."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(causes, "CAUSES", {"clocks": ("sync",)})
+        patch.setattr(sessions, "CAUSES", {"clocks": ("sync",)})
         yield
 
 

@@ -31,7 +31,7 @@ _SEED = 0  # of the visual layout's lines
 _BESIDE = ("experiment.toml", "reproduce.py", "README.md", "picture.png", "markers")
 
 
-def simulated_device(experiment: Experiment, out: Path, progress: Progress) -> Device:
+def simulate_device(experiment: Experiment, out: Path, progress: Progress) -> Device:
     """The experiment's device with its poses solved, in a folder of `out`. Raises a DefsenseError
     where that fails."""
     folder = out / SIMULATED
@@ -44,7 +44,7 @@ def simulated_device(experiment: Experiment, out: Path, progress: Progress) -> D
     return device
 
 
-def built_layout(
+def build_layout(
     experiment: Experiment, choice: LayoutChoice, simulated: Device, out: Path, progress: Progress
 ) -> Device:
     """The device with the cords of this layout, built in a folder of `out`: with its parts, or at a

@@ -27,14 +27,31 @@ from ....sensing.built_cord import BuiltCord, CordReading
 from ....store.fields import load_fields
 from ....store.layout import load_layout
 from ....store.mesh import load_mesh
+from ....training.data.dataset import Recording
 from ....training.evaluation.decoded_frames import DecodedFrames
 from ....training.models.prepare import simulated_prior
+from ....training.recordings.datasets import DataFiles
 from ....training.regression.candidates import KERNEL, SIMULATED, parse_form
 from ....training.regression.simulated_decoder import fit_simulated_decoder
 from ....training.regression.simulation_prior import Prior
 from ....twin.devices.pose_samples import pose_axes
+from ....twin.recordings.run_files import TRUTH
 from ....twin.scenes.pose_space import PoseSpace
-from .unit_session import true_weights
+
+# What is in the session of a unit: its one run, and what the twin alone knows of it.
+
+
+def true_weights(session: Path, time: Float) -> Float:
+    """Weights (t, d) of the poses at times (t,) s of a twin's session."""
+    with np.load(session / TRUTH) as truth:
+        at, weights = truth["sample_time"], truth["weights"]
+    return np.stack([np.interp(time, at, w) for w in weights.T], axis=1)
+
+
+def recording_of(device: Device, session: Path) -> Recording:
+    """The one run of a session, with its channels as the device has them."""
+    return DataFiles((session,)).load(device).recordings[0]
+
 
 _MOMENTS = 400  # evenly taken from the training, and from the test
 _KERNEL = 100  # of those of the training, for kernels, whose widths take long to find

@@ -4,25 +4,89 @@ the one that is read, coloured by its error."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ....core.arrays import Float
+from ....core.arrays import Float, Int
 from ....core.device.build_folder import build_folder
 from ....core.device.device import Device
 from ....core.mesh import Surface
 from ....core.progress import Progress
 from ....core.storage.files import digest
 from ....geometry.bodies.orientation import viewing_axes
+from ....runtime.controls.pose_amplitudes import RADIUS_90
+from ....runtime.live.live_device import LiveDevice, live_device
+from ....runtime.surface.live_surface import LiveSurface, make_surface
+from ....runtime.surface.surface_mesh import SurfaceBasis
 from ....store.body import load_surface
 from ....store.layout import LAYOUT, load_layout
+from ....twin.devices.device_fields import MechanicsTraits, solve_fields
 from ..experiments.experiment import Experiment
-from ..results.kept import once
-from ..results.picture_files import in_rows, write_pictures
-from .sessions import traits_of, unit_session
-from .shown_frames import ShownFrame, shown_frames
+from ..results.result_files import compute_once
+from ..results.result_files import combine_pictures, write_pictures
+from .movement import recording_of, true_weights
+from .sessions import twin_traits, unit_model, unit_session
+
+# Moments of a test in which the surface is shown: as it truly was, and as it is read.
+
+_UNKNOWN = 1.0  # mm, standard deviation of a marker of which no interval is known
+
+
+@dataclass(frozen=True)
+class ShownFrame:
+    """A moment in a `pose`, its `weight` (1: its full amplitude): the skin's vertices as they
+    `truly` were and as they are `read` (v, 3) mm, and by how much the latter miss, `error` (v,)
+    mm."""
+
+    pose: str
+    weight: float
+    truly: Float
+    read: Float
+    error: Float
+
+
+def shown_frames(
+    device: Device, unit: int, mechanics: MechanicsTraits, share: float
+) -> tuple[Float, Int, list[ShownFrame]]:
+    """Vertices at rest (v, 3) mm and triangles (f, 3) of the device's skin, and for each pose the
+    moment in the last `share` of a unit's session in which it was furthest, and others least."""
+    session, live = unit_session(device, unit), live_device(unit_model(device, unit), device.source)
+    assert live.rest is not None
+    fields = solve_fields(device, mechanics)
+    r = recording_of(device, session)
+    tested = r.time[round((1 - share) * len(r.time)) :]
+    decoded = live.model.decode(r.sample_time, r.signals, tested)
+    weights = true_weights(session, tested)
+    skin, reader = fields.displacements(live.rest.vertices), _reader(live)
+    known = np.isfinite(decoded.points).all(axis=(1, 2))
+    out = []
+    for k, name in enumerate(fields.poses):
+        clear = np.abs(weights[:, k]) - np.abs(np.delete(weights, k, 1)).sum(1)
+        at = int(np.where(known, clear, -np.inf).argmax())
+        moved = np.tensordot(fields.space(weights[at : at + 1])[0], skin, axes=1)
+        truly = live.rest.vertices + moved
+        reader.reset()
+        deviation = np.nan_to_num(decoded.radius[at], nan=_UNKNOWN * RADIUS_90) / RADIUS_90
+        read = reader(decoded.points[at], deviation)
+        error = np.linalg.norm(read - truly, axis=1)
+        out.append(ShownFrame(name, float(weights[at, k]), truly, read, error))
+    return live.rest.vertices, np.asarray(live.rest.faces, np.int64), out
+
+
+def _reader(live: LiveDevice) -> LiveSurface:
+    """From markers to the surface, as `defsense run` shows it."""
+    assert live.rest is not None
+    assert live.states is not None
+    fixed = np.abs(live.states).max(axis=(0, 2)) < 1e-9
+    basis = SurfaceBasis(
+        live.rest.vertices, np.asarray(live.rest.faces, np.int64), live.states, fixed
+    )
+    sd = np.full(len(live.model.ids), _UNKNOWN)
+    return make_surface(basis, live.model.rest_points, sd, frame=np.inf)
+
 
 FOLDER = "pictures"
 _WIDTH, _HEIGHT = 560.0, 420.0
@@ -30,7 +94,7 @@ _TOP = 99.5  # percentile of the errors at which their scale ends
 _TRUE = "#7d8b95"
 
 
-def device_pictures(
+def draw_device_pictures(
     experiment: Experiment, devices: Mapping[str, Device], out: Path, progress: Progress
 ) -> dict[str, Any]:
     """PNGs as data URIs, also written to `out/pictures`: `routing` by layout; `poses`, each with
@@ -44,7 +108,7 @@ def device_pictures(
         write_pictures(out / FOLDER, _files(found))
         return found
 
-    found: dict[str, Any] = once(out / "pictures.json", key, make)
+    found: dict[str, Any] = compute_once(out / "pictures.json", key, make)
     return found
 
 
@@ -58,7 +122,7 @@ def _made(
     for k, (name, device) in enumerate(devices.items()):
         progress("pictures", k / (2 * len(devices)), name)
         routing[name] = _routing(device)
-        mechanics = traits_of(experiment, device).mechanics
+        mechanics = twin_traits(experiment, device).mechanics
         frames[name] = shown_frames(device, 1, mechanics, plan.share)
     errors = np.concatenate([f.error for _, _, shown in frames.values() for f in shown])
     largest = float(np.percentile(errors, _TOP))
@@ -122,4 +186,4 @@ def _files(found: Mapping[str, Any]) -> dict[str, str]:
         told = pose["layouts"]
         rows.append((pose["name"], [told[n]["picture"] for n in names]))
         files |= {f"{pose['name']}-{n}": told[n]["picture"] for n in names}
-    return {"all": in_rows(rows, names, _WIDTH), **files}
+    return {"all": combine_pictures(rows, names, _WIDTH), **files}

@@ -23,13 +23,13 @@ from ....training.recordings.datasets import DataFiles
 from ....training.regression.candidates import AFFINE
 from ....twin.recordings.run_files import TRUTH
 from .movement import DesignedMovement, MovementError
-from .unit_session import recording_of, true_weights
+from .movement import recording_of, true_weights
 
 #: Of a pose's amplitude, from which on a picture shows it; of others beside it, at most.
 SHOWN, BESIDE = 0.5, 0.2
 
 
-def unit_errors(
+def measure_unit(
     device: Device, session: Path, model_file: Path, training: Training
 ) -> dict[str, Any]:
     """Of the pictures that the model was not trained on, in plain values; lengths in mm, squares in

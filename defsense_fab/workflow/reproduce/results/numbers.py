@@ -35,12 +35,12 @@ class Compared:
         return (min(self.values), max(self.values)) if self.values else None
 
 
-def compared(experiment: Experiment, layouts: Mapping[str, Results]) -> tuple[Compared, ...]:
+def compare_numbers(experiment: Experiment, layouts: Mapping[str, Results]) -> tuple[Compared, ...]:
     """All numbers of an experiment, from its `layouts` by name."""
-    return tuple(compare(n, layouts) for n in experiment.numbers)
+    return tuple(compare_number(n, layouts) for n in experiment.numbers)
 
 
-def compare(number: PaperNumber, layouts: Mapping[str, Results]) -> Compared:
+def compare_number(number: PaperNumber, layouts: Mapping[str, Results]) -> Compared:
     """One number from the layouts by name."""
     own = _values(number, layouts.get(number.layout))
     mean = _mean(own)

@@ -34,7 +34,8 @@ def studied_device(text: str, folder: Path, values: Mapping[str, Any]) -> Device
         DeviceError: if there is no such device.
         StudyError: if a key leads through a value that is not a table.
     """
-    return read_device(Document(_with_values(text, values), Path(DEVICE), text), folder, {})
+    changed = changed_values(tomllib.loads(text), values)
+    return read_device(Document(changed, Path(DEVICE), text), folder, {})
 
 
 def studied_text(text: str, values: Mapping[str, Any]) -> str:
@@ -47,7 +48,7 @@ def studied_text(text: str, values: Mapping[str, Any]) -> str:
 
 def known_keys(text: str, values: Mapping[str, Any]) -> list[str]:
     """Return the dotted keys that `device.toml` with these values may have, with names of poses."""
-    data = _with_values(text, values)
+    data = changed_values(tomllib.loads(text), values)
     return sorted(_dotted(data, path) for path in declared_keys(DeviceFile, data))
 
 
@@ -71,8 +72,17 @@ def nearest(key: str, known: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(near))[:3]
 
 
-def _with_values(text: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    data = tomllib.loads(text)
+def changed_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the contents of a `device.toml` with other values.
+
+    Args:
+        data: Contents of the file.
+        values: Values by dotted key, as in `{"cord.noise": 0.002}`.
+
+    Raises:
+        StudyError: A key leads through a value that is not a table.
+    """
+    data = copy.deepcopy(dict(data))
     for key, value in values.items():
         _put(data, key, copy.deepcopy(value))
     return data

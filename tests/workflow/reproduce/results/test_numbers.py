@@ -3,8 +3,8 @@
 import pytest
 
 from defsense_fab.workflow.reproduce.experiments.experiment import PaperNumber
-from defsense_fab.workflow.reproduce.results.kept import kept, once
-from defsense_fab.workflow.reproduce.results.numbers import as_row, compare
+from defsense_fab.workflow.reproduce.results.result_files import load_kept, compute_once
+from defsense_fab.workflow.reproduce.results.numbers import as_row, compare_number
 from defsense_fab.workflow.reproduce.results.page import number_words
 
 
@@ -36,7 +36,7 @@ LAYOUTS = {"manual": layout(4.0, 8.0, predicted=6.0), "full": layout(1.0, 2.0, a
     ],
 )
 def test_means_ratios_and_what_is_expected(number, mean, met, ratio):
-    found = compare(number, LAYOUTS)
+    found = compare_number(number, LAYOUTS)
     assert found.mean == (mean if mean is None else pytest.approx(mean))
     assert found.met is met
     assert found.ratio == (ratio if ratio is None else pytest.approx(ratio))
@@ -51,8 +51,8 @@ def test_results_are_kept_until_what_they_were_made_from_changes(tmp_path):
         made.append(1)
         return {"rmse": len(made)}
 
-    assert once(path, "a", make) == once(path, "a", make) == {"rmse": 1}
-    assert once(path, "b", make) == {"rmse": 2}
-    assert kept(path, "a") is None
+    assert compute_once(path, "a", make) == compute_once(path, "a", make) == {"rmse": 1}
+    assert compute_once(path, "b", make) == {"rmse": 2}
+    assert load_kept(path, "a") is None
     path.write_text(path.read_text("utf-8")[:10])
-    assert once(path, "b", make) == {"rmse": 3}
+    assert compute_once(path, "b", make) == {"rmse": 3}

@@ -11,18 +11,16 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...capture.readout.source import RecordingEnd
-from ...core.arrays import Float, Int
-from ...core.errors import LiveError
-from ...core.progress import Progress, silent
-from ...runtime.frames.live_frame import LiveFrame
-from ...runtime.live.live_run import LiveRun, RunOptions, live_run
-from ...runtime.surface.live_surface import Mode
-from ..given import array, called, of_kind, path, whole
-from ..layout import Layout
-from .fitting_device import fitting_device
-from .model import Model
-from .surface import MODES
+from ..capture.readout.source import RecordingEnd
+from ..core.arrays import Float, Int
+from ..core.errors import LiveError
+from ..core.progress import Progress, silent
+from ..runtime.frames.live_frame import LiveFrame
+from ..runtime.live.live_run import LiveRun, RunOptions, live_run
+from ..runtime.surface.live_surface import Mode
+from .arguments import array, called, of_kind, path, whole
+from .layout import Layout
+from .model import MODES, Model, fitting_device
 
 _LOOK = 0.1  # s, after which it is looked whether the run goes on: Ctrl-C is heard between
 _RATES = 10, 500  # Hz

@@ -10,25 +10,97 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...core.arrays import Float
-from ...core.errors import StorageError, TrainingError
-from ...core.machine.processes import one_blas_thread
-from ...core.progress import Progress, silent
-from ...decoding.trained_model import TrainedModel
-from ...runtime.surface.live_surface import Mode
-from ...sensing.response import relative_change
-from ...training.data.dataset import Dataset
-from ...training.data.problems import raise_fatal
-from ...training.data.unit_checks import check_resistance_unit
-from ...training.fitting.train_model import TrainingOptions
-from ...training.models.model_file import load_model, write_model
-from ...training.models.prepare import NO, YES, prepare
-from ...training.models.train_device import train_dataset
-from ...training.recordings.pair_dataset import Offset
-from .. import given
-from ..layout import Layout
-from ..recordings import UNNAMED
-from .surface import MovingSurface, moving_surface
+from ..core.arrays import Float, Int
+from ..core.errors import LiveError, StorageError, TrainingError
+from ..core.machine.processes import one_blas_thread
+from ..core.progress import Progress, silent
+from ..decoding.trained_model import TrainedModel
+from ..runtime.live.live_device import LiveDevice, device_surface, with_build, without_build
+from ..runtime.live.run_choices import Misfit, misfit
+from ..runtime.surface.live_surface import Mode
+from ..sensing.response import relative_change
+from ..training.data.dataset import Dataset
+from ..training.data.problems import raise_fatal
+from ..training.data.unit_checks import check_resistance_unit
+from ..training.fitting.train_model import TrainingOptions
+from ..training.models.model_file import load_model, write_model
+from ..training.models.prepare import NO, YES, prepare
+from ..training.models.train_device import train_dataset
+from ..training.recordings.pair_dataset import Offset
+from . import arguments
+from .arguments import array, of_kind
+from .layout import Layout
+from .recordings import UNNAMED
+
+# The surface of a device, of the positions of its markers.
+
+# The device that a model fits, as what runs it live has it.
+
+_NEEDED = "give the layout of optimise(simulate(device))"
+
+
+def fitting_device(model: TrainedModel, layout: Layout | None) -> LiveDevice:
+    """Of the model alone where there is no layout. Raises LiveError for a layout of another device,
+    or of other cords, than those that the model was trained on."""
+    if layout is None:
+        return without_build(model)
+    of_kind(layout, "layout", Layout, LiveError)
+    device = layout.poses.device.record
+    why = misfit(model, device, layout.record)
+    if why is not None:
+        trained = f"device {model.device!r}" if why is Misfit.DEVICE else ", ".join(model.channels)
+        raise LiveError(
+            f"layout: of {device.name!r}, with {', '.join(c.name for c in layout.cords)}; the model"
+            f" is of {why.value} ({trained}); {_NEEDED} that it was trained on"
+        )
+    return with_build(model, device)
+
+
+MODES: tuple[Mode, ...] = ("default", "basis", "arap")
+
+
+@dataclass(frozen=True, repr=False)
+class MovingSurface:
+    """The skin of a body in t pictures: `vertices` (t, v, 3) mm in the device's rest frame, NaN
+    where no marker was known; `faces` (f, 3) outward by the right hand; `rest` (v, 3) mm where the
+    vertices are at rest."""
+
+    vertices: Float
+    faces: Int
+    rest: Float
+
+    def __repr__(self) -> str:
+        t, v, _ = self.vertices.shape
+        return f"<MovingSurface: {t} pictures of {v} vertices, {len(self.faces)} triangles>"
+
+
+def moving_surface(
+    model: TrainedModel, positions: ArrayLike, layout: Layout, mode: Mode
+) -> MovingSurface:
+    """As `Model.surface` says."""
+    if of_kind(mode, "mode", str, LiveError) not in MODES:
+        raise LiveError(f"mode {mode!r}: is unknown; there are {', '.join(MODES)}")
+    points = _checked(positions, len(model.ids))
+    live = fitting_device(model, of_kind(layout, "layout", Layout, LiveError))
+    surface = device_surface(live, mode, frame=np.inf)
+    assert live.rest is not None
+    vertices = np.full((len(points), len(live.rest.vertices), 3), np.nan)
+    for k, markers in enumerate(points):
+        if np.isfinite(markers).all(axis=1).any():
+            vertices[k] = surface(markers)
+    return MovingSurface(vertices, np.asarray(live.rest.faces, np.int64), live.rest.vertices)
+
+
+def _checked(positions: ArrayLike, count: int) -> Float:
+    points = array(positions, "positions", LiveError)
+    if points.ndim != 3 or points.shape[1:] != (count, 3):
+        raise LiveError(
+            f"positions: must have shape (t, {count}, 3), pictures of the model's {count} markers,"
+            f" not {points.shape}"
+        )
+    if np.isinf(points).any():
+        raise LiveError("positions: must not be infinite; NaN is where there is none")
+    return points
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,12 +116,12 @@ class Model:
     @staticmethod
     def load(path: str | Path) -> Model:
         """Of model.json, or of the folder that holds it. Raises TrainingError."""
-        return Model(load_model(given.path(path, "path", TrainingError)))
+        return Model(load_model(arguments.path(path, "path", TrainingError)))
 
     def save(self, path: str | Path) -> Path:
         """Write a .json file (docs/model.md), which the commands read. Raises TrainingError,
         StorageError."""
-        file = given.path(path, "path", StorageError)
+        file = arguments.path(path, "path", StorageError)
         if file.suffix != ".json":
             raise TrainingError(f"{file}: a model is a .json file; let its name end so")
         write_model(file, self.record)
@@ -72,9 +144,9 @@ class Model:
         with those at rest (c,) ohm; NaN where a resistance is. Raises TrainingError for shapes that
         do not fit the model, and resistances in another unit than those at rest."""
         c = len(self.channels)
-        when = given.array(time, "time", TrainingError)
-        ohm = given.array(resistances, "resistances", TrainingError)
-        rest = given.array(rest_resistances, "rest_resistances", TrainingError)
+        when = arguments.array(time, "time", TrainingError)
+        ohm = arguments.array(resistances, "resistances", TrainingError)
+        rest = arguments.array(rest_resistances, "rest_resistances", TrainingError)
         if ohm.shape != (len(when) if when.ndim == 1 else -1, c) or rest.shape != (c,):
             raise TrainingError(
                 f"resistances {ohm.shape} at times {when.shape} with {rest.shape} at rest do not go"
@@ -125,21 +197,21 @@ def train(
     known to go together in time, as a twin's do. Raises TrainingError for what forbids training,
     and for data of another device than the layout's.
     """
-    given.of_kind(data, "data", Dataset, TrainingError)
+    arguments.of_kind(data, "data", Dataset, TrainingError)
     if layout is not None:
-        given.of_kind(layout, "layout", Layout, TrainingError)
-    given.of_kind(decoder, "decoder", str, TrainingError)
-    given.called(progress, TrainingError)
-    share = given.number(test_share, "test_share", TrainingError)
+        arguments.of_kind(layout, "layout", Layout, TrainingError)
+    arguments.of_kind(decoder, "decoder", str, TrainingError)
+    arguments.called(progress, TrainingError)
+    share = arguments.number(test_share, "test_share", TrainingError)
     if not 0 <= share < 1:
         raise TrainingError(f"test_share: must be at least 0 and below 1, not {share:g}")
     left_out = [
-        given.whole(number, "without_markers", TrainingError, least=0)
-        for number in given.listed(without_markers, "without_markers", TrainingError)
+        arguments.whole(number, "without_markers", TrainingError, least=0)
+        for number in arguments.listed(without_markers, "without_markers", TrainingError)
     ]
-    together = given.truth(in_step, "in_step", TrainingError)
+    together = arguments.truth(in_step, "in_step", TrainingError)
     automatic = isinstance(shift, str) and shift == "auto"
-    offset: Offset = "auto" if automatic else given.number(shift, "shift", TrainingError)
+    offset: Offset = "auto" if automatic else arguments.number(shift, "shift", TrainingError)
     device = None if layout is None else layout.poses.device.record
     if device is not None and data.device == UNNAMED:
         data = replace(data, device=device.name)

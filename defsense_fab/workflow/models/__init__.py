@@ -1,1 +1,0 @@
-"""Models: trained, used on readings that are there, and run live."""
