@@ -83,11 +83,11 @@ def load(name: str, cell: float | None):
 
 def parts(device, body, seed: int | None) -> dict:
     from defsense_fab.optimize.prediction.as_built import fabricate
-    from defsense_fab.optimize.prediction.design_task import limits
+    from defsense_fab.optimize.prediction.design_task import layout_limits
     from tests.geometry.parts.random_layouts import random_layout
 
     coarse = load(device.name, None)[0].surface
-    sensors = device.sensors if seed is None else random_layout(coarse, limits(device), seed)
+    sensors = device.sensors if seed is None else random_layout(coarse, layout_limits(device), seed)
     begin = time.perf_counter()
     made = fabricate(device, body.surface, sensors, lambda *_: None, body.solid)
     step = all(p.solid is not None for p in made.parts)

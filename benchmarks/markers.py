@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.cameras.extrinsics import estimate_extrinsics
 from defsense_fab.capture.cameras.image_sources import one_thread_per_call
-from defsense_fab.capture.cameras.intrinsics import calibrate
+from defsense_fab.capture.cameras.intrinsics import calibrate_camera
 from defsense_fab.capture.tags.detection import BoardFinder, Detector, TagFollower, TagView
 from defsense_fab.capture.tags.tag_patterns import CharucoBoard, Dictionary, dictionary
 from defsense_fab.capture.tracking.alignment import align
@@ -106,7 +106,7 @@ def calibrated(true: list[Camera], optics: Optics, seed: int = 0) -> list[Camera
                 views[c] = view
         instants.append(views)
     found = [
-        calibrate(c.name, SIZE, board, [v[k] for v in instants if k in v])
+        calibrate_camera(c.name, SIZE, board, [v[k] for v in instants if k in v])
         for k, c in enumerate(true)
     ]
     rig = estimate_extrinsics([f.camera for f in found], board, instants, [f.sigma for f in found])
