@@ -1,1 +1,1 @@
-"""From resistances measured on bent specimens to the cord's response to strain."""
+"""Calibration of cords: from resistances on bent specimens to the response to strain."""

@@ -1,4 +1,4 @@
-"""From readings to a response with its doubt: the one entry of this folder."""
+"""Calibrate a cord: from readings on specimens to its response with an interval."""
 
 from __future__ import annotations
 
@@ -11,37 +11,55 @@ from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
 from ..core.response import ResponseSpec
 from ..sensing.response import relative_change
-from . import reading_checks
-from .interval import Doubt, doubt
-from .model_selection import Tried, alike, choose, compare
-from .reading_checks import Drift, Policy, check
+from .interval import DRAWS, Uncertainty, estimate_uncertainty
+from .model_selection import ModelTrial, choose_model, compare_models, similar_fits
+from .reading_checks import (
+    POLICIES,
+    Drift,
+    Policy,
+    check_readings,
+    find_drift,
+    require_no_drift,
+)
 from .readings import Notice, Piece, Readings
-from .response_fit import Data, Fitted, free_gains
+from .response_fit import FitData, ResponseFit, fit_gains
 
-#: Standard deviation between specimens that is taken for granted until there are many; between
-#: pieces of one cord likewise.
-SPREAD = 0.03
+#: Assumed standard deviation between specimens until there are many, and between pieces of a cord.
+ASSUMED_SPREAD = 0.03
 _DRIFT_CODES = {"correct": "drift-corrected", "ignore": "drift-ignored"}
-_MINUTE = 0.05  # k_res: below, nothing answers
-_WIDE = 0.25
-_OTHER = 1.1  # R0 of one piece at two times: more is another piece
+_MIN_K_RES = 0.05  # below which the slope is not significant
+_WIDE_INTERVAL = 0.25  # relative half width
+_UNUSUAL_GAIN = 0.2  # difference from one
+_MAX_REST_RATIO = 1.1  # R0 of one piece at two times; beyond it there are two pieces
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The response and all that tells how far to trust it.
+    """A calibrated response and its uncertainty.
 
-    `data` are the readings of outer cords as fitted, `readings` those readings, `pieces` their
-    pieces with their gains (pieces,), `tried` the models, `reason` why this one, `drift` of the
-    neutral cord, `neutral_changes` (m,) on the radii `neutral_radius` (m,), warnings.
+    Attributes:
+        response: The response.
+        k_res: Its slope at rest.
+        uncertainty: Uncertainty of that slope.
+        reason: Why this model was chosen.
+        trials: All models, by name.
+        data: Readings of the outer cords as they were fitted.
+        readings: Readings of the outer cords.
+        pieces: Their pieces.
+        gains: Gain of each piece (pieces,), NaN for pieces without readings.
+        drift: Drift of the neutral cords.
+        neutral_changes: Changes (m,) of the neutral cords.
+        neutral_radius: Radii (m,) of their jigs, mm.
+        noise: Standard deviation of a reading.
+        warnings: Doubts about the readings and the fit.
     """
 
     response: ResponseSpec
     k_res: float
-    doubt: Doubt
+    uncertainty: Uncertainty
     reason: str
-    tried: Mapping[str, Tried]
-    data: Data
+    trials: Mapping[str, ModelTrial]
+    data: FitData
     readings: Readings
     pieces: tuple[Piece, ...]
     gains: Float
@@ -57,154 +75,181 @@ def calibrate(
     *,
     policy: Policy = "refuse",
     model: str | None = None,
-    spread: float = SPREAD,
+    spread: float = ASSUMED_SPREAD,
     rng: np.random.Generator | None = None,
     draws: int | None = None,
 ) -> Calibration:
-    """The response of the cord in these specimens; `model` overrules the choice.
+    """Fit the response of the cord in specimens.
 
-    Raises CalibrationError for readings that cannot be, too few radii, and a neutral cord that
-    drifts where `policy` is to refuse it.
+    Args:
+        readings: Readings of all cords.
+        policy: What to do about a significant drift of the neutral cord.
+        model: Model to use instead of the chosen one.
+        spread: Assumed standard deviation between specimens.
+        rng: Random generator of the bootstrap; by default one with seed 1.
+        draws: Number of bootstrap samples; by default `interval.DRAWS`.
+
+    Returns:
+        The response with its uncertainty.
+
+    Raises:
+        CalibrationError: Readings are not possible, there are too few radii, or the neutral cord
+            drifts and `policy` is "refuse".
     """
-    warnings = check(readings)
+    warnings = check_readings(readings)
     changes = readings.changes()
-    noise = _first_fit(*_outer(readings, changes), spread).noise
-    drifting = reading_checks.drift(readings, changes, noise)
+    noise = _fit_chosen_model(*_select_outer(readings, changes), spread).noise
+    drift = find_drift(readings, changes, noise)
     if policy == "refuse":
-        reading_checks.refuse(drifting)
-    elif drifting.bad and drifting.largest is not None:
-        done = "taken from the other cords" if policy == "correct" else "ignored, as you asked"
-        text = f"the neutral cord changes by {drifting.largest:+.2%} ({drifting.at}): {done}"
+        require_no_drift(drift)
+    elif drift.is_significant and drift.largest is not None:
+        treatment = "subtracted from the other cords" if policy == "correct" else "ignored"
+        text = f"the neutral cord changes by {drift.largest:+.2%} ({drift.at}): {treatment}"
         warnings.append(Notice(_DRIFT_CODES[policy], text))
-    used = reading_checks.POLICIES[policy](readings)
+    used = POLICIES[policy](readings)
     outer = used.only(~used.neutral)
-    data, radius = _outer(used, used.changes())
-    # Flat readings remember, too: R0 is what they tell of a piece that forgot.
-    rest = 1 + _first_fit(data, radius, spread).offset[data.piece]
+    data, radius = _select_outer(used, used.changes())
+    # Flat readings have a memory, too: R0 is the resistance that the fit expects without memory.
+    rest = 1 + _fit_chosen_model(data, radius, spread).offset[data.piece]
     data = replace(data, y=relative_change(1 + data.y, rest))
-    tried = compare(data, radius, spread)
-    both = _both_faces(data)
-    chosen, reason = choose(tried, both)
-    if model is not None and model not in tried:
+    trials = compare_models(data, radius, spread)
+    both = _has_both_signs(data)
+    chosen, reason = choose_model(trials, both)
+    if model is not None and model not in trials:
         raise CalibrationError(
-            f"--model {model}: needs more radii than the {len(outer.radii)} that were measured;"
-            f" there is: {', '.join(tried)}",
+            f"needs more radii than the {len(outer.radii)} that were measured",
             code="too-few-radii",
+            where=f"model {model!r}",
+            action=f"Choose {' or '.join(trials)}, or measure on more jigs",
             model=model,
             count=len(outer.radii),
         )
     if model is not None:
-        chosen, reason = model, f"{model}: as you asked; by itself {reason}"
-    fitted = tried[chosen].fitted
-    names = [(p.specimen, p.place) for p in outer.pieces]
-    rng = rng or np.random.default_rng(1)
-    extra = {} if draws is None else {"draws": draws}
-    others = alike(tried, chosen, both)
-    doubted = doubt(data, fitted, others, names, outer.turn, spread, rng, **extra)
+        chosen, reason = model, f"{model}, as requested; the default would be {reason}"
+    fit = trials[chosen].fit
+    uncertainty = estimate_uncertainty(
+        data,
+        fit,
+        similar_fits(trials, chosen, both),
+        [(p.specimen, p.place) for p in outer.pieces],
+        outer.turn,
+        spread,
+        rng or np.random.default_rng(1),
+        DRAWS if draws is None else draws,
+    )
     strains = (float(data.strain.min()), float(data.strain.max()))
-    gains = free_gains(data, fitted)
-    k_res = fitted.model.slope_at_rest(fitted.theta)
+    gains = fit_gains(data, fit)
+    k_res = fit.model.slope_at_rest(fit.theta)
     inside = readings.neutral & ~readings.flat
     return Calibration(
-        fitted.model.spec(fitted.theta, strains),
-        k_res,
-        doubted,
-        reason,
-        tried,
-        data,
-        outer,
-        outer.pieces,
-        gains,
-        drifting,
-        changes[inside],
-        readings.radius[inside],
-        fitted.noise,
-        (*warnings, *_warnings(k_res, doubted, outer, gains, data, fitted)),
+        response=fit.model.spec(fit.theta, strains),
+        k_res=k_res,
+        uncertainty=uncertainty,
+        reason=reason,
+        trials=trials,
+        data=data,
+        readings=outer,
+        pieces=outer.pieces,
+        gains=gains,
+        drift=drift,
+        neutral_changes=changes[inside],
+        neutral_radius=readings.radius[inside],
+        noise=fit.noise,
+        warnings=(
+            *warnings,
+            *_slope_notices(k_res, uncertainty, data, fit),
+            *_piece_notices(outer, gains, data),
+        ),
     )
 
 
-def _outer(readings: Readings, changes: Float) -> tuple[Data, Float]:
-    """Readings of the outer cords for fitting, and their radii."""
-    keep = ~readings.neutral
-    strain = readings.strain[keep]
-    data = Data(
-        changes[keep],
-        strain,
-        readings.piece[keep],
+def _select_outer(readings: Readings, changes: Float) -> tuple[FitData, Float]:
+    """Return the readings of the outer cords for fitting, and their radii."""
+    is_outer = ~readings.neutral
+    data = FitData(
+        changes[is_outer],
+        readings.strain[is_outer],
+        readings.piece[is_outer],
         len(readings.pieces),
-        readings.memory[keep],
+        readings.memory[is_outer],
     )
-    return data, readings.radius[keep]
+    return data, readings.radius[is_outer]
 
 
-def _first_fit(data: Data, radius: Float, spread: float) -> Fitted:
-    """For R0 and the noise."""
-    tried = compare(data, radius, spread)
-    return tried[choose(tried, _both_faces(data))[0]].fitted
+def _fit_chosen_model(data: FitData, radius: Float, spread: float) -> ResponseFit:
+    """Return the fit of the model that is chosen, for its noise and offsets."""
+    trials = compare_models(data, radius, spread)
+    return trials[choose_model(trials, _has_both_signs(data))[0]].fit
 
 
-def _warnings(
-    k_res: float, doubted: Doubt, outer: Readings, gains: Float, data: Data, fitted: Fitted
+def _slope_notices(
+    k_res: float, uncertainty: Uncertainty, data: FitData, fit: ResponseFit
 ) -> list[Notice]:
-    out: list[Notice] = []
-
-    def add(code: str, text: str) -> None:
-        out.append(Notice(code, text))
-
-    low, high = doubted.interval
+    """Return doubts about the slope and the shape of the response."""
+    out = []
+    low, high = uncertainty.interval
     if k_res < 0:
-        add(
-            "resistance-falls",
-            f"resistances fall where the cord is stretched (k_res {k_res:.2f}): were top and bottom"
-            " exchanged? The bottom cord lies on the jig",
+        text = (
+            f"resistances decrease where the cord is stretched (k_res = {k_res:.2f}): check whether"
+            " top and bottom were exchanged; the bottom cord is next to the jig"
         )
-    elif low < _MINUTE:
-        add(
-            "response-insignificant",
-            f"k_res {k_res:.2f} is hardly told from nothing: does the cord answer at all?",
+        out.append(Notice("resistance-falls", text))
+    elif low < _MIN_K_RES:
+        text = (
+            f"k_res = {k_res:.2f} is not significantly different from zero: check the cord's"
+            " connection"
         )
+        out.append(Notice("response-insignificant", text))
     strain = np.linspace(data.strain.min(), data.strain.max(), 200)
-    falls = np.diff(fitted.model.predict(fitted.theta, strain)) * np.sign(k_res) < 0
+    falls = np.diff(fit.model.predict(fit.theta, strain)) * np.sign(k_res) < 0
     if falls.any():
         turn = float(np.abs(strain[:-1][falls]).min())
-        add(
-            "response-not-monotone",
-            f"the response turns round (near a strain of {turn:.1%}): one resistance then stands"
-            " for two strains; --model line or piecewise keep it monotone",
+        text = (
+            f"the response is not monotone (it turns near a strain of {turn:.1%}), so one"
+            ' resistance belongs to two strains; the models "line" and "piecewise" are monotone'
         )
-    if high - low > 2 * _WIDE * abs(k_res):
-        add(
-            "interval-wide",
-            f"k_res is only known within {low:.2f} to {high:.2f}; more rounds, or more specimens,"
-            " narrow that",
+        out.append(Notice("response-not-monotone", text))
+    if high - low > 2 * _WIDE_INTERVAL * abs(k_res):
+        text = (
+            f"k_res is only known to be between {low:.2f} and {high:.2f}: measure more rounds or"
+            " more specimens"
         )
-    for p, gain in enumerate(gains):
-        if np.isfinite(gain) and abs(gain - 1) > 0.2:
-            add(
-                "gain-unusual",
-                f"the cord {outer.pieces[p].name} answers {gain:.2f} times as much as the mean of"
-                " all: look at its joints, and whether it lies where it should",
-            )
-    rest = outer.resistance / (1 + outer.changes())
-    for one in {(p.specimen, p.place) for p in outer.pieces}:
-        own = [k for k, p in enumerate(outer.pieces) if (p.specimen, p.place) == one]
-        found = rest[np.isin(outer.piece, own)]
-        if len(found) and found.max() > _OTHER * found.min():
-            add(
-                "rest-differs",
-                f"the {one[1]} cord of specimen {one[0]!r} has {found.min():.0f} ohm at rest in one"
-                f" source and {found.max():.0f} in another: if these are two specimens, give them"
-                " two names (record --name), for they then count as two",
-            )
-    if not _both_faces(data):
-        add(
-            "one-face-only",
-            "every piece was only stretched or only pressed: a difference between the two cannot be"
-            " told from one between pieces; turn the specimen over for some rounds (column face)",
-        )
+        out.append(Notice("interval-wide", text))
     return out
 
 
-def _both_faces(data: Data) -> bool:
-    strained: Int = np.sign(np.round(data.strain, 9)).astype(int)
-    return any({-1, 1} <= set(strained[data.piece == p].tolist()) for p in np.unique(data.piece))
+def _piece_notices(outer: Readings, gains: Float, data: FitData) -> list[Notice]:
+    """Return doubts about single pieces and about the differences between them."""
+    out = []
+    for p, gain in enumerate(gains):
+        if np.isfinite(gain) and abs(gain - 1) > _UNUSUAL_GAIN:
+            text = (
+                f"the response of the cord {outer.pieces[p].name} is {gain:.2f} times the mean:"
+                " check its joints and its position"
+            )
+            out.append(Notice("gain-unusual", text))
+    rest = outer.resistance / (1 + outer.changes())
+    for cord in {(p.specimen, p.place) for p in outer.pieces}:
+        indices = [k for k, p in enumerate(outer.pieces) if (p.specimen, p.place) == cord]
+        own_rest = rest[np.isin(outer.piece, indices)]
+        if len(own_rest) and own_rest.max() > _MAX_REST_RATIO * own_rest.min():
+            text = (
+                f"the {cord[1]} cord of specimen {cord[0]!r} has {own_rest.min():.0f} ohm at rest"
+                f" in one source and {own_rest.max():.0f} ohm in another: if these are two"
+                " specimens, give them different names, so that they count as two"
+            )
+            out.append(Notice("rest-differs", text))
+    if not _has_both_signs(data):
+        text = (
+            "every piece was either only stretched or only compressed, so differences between the"
+            " two cannot be separated from differences between pieces: turn the specimen over for"
+            " some rounds (column face)"
+        )
+        out.append(Notice("one-face-only", text))
+    return out
+
+
+def _has_both_signs(data: FitData) -> bool:
+    """Return whether some piece was both stretched and compressed."""
+    sign: Int = np.sign(np.round(data.strain, 9)).astype(int)
+    return any({-1, 1} <= set(sign[data.piece == p].tolist()) for p in np.unique(data.piece))

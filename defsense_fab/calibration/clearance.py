@@ -1,4 +1,4 @@
-"""The clearance that a coupon showed, written into a device."""
+"""Write the clearance that a fit coupon showed into a device."""
 
 from __future__ import annotations
 
@@ -13,13 +13,20 @@ from ..core.device.device_file import DEVICE, load_device, parse_device
 from ..core.errors import DeviceError
 from ..core.storage.files import storage_errors, write_text
 
-LARGEST = 1.5  # mm
+MAX_CLEARANCE_MM = 1.5
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """The file that was written; what it said of the clearance before, mm (None: nothing, so that
-    `was` is the process's), and what it says now."""
+    """Change of a device's clearance.
+
+    Attributes:
+        file: The file that was written.
+        written: Clearance that the file gave before, mm; None if it gave none.
+        was: Clearance of the device before, mm.
+        now: Clearance that the file gives now, mm; None for that of the process.
+        fabrication: Fabrication of the device now.
+    """
 
     file: Path
     written: float | None
@@ -29,25 +36,40 @@ class Clearance:
 
 
 def write_clearance(folder: Path, fits: float | None) -> Clearance:
-    """Set [fabrication] clearance (mm, on the diameter) in the folder's `device.toml`, or remove it
-    where `fits` is None, so that the process's counts again. Comments and order stay.
+    """Set or remove [fabrication] clearance in a `device.toml`; comments and order stay.
 
-    Raises DeviceError for a file that is no device, before or after, and for a clearance that no
-    printer needs.
+    Args:
+        folder: Folder of the device.
+        fits: Clearance on the diameter, mm; None to use that of the process again.
+
+    Returns:
+        The change.
+
+    Raises:
+        DeviceError: The file is invalid, before or after, or no printer needs such a clearance.
+        StorageError: The file cannot be written.
     """
     path = folder / DEVICE
     before = load_device(folder, complete=False).fabrication
-    if fits is not None and not 0 <= fits <= LARGEST:
+    if fits is not None and not 0 <= fits <= MAX_CLEARANCE_MM:
         raise DeviceError(
-            f"--fits {fits:g}: is the number beside the groove that fits, in mm on the diameter,"
-            f" from 0 to {LARGEST:g}"
+            f"{fits:g} mm is not between 0 and {MAX_CLEARANCE_MM:g} mm",
+            code="out-of-range",
+            where="clearance",
+            action="Give the number next to the groove that fits, in mm on the diameter",
+            value=fits,
         )
     with storage_errors(folder):
         text = path.read_bytes().decode("utf-8")  # line ends stay
         try:
             document = tomlkit.parse(text)
         except TOMLKitError as error:
-            raise DeviceError(f"{path}: not valid TOML: {error}") from None
+            raise DeviceError(
+                f"is not valid TOML ({error})",
+                code="not-toml",
+                where=path,
+                action="Correct it in an editor",
+            ) from None
         table = document.setdefault("fabrication", tomlkit.table())
         written = table.get("clearance")
         if fits is None:

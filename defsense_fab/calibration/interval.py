@@ -1,12 +1,13 @@
-"""How far the response can be trusted: a 95 % interval of the slope at rest.
+"""Uncertainty of a fitted response: a 95 % interval of the slope at rest, from four sources.
 
-Four doubts. Within pieces, noise, hysteresis and relaxation: a bootstrap over the rounds of each
-specimen (over its readings where there was one round). Between pieces: pieces of one cord differ,
-and the response of a device's cords is that of yet other pieces' mean; Student's t over the pieces'
-own gains. And few pieces can agree by chance: until specimens are many, a spread between specimens
-is taken for granted. Last, models that the readings hardly tell apart have other slopes at rest. A
-percentile bootstrap over two specimens has three different draws, and misses the truth far too
-often.
+Within pieces, noise, hysteresis and relaxation: a bootstrap over the rounds of each specimen, or
+over its readings where there was one round. Between pieces: pieces of one cord differ, and the
+response of a device's cords is the mean of other pieces; Student's t over the pieces' own gains.
+Few pieces can agree by chance: until there are many specimens, a spread between specimens is
+assumed. Last, models that the readings hardly distinguish have different slopes at rest.
+
+A percentile bootstrap over two specimens has only three different draws, and misses the truth far
+too often.
 """
 
 from __future__ import annotations
@@ -19,23 +20,30 @@ from scipy.stats import t as student
 
 from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
-from .response_fit import Data, Fitted, fit, free_gains
+from .response_fit import FitData, ResponseFit, fit_gains, fit_model
 
 LEVEL = 0.95
 DRAWS = 300
-_DEAD = 1e-3  # k_res of what is no sensor
-_PRIOR = 4
-#: From so many specimens on only their own spread counts.
-_MANY = 6
-_NORMAL = 1.96
+_BOOTSTRAP_STEPS = 6  # of each fit, which starts from the fit to all readings
+_MIN_K_RES = 1e-3  # below which the cord is not a sensor
+_ASSUMED_SPREAD_PIECES = 4  # number of pieces that the assumed spread counts for
+#: From this number of specimens, only their own spread counts.
+_MANY_SPECIMENS = 6
+_NORMAL_QUANTILE = 1.96
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """Of the slope at rest: its `interval`, the half widths, relative to it, that come of readings
-    (`within`), of the pieces' spread (`pieces`), of the spread taken for granted (`assumed`), and
-    of the choice of the model (`model`); standard errors of the model's coefficients (size,) by the
-    bootstrap."""
+class Uncertainty:
+    """Uncertainty of the slope at rest.
+
+    Attributes:
+        interval: Its 95 % interval.
+        within: Relative half width that comes from the readings.
+        pieces: Relative half width that comes from the spread of the pieces.
+        assumed: Relative half width that comes from the assumed spread.
+        model: Relative half width that comes from the choice of the model.
+        errors: Standard errors of the model's coefficients (size,), by the bootstrap.
+    """
 
     interval: tuple[float, float]
     within: float
@@ -45,86 +53,125 @@ class Doubt:
     errors: Float
 
 
-def doubt(
-    data: Data,
-    fitted: Fitted,
-    others: Sequence[Fitted],
+def estimate_uncertainty(
+    data: FitData,
+    fit: ResponseFit,
+    others: Sequence[ResponseFit],
     names: Sequence[tuple[str, str]],
     turn: Int,
     spread: float,
     rng: np.random.Generator,
     draws: int = DRAWS,
-) -> Doubt:
-    """For readings in the rounds `turn` (n,); `others` are fits that explain them about as well;
-    `names` (pieces,) are the pieces' specimens and
-    places; `spread` is the standard deviation between specimens that is taken for granted."""
-    slope = fitted.model.slope_at_rest(fitted.theta)
-    if abs(slope) < _DEAD:
+) -> Uncertainty:
+    """Estimate the uncertainty of a fit.
+
+    Args:
+        data: Readings.
+        fit: The fit.
+        others: Fits of other models that explain the readings about as well.
+        names: Specimen and position of each piece (pieces).
+        turn: Round of each reading (n,).
+        spread: Assumed standard deviation between specimens.
+        rng: Random generator of the bootstrap.
+        draws: Number of bootstrap samples.
+
+    Returns:
+        The uncertainty.
+
+    Raises:
+        CalibrationError: The cords do not respond to strain.
+    """
+    slope = fit.model.slope_at_rest(fit.theta)
+    if abs(slope) < _MIN_K_RES:
         raise CalibrationError(
-            f"the cords do not answer to strain (k_res {slope:.4f}): are they the piezoresistive"
-            " ones, and are the channels in order?",
+            f"the cords do not respond to strain (k_res = {slope:.4f})",
             code="no-strain-response",
+            where="readings",
+            action="Check that the cords are piezoresistive and the channels in the right order",
             k_res=slope,
         )
-    labels = [one for one, _ in names]
-    specimen = np.array([labels.index(one) for one in labels], int)[data.piece]
-    thetas = []
-    for _ in range(draws):
-        keep = _draw(specimen, turn, rng)
-        part = data.only(keep)
-        if len(np.unique(part.strain)) <= fitted.model.size:
-            continue
-        thetas.append(fit(part, fitted.model, spread, fitted, steps=6).theta)
-    slopes = np.array([fitted.model.slope_at_rest(theta) for theta in thetas])
-    within = _NORMAL * float(slopes.std(ddof=1)) / abs(slope)
-    gains = free_gains(data, fitted)
-    # Measured in several sessions, a piece is still one piece.
-    named = {p: (specimen_of, place) for p, (specimen_of, place) in enumerate(names)}
-    known = [p for p in named if np.isfinite(gains[p])]
-    pieces = [np.mean([gains[q] for q in known if named[q] == one])
-              for one in dict.fromkeys(named[p] for p in known)]  # fmt: skip
-    means = [np.mean([gains[q] for q in known if named[q][0] == one])
-             for one in dict.fromkeys(named[p][0] for p in known)]  # fmt: skip
-    assumed = _NORMAL * spread / np.sqrt(len(means)) if len(means) < _MANY else 0.0
-    between = _pooled(pieces, spread if assumed else 0.0)
-    if len(means) > 2:
-        between = max(between, _student(means))
-    apart = [f.model.slope_at_rest(f.theta) / slope - 1 for f in others]
-    choice = _NORMAL * float(np.sqrt(np.mean(np.square(apart)))) if apart else 0.0
+    thetas = _bootstrap(data, fit, [specimen for specimen, _ in names], turn, spread, rng, draws)
+    slopes = np.array([fit.model.slope_at_rest(theta) for theta in thetas])
+    within = _NORMAL_QUANTILE * float(slopes.std(ddof=1)) / abs(slope)
+    gains = fit_gains(data, fit)
+    known = [p for p in range(len(names)) if np.isfinite(gains[p])]
+    # A piece that was measured in several sessions is still one piece.
+    pieces = [
+        np.mean([gains[q] for q in known if names[q] == name])
+        for name in dict.fromkeys(names[p] for p in known)
+    ]
+    specimens = [
+        np.mean([gains[q] for q in known if names[q][0] == specimen])
+        for specimen in dict.fromkeys(names[p][0] for p in known)
+    ]
+    few = len(specimens) < _MANY_SPECIMENS
+    assumed = _NORMAL_QUANTILE * spread / np.sqrt(len(specimens)) if few else 0.0
+    between = _pooled_half_width(pieces, spread if assumed else 0.0)
+    if len(specimens) > 2:
+        between = max(between, _student_half_width(specimens))
+    differences = [f.model.slope_at_rest(f.theta) / slope - 1 for f in others]
+    choice = 0.0
+    if differences:
+        choice = _NORMAL_QUANTILE * float(np.sqrt(np.mean(np.square(differences))))
     half = float(np.hypot(max(between, float(np.hypot(assumed, within))), choice)) * abs(slope)
     errors = np.std(thetas, axis=0, ddof=1)
-    return Doubt((slope - half, slope + half), within, between, assumed, choice, errors)
+    return Uncertainty((slope - half, slope + half), within, between, assumed, choice, errors)
 
 
-def _student(gains: Sequence[float]) -> float:
-    """Half the 95 % interval of their mean."""
+def _bootstrap(
+    data: FitData,
+    fit: ResponseFit,
+    specimens: Sequence[str],
+    turn: Int,
+    spread: float,
+    rng: np.random.Generator,
+    draws: int,
+) -> list[Float]:
+    """Return the coefficients of fits to bootstrap samples; `specimens` is by piece."""
+    specimen = np.array([specimens.index(s) for s in specimens], int)[data.piece]
+    thetas = []
+    for _ in range(draws):
+        part = data.only(_draw(specimen, turn, rng))
+        if len(np.unique(part.strain)) <= fit.model.size:
+            continue
+        thetas.append(fit_model(part, fit.model, spread, fit, _BOOTSTRAP_STEPS).theta)
+    return thetas
+
+
+def _student_half_width(gains: Sequence[float]) -> float:
+    """Return half the 95 % interval of the mean of gains."""
     n = len(gains)
     return float(student.ppf((1 + LEVEL) / 2, n - 1) * np.std(gains, ddof=1) / np.sqrt(n))
 
 
-def _pooled(gains: Sequence[float], spread: float) -> float:
-    """The same, but where they are few no less than their own spread pooled with the expected one
-    gives, which counts as much as `_PRIOR` more pieces do."""
+def _pooled_half_width(gains: Sequence[float], spread: float) -> float:
+    """Return half the 95 % interval of the mean of gains.
+
+    Few gains are pooled with an expected spread, which counts for further pieces.
+    """
     n = len(gains)
     if n < 2:
         return 0.0
-    own = float(((np.array(gains) - np.mean(gains)) ** 2).sum())
-    free = _PRIOR + n - 1 if spread else n - 1
-    pooled = np.sqrt((_PRIOR * spread**2 + own) / free)
-    half = float(student.ppf((1 + LEVEL) / 2, free) * pooled / np.sqrt(n))
-    return max(half, _student(gains)) if n > 2 else half
+    squares = float(((np.array(gains) - np.mean(gains)) ** 2).sum())
+    freedom = _ASSUMED_SPREAD_PIECES + n - 1 if spread else n - 1
+    pooled = np.sqrt((_ASSUMED_SPREAD_PIECES * spread**2 + squares) / freedom)
+    half = float(student.ppf((1 + LEVEL) / 2, freedom) * pooled / np.sqrt(n))
+    return max(half, _student_half_width(gains)) if n > 2 else half
 
 
 def _draw(specimen: Int, turn: Int, rng: np.random.Generator) -> Int:
-    """Indices of one bootstrap sample: as many rounds of each specimen as it has, drawn with
-    putting back; of a specimen with one round its readings."""
+    """Return the indices of one bootstrap sample.
+
+    As many rounds of each specimen as it has are drawn with replacement; of a specimen with one
+    round, readings are drawn.
+    """
     out = []
     for s in np.unique(specimen):
-        own = np.flatnonzero(specimen == s)
-        rounds = np.unique(turn[own])
+        indices = np.flatnonzero(specimen == s)
+        rounds = np.unique(turn[indices])
         if len(rounds) > 1:
             drawn = rng.choice(rounds, len(rounds))
-            out += [own[turn[own] == r] for r in drawn]
+            out += [indices[turn[indices] == r] for r in drawn]
         else:
-            out.append(rng.choice(own, len(own)))
+            out.append(rng.choice(indices, len(indices)))
     return np.concatenate(out)

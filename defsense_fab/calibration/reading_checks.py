@@ -1,4 +1,8 @@
-"""The cord in the neutral plane: it must not answer; where it does, something else is at work."""
+"""Check readings: implausible resistances, and drift of the cord in the neutral plane.
+
+The neutral cord must not respond to bending. Where it does, something other than strain acts on the
+cords.
+"""
 
 from __future__ import annotations
 
@@ -10,156 +14,188 @@ import numpy as np
 
 from ..core.arrays import Bool, Float
 from ..core.errors import CalibrationError
-from .readings import LEAST_RADII, Notice, Readings
+from .readings import MIN_RADII, Notice, Readings
 
-# Whether readings can be what they say: open and shorted cords, units mixed up, missing jigs.
-
-#: A cord on a jig changes by a tenth or two; by more than this it is broken or shorted.
-_MOST_CHANGE = 0.8
-#: kohm among ohm, or the other way round.
-_THOUSAND = 1000.0
-#: Below, ohm: pieces of 100 mm and more of any rubber cord have far more.
-_FEW_OHMS = 20.0
-
-
-def check(readings: Readings) -> list[Notice]:
-    """Raises CalibrationError with the place of the first reading that cannot be; returns
-    warnings."""
-    outer = readings.only(~readings.neutral)
-    if len(outer.radii) < LEAST_RADII:
-        have = ", ".join(f"{r:g}" for r in outer.radii) or "none"
-        raise CalibrationError(
-            f"{len(outer.radii)} different jig radii ({have}): a response needs at least"
-            f" {LEAST_RADII}; measure on more jigs",
-            code="too-few-radii",
-            count=len(outer.radii),
-        )
-    for i, where in enumerate(readings.where):
-        ohm = readings.resistance[i]
-        if not (np.isfinite(ohm) and ohm > 0):
-            raise CalibrationError(
-                f"{where}: a resistance of {ohm:g} ohm: the cord or its joints are"
-                f" {'shorted' if ohm == 0 else 'open'}; mend it and measure again, or leave the row"
-                " out",
-                code="impossible-resistance",
-                place=where,
-                state="shorted" if ohm == 0 else "open",
-            )
-    _check_units(readings)
-    changes = readings.changes()
-    for i, where in enumerate(readings.where):
-        if abs(changes[i]) > _MOST_CHANGE:
-            rest = readings.resistance[i] / (1 + changes[i])
-            state = "open" if changes[i] > 0 else "shorted"
-            raise CalibrationError(
-                f"{where}: {readings.resistance[i]:g} ohm against {rest:g} at rest cannot be"
-                f" strain: the cord or its joints are {state}; mend it and measure again, or leave"
-                " the row out",
-                code="impossible-change",
-                place=where,
-                state=state,
-            )
-    warnings = []
-    if readings.resistance.max() < _FEW_OHMS:
-        text = (
-            f"resistances of at most {readings.resistance.max():g} ohm are little for rubber cord:"
-            " were they kohm? The response is the same, for it is relative"
-        )
-        warnings.append(Notice("resistance-low", text))
-    if not readings.neutral.any():
-        text = (
-            "there is no neutral cord: whether something else than strain is at work is not known"
-        )
-        warnings.append(Notice("no-neutral-cord", text))
-    return warnings
-
-
-def _check_units(readings: Readings) -> None:
-    """kohm among ohm: within a piece by its median, between pieces by their medians."""
-    middle = {}
-    for p in range(len(readings.pieces)):
-        own = np.flatnonzero(readings.piece == p)
-        middle[p] = float(np.median(readings.resistance[own])) if len(own) else np.nan
-        for i in own:
-            ratio = readings.resistance[i] / middle[p]
-            for factor in (_THOUSAND, 1 / _THOUSAND):
-                if 0.6 < ratio * factor < 1.7:
-                    raise CalibrationError(
-                        f"{readings.where[i]}: {readings.resistance[i]:g} among readings of about"
-                        f" {middle[p]:g} of the same cord: ohm and kohm are mixed; give ohm",
-                        code="units-mixed",
-                        place=readings.where[i],
-                    )
-    for p, one in enumerate(readings.pieces):
-        for q, other in enumerate(readings.pieces[:p]):
-            ratio = middle[p] / middle[q]
-            if ratio > 0.2 * _THOUSAND or ratio < 5 / _THOUSAND:
-                raise CalibrationError(
-                    f"about {middle[q]:g} ohm in the cord {other.name} and {middle[p]:g} in"
-                    f" {one.name}: ohm and kohm are mixed; give ohm",
-                    code="units-mixed",
-                    cords=(other.name, one.name),
-                )
-
+#: A cord on a jig changes by a tenth or two; beyond this it is broken or shorted.
+_MAX_CHANGE = 0.8
+#: Ratio of readings in kohm and in ohm.
+_KILO = 1000.0
+#: Pieces of 100 mm and more of any rubber cord have far more than this.
+_LOW_RESISTANCE_OHM = 20.0
+_REPAIR_ACTION = "Repair the cord and measure again, or delete the row"
 
 Policy = Literal["refuse", "correct", "ignore"]
 
-#: A drift matters from this fraction of the outer cords' largest change on,
-_MATTERS = 0.05
-#: if it is so many standard errors of the mean that it shows in.
-_CLEAR = 5.0
-_LEAST_NOISE = 1e-5
-_FEW = 5  # readings that tell no noise
+#: A drift is significant from this fraction of the outer cords' largest change,
+_MIN_DRIFT_SHARE = 0.05
+#: and from this number of standard errors of the mean.
+_DRIFT_SIGMAS = 5.0
+_MIN_NOISE = 1e-5  # of (R - R0)/R0
+_MIN_READINGS_FOR_NOISE = 5
+
+
+def check_readings(readings: Readings) -> list[Notice]:
+    """Check whether readings are plausible.
+
+    Args:
+        readings: Readings of all cords.
+
+    Returns:
+        Doubts that do not prevent a fit.
+
+    Raises:
+        CalibrationError: There are too few radii, a reading is not possible, or units are mixed.
+    """
+    outer = readings.only(~readings.neutral)
+    if len(outer.radii) < MIN_RADII:
+        radii = ", ".join(f"{r:g}" for r in outer.radii) or "none"
+        raise CalibrationError(
+            f"there are {len(outer.radii)} different jig radii ({radii})",
+            code="too-few-radii",
+            where="readings",
+            action=f"Measure on at least {MIN_RADII} jigs",
+            count=len(outer.radii),
+        )
+    for ohm, where in zip(readings.resistance, readings.where, strict=True):
+        if not (np.isfinite(ohm) and ohm > 0):
+            state = "shorted" if ohm == 0 else "open"
+            raise CalibrationError(
+                f"{ohm:g} ohm means that the cord or its joints are {state}",
+                code="impossible-resistance",
+                where=where,
+                action=_REPAIR_ACTION,
+                place=where,
+                state=state,
+            )
+    _check_units(readings)
+    for ohm, change, where in zip(
+        readings.resistance, readings.changes(), readings.where, strict=True
+    ):
+        if abs(change) > _MAX_CHANGE:
+            state = "open" if change > 0 else "shorted"
+            raise CalibrationError(
+                f"{ohm:g} ohm, from {ohm / (1 + change):g} ohm at rest, means that the cord or its"
+                f" joints are {state}",
+                code="impossible-change",
+                where=where,
+                action=_REPAIR_ACTION,
+                place=where,
+                state=state,
+            )
+    notices = []
+    if readings.resistance.max() < _LOW_RESISTANCE_OHM:
+        text = (
+            f"resistances of at most {readings.resistance.max():g} ohm are low for rubber cord;"
+            " check that they are not kohm. The response is the same, since it is relative"
+        )
+        notices.append(Notice("resistance-low", text))
+    if not readings.neutral.any():
+        text = "without a neutral cord, effects other than strain cannot be detected"
+        notices.append(Notice("no-neutral-cord", text))
+    return notices
+
+
+def _check_units(readings: Readings) -> None:
+    """Find kohm among ohm: within a piece by its median, between pieces by their medians."""
+    median = {}
+    for p in range(len(readings.pieces)):
+        indices = np.flatnonzero(readings.piece == p)
+        median[p] = float(np.median(readings.resistance[indices])) if len(indices) else np.nan
+        for i in indices:
+            ratio = readings.resistance[i] / median[p]
+            for factor in (_KILO, 1 / _KILO):
+                if 0.6 < ratio * factor < 1.7:
+                    raise CalibrationError(
+                        f"{readings.resistance[i]:g} among readings of about {median[p]:g} of the"
+                        " same cord: ohm and kohm are mixed",
+                        code="units-mixed",
+                        where=readings.where[i],
+                        action="Give all resistances in ohm",
+                        place=readings.where[i],
+                    )
+    for p, piece in enumerate(readings.pieces):
+        for q, other in enumerate(readings.pieces[:p]):
+            ratio = median[p] / median[q]
+            if ratio > 0.2 * _KILO or ratio < 5 / _KILO:
+                raise CalibrationError(
+                    f"the cord {other.name} has about {median[q]:g} ohm and {piece.name} has"
+                    f" {median[p]:g}: ohm and kohm are mixed",
+                    code="units-mixed",
+                    where="readings",
+                    action="Give all resistances in ohm",
+                    cords=(other.name, piece.name),
+                )
 
 
 @dataclass(frozen=True)
 class Drift:
-    """`largest` mean change (R - R0)/R0 of the neutral cords, with its sign, over the readings
-    `at` one radius, in one round or of one piece, or its rise from first to last; None without
-    neutral cords. Whether it is `bad`, and the `limit` from which on it would be."""
+    """Drift of the neutral cords.
+
+    Attributes:
+        largest: Largest mean change (R - R0)/R0, with its sign; None without neutral cords.
+        at: Piece and the radius, round or trend in which it appears.
+        is_significant: Whether it exceeds the limit.
+        limit: Change from which a drift is significant.
+    """
 
     largest: float | None
     at: str
-    bad: bool
+    is_significant: bool
     limit: float
 
 
-def drift(readings: Readings, changes: Float, noise: float) -> Drift:
-    """Of the neutral cords in `changes` (n,); `noise` is the standard deviation of a reading of the
-    others."""
+def find_drift(readings: Readings, changes: Float, noise: float) -> Drift:
+    """Find the most significant drift of the neutral cords.
+
+    Args:
+        readings: Readings of all cords.
+        changes: Their changes (R - R0)/R0 (n,).
+        noise: Standard deviation of a reading of the other cords.
+
+    Returns:
+        The drift.
+    """
     inside = readings.neutral & ~readings.flat
     outer = ~readings.neutral & ~readings.flat
-    matters = _MATTERS * float(np.abs(changes[outer]).max(initial=0))
+    min_drift = _MIN_DRIFT_SHARE * float(np.abs(changes[outer]).max(initial=0))
     if not inside.any():
-        return Drift(None, "", False, matters)
-    noise = min(noise, _own_noise(readings, changes))
-    worst, found = -1.0, Drift(0.0, "", False, matters)
-    for at, change, error in _looks(readings, changes, inside):
-        limit = max(matters, _CLEAR * noise * error)
+        return Drift(None, "", False, min_drift)
+    noise = min(noise, _neutral_noise(readings, changes))
+    worst, drift = -1.0, Drift(0.0, "", False, min_drift)
+    for at, change, error in _mean_changes(readings, changes, inside):
+        limit = max(min_drift, _DRIFT_SIGMAS * noise * error)
         if abs(change) / limit > worst:
             worst = abs(change) / limit
-            found = Drift(change, at, worst > 1, limit)
-    return found
+            drift = Drift(change, at, worst > 1, limit)
+    return drift
 
 
-def _looks(readings: Readings, changes: Float, inside: Bool) -> Iterator[tuple[str, float, float]]:
-    """Where the readings are, their change, and its standard error in that of one reading: the
-    means of each piece at one radius, in one round and in all, and its steady rise from first to
-    last."""
+def _mean_changes(
+    readings: Readings, changes: Float, inside: Bool
+) -> Iterator[tuple[str, float, float]]:
+    """Yield mean changes of each neutral piece: at one radius, in one round, and in all.
+
+    The steady rise of the piece from its first to its last reading follows. Each item is a
+    description, the change, and its standard error relative to that of one reading.
+    """
     for p in np.unique(readings.piece[inside]):
-        own, name = inside & (readings.piece == p), readings.pieces[p].name
-        # R0 is measured, too, once or a few times: its error is in all changes of a piece.
+        is_own, name = inside & (readings.piece == p), readings.pieces[p].name
+        # R0 is measured once or a few times; its error is in all changes of a piece.
         rest = 1 / (readings.flat & (readings.piece == p)).sum()
-        groups = [(f"{name}, all radii", own)]
-        groups += [(f"{name}, {r:g} mm", own & (readings.radius == r))
-                   for r in np.unique(readings.radius[own])]  # fmt: skip
-        groups += [(f"{name}, round {turn + 1}", own & (readings.turn == turn))
-                   for turn in np.unique(readings.turn[own])]  # fmt: skip
+        groups = [(f"{name}, all radii", is_own)]
+        groups += [
+            (f"{name}, {r:g} mm", is_own & (readings.radius == r))
+            for r in np.unique(readings.radius[is_own])
+        ]
+        groups += [
+            (f"{name}, round {turn + 1}", is_own & (readings.turn == turn))
+            for turn in np.unique(readings.turn[is_own])
+        ]
         for at, group in groups:
             yield at, float(changes[group].mean()), float(np.sqrt(1 / group.sum() + rest))
         every = changes[readings.piece == p]
         n = len(every)
-        if n >= _FEW:
+        if n >= _MIN_READINGS_FOR_NOISE:
             slope = float(np.polyfit(np.arange(n), every, 1)[0])
             yield (
                 f"{name}, from first to last",
@@ -168,76 +204,97 @@ def _looks(readings: Readings, changes: Float, inside: Bool) -> Iterator[tuple[s
             )
 
 
-def _own_noise(readings: Readings, changes: Float) -> float:
-    """Standard deviation of the neutral cords' readings about a steady drift of each, which the
-    scatter of the other cords would hide behind; robust, for a loose joint is no noise."""
-    left = []
+def _neutral_noise(readings: Readings, changes: Float) -> float:
+    """Return the standard deviation of the neutral cords' readings about a steady drift of each.
+
+    The scatter of the other cords would hide such a drift. The estimate is robust, since a loose
+    joint is not noise.
+    """
+    residuals = []
     for p in np.unique(readings.piece[readings.neutral]):
         own = changes[readings.piece == p]
-        if len(own) >= _FEW:
+        if len(own) >= _MIN_READINGS_FOR_NOISE:
             order = np.arange(len(own))
-            left.append(own - np.polynomial.Polynomial.fit(order, own, 1)(order))
-    if not left:
+            residuals.append(own - np.polynomial.Polynomial.fit(order, own, 1)(order))
+    if not residuals:
         return np.inf
-    every = np.concatenate(left)
-    free = len(every) - 2 * len(left)
-    robust = 1.4826 * float(np.median(np.abs(every))) * np.sqrt(len(every) / free)
-    return float(max(robust, _LEAST_NOISE))
+    every = np.concatenate(residuals)
+    freedom = len(every) - 2 * len(residuals)
+    robust = 1.4826 * float(np.median(np.abs(every))) * np.sqrt(len(every) / freedom)
+    return float(max(robust, _MIN_NOISE))
 
 
-def refuse(found: Drift) -> None:
-    """Raises CalibrationError if the drift is bad."""
-    if not found.bad or found.largest is None:
+def require_no_drift(drift: Drift) -> None:
+    """Check that the neutral cords do not drift.
+
+    Args:
+        drift: The most significant drift.
+
+    Raises:
+        CalibrationError: The drift is significant.
+    """
+    if not drift.is_significant or drift.largest is None:
         return
     raise CalibrationError(
-        f"the neutral cord changes by {found.largest:+.2%} ({found.at}), more than the"
-        f" {found.limit:.2%} that noise and a cord a little off its place could do: something else"
-        " than strain is at work (temperature, a loose joint, a cord that creeps or lies off the"
-        " neutral plane). Measure again, or choose --neutral correct (takes the neutral cord's"
-        " change from the others: right for a common drift) or --neutral ignore",
+        f"changes by {drift.largest:+.2%} ({drift.at}), more than the {drift.limit:.2%} that noise"
+        " and a cord slightly off the neutral plane can cause. Other causes are temperature, a"
+        " loose joint, and a cord that creeps or is far off that plane",
         code="neutral-cord-drifts",
-        change=found.largest,
-        limit=found.limit,
+        where="neutral cord",
+        action=(
+            'Measure again, or choose the policy "correct" (subtracts the neutral cord\'s change'
+            ' from the others, for a drift that all cords share) or "ignore"'
+        ),
+        change=drift.largest,
+        limit=drift.limit,
     )
 
 
-def corrected(readings: Readings) -> Readings:
-    """Without what the neutral cord of the same specimen did in the same round on the same jig, as
-    a common factor.
+def correct_drift(readings: Readings) -> Readings:
+    """Divide by the changes of the neutral cord of the same specimen, round and jig.
 
-    Raises CalibrationError where there is none to go by.
+    Args:
+        readings: Readings of all cords.
+
+    Returns:
+        The corrected readings.
+
+    Raises:
+        CalibrationError: There is no reading of a neutral cord for some reading.
     """
     changes = readings.changes()
     resistance = readings.resistance.copy()
     for i in np.flatnonzero(~readings.neutral):
         piece = readings.pieces[readings.piece[i]]
-        specimen = piece.specimen
-        own = [
+        neutral_pieces = [
             p
-            for p, one in enumerate(readings.pieces)
-            if one.neutral and (one.specimen, one.source) == (specimen, piece.source)
+            for p, other in enumerate(readings.pieces)
+            if other.neutral and (other.specimen, other.source) == (piece.specimen, piece.source)
         ]
-        beside = np.isin(readings.piece, own)
-        same = beside & _same(readings.radius, readings.radius[i])
-        best = same & (readings.turn == readings.turn[i])
-        found = best if best.any() else same
-        if not found.any():
+        is_neutral = np.isin(readings.piece, neutral_pieces)
+        on_same_jig = is_neutral & _is_radius(readings.radius, readings.radius[i])
+        in_same_round = on_same_jig & (readings.turn == readings.turn[i])
+        selected = in_same_round if in_same_round.any() else on_same_jig
+        if not selected.any():
             raise CalibrationError(
-                f"{readings.where[i]}: no reading of a neutral cord of specimen {specimen!r} on the"
-                " same jig to correct it by",
+                f"there is no reading of a neutral cord of specimen {piece.specimen!r} on the same"
+                " jig for the correction",
                 code="no-neutral-reading",
-                specimen=specimen,
+                where=readings.where[i],
+                action="Add that reading, or choose another policy",
+                specimen=piece.specimen,
             )
-        resistance[i] /= 1 + float(changes[found].mean())
+        resistance[i] /= 1 + float(changes[selected].mean())
     return replace(readings, resistance=resistance)
 
 
-def _same(radius: Float, one: float) -> Bool:
-    return np.isnan(radius) if np.isnan(one) else radius == one
+def _is_radius(radius: Float, value: float) -> Bool:
+    return np.isnan(radius) if np.isnan(value) else radius == value
 
 
+#: Corrections by the policy for a drift of the neutral cord.
 POLICIES: dict[str, Callable[[Readings], Readings]] = {
     "refuse": lambda readings: readings,
-    "correct": corrected,
+    "correct": correct_drift,
     "ignore": lambda readings: readings,
 }

@@ -1,7 +1,7 @@
-"""A calibration session: a folder with what was to be measured, and every frame that came.
+"""Calibration sessions: a folder with the plan of the readings and every frame that was recorded.
 
-`session.json` holds the specimen and the plan, `frames.csv` the frames and, between them, when each
-hold began and ended. Readings are taken from the frames anew each time.
+`session.json` holds the specimen and the plan. `frames.csv` holds the frames and, between them, the
+events at which each hold started and ended. Readings are always computed from the frames.
 """
 
 from __future__ import annotations
@@ -22,27 +22,41 @@ from ..core.storage.files import load_json, storage_errors
 from ..core.storage.session_manifest import (
     FILE,
     CalibrationManifest,
+    Criterion,
     SpecimenRecord,
     load_calibration,
     manifest_path,
 )
-from .protocol import creep, Creep, FACES, JigStep, plan, settled
-from ..core.storage.session_manifest import Criterion
+from .protocol import FACES, Creep, JigStep, check_settling, fit_creep, plan_readings
 from .readings import Geometry, Memory, Piece, Readings
 
 FRAMES = "frames.csv"
-REFERENCE = 2200.0  # ohm, of dividers that nothing tells
+DEFAULT_REFERENCE_OHM = 2200.0
+DEFAULT_ROUNDS, DEFAULT_RATE_HZ = 3, 20
 #: Cords of a specimen in the order of the read-out board's channels, and their side of the neutral
 #: plane with face a on the jig.
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
-#: Between creeps' fits, at most so many frames.
-_FITTED = 400
+_MAX_CREEP_FRAMES = 400  # of a fit; longer holds are thinned
+_MAX_RADIUS_MM = 1e5
+_MAX_REFERENCE_OHM = 1e9
 _COLUMNS = ("piece", "strain", "memory", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
 class CalibrationSession:
-    """What `session.json` says. `reference` (c,) ohm, of the dividers."""
+    """A calibration session, as in `session.json`.
+
+    Attributes:
+        folder: Folder of the session.
+        name: Name of the specimen.
+        geometry: Geometry of the specimen.
+        length: Length of the specimen, mm.
+        steps: Steps of the protocol.
+        reference: Reference resistors (c,), ohm.
+        criterion: When a reading has settled.
+        rate: Samples per second, Hz.
+        average: Conversions per sample; None for the read-out board's own number.
+    """
 
     folder: Path
     name: str
@@ -56,10 +70,11 @@ class CalibrationSession:
 
     @property
     def frames(self) -> Path:
+        """File of the frames."""
         return self.folder / FRAMES
 
 
-def create(
+def create_session(
     folder: Path,
     *,
     name: str,
@@ -74,10 +89,37 @@ def create(
     rate: int,
     average: int | None,
 ) -> CalibrationSession:
-    """Begin a session in a folder that holds none. Raises CalibrationError if it does."""
+    """Create a session in a folder that has none.
+
+    Args:
+        folder: Folder, which need not exist.
+        name: Name of the specimen.
+        geometry: Geometry of the specimen.
+        length: Length of the specimen, mm.
+        radii: Radii of the jigs, mm.
+        rounds: Number of rounds.
+        faces: Faces of the specimen to measure.
+        seed: Seed of the order of the jigs.
+        reference: Reference resistors (c,), ohm.
+        criterion: When a reading has settled.
+        rate: Samples per second, Hz.
+        average: Conversions per sample; None for the read-out board's own number.
+
+    Returns:
+        The session.
+
+    Raises:
+        CalibrationError: The folder has a session.
+        StorageError: The folder cannot be written.
+    """
     if (folder / FILE).exists():
-        raise CalibrationError(f"{folder}: holds a session already; choose another folder")
-    steps = plan(radii, rounds, faces, np.random.default_rng(seed))
+        raise CalibrationError(
+            "already has a session",
+            code="session-exists",
+            where=folder,
+            action="Choose another folder",
+        )
+    steps = plan_readings(radii, rounds, faces, np.random.default_rng(seed))
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         manifest = CalibrationManifest(
@@ -92,13 +134,21 @@ def create(
             begun=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         )
         typed_json.save(folder / FILE, manifest)
-    return load(folder)
+    return load_session(folder)
 
 
-def agree(session: CalibrationSession, wanted: Mapping[str, Any]) -> None:
-    """Raises CalibrationError where a session that goes on was begun with something else."""
+def require_same_settings(session: CalibrationSession, settings: Mapping[str, Any]) -> None:
+    """Check that a session that is resumed has the requested settings.
+
+    Args:
+        session: The session.
+        settings: Requested settings by the names of `create_session`'s arguments.
+
+    Raises:
+        CalibrationError: A setting differs.
+    """
     steps = session.steps
-    begun = {
+    current = {
         "name": session.name,
         "radii": sorted({s.radius for s in steps if s.radius is not None}),
         "rounds": 1 + max(s.turn for s in steps),
@@ -109,96 +159,157 @@ def agree(session: CalibrationSession, wanted: Mapping[str, Any]) -> None:
         "rate": session.rate,
         "average": session.average,
     }
-    for name, value in wanted.items():
-        is_ = begun[name]
-        if (sorted(value) if name in ("radii", "faces") else value) != is_:
+    for name, value in settings.items():
+        if (sorted(value) if name in ("radii", "faces") else value) != current[name]:
             raise CalibrationError(
-                f"{session.folder}: this session was begun with {name} {is_}, and goes on so; leave"
-                " the option out, or begin another session with --out"
+                f"this session was started with {name} = {current[name]}",
+                code="session-differs",
+                where=session.folder,
+                action=f"Omit {name} to resume it, or start another session in another folder",
+                setting=name,
+                value=current[name],
             )
 
 
-def begin_or_go_on(
-    folder: Path, wanted: Mapping[str, Any], named: Collection[str] = ()
+def create_or_resume(
+    folder: Path, settings: Mapping[str, Any], named: Collection[str] = ()
 ) -> tuple[CalibrationSession, bool]:
-    """The session in a folder, and whether it was there before: what was `named` of what is
-    `wanted` of a new one must then be so. Raises CalibrationError for one that is finished or
-    differs."""
+    """Resume the session in a folder, or create one.
+
+    Args:
+        folder: Folder of the session.
+        settings: Settings of a new session, by the names of `create_session`'s arguments.
+        named: Names of settings that a resumed session must have, too.
+
+    Returns:
+        The session, and whether it is resumed.
+
+    Raises:
+        CalibrationError: The session is finished or differs.
+    """
     if manifest_path(folder) is None:
-        return create(folder, **wanted), False
-    session = load(folder)
-    if not unfinished(session):
+        return create_session(folder, **settings), False
+    session = load_session(folder)
+    if not unfinished_steps(session):
         raise CalibrationError(
-            f"{folder}: this session is finished; fit it (defsense calibrate fit {folder}), or"
-            " begin another with --out"
+            "this session is finished",
+            code="session-finished",
+            where=folder,
+            action=(
+                f"Fit it with 'defsense calibrate fit {folder}', or start another session in"
+                " another folder"
+            ),
         )
-    agree(session, {name: wanted[name] for name in named})
+    require_same_settings(session, {name: settings[name] for name in named})
     return session, True
 
 
-def usual(about: Mapping[str, Any]) -> dict[str, Any]:
-    """What is wanted of a session on a specimen (`specimen_of`) where nothing else is said."""
+def default_settings(specimen: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the default settings of a session on a specimen, as `read_specimen` returns it."""
     return {
-        "name": f"{about['length']:g}",
-        "geometry": about["geometry"],
-        "length": about["length"],
-        "radii": about["radii"],
-        "rounds": 3,
+        "name": f"{specimen['length']:g}",
+        "geometry": specimen["geometry"],
+        "length": specimen["length"],
+        "radii": specimen["radii"],
+        "rounds": DEFAULT_ROUNDS,
         "faces": ["a", "b"],
         "seed": 1,
-        "reference": [REFERENCE] * len(CHANNELS),
+        "reference": [DEFAULT_REFERENCE_OHM] * len(CHANNELS),
         "criterion": Criterion(),
-        "rate": 20,
+        "rate": DEFAULT_RATE_HZ,
         "average": None,
     }
 
 
 def discard_empty(session: CalibrationSession) -> None:
-    """Remove a session that never saw a frame: it could not begin, and must not bind the next."""
+    """Remove a session without frames: it could not start, and must not determine the next."""
     if session.frames.exists() and has_frames(session.frames):
         return
     session.frames.unlink(missing_ok=True)
     (session.folder / FILE).unlink(missing_ok=True)
 
 
-def load(folder: Path) -> CalibrationSession:
-    """The session in a folder. Raises CalibrationError where there is none, or it is broken."""
-    path, found = folder / FILE, load_calibration(folder)
-    if found.channels != tuple(CHANNELS):
-        raise CalibrationError(f"{path}: its channels must be {', '.join(CHANNELS)}")
-    if any(f not in FACES or not (r is None or 0 < r < 1e5) for _, r, f in found.steps):
+def load_session(folder: Path) -> CalibrationSession:
+    """Load the session in a folder.
+
+    Raises:
+        CalibrationError: There is none, or it is invalid.
+    """
+    path, manifest = folder / FILE, load_calibration(folder)
+    if manifest.channels != tuple(CHANNELS):
         raise CalibrationError(
-            f"{path}: a step is a round, a radius in mm or null, and a face of {', '.join(FACES)}"
+            f"its channels are {', '.join(manifest.channels)}",
+            code="wrong-channels",
+            where=path,
+            action=f"Name them {', '.join(CHANNELS)}",
         )
-    if len(found.reference) != len(CHANNELS) or not all(0 < r < 1e9 for r in found.reference):
-        raise CalibrationError(f"{path}: reference: {len(CHANNELS)} resistances in ohm are needed")
-    specimen = found.specimen
+    for _, radius, face in manifest.steps:
+        if face not in FACES or not (radius is None or 0 < radius < _MAX_RADIUS_MM):
+            raise CalibrationError(
+                f"the step with the radius {radius} and the face {face!r} is not valid",
+                code="bad-step",
+                where=path,
+                action=f"Give a radius in mm or null, and a face of {', '.join(FACES)}",
+            )
+    if len(manifest.reference) != len(CHANNELS) or not all(
+        0 < r < _MAX_REFERENCE_OHM for r in manifest.reference
+    ):
+        raise CalibrationError(
+            f"reference is {list(manifest.reference)}",
+            code="bad-reference",
+            where=path,
+            action=f"Give {len(CHANNELS)} resistances in ohm",
+        )
+    specimen = manifest.specimen
     return CalibrationSession(
-        folder, specimen.name, Geometry(specimen.thickness, specimen.offset), specimen.length,
-        tuple(JigStep(*s) for s in found.steps), found.reference, found.criterion, found.rate,
-        found.average,
-    )  # fmt: skip
+        folder=folder,
+        name=specimen.name,
+        geometry=Geometry(specimen.thickness, specimen.offset),
+        length=specimen.length,
+        steps=tuple(JigStep(*s) for s in manifest.steps),
+        reference=manifest.reference,
+        criterion=manifest.criterion,
+        rate=manifest.rate,
+        average=manifest.average,
+    )
 
 
 @dataclass(frozen=True)
 class Hold:
-    """One finished step: its index in the plan, when it was `begun`, s on the device's clock, times
-    (t,) s since then, and resistances (t, c) ohm; whether the reading had `settled` when it was
-    taken."""
+    """Frames of one finished step.
+
+    Attributes:
+        step: Index of the step in the plan.
+        started_at: Start of the hold by the device's clock, s.
+        time: Times of the frames since then (t,), s.
+        ohm: Resistances (t, c), ohm.
+        settled: Whether the reading had settled when it was taken.
+    """
 
     step: int
-    begun: float
+    started_at: float
     time: Float
     ohm: Float
     settled: bool
 
 
-def holds(session: CalibrationSession, recording: Recording) -> dict[int, Hold]:
-    """The finished steps by index, each as it was measured last. Raises CalibrationError for events
-    that the session cannot have, CaptureError where none tells the read-out board's full scale."""
+def find_holds(session: CalibrationSession, recording: Recording) -> dict[int, Hold]:
+    """Find the finished steps in a recording.
+
+    Args:
+        session: The session.
+        recording: Its frames.
+
+    Returns:
+        The hold of each finished step by its index, as it was measured last.
+
+    Raises:
+        CalibrationError: An event does not belong to the session.
+        CaptureError: No event gives the read-out board's full scale.
+    """
     out: dict[int, Hold] = {}
-    begun: dict[int, int] = {}
-    time, reference = _time(recording), np.array(session.reference)
+    starts: dict[int, int] = {}
+    time, reference = _frame_times(recording), np.array(session.reference)
     for at, event in recording.events:
         kind, step = event.get("event"), event.get("step", -1)
         try:
@@ -206,24 +317,30 @@ def holds(session: CalibrationSession, recording: Recording) -> dict[int, Hold]:
                 raise ValueError
         except (TypeError, ValueError):
             raise CalibrationError(
-                f"{session.frames}: the event {event} does not belong to {FILE} beside it"
+                f"the event {event} does not belong to the session in {FILE}",
+                code="event-mismatch",
+                where=session.frames,
+                action="Restore both files from the same session",
             ) from None
         if kind == "hold":
-            begun[step] = at
+            starts[step] = at
         elif kind == "redo":
             out.pop(step, None)
-        elif kind == "point" and step in begun and at - begun[step] > 1:
-            part = slice(begun[step], at)
+        elif kind == "point" and step in starts and at - starts[step] > 1:
+            part = slice(starts[step], at)
             ohm = recording.resistances(reference, part)
-            start = float(time[begun[step]])
-            still = bool(event.get("settled", True))
-            out[step] = Hold(step, start, time[part] - start, ohm, still)
+            start = float(time[starts[step]])
+            is_settled = bool(event.get("settled", True))
+            out[step] = Hold(step, start, time[part] - start, ohm, is_settled)
     return out
 
 
-def _time(recording: Recording) -> Float:
-    """Of each frame (t,), s: the device's clock, carried on over the stops between runs by the time
-    of day that their events tell."""
+def _frame_times(recording: Recording) -> Float:
+    """Return the time of each frame (t,), s.
+
+    It is the device's clock, continued over the pauses between runs by the time of day in their
+    events.
+    """
     out = recording.device_us / 1e6
     last, shift = None, 0.0
     for at, event in recording.events:
@@ -236,70 +353,106 @@ def _time(recording: Recording) -> Float:
     return np.asarray(out)
 
 
-def unfinished(session: CalibrationSession) -> list[int]:
-    """Steps that are still to be measured, those that were skipped among them."""
-    done = holds(session, read_recording(session.frames)) if session.frames.exists() else {}
+def unfinished_steps(session: CalibrationSession) -> list[int]:
+    """Return the steps that are still to be measured, skipped ones included."""
+    frames = session.frames
+    done = find_holds(session, read_recording(frames)) if frames.exists() else {}
     return [n for n in range(len(session.steps)) if n not in done]
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A session's readings; the outer cords' creep in each hold, with the cord's place; how many
-    holds had not settled when they were taken."""
+class SessionReadings:
+    """Readings of a session.
+
+    Attributes:
+        readings: The readings.
+        creeps: Creep of the outer cords in each hold, with the cord's position.
+        unsettled: Number of holds that had not settled when they were taken.
+    """
 
     readings: Readings
     creeps: tuple[tuple[str, Creep], ...]
     unsettled: int
 
 
-def measure(folder: Path) -> Measured:
-    """What a session has measured so far. Raises CalibrationError if that is nothing."""
-    session = load(folder)
+def read_session(folder: Path) -> SessionReadings:
+    """Compute the readings that a session has so far.
+
+    Args:
+        folder: Folder of the session.
+
+    Returns:
+        The readings.
+
+    Raises:
+        CalibrationError: The session is invalid, or has no reading.
+    """
+    session = load_session(folder)
     if not session.frames.exists():
-        raise CalibrationError(f"{folder}: nothing was recorded yet")
-    found = holds(session, read_recording(session.frames))
-    if not found:
-        raise CalibrationError(f"{folder}: no step was finished yet; go on with 'record'")
+        raise CalibrationError(
+            "nothing was recorded yet",
+            code="nothing-recorded",
+            where=folder,
+            action="Record with 'defsense calibrate record'",
+        )
+    holds = find_holds(session, read_recording(session.frames))
+    if not holds:
+        raise CalibrationError(
+            "no step was finished yet",
+            code="no-step-finished",
+            where=folder,
+            action="Resume with 'defsense calibrate record'",
+        )
     pieces = tuple(Piece(session.name, place, place == "neutral") for place in CHANNELS)
     rows, creeps, unsettled = [], [], 0
     memories = [Memory() for _ in CHANNELS]
-    for n, hold in found.items():  # in the order in which they were finished
+    for n, hold in holds.items():  # in the order in which they were finished
         step = session.steps[n]
-        at = settled(hold.time, hold.ohm, session.criterion)
-        if at is None:
+        state = check_settling(hold.time, hold.ohm, session.criterion)
+        if state is None:
             unsettled += 1
             continue
         unsettled += not hold.settled
         radius = float("nan") if step.radius is None else step.radius
-        turn_over = 1 if step.face == "a" else -1
+        face_sign = 1 if step.face == "a" else -1
         for c, side in enumerate(CHANNELS.values()):
-            strain = session.geometry.strain(radius, side * turn_over)
+            strain = session.geometry.strain(radius, side * face_sign)
             where = f"{folder.name}, round {step.turn + 1}, {step.jig}, face {step.face}"
-            memory = memories[c].at(strain, hold.begun, hold.begun + hold.time[-1])
-            rows.append((c, strain, memory, radius, step.turn, float(at.ohm[c]), where))
+            memory = memories[c].at(strain, hold.started_at, hold.started_at + hold.time[-1])
+            rows.append((c, strain, memory, radius, step.turn, float(state.ohm[c]), where))
         if step.radius is not None:
-            thin = slice(None, None, max(len(hold.time) // _FITTED, 1))
+            thinned = slice(None, None, max(len(hold.time) // _MAX_CREEP_FRAMES, 1))
             for c, place in enumerate(CHANNELS):
                 if place != "neutral" and np.isfinite(hold.ohm[:, c]).all():
-                    creeps.append((place, creep(hold.time[thin], hold.ohm[thin, c])))
-    readings = _readings(pieces, rows)
-    return Measured(readings, tuple(creeps), unsettled)
+                    creeps.append((place, fit_creep(hold.time[thinned], hold.ohm[thinned, c])))
+    return SessionReadings(_to_readings(pieces, rows), tuple(creeps), unsettled)
 
 
-def _readings(pieces: tuple[Piece, ...], rows: Sequence[tuple[Any, ...]]) -> Readings:
-    """Rows of piece, strain, memory, radius, turn, resistance and where."""
+def _to_readings(pieces: tuple[Piece, ...], rows: Sequence[tuple[Any, ...]]) -> Readings:
+    """Convert rows of piece, strain, memory, radius, turn, resistance and where."""
     columns = dict(zip((*_COLUMNS, "where"), zip(*rows, strict=True), strict=True))
     arrays = {name: np.array(columns[name]) for name in _COLUMNS}
     return Readings(pieces=pieces, where=columns["where"], **arrays)
 
 
-def specimen_of(path: Path) -> dict[str, Any]:
-    """`specimen.json`, or that of a folder, as `defsense calibrate specimen` writes it."""
+def read_specimen(path: Path) -> dict[str, Any]:
+    """Read `specimen.json`.
+
+    Args:
+        path: The file, or the folder that holds it.
+
+    Returns:
+        The specimen's "length" (mm), "geometry" and "radii" of its jigs (mm).
+
+    Raises:
+        CalibrationError: The file cannot be read or is invalid.
+    """
+    action = "Write it with 'defsense calibrate specimen'"
     file = path / "specimen.json" if path.is_dir() else path
-    data = load_json(file, CalibrationError, "'defsense calibrate specimen' writes it")
+    data = load_json(file, CalibrationError, action)
     try:
         radii = [float(j["radius"]) for j in data["jigs"] if j["radius"] is not None]
-        if not all(0 < r < 1e5 for r in radii) or len(set(radii)) < len(radii):
+        if not all(0 < r < _MAX_RADIUS_MM for r in radii) or len(set(radii)) < len(radii):
             raise ValueError(f"radii {radii}")
         inner = float(data["channels"]["inner"])
         return {
@@ -308,4 +461,9 @@ def specimen_of(path: Path) -> dict[str, Any]:
             "radii": radii,
         }
     except (KeyError, TypeError, ValueError) as error:
-        raise CalibrationError(f"{file}: describes no specimen: {error!r}") from None
+        raise CalibrationError(
+            f"does not describe a specimen ({error!r})",
+            code="bad-specimen-file",
+            where=file,
+            action=action,
+        ) from None

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from defsense_fab.calibration.calibrate import calibrate
-from defsense_fab.calibration.model_selection import compare
-from defsense_fab.calibration.reading_checks import drift
-from defsense_fab.calibration.readings import PLAYS, Geometry, Memory, half_width, joined
-from defsense_fab.calibration.response_fit import Data, fit, model
+from defsense_fab.calibration.model_selection import compare_models
+from defsense_fab.calibration.reading_checks import find_drift
+from defsense_fab.calibration.readings import PLAY_HALF_WIDTHS, Geometry, Memory, hysteresis_half_width, join_readings
+from defsense_fab.calibration.response_fit import FitData, fit_model, build_model
 from defsense_fab.core.errors import CalibrationError
 from defsense_fab.sensing.response import build_response
-from tests.calibration.sessions import readings
+from tests.calibration.ideal_readings import readings
 from tests.support.errors import raises
 
 LINE = (lambda e: 2 * e, "line")
@@ -65,9 +65,9 @@ def test_pieces_that_differ_are_no_asymmetry():
 def test_the_interval_holds(spread):
     """Of six tables at most one misses; and it is no wider than need be."""
     found = [calibrate(readings(LINE[0], s, spread=spread), draws=10) for s in range(6)]
-    held = [f.doubt.interval[0] <= 2.0 <= f.doubt.interval[1] for f in found]
+    held = [f.uncertainty.interval[0] <= 2.0 <= f.uncertainty.interval[1] for f in found]
     assert sum(held) >= 5
-    half = np.median([(f.doubt.interval[1] - f.doubt.interval[0]) / 2 / f.k_res for f in found])
+    half = np.median([(f.uncertainty.interval[1] - f.uncertainty.interval[0]) / 2 / f.k_res for f in found])
     assert 0.03 < half < 0.12
 
 
@@ -77,8 +77,8 @@ def test_six_specimens_speak_for_themselves():
     for seed in range(4):
         r = readings(LINE[0], seed, specimens="abcdef", both=True, rounds=2)
         found = calibrate(r, draws=10)
-        assert found.doubt.assumed == 0
-        low, high = found.doubt.interval
+        assert found.uncertainty.assumed == 0
+        low, high = found.uncertainty.interval
         assert high - low < 0.04
         held.append(low <= 2 <= high)
     assert sum(held) >= 3
@@ -99,20 +99,20 @@ def test_what_pieces_remember_is_told_apart():
     past = np.array([memory.at(e, t, t + 20) for e, t in zip(strain, time, strict=True)])
     true = np.array([0.0, 1.2, 0.0, 0.05, 0.1])
     y = 2 * strain + past @ true + 0.0001 * rng.normal(size=len(strain))
-    found = fit(Data(y, strain, np.zeros(len(y), int), 1, past), model("line", strain), 0.03)
+    found = fit_model(FitData(y, strain, np.zeros(len(y), int), 1, past), build_model("line", strain), 0.03)
     assert found.theta[0] == pytest.approx(2.0, abs=0.02)
     assert found.memory @ past.T == pytest.approx(true @ past.T, abs=5e-4)
-    assert half_width(found.memory) == pytest.approx(1.2 * PLAYS[1], abs=6e-4)
+    assert hysteresis_half_width(found.memory) == pytest.approx(1.2 * PLAY_HALF_WIDTHS[1], abs=6e-4)
 
 
 def test_plays_lag_behind():
     """By their widths at most, and only where the strain has turned."""
     memory = Memory()
-    up = np.array([memory.at(e, 0, 0)[: len(PLAYS)] for e in np.linspace(0, 0.05, 51)])
-    assert up[-1] == pytest.approx(-PLAYS)
-    down = np.array([memory.at(e, 0, 0)[: len(PLAYS)] for e in (0.049, 0.045, 0.0)])
+    up = np.array([memory.at(e, 0, 0)[: len(PLAY_HALF_WIDTHS)] for e in np.linspace(0, 0.05, 51)])
+    assert up[-1] == pytest.approx(-PLAY_HALF_WIDTHS)
+    down = np.array([memory.at(e, 0, 0)[: len(PLAY_HALF_WIDTHS)] for e in (0.049, 0.045, 0.0)])
     assert down[0] == pytest.approx([0.0, -0.002, -0.008])
-    assert down[2] == pytest.approx(PLAYS)
+    assert down[2] == pytest.approx(PLAY_HALF_WIDTHS)
 
 
 def test_left_out_errors_are_those_of_refits():
@@ -120,15 +120,15 @@ def test_left_out_errors_are_those_of_refits():
     r = readings(LINE[0], specimens=("150",), noise=0.002)
     keep = ~r.neutral
     y, strain, piece, radius = (a[keep] for a in (r.changes(), r.strain, r.piece, r.radius))
-    data = Data(y, strain, piece, 3, r.memory[keep])
-    tried = compare(data, radius, 0.0)["line"]
+    data = FitData(y, strain, piece, 3, r.memory[keep])
+    tried = compare_models(data, radius, 0.0)["line"]
     errors = []
     for one in np.unique(radius[~np.isnan(radius)]):
         others = radius != one
         A = np.stack([strain, piece == 0, piece == 2], axis=1)
         x = np.linalg.lstsq(A[others], y[others], rcond=None)[0]
         errors.append(((A @ x - y)[~others] ** 2).mean())
-    assert tried.left_out == pytest.approx(np.sqrt(np.mean(errors)), rel=0.05)
+    assert tried.left_out_rmse == pytest.approx(np.sqrt(np.mean(errors)), rel=0.05)
 
 
 def test_a_neutral_cord_that_drifts():
@@ -141,34 +141,34 @@ def test_a_neutral_cord_that_drifts():
     assert corrected.response.model == "line"
     assert corrected.warnings[0].code == "drift-corrected"
     ignored = calibrate(r, policy="ignore", draws=3)
-    assert ignored.drift.bad
+    assert ignored.drift.is_significant
     assert ignored.warnings[0].code == "drift-ignored"
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.002, 0.005])
 def test_noise_of_the_neutral_cord_is_no_drift(noise):
     found = [readings(LINE[0], seed, noise=noise) for seed in range(100)]
-    assert sum(drift(r, r.changes(), noise).bad for r in found) <= 4
+    assert sum(find_drift(r, r.changes(), noise).is_significant for r in found) <= 4
 
 
 def test_each_source_has_its_own_rest():
     """The same specimen measured twice: its cords have aged, its pieces are still two."""
     one, two = (readings(LINE[0], s, specimens=("a",)) for s in (0, 1))
     two = replace(two, resistance=1.02 * two.resistance)
-    both = joined([one, two])
+    both = join_readings([one, two])
     assert len(both.pieces) == 6
     found = calibrate(both, draws=10)
     assert found.k_res == pytest.approx(2, rel=0.02)
-    assert found.doubt.assumed == pytest.approx(1.96 * 0.03)
+    assert found.uncertainty.assumed == pytest.approx(1.96 * 0.03)
     assert "rest-differs" in [w.code for w in found.warnings]
-    apart = calibrate(joined([one, readings(LINE[0], 1, specimens=("b",))]), draws=10)
-    assert apart.doubt.assumed == pytest.approx(1.96 * 0.03 / np.sqrt(2))
+    apart = calibrate(join_readings([one, readings(LINE[0], 1, specimens=("b",))]), draws=10)
+    assert apart.uncertainty.assumed == pytest.approx(1.96 * 0.03 / np.sqrt(2))
 
 
 def test_two_pieces_that_differ_widen_the_interval():
     narrow, wide = (
         calibrate(readings(lambda e, t=t: (2 + t * np.sign(e)) * e, 3, specimens=("a",)),
-                  model="line", draws=10).doubt
+                  model="line", draws=10).uncertainty
         for t in (0.0, 0.2)
     )  # fmt: skip
     assert np.ptp(wide.interval) > 1.3 * np.ptp(narrow.interval)

@@ -10,7 +10,7 @@ from defsense_fab.calibration.readings import Geometry
 from defsense_fab.calibration.readings_table import read_table
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError
-from tests.calibration.sessions import GEOMETRY, readings, table
+from tests.calibration.ideal_readings import GEOMETRY, readings, table
 from tests.support.errors import raises
 
 GOOD = readings(lambda e: 2 * e)

@@ -7,19 +7,19 @@ import shutil
 import numpy as np
 import pytest
 from defsense_fab.calibration import session as sessions
-from defsense_fab.calibration.session import measure
+from defsense_fab.calibration.session import read_session
 from defsense_fab.twin.calibration_session import record_twin
 
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.core.storage.session_manifest import Criterion
-from defsense_fab.calibration.protocol import creep, settled
-from defsense_fab.calibration.readings import joined
+from defsense_fab.calibration.protocol import fit_creep, check_settling
+from defsense_fab.calibration.readings import join_readings
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.sensing.response import Response, build_response
 from defsense_fab.twin.electronics.cords import CordTraits, CordTwins
-from tests.calibration.sessions.sessions import begin, SPECIMEN
+from tests.calibration.empty_session import begin, SPECIMEN
 
 #: Sessions of the coverage test.
 SESSIONS = int(os.environ.get("DEFSENSE_SESSIONS", "2"))
@@ -29,26 +29,26 @@ def test_settling_follows_its_criterion():
     time = np.arange(0.05, 30, 0.05)
     ohm = 2000 * (1 + 0.02 * np.exp(-time / 3))[:, None]
     c = Criterion(window=6, tolerance=0.0005, least=8, most=90)
-    assert settled(time[:50], ohm[:50], c) is None
-    still = [settled(time[:n], ohm[:n], c).still for n in range(130, len(time))]
+    assert check_settling(time[:50], ohm[:50], c) is None
+    still = [check_settling(time[:n], ohm[:n], c).is_settled for n in range(130, len(time))]
     first = time[130 + still.index(True)]
     # The halves' means differ by 0.02 exp(-t/3) (e - 1)^2: less than 0.0005 from 14.3 s on.
     assert first == pytest.approx(3 * np.log(40 * (np.e - 1) ** 2), abs=0.2)
     assert all(still[still.index(True) :])
-    at = settled(time, ohm, c)
+    at = check_settling(time, ohm, c)
     assert at.ohm == pytest.approx([2000], rel=2e-5)
-    assert not at.over
+    assert not at.is_timed_out
     open_cord = np.full((600, 1), np.inf)
-    assert not settled(time, open_cord[: len(time)], c).still
+    assert not check_settling(time, open_cord[: len(time)], c).is_settled
 
 
 def test_creep_is_found_again():
     time = np.arange(0.1, 40, 0.1)
     rng = np.random.default_rng(0)
-    found = creep(time, 2000 + 30 * np.exp(-time / 7) + rng.normal(0, 1, len(time)))
+    found = fit_creep(time, 2000 + 30 * np.exp(-time / 7) + rng.normal(0, 1, len(time)))
     assert (found.end, found.start) == pytest.approx((2000, 30), rel=0.05)
     assert found.time == pytest.approx(7, rel=0.15)
-    assert np.isnan(creep(time, 2000 + rng.normal(0, 1, len(time))).time)
+    assert np.isnan(fit_creep(time, 2000 + rng.normal(0, 1, len(time))).time)
 
 
 def test_a_twin_cord_is_late_and_heals():
@@ -75,8 +75,8 @@ def recover(tmp_path, seed, k=2.0, q=0.0, **traits):
         record_twin(
             folder, CordTraits(build_response(spec), **traits), seed=10 * seed + n, length=length
         )
-        parts.append(measure(folder).readings)
-    return calibrate(joined(parts), draws=60)
+        parts.append(read_session(folder).readings)
+    return calibrate(join_readings(parts), draws=60)
 
 
 @pytest.mark.slow
@@ -84,7 +84,7 @@ def test_twins_give_their_response_back(tmp_path):
     """Both lengths, nine radii, both faces, as in Fig. 3; noise, hysteresis, relaxation, pieces
     that differ."""
     found = [recover(tmp_path, s, spread=0.03) for s in range(SESSIONS)]
-    held = sum(f.doubt.interval[0] <= 2 <= f.doubt.interval[1] for f in found)
+    held = sum(f.uncertainty.interval[0] <= 2 <= f.uncertainty.interval[1] for f in found)
     assert held >= 0.93 * SESSIONS - 1
     assert np.median([abs(f.k_res / 2 - 1) for f in found]) < 0.02
     assert [f.response.model for f in found].count("line") >= 0.9 * SESSIONS
@@ -118,7 +118,7 @@ def test_a_session_in_two_runs_fits_like_one(tmp_path):
 
     both = [*lines[:cut], start, *map(again, lines[cut:])]
     (tmp_path / "split" / "frames.csv").write_text("\n".join(both) + "\n")
-    whole, split = (measure(tmp_path / name).readings for name in ("whole", "split"))
+    whole, split = (read_session(tmp_path / name).readings for name in ("whole", "split"))
     assert split.memory == pytest.approx(whole.memory, abs=2e-3)
     one, two = (calibrate(r, draws=5).k_res for r in (whole, split))
     assert two == pytest.approx(one, rel=1e-3)
@@ -137,7 +137,7 @@ def test_edited_sessions(tmp_path, key, value):
     path = session.folder / "session.json"
     path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | {key: value}))
     with pytest.raises(CalibrationError, match=r"session.json"):
-        sessions.load(session.folder)
+        sessions.load_session(session.folder)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_edited_frames(tmp_path, event):
     head = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1,s2,s3\n"
     session.frames.write_text(f"{head}# {event}\n")
     with pytest.raises(CalibrationError, match="does not belong"):
-        measure(session.folder)
+        read_session(session.folder)
 
 
 def test_a_session_whose_start_was_lost_says_so(tmp_path):
@@ -164,13 +164,13 @@ def test_a_session_whose_start_was_lost_says_so(tmp_path):
     begins = next(n for n, line in enumerate(lines) if '"start"' in line)
     session.frames.write_text("\n".join(lines[:begins] + lines[begins + 1 :]) + "\n")
     with pytest.raises(CaptureError, match=r"frames\.csv: no event before frame 1 tells .*add it"):
-        measure(session.folder)
+        read_session(session.folder)
     with pytest.raises(CaptureError, match=r"frames\.csv: no event"):
-        sessions.unfinished(session)
+        sessions.unfinished_steps(session)
     lines[begins] = '# {"event": "start", "full_scale": "a"}'
     session.frames.write_text("\n".join(lines) + "\n")
     with pytest.raises(CaptureError, match=r"frames\.csv:3: full_scale .* not 'a'"):
-        measure(session.folder)
+        read_session(session.folder)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,7 @@ def test_broken_sessions(tmp_path, name, text, says):
     if text is not None:
         path.write_text(text)
     with pytest.raises(CalibrationError, match=says):
-        measure(tmp_path / "s")
+        read_session(tmp_path / "s")
 
 
 def test_the_commands(tmp_path, capsys):

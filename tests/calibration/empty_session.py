@@ -11,7 +11,7 @@ SPECIMEN = {
 
 
 def begin(folder, rounds=1, radii=(75.0, 112.0, 200.0)):
-    return sessions.create(
+    return sessions.create_session(
         folder, name="s", geometry=sessions.Geometry(), length=150, radii=radii, rounds=rounds,
         faces=["a", "b"], seed=1, reference=[2200.0] * 3, criterion=Criterion(), rate=20,
         average=None,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from defsense_fab.calibration.readings import TERMS, Geometry, Piece, Readings
+from defsense_fab.calibration.readings import MEMORY_TERMS, Geometry, Piece, Readings
 from defsense_fab.core.response import JIG_RADII_MM
 
 GEOMETRY = Geometry()
@@ -27,7 +27,7 @@ def readings(
                         e = GEOMETRY.strain(radius, side * face)
                         change = gain * response(e) + noise * rng.normal()
                         ohm = rest * (1 + change) * (1 + drift * count)
-                        rows.append((len(pieces) - 1, e, np.zeros(TERMS), radius, turn, ohm))
+                        rows.append((len(pieces) - 1, e, np.zeros(MEMORY_TERMS), radius, turn, ohm))
                         count += 1
     piece, strain, memory, radius, turn, ohm = (np.array(c) for c in zip(*rows, strict=True))
     where = tuple(f"row {i}" for i in range(len(rows)))

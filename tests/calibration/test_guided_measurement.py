@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from defsense_fab.calibration import session as sessions
 from defsense_fab.calibration.guided_measurement import run_guided_measurement
-from defsense_fab.calibration.session import measure
+from defsense_fab.calibration.session import read_session
 
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.core.storage.session_manifest import Criterion
@@ -25,7 +25,7 @@ from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Info, Sample
 from defsense_fab.sensing.voltage_divider import Dividers
 from defsense_fab.twin.electronics.cords import CordTraits, SpecimenTwin
-from tests.calibration.sessions.sessions import begin, SPECIMEN
+from tests.calibration.empty_session import begin, SPECIMEN
 
 
 class Keys:
@@ -108,8 +108,8 @@ class Fast:
 def test_a_guided_session(tmp_path):
     session, source, screen = begin(tmp_path / "s", rounds=2), Fast(), Keys()
     assert run_guided_measurement(session, source, screen, source.lay, auto=True)
-    assert sessions.unfinished(session) == []
-    found = measure(session.folder)
+    assert sessions.unfinished_steps(session) == []
+    found = read_session(session.folder)
     assert len(found.readings.where) == 3 * len(session.steps)
     assert found.unsettled == 0
     assert calibrate(found.readings, draws=5).k_res == pytest.approx(2.0, rel=0.05)
@@ -118,7 +118,7 @@ def test_a_guided_session(tmp_path):
     assert len(last.points) == 3 * len(session.steps)
     # Each step waits until it has settled, and not before its least time.
     elapsed = [
-        v.elapsed for v in screen.views if v.phase == "settling" and v.settled and v.settled.still
+        v.elapsed for v in screen.views if v.phase == "settling" and v.settling and v.settling.is_settled
     ]
     assert min(elapsed) >= Criterion().least - 0.6
 
@@ -130,21 +130,21 @@ def test_stopped_and_resumed_without_losing_a_frame(tmp_path):
     stop = Keys(place=["enter", "enter", "enter", "q"])
     assert not run_guided_measurement(session, source, stop, source.lay)
     counts.append(source._count)
-    assert len(sessions.unfinished(session)) == len(session.steps) - 3
+    assert len(sessions.unfinished_steps(session)) == len(session.steps) - 3
     source = Fast(seed=1)
     assert not run_guided_measurement(
         session, source, Keys(place=["enter"], settling=[None] * 5 + ["q"]), source.lay
     )
     counts.append(source._count)
-    assert len(sessions.unfinished(session)) == len(session.steps) - 3
+    assert len(sessions.unfinished_steps(session)) == len(session.steps) - 3
     source = Fast(seed=2)
     assert run_guided_measurement(
-        sessions.load(session.folder), source, Keys(), source.lay, auto=True
+        sessions.load_session(session.folder), source, Keys(), source.lay, auto=True
     )
     counts.append(source._count)
     frames = read_recording(session.frames)
     assert len(frames.counter) == sum(counts)
-    assert len(sessions.holds(session, frames)) == len(session.steps)
+    assert len(sessions.find_holds(session, frames)) == len(session.steps)
 
 
 def test_back_skip_repeat_and_take(tmp_path):
@@ -157,8 +157,8 @@ def test_back_skip_repeat_and_take(tmp_path):
     assert told.count(("skip", 2)) == 1
     assert ("redo", 1) in told
     assert told.count(("point", 1)) == 2
-    assert set(sessions.unfinished(session)) == set(range(len(session.steps))) - {0, 1, 3}
-    assert len(measure(session.folder).readings.where) == 3 * 3
+    assert set(sessions.unfinished_steps(session)) == set(range(len(session.steps))) - {0, 1, 3}
+    assert len(read_session(session.folder).readings.where) == 3 * 3
 
 
 def test_unplugged_in_a_hold(tmp_path):
@@ -170,7 +170,7 @@ def test_unplugged_in_a_hold(tmp_path):
     kinds = [e["event"] for _, e in recording.events]
     at = kinds.index("gap")
     assert kinds[at - 1 : at + 4] == ["hold", "gap", "resumed", "hold", "point"]
-    assert len(sessions.holds(session, recording)) == len(session.steps)
+    assert len(sessions.find_holds(session, recording)) == len(session.steps)
     assert any("gaps" in n for v in screen.views for n in v.notes)
 
 
@@ -180,7 +180,7 @@ def test_an_open_cord_is_told_and_never_taken(tmp_path):
     screen = Keys(place=["enter", "q"], settling=[None] * 300 + ["t", "q"])
     assert not run_guided_measurement(session, source, screen, source.lay)
     assert any("top cord is open" in n for n in screen.views[-1].notes)
-    assert len(sessions.unfinished(session)) == len(session.steps)
+    assert len(sessions.unfinished_steps(session)) == len(session.steps)
     with pytest.raises(CaptureError, match="top cord is open"):
         run_guided_measurement(session, source, Keys(), source.lay, auto=True)
 
@@ -190,9 +190,9 @@ def test_skipped_steps_are_asked_for_again(tmp_path):
     assert not run_guided_measurement(
         session, source, Keys(place=["s"] * len(session.steps)), source.lay
     )
-    assert len(sessions.unfinished(session)) == len(session.steps)
+    assert len(sessions.unfinished_steps(session)) == len(session.steps)
     with pytest.raises(CalibrationError, match="no step was finished"):
-        measure(session.folder)
+        read_session(session.folder)
     source = Fast(seed=1)
     assert run_guided_measurement(session, source, Keys(), source.lay, auto=True)
 
@@ -258,4 +258,4 @@ def test_the_wizard_in_a_terminal(tmp_path):
         screen.key("\n")
     screen.until("all 5 readings are done")
     assert screen.end() == 0
-    assert sessions.unfinished(sessions.load(tmp_path / "session")) == []
+    assert sessions.unfinished_steps(sessions.load_session(tmp_path / "session")) == []
