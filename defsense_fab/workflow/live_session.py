@@ -46,7 +46,7 @@ class Live:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know now, in sentences."""
-        return (*self._run.notes, *self._run.loop.status.notes)
+        return tuple(map(str, (*self._run.notes, *self._run.loop.status.notes)))
 
     @property
     def closed(self) -> bool:
@@ -132,8 +132,8 @@ def live(
         raise LiveError(f"surface {surface!r}: is unknown; there are {', '.join(MODES)}, and None")
     newest = _Newest()
     options = RunOptions(
-        port, rate, _ohm("divider_resistances", divider_resistances, device.wired),
-        _ohm("rest_resistances", rest_resistances, device.wired),
+        port, rate, _ohm("divider_resistances", divider_resistances, device.board_channels),
+        _ohm("rest_resistances", rest_resistances, device.board_channels),
         surface=None if layout is None else surface, keep=record is not None,
         record=None if record is None else path(record, "record", LiveError), views=(newest,),
     )  # fmt: skip

@@ -12,7 +12,7 @@ from ..core.arrays import Float
 from ..core.errors import TrainingError
 from ..core.progress import Progress, silent
 from ..training.data.dataset import Dataset, Recording
-from ..training.recordings.datasets import load_datasets
+from ..training.recordings.datasets import DataFiles
 from ..twin.recordings.twin_recordings import simulate_recordings
 from .arguments import array, called, each_of, number, of_kind, path, whole
 from .layout import Layout
@@ -26,7 +26,8 @@ def load_sessions(*sessions: str | Path) -> Dataset:
     Raises TrainingError for what is none of these, or does not go together."""
     if not sessions:
         raise TrainingError("sessions: give at least one folder of a processed session")
-    return load_datasets([path(s, f"sessions[{k}]", TrainingError) for k, s in enumerate(sessions)])
+    folders = tuple(path(s, f"sessions[{k}]", TrainingError) for k, s in enumerate(sessions))
+    return DataFiles(folders).load()
 
 
 def dataset(

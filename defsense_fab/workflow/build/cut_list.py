@@ -76,7 +76,7 @@ def cut_list(device: Device, made: PartSet, built: ScoredLayout) -> tuple[CutCor
                 resistance=rest,
                 range=(low, high),
                 reference_resistor=choose_reference(low, high),
-                find_stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in lies),
+                stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in lies),
                 drawn=tuple(drawn),
             )
         )
@@ -98,7 +98,7 @@ def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
         replace(
             cord,
             ends=(ended(cord.ends[0]), ended(cord.ends[1])),
-            find_stretches=tuple(replace(s, joint=s.joint + joints) for s in cord.stretches),
+            stretches=tuple(replace(s, joint=s.joint + joints) for s in cord.stretches),
             drawn=tuple((j + joints, at) for j, at in cord.drawn),
         )
         for cord in cords

@@ -111,7 +111,7 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
 
 def _sources(device: Device, folder: Path, inside: Path) -> list[Path]:
     """What the body was made from, whole paths, those in the device's folder first."""
-    given = [device.body.path, *map(Path, body_sources.recorded(folder) or {})]
+    given = [device.body.path, *map(Path, body_sources.load_sources(folder) or {})]
     found = dict.fromkeys((device.source / s).resolve() for s in given)
     files = [p for p in found if p.is_file()]
     near = [p for p in files if p.is_relative_to(inside)]

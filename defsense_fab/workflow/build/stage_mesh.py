@@ -13,7 +13,8 @@ from ...geometry.bodies import regions
 from ...geometry.bodies.meshing import mesh_lock, mesh_store
 from ...geometry.bodies.meshing.mesh_quality import measure_quality
 from ...geometry.bodies.meshing.region_conforming import conform_to_regions
-from ...geometry.bodies.meshing.tetrahedra import FTETWILD, Tetrahedra, tetrahedralize
+from ...geometry.bodies.meshing.meshers import FTETWILD
+from ...geometry.bodies.meshing.tetrahedra import Tetrahedra, tetrahedralize
 from ...store.build import Build
 from ...store.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
 from . import mesh_density

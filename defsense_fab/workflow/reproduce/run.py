@@ -20,7 +20,7 @@ from ...twin.devices.device_fields import share_fields
 from .cord_experiment import run_cord_experiment
 from .devices.layouts import build_layout, simulate_device
 from .devices.pictures import draw_device_pictures
-from .devices.sessions import find_error_causes, place_tags, test_unit, twin_traits
+from .devices.sessions import find_error_causes, place_tags, evaluate_unit, twin_traits
 from .experiments.experiment import OPTIMISED, Experiment
 from .results.numbers import as_row, compare_numbers
 from .results.page import write_page
@@ -61,7 +61,14 @@ def reproduce(
     steps = StepProgress([step for e in experiments for step in _list_steps(e)], progress)
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-    with file_lock(out / REPRODUCED, f"{out}: another run writes there; wait for it, or give --out"):
+    lock = file_lock(
+        out / REPRODUCED,
+        "another run writes to this folder",
+        code="output-in-use",
+        where=out,
+        action="Wait for it, or choose another folder",
+    )
+    with lock:
         quick = experiments[0].quick
         earlier, names = _load_earlier(out, quick), [e.name for e in experiments]
         order = [*names, *(n for n in earlier if n not in names)]
@@ -145,7 +152,7 @@ def reproduce_one(
                 if solved is not None:
                     share_fields(solved, device)
                 tags = replace(markers, device=device.name)
-                units[layout].append(test_unit(experiment, device, tags, unit, progress))
+                units[layout].append(evaluate_unit(experiment, device, tags, unit, progress))
                 solved = solved or device
     layouts: dict[str, dict[str, Any]] = {
         n: {"design": _describe_design(d), "units": units[n]} for n, d in devices.items()

@@ -20,7 +20,7 @@ from ...capture.sessions.camera_recorder import CameraRecorder
 from ...capture.sessions.result_files import QUALITY
 from ...capture.sessions.session import BOARD, CAMERAS, LOG, Log, create, load
 from ...capture.tags.tag_patterns import dictionary
-from ...capture.videos.detector_compilation import compile_detector
+from ...capture.videos.video_detection import compile_detector
 from ...core.camera import Camera
 from ...core.device.device import Device
 from ...core.mesh import TetMesh

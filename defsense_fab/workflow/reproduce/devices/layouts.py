@@ -1,6 +1,6 @@
-"""An experiment's devices: one folder a layout, each built as any other device is.
+"""The devices of an experiment: one folder per layout, each built like any other device.
 
-Body, mesh and poses are the same in all of them, and are made once.
+The body, the mesh and the simulated poses are the same in all of them, and are computed once.
 """
 
 from __future__ import annotations
@@ -26,14 +26,20 @@ from ...build.build import build
 from ..experiments.experiment import DRAWN, MANUAL, OPTIMISED, Experiment, LayoutChoice
 
 SIMULATED = "simulated"
-_SEED = 0  # of the visual layout's lines
-#: Of an experiment's folder, what is no part of the device.
-_BESIDE = ("experiment.toml", "reproduce.py", "README.md", "picture.png", "markers")
+VISUAL_SEED = 0  # of the lines of visual layouts
+#: Files of an experiment's folder that are not part of the device.
+OTHER_FILES = ("experiment.toml", "reproduce.py", "README.md", "picture.png", "markers")
 
 
 def simulate_device(experiment: Experiment, out: Path, progress: Progress) -> Device:
-    """The experiment's device with its poses solved, in a folder of `out`. Raises a DefsenseError
-    where that fails."""
+    """Simulate the poses of the experiment's device in a folder of `out`.
+
+    Returns:
+        The device in that folder.
+
+    Raises:
+        DefsenseError: The device cannot be meshed or simulated.
+    """
     folder = out / SIMULATED
     _copy_device(experiment.folder, folder)
     document = _read(experiment)
@@ -47,28 +53,41 @@ def simulate_device(experiment: Experiment, out: Path, progress: Progress) -> De
 def build_layout(
     experiment: Experiment, choice: LayoutChoice, simulated: Device, out: Path, progress: Progress
 ) -> Device:
-    """The device with the cords of this layout, built in a folder of `out`: with its parts, or at a
-    small size without. Raises a DefsenseError where that fails."""
+    """Build the device with the cords of a layout in a folder of `out`.
+
+    Args:
+        experiment: The experiment; quick ones are built without parts.
+        choice: The layout.
+        simulated: Result of `simulate_device`.
+        out: Folder of the experiment's results.
+        progress: Called with the progress.
+
+    Returns:
+        The built device.
+
+    Raises:
+        DefsenseError: The layout cannot be built.
+    """
     folder = out / choice.name
     _copy_device(experiment.folder, folder)
     document = _read(experiment)
     _resize(document, experiment)
-    _lay(document, experiment, choice, simulated)
+    _set_cords(document, experiment, choice, simulated)
     _write(folder, document)
     device = load_device(folder)
-    if not build_folder(device).exists():  # what all layouts have in common
-        _link(build_folder(simulated), build_folder(device))
+    if not build_folder(device).exists():  # the results that all layouts share
+        _link_folder(build_folder(simulated), build_folder(device))
     build(device, "optimize" if experiment.quick else "report", progress)
     return device
 
 
 def _copy_device(source: Path, into: Path) -> None:
-    """Files that a body or a response is made from; those that are as they were are left alone."""
+    """Copy the files of a body and a response; unchanged files are not written."""
     with storage_errors(into):
         into.mkdir(parents=True, exist_ok=True)
         for path in own_files(source, without=into):
             name = path.relative_to(source)
-            if name.parts[0] not in (DEVICE, *_BESIDE):
+            if name.parts[0] not in (DEVICE, *OTHER_FILES):
                 (into / name).parent.mkdir(parents=True, exist_ok=True)
                 _copy_file(path, into / name)
 
@@ -101,10 +120,10 @@ def _resize(document: tomlkit.TOMLDocument, experiment: Experiment) -> None:
         _table(document, "design")["searches"] = experiment.searches
 
 
-def _lay(
+def _set_cords(
     document: tomlkit.TOMLDocument, experiment: Experiment, choice: LayoutChoice, simulated: Device
 ) -> None:
-    """Put the layout's cords into the device's text."""
+    """Replace the cords in the text of the device by those of the layout."""
     design = _table(document, "design")
     design.update(choice.design)
     if choice.file is not None:
@@ -123,20 +142,20 @@ def _lay(
         return
     assert choice.count is not None
     document.pop("sensors", None)
-    document["sensors"] = _tables(_straight(choice, simulated))
+    document["sensors"] = _sensor_tables(_straight_cords(choice, simulated))
 
 
-def _straight(choice: LayoutChoice, simulated: Device) -> Sequence[Sensor]:
+def _straight_cords(choice: LayoutChoice, simulated: Device) -> Sequence[Sensor]:
     task = load_task(simulated, Build(build_folder(simulated))).design
     assert choice.count is not None
     if choice.cords == MANUAL:
         return baselines.manual_layout(task, choice.count)
-    return baselines.visual_layout(task, choice.count, np.random.default_rng(_SEED))
+    return baselines.visual_layout(task, choice.count, np.random.default_rng(VISUAL_SEED))
 
 
-def _tables(sensors: Sequence[Sensor]) -> Any:
-    """As in `device.toml`, to be kept as they are."""
-    out = tomlkit.aot()
+def _sensor_tables(sensors: Sequence[Sensor]) -> Any:
+    """Return fixed cords as tables of `device.toml`."""
+    tables = tomlkit.aot()
     for s in sensors:
         t, plane = tomlkit.table(), tomlkit.inline_table()
         plane["origin"] = np.round(s.plane.origin, 4).tolist()
@@ -145,15 +164,14 @@ def _tables(sensors: Sequence[Sensor]) -> Any:
         t["name"], t["plane"] = s.name, plane
         t["control_points"] = np.round(s.curve.points, 3).tolist()
         t["free"] = []
-        out.append(t)
-    return out
+        tables.append(t)
+    return tables
 
 
-def _link(source: Path, target: Path) -> None:
-    """A build's files in another place, as hard links where there can be: finished files are never
-    written again."""
+def _link_folder(source: Path, target: Path) -> None:
+    """Copy a build with hard links where possible, as finished files are never changed."""
 
-    def one(a: str, b: str) -> str:
+    def link_file(a: str, b: str) -> str:
         try:
             os.link(a, b)
         except OSError:
@@ -161,4 +179,4 @@ def _link(source: Path, target: Path) -> None:
         return b
 
     with replace_folder(target) as temporary:
-        shutil.copytree(source, temporary, copy_function=one, dirs_exist_ok=True)
+        shutil.copytree(source, temporary, copy_function=link_file, dirs_exist_ok=True)

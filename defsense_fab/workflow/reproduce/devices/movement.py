@@ -1,11 +1,11 @@
-"""The error that a design predicts for the movement that a unit was tested with.
+"""The error that a design predicts for the movement with which a unit was tested.
 
-What a design promises is of its own states: each pose taken whole and in mixtures. A hand is nearer
-to rest most of the time, and mixes poses in its own way, so that the error differs where all cords
-are perfect. Here the design's model alone is moved as the hand moved the unit: its solved states,
-and smooth functions of the poses' weights between them, give markers and signals of its cords as
-built; a decoder is fitted to some moments of the training, and errs in moments of the test.
-Nothing of the unit's cords, cameras, mesh or material goes in.
+The prediction of a design is for its own states: each pose at full amplitude, and mixtures. A hand
+is closer to rest most of the time and mixes poses differently, so that the error differs even if
+all cords are perfect. Here the design alone is moved as the hand moved the unit: markers and
+signals are interpolated between its simulated states, a decoder is fitted to some frames of the
+training, and its error is measured in frames of the test. Nothing of the unit's cords, cameras,
+mesh or material is used.
 """
 
 from __future__ import annotations
@@ -53,15 +53,20 @@ def recording_of(device: Device, session: Path) -> Recording:
     return DataFiles((session,)).load(device).recordings[0]
 
 
-_MOMENTS = 400  # evenly taken from the training, and from the test
-_KERNEL = 100  # of those of the training, for kernels, whose widths take long to find
-_DRAWS, _SEED = 8, 1  # of the read-out's noise
+MAX_FRAMES = 400  # of the training and of the test, evenly spread
+MAX_KERNEL_FRAMES = 100  # of the training, for kernels, whose widths take long to fit
+NOISE_DRAWS, NOISE_SEED = 8, 1  # of the read-out's noise
 
 
 @dataclass(frozen=True)
 class MovementError:
-    """RMSE (mm) of a decoder of this `form` without noise, and what the read-out's noise adds to
-    it; both together are `rmse`."""
+    """The error of a decoder in the movement of a unit.
+
+    Attributes:
+        form: Form of the decoder.
+        noise_free: RMSE without noise of the read-out, mm.
+        noise: RMSE that the noise adds, mm.
+    """
 
     form: str
     noise_free: float
@@ -69,14 +74,21 @@ class MovementError:
 
     @property
     def rmse(self) -> float:
-        """With noise, mm."""
+        """RMSE with noise, mm."""
         return float(np.hypot(self.noise_free, self.noise))
 
 
 class DesignedMovement:
-    """A unit's movement, made by its device's design alone: in the twin's session at times
-    `trained` (t,) s, and in the `tested` pictures, of the markers that were seen there, since tags
-    turn away from cameras where a body is bent most. Markers and channels are the model's."""
+    """The movement of a unit, simulated with the design of its device alone.
+
+    Args:
+        device: The built device.
+        session: Session of the twin.
+        model: The model that was trained on the session; its markers and channels are used.
+        trained: Times of the training frames (t,) s.
+        tested: Frames of the test. Only markers that were visible count, because tags turn away
+            from the cameras where the body is bent most.
+    """
 
     def __init__(
         self, device: Device, session: Path, model: TrainedModel, trained: Float,
@@ -86,70 +98,73 @@ class DesignedMovement:
         reading = CordReading.from_device(device)
         self._prior = simulated_prior(device, model.channels, model.rest_points)
         self._noise = np.array([reading.noise(cords[name]) for name in model.channels])
-        moved = _designed(device, [cords[n] for n in model.channels], reading, self._prior)
-        self._signals, self._points = moved(
-            _weights(device, session, trained[_some(len(trained), _MOMENTS)])
+        simulate = _design_simulator(device, [cords[n] for n in model.channels], reading, self._prior)
+        self._signals, self._points = simulate(
+            _weights(device, session, trained[_spread(len(trained), MAX_FRAMES)])
         )
-        test = _some(len(tested.time), _MOMENTS)
-        self._test_signals, self._test_points = moved(_weights(device, session, tested.time[test]))
+        test = _spread(len(tested.time), MAX_FRAMES)
+        self._test_signals, self._test_points = simulate(_weights(device, session, tested.time[test]))
         self._test_weights = tested.weights[test]
 
     def error(self, kind: str) -> MovementError:
-        """Of a decoder of this `kind`, as training names them."""
+        """Return the error of a kind of decoder, as training names them."""
         form, s, p = parse_form(kind), self._test_signals, self._test_points
         decode = self._decoder(form)
-        said = decode(s).reshape(p.shape)
-        rng = np.random.default_rng(_SEED)
-        shaken = [
-            decode(s + self._noise * rng.standard_normal(s.shape)).reshape(p.shape) - said
-            for _ in range(_DRAWS)
+        noise_free = decode(s).reshape(p.shape)
+        rng = np.random.default_rng(NOISE_SEED)
+        noise = [
+            decode(s + self._noise * rng.standard_normal(s.shape)).reshape(p.shape) - noise_free
+            for _ in range(NOISE_DRAWS)
         ]
-        weights = np.array([self._test_weights] * _DRAWS)
+        weights = np.array([self._test_weights] * NOISE_DRAWS)
         return MovementError(
-            form, _rms(said - p, self._test_weights), _rms(np.array(shaken), weights)
+            form, _rms(noise_free - p, self._test_weights), _rms(np.array(noise), weights)
         )
 
     def _decoder(self, form: str) -> Callable[[Float], Float]:
         if form == SIMULATED:
             return fit_simulated_decoder(self._prior)
-        some = _some(len(self._points), _KERNEL if form == KERNEL else _MOMENTS)
-        points = self._points[some].reshape(len(some), -1)
-        return fit_decoder(form, self._signals[some], points, self._noise)
+        chosen = _spread(len(self._points), MAX_KERNEL_FRAMES if form == KERNEL else MAX_FRAMES)
+        points = self._points[chosen].reshape(len(chosen), -1)
+        return fit_decoder(form, self._signals[chosen], points, self._noise)
 
 
 def _weights(device: Device, session: Path, times: Float) -> Float:
-    """Of the device's own poses: a twin's hand may also pull at the skin."""
+    """Return the weights of the device's own poses, without grips of the twin's hand."""
     return true_weights(session, times)[:, : len(device.poses)]
 
 
-def _some(count: int, most: int) -> Int:
-    """Indices of at most so many of so many, evenly taken."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
+def _spread(count: int, limit: int) -> Int:
+    """Return at most `limit` of `count` indices, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(limit, count)).round().astype(int))
 
 
-def _rms(off: Float, weights: Float) -> float:
-    """Root mean square length of vectors (..., 3) with weights (...)."""
-    return float(np.sqrt((weights * (off**2).sum(-1)).sum() / weights.sum()))
+def _rms(vectors: Float, weights: Float) -> float:
+    """Return the RMS length of vectors (..., 3) with weights (...)."""
+    return float(np.sqrt((weights * (vectors**2).sum(-1)).sum() / weights.sum()))
 
 
-def _designed(
+def _design_simulator(
     device: Device, cords: Sequence[BuiltCord], reading: CordReading, prior: Prior
 ) -> Callable[[Float], tuple[Float, Float]]:
-    """Signals (t, c) and markers' displacements (t, m, 3) mm at poses' weights (t, d)."""
+    """Return a function from weights of poses (t, d) to signals (t, c) and displacements.
+
+    The displacements (t, m, 3) mm are those of the markers.
+    """
     folder = build_folder(device)
     fields = load_fields(folder)
     names = [p.name for p in device.poses]
-    states = np.array([[w.get(name, 0.0) for name in names] for w in fields.weights])
-    space = PoseSpace(pose_axes(device.poses), states)
+    weights = np.array([[w.get(name, 0.0) for name in names] for w in fields.weights])
+    space = PoseSpace(pose_axes(device.poses), weights)
     locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
-    ways = [locator.displacement(locator.find(c.path), fields.displacements) for c in cords]
+    displacements = [locator.displacement(locator.find(c.path), fields.displacements) for c in cords]
 
-    def moved(weights: Float) -> tuple[Float, Float]:
-        at = space(weights)
+    def simulate(weights: Float) -> tuple[Float, Float]:
+        states = space(weights)
         signals = [
-            reading.signals(cord, cord.path + np.tensordot(at, way, 1))
-            for cord, way in zip(cords, ways, strict=True)
+            reading.signals(cord, cord.path + np.tensordot(states, u, 1))
+            for cord, u in zip(cords, displacements, strict=True)
         ]
-        return np.stack(signals, axis=1), np.tensordot(at, prior.displacements[1:], 1)
+        return np.stack(signals, axis=1), np.tensordot(states, prior.displacements[1:], 1)
 
-    return moved
+    return simulate

@@ -90,7 +90,7 @@ def twin_traits(experiment: Experiment, device: Device) -> TwinTraits:
     return replace(traits, markers=replace(traits.markers, rate=plan.rate))
 
 
-def test_unit(
+def evaluate_unit(
     experiment: Experiment, device: Device, markers: Markers, unit: int, progress: Progress
 ) -> dict[str, Any]:
     """Record, train and test a unit, or load the results if they were computed before.

@@ -82,10 +82,10 @@ def changed_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[s
     Raises:
         StudyError: A key leads through a value that is not a table.
     """
-    data = copy.deepcopy(dict(data))
+    changed = copy.deepcopy(dict(data))
     for key, value in values.items():
-        _put(data, key, copy.deepcopy(value))
-    return data
+        _put(changed, key, copy.deepcopy(value))
+    return changed
 
 
 def _put(data: Any, key: str, value: Any) -> None:
