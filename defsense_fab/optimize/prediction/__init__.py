@@ -1,1 +1,1 @@
-"""What the cords of a device are to do, what a layout is predicted to sense, and which is taken."""
+"""Predict what layouts sense, choose one to build, and preview designs while they change."""

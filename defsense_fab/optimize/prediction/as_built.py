@@ -1,4 +1,4 @@
-"""A layout as a device: its parts, its cords as they are built in, and what these sense."""
+"""Build a layout on trial: its parts, its cords as built in, and what these sense."""
 
 from __future__ import annotations
 
@@ -23,18 +23,22 @@ from ...geometry.parts.records import PartRules, PartSet
 from ...sensing.built_cord import BuiltCord, required_prestretch
 from ...sensing.response import mean_strain
 from ..limits.verification import verify
-from .design_task import DesignTask, beyond_path, limits, pocket_diameter, wires
-from .open_joints import least_across
-from .predict import Scored, predict
+from .assembly_effects import min_length_across_joint
+from .design_task import DesignTask, layout_limits, length_beyond_path, pocket_diameter, wire_rules
+from .predict import ScoredLayout, predict
 
 Report = Callable[[float, str], None]
-#: Predicted errors that grow by more than this with the bends of wires are worse.
-WORSE = 1.05
-_TOLERANCE = 0.05  # mm
+MAX_ERROR_GROWTH = 1.05  # of the predicted error, accepted for the bends of wires
+_TOLERANCE_MM = 0.05
 
 
-def rules(device: Device, bay: Prism | None = None) -> PartRules:
-    """What the device's cord and process ask of its parts, whose wires end in the `bay`."""
+def part_rules(device: Device, bay: Prism | None = None) -> PartRules:
+    """Return the rules that the device's cord and process set for its parts.
+
+    Args:
+        device: The device.
+        bay: Connector bay in which the wires end, if any.
+    """
     f = device.fabrication
     relief = f.strain_relief is not False
     return PartRules(
@@ -46,30 +50,30 @@ def rules(device: Device, bay: Prism | None = None) -> PartRules:
         Pockets(
             pocket_diameter(device),
             device.cord.ferrule_length,
-            wires(device, relief, bay) if bay or relief else None,
+            wire_rules(device, relief, bay) if bay or relief else None,
         )
         if f.pockets
         else None,
         f.marker_seats,
         f.marker_size,
         f.kind == "cast",
-        least_across(device),
+        min_length_across_joint(device),
     )
 
 
 def mould_rules(device: Device) -> MouldRules:
-    """What the process and the silicone ask of moulds."""
+    """Return the rules that the process and the silicone set for moulds."""
     f = device.fabrication
-    return MouldRules(wall=f.mould_wall, line=f.line, shrinkage=shrinkage(device))
+    return MouldRules(wall=f.mould_wall, line=f.line, shrinkage=linear_shrinkage(device))
 
 
-def shrinkage(device: Device) -> float:
-    """Linear, as given or by the silicone's row; none where neither is known."""
-    given = device.fabrication.shrinkage
-    if given is not None:
-        return given
-    known = find_silicone(device.material.name)
-    return known.shrinkage if known else 0.0
+def linear_shrinkage(device: Device) -> float:
+    """Return the linear shrinkage, as given or of the silicone; zero if neither is known."""
+    shrinkage = device.fabrication.shrinkage
+    if shrinkage is not None:
+        return shrinkage
+    silicone = find_silicone(device.material.name)
+    return silicone.shrinkage if silicone else 0.0
 
 
 def fabricate(
@@ -80,85 +84,114 @@ def fabricate(
     solid: Any = None,
     bay: Prism | None = None,
 ) -> PartSet:
-    """The device's parts. Raises FabricationError where a cord or a part fails a check."""
-    problems = verify(sensors, surface, limits(device)).violations
-    if problems:
+    """Make the parts of a device.
+
+    Args:
+        device: The device.
+        surface: Its body's surface.
+        sensors: The cords of the layout.
+        report: Called with the share of the work done and a description.
+        solid: CAD solid of the body, if any.
+        bay: Connector bay, if any.
+
+    Raises:
+        FabricationError: If a cord or a part fails a check.
+    """
+    violations = verify(sensors, surface, layout_limits(device)).violations
+    if violations:
         raise FabricationError(
-            problems[0].message,
-            code=problems[0].code,
-            cords=problems[0].cords,
-            value=problems[0].value,
+            violations[0].message,
+            code=violations[0].code,
+            cords=violations[0].cords,
+            value=violations[0].value,
         )
-    made = make_parts(surface, sensors, rules(device, bay), report, solid)
-    for channel in made.channels:
+    parts = make_parts(surface, sensors, part_rules(device, bay), report, solid)
+    for channel in parts.channels:
         stretched = float(arc_lengths(channel.sensing)[-1])
-        if stretched < device.cord.min_stretch - _TOLERANCE:
+        if stretched < device.cord.min_stretch - _TOLERANCE_MM:
             f = device.fabrication
-            if f.strain_relief is None and any(e.lead for c in made.channels for e in c.ends):
+            if f.strain_relief is None and any(e.lead for c in parts.channels for e in c.ends):
                 straight = replace(device, fabrication=replace(f, strain_relief=False))
                 return fabricate(straight, surface, sensors, report, solid, bay)
             raise FabricationError(
-                f"cord {channel.name!r}: only {stretched:.1f} mm of it are stretched between its"
-                f" ends, less than the {device.cord.min_stretch:g} mm of [cord] min_stretch; make"
-                f" its path longer near {format_point(channel.ends[0].mouth)}"
+                f"only {stretched:.1f} mm of it are stretched between its ends, less than the"
+                f" {device.cord.min_stretch:g} mm of [cord] min_stretch",
+                code="cord-stretch-too-short",
+                where=f"cord {channel.name!r}",
+                action=f"Make its path longer near {format_point(channel.ends[0].mouth)}",
+                cord=channel.name,
+                stretched=stretched,
             )
-    return made
+    return parts
 
 
-def with_relief(
+def decide_strain_relief(
     device: Device,
     task: DesignTask,
     surface: Surface,
     sensors: Sequence[Sensor],
     bay: Prism | None,
 ) -> tuple[Device, list[str]]:
-    """The device with its strain relief decided where it leaves that open: bends are left out where
-    the deeper pockets would cost too much accuracy on unseen states, leave too little to stretch,
-    or ask for longer channels than there are, with a note.
+    """Decide about strain relief of the wires if the device leaves that open.
 
-    Raises FabricationError for a path that is no channel.
+    Bends are omitted if their deeper pockets would cost too much accuracy on unseen states, leave
+    too little cord to stretch, or require longer channels than allowed.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        surface: Its body's surface.
+        sensors: The cords of the layout.
+        bay: Connector bay, if any.
+
+    Returns:
+        The device with its strain relief decided, and notes.
+
+    Raises:
+        FabricationError: If a path cannot be a channel.
     """
     f = device.fabrication
     if f.strain_relief is not None or not f.pockets:
         return device, []
-    found = []
+    options = []
     for relief in (False, True):
         changed = replace(device, fabrication=replace(f, strain_relief=relief))
         cords = built_cords(task, _channels(changed, surface, sensors, bay))
-        found.append((changed, cords, predict(task, cords).prediction.unseen))
-    (straight, _, without), (bent, cords, with_bends) = found
+        options.append((changed, cords, predict(task, cords).prediction.unseen))
+    (straight, _, without), (bent, cords, with_bends) = options
     costs = []
-    if with_bends > WORSE * without:
+    if with_bends > MAX_ERROR_GROWTH * without:
         costs.append(f"raise the predicted error from {without:.3g} to {with_bends:.3g} mm")
-    if any(c.length < device.cord.min_stretch - _TOLERANCE for c in cords):
+    if any(c.length < device.cord.min_stretch - _TOLERANCE_MM for c in cords):
         costs.append("leave too little cord to stretch")
-    if not _allows(bent, surface, sensors):
-        costs.append("ask for longer channels")
+    if not _keeps_limits(bent, surface, sensors):
+        costs.append("require longer channels")
     if not costs:
         return bent, []
     return straight, [
-        "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
-        f" pockets would {' and '.join(costs)}; strain_relief = true in [fabrication] makes them"
+        "wires leave by the cords' mouths, without a bend that relieves their joints, because the"
+        f" deeper pockets would {' and '.join(costs)}. Set strain_relief = true in [fabrication] to"
+        " make them"
     ]
 
 
 def _channels(
     device: Device, surface: Surface, sensors: Sequence[Sensor], bay: Prism | None
 ) -> Sequence[Channel]:
-    r = rules(device, bay)
+    r = part_rules(device, bay)
     return make_channels(sensors, surface, r.channel, r.inner_wall, r.pockets)
 
 
-def _allows(device: Device, surface: Surface, sensors: Sequence[Sensor]) -> bool:
-    """Whether the paths keep the limits of the device."""
+def _keeps_limits(device: Device, surface: Surface, sensors: Sequence[Sensor]) -> bool:
+    """Return whether the paths keep the limits of the device."""
     try:
-        return not verify(sensors, surface, limits(device)).violations
-    except DeviceError:  # no length is left at all
+        return not verify(sensors, surface, layout_limits(device)).violations
+    except DeviceError:  # no length of channel is allowed at all
         return False
 
 
 def built_cords(task: DesignTask, channels: Sequence[Channel]) -> list[BuiltCord]:
-    """The cords in their channels: each between its ferrules, or its free ends."""
+    """Return the cords in their channels, each between its ferrules or its free ends."""
     out = []
     for channel in channels:
         path = channel.sensing
@@ -169,7 +202,7 @@ def built_cords(task: DesignTask, channels: Sequence[Channel]) -> list[BuiltCord
 
 
 def assumed_cords(task: DesignTask, sensors: Sequence[Sensor]) -> list[BuiltCord]:
-    """The cords as the search assumes them to be built in, where their channels are not known."""
+    """Return the cords as the search assumes them to be built in, before channels are made."""
     out = []
     for sensor in sensors:
         path = sample_path(sensor)
@@ -180,10 +213,17 @@ def assumed_cords(task: DesignTask, sensors: Sequence[Sensor]) -> list[BuiltCord
 
 
 def assumed_ends(task: DesignTask, length: float) -> tuple[float, float]:
-    """How much of a path of a `length` mm is assumed to lie in pockets at either end, and how much
-    cord beyond it in all, mm."""
+    """Return the assumed ends of a path.
+
+    Args:
+        task: The design task.
+        length: Length of the path, mm.
+
+    Returns:
+        The length (mm) in a pocket at each end, and the total length (mm) of cord beyond the path.
+    """
     hidden = task.design.sense.hidden
-    return min(hidden, 0.45 * length), beyond_path(task.fabrication)
+    return min(hidden, 0.45 * length), length_beyond_path(task.fabrication)
 
 
 def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:
@@ -197,26 +237,35 @@ def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:
 
 
 def prestretch_for(strain: Float) -> float:
-    """How far a held cord is stretched as it is laid, by the body's mean strains (s,) along it."""
+    """Return the pre-stretch of a held cord for the body's mean strains (s,) along it."""
     return required_prestretch(float(np.min(strain, initial=0.0)))
 
 
-def scored_by_paths(
+def score_paths(
     device: Device,
     task: DesignTask,
     surface: Surface,
     sensors: Sequence[Sensor],
     bay: Prism | None,
-) -> Scored:
-    """What cords along the paths would sense, with their ends as the channels would be made; as the
-    search assumes them where there is no channel to be made."""
+) -> ScoredLayout:
+    """Predict what cords along paths would sense, with the ends of their channels.
+
+    If no channel can be made, the ends are those that the search assumes.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        surface: Its body's surface.
+        sensors: The cords.
+        bay: Connector bay, if any.
+    """
     try:
-        device, _ = with_relief(device, task, surface, sensors, bay)
-        return as_made(task, _channels(device, surface, sensors, bay))
+        device, _ = decide_strain_relief(device, task, surface, sensors, bay)
+        return score_channels(task, _channels(device, surface, sensors, bay))
     except FabricationError:
         return predict(task, assumed_cords(task, sensors))
 
 
-def as_made(task: DesignTask, channels: Sequence[Channel]) -> Scored:
-    """What the device is predicted to sense with its cords as they are built in."""
+def score_channels(task: DesignTask, channels: Sequence[Channel]) -> ScoredLayout:
+    """Predict what the device senses with its cords as built in."""
     return predict(task, built_cords(task, channels))

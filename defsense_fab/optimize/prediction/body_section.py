@@ -1,4 +1,4 @@
-"""What a plane through the body shows: how it is stretched there, in one state or over all."""
+"""Compute the stretch of the body on a plane section, in one state or over all states."""
 
 from __future__ import annotations
 
@@ -21,25 +21,36 @@ from ...mechanics.elements.tet10 import boundary_faces
 from ...mechanics.solver.fields import principal_stretches, stretch_along
 
 Kind = Literal["along", "largest", "smallest"]
-#: Of all places and states, so many are within the range that is shown: a few corners are far out.
-_SHARE = 99.0
-_INSIDE = -1e-9  # of a point's smallest weight
-_CHUNK = 200_000  # gradients at once, 72 bytes each
-_PLACES = 4000  # tets that tell how far a quantity reaches
+_RANGE_PERCENTILE = 99.0  # of all places and states in the displayed range; corners are outliers
+_INSIDE_TOLERANCE = -1e-9  # of a point's smallest barycentric coordinate
+_CHUNK_GRADIENTS = 200_000  # computed at once, 72 bytes each
+_SAMPLED_TETS = 4000  # to find the range of a quantity
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is shown: the stretch `along` a direction, the `largest` or the `smallest` principal
-    stretch (lengths over rest lengths, without unit); or its variance over all states."""
+    """A quantity on a section: a stretch (length over rest length) or its variance.
+
+    Attributes:
+        kind: Stretch `along` a direction, or the `largest` or `smallest` principal stretch.
+        variance: Whether it is the variance over all states.
+    """
 
     kind: Kind
     variance: bool = False
 
 
 class BodySection:
-    """Of a body whose states have displacements `fields` (s, n, 3) mm on the locator's mesh; state
-    0 is rest, state k is `fields[k - 1]`, by their `names` (s + 1,)."""
+    """Plane sections of a body in its states; state 0 is rest.
+
+    Args:
+        locator: Locator of the mesh.
+        fields: Displacements (s, n, 3) mm; state k is `fields[k - 1]`.
+        names: Names (s + 1,) of the states, rest first.
+
+    Attributes:
+        names: The same names.
+    """
 
     def __init__(self, locator: PointLocator, fields: Float, names: Sequence[str]) -> None:
         self.names = tuple(names)
@@ -51,21 +62,34 @@ class BodySection:
         return float(np.ptp(self._locator.mesh.nodes, axis=0).max())
 
     def cut(self, plane: Plane) -> Section:
-        """The plane's cut. Raises LayoutError where it misses the body."""
-        found = section.cut(self._locator.mesh, plane.origin, plane.normal)
-        if not len(found.triangles):
-            away = (self._locator.mesh.nodes - plane.origin) @ plane.normal
-            by = away.min() if away.min() > 0 else away.max()
+        """Cut the body by a plane.
+
+        Raises:
+            LayoutError: If the plane misses the body.
+        """
+        cut_section = section.cut(self._locator.mesh, plane.origin, plane.normal)
+        if not len(cut_section.triangles):
+            height = (self._locator.mesh.nodes - plane.origin) @ plane.normal
+            shift = height.min() if height.min() > 0 else height.max()
             raise LayoutError(
-                f"the plane through {format_point(plane.origin)} misses the body; move it by"
-                f" {abs(by):.1f} mm or more {'along' if by >= 0 else 'against'} its normal"
-                f" {format_point(plane.normal)}, or press X, Y or Z"
+                f"the plane through {format_point(plane.origin)} misses the body",
+                code="plane-misses-body",
+                action=f"Move it by {abs(shift):.1f} mm or more"
+                f" {'along' if shift >= 0 else 'against'} its normal {format_point(plane.normal)}",
+                distance=float(shift),
             )
-        return found
+        return cut_section
 
     def grid(self, plane: Plane, step: float) -> tuple[Float, LocatedPoints]:
-        """Points (p, 3) mm of a square grid in the plane that lie inside the body, `step` mm apart,
-        and where they are in the tets; rows are the plane's x."""
+        """Return the points of a square grid in a plane that lie inside the body.
+
+        Args:
+            plane: The plane; rows of the grid follow its x axis.
+            step: Distance of neighboring points, mm.
+
+        Returns:
+            Points (p, 3) mm and their places in the tets.
+        """
         corners = self._locator.mesh.nodes - plane.origin
         local = corners @ plane.axes[:, :2]
         low, high = local.min(axis=0), local.max(axis=0)
@@ -74,12 +98,15 @@ class BodySection:
         ticks = [f + step * np.arange(n) for f, n in zip(first, count, strict=True)]
         points = plane.to_world(np.stack(np.meshgrid(*ticks, indexing="ij"), -1).reshape(-1, 2))
         found = self._locator.find(points)
-        inside = found.depth >= _INSIDE
+        inside = found.depth >= _INSIDE_TOLERANCE
         return points[inside], LocatedPoints(found.cell[inside], found.bary[inside])
 
     def half(self, plane: Plane) -> tuple[Float, Int]:
-        """The surface behind the plane (against its normal), open at the cut: vertices (v, 3) mm at
-        rest, triangles (f, 3)."""
+        """Return the surface behind the plane (against its normal), open at the cut.
+
+        Returns:
+            Vertices (v, 3) mm at rest and triangles (f, 3).
+        """
         nodes, faces = self.skin
         slice_faces: Any = trimesh.intersections.slice_faces_plane
         vertices, triangles = slice_faces(nodes, faces, -plane.normal, plane.origin)[:2]
@@ -87,46 +114,58 @@ class BodySection:
 
     @cached_property
     def skin(self) -> tuple[Float, Int]:
-        """The mesh's surface with its nodes on edges: vertices (v, 3) mm at rest, and four
-        triangles (f, 3) a face."""
+        """Surface of the mesh, edge nodes included: vertices (v, 3) mm, four triangles per face."""
         faces = boundary_faces(self._locator.mesh)
         parts = faces[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
         used, own = np.unique(parts, return_inverse=True)
         return self._locator.mesh.nodes[used], own.reshape(parts.shape)
 
     def positions(self, at: LocatedPoints, points: Float, state: int) -> Float:
-        """Where rest `points` (p, 3) mm are in a state, (p, 3) mm."""
+        """Return the positions (p, 3) mm of located rest points (p, 3) mm in a state."""
         if state == 0:
             return points
         moved = self._locator.displacement(at, self._fields[state - 1 : state])[0]
         return np.asarray(points + moved)
 
     def carried(self, points: Float, state: int) -> Float:
-        """The same for points (p, 3) anywhere; those outside follow the nearest tet."""
+        """Return the positions (p, 3) mm of any points; those outside follow the nearest tet."""
         return points if state == 0 else self.positions(self._locator.find(points), points, state)
 
     def values(self, at: LocatedPoints, quantity: Quantity, state: int, direction: Float) -> Float:
-        """The quantity (p,) at places: in a state, or its variance over rest and all states. The
-        `direction` (3,) or (p, 3) of any length at rest is used by the kind `along` alone."""
+        """Return a quantity (p,) at points.
+
+        Args:
+            at: The located points (p).
+            quantity: The quantity; a variance is over rest and all states.
+            state: Number of the state, ignored for a variance.
+            direction: Rest direction (3,) or (p, 3) of any length, for the kind `along`.
+        """
         if not quantity.variance:
-            return _measured(self._gradients(at, [state])[0], quantity.kind, direction)
+            return _measure(self._gradients(at, [state])[0], quantity.kind, direction)
         values = self._over_states(at, quantity.kind, direction)
         return np.asarray(values.var(axis=0))
 
     def spread(self, quantity: Quantity, state: int | None, direction: Float) -> float:
-        """How far the quantity reaches within the whole body: the variance from 0, a stretch from 1
-        either way; 99 % of all places and states (or of one `state`) are within. The `direction`
-        is (3,), or one (k, 3) for each of the `middles`."""
+        """Return the range of a quantity in the whole body, for a color scale.
+
+        It holds 99 % of all places and states: the variance from 0, or the deviation of a stretch
+        from 1.
+
+        Args:
+            quantity: The quantity.
+            state: Number of the only state to consider; all by default.
+            direction: Rest direction (3,), or (k, 3) at the `middles`.
+        """
         F = self._middle_gradients
         if not quantity.variance and state is not None:
             F = F[state : state + 1]
-        values = _measured(F, quantity.kind, direction)
+        values = _measure(F, quantity.kind, direction)
         far = values.var(axis=0) if quantity.variance else np.abs(values - 1)
-        return float(np.percentile(far, _SHARE))
+        return float(np.percentile(far, _RANGE_PERCENTILE))
 
     @cached_property
     def middles(self) -> Float:
-        """The middles (k, 3) mm of tets at rest, all or evenly some of them."""
+        """Centers (k, 3) mm at rest of all tets, or of evenly chosen ones if there are many."""
         mesh = self._locator.mesh
         return np.asarray(mesh.nodes[mesh.cells[self._some, :4]].mean(axis=1))
 
@@ -138,30 +177,32 @@ class BodySection:
     @property
     def _some(self) -> Int:
         count = len(self._locator.mesh.cells)
-        return np.arange(0, count, -(-count // _PLACES))
+        return np.arange(0, count, -(-count // _SAMPLED_TETS))
 
     def _over_states(self, at: LocatedPoints, kind: Kind, direction: Float) -> Float:
-        """(s + 1, p), in parts that fit into memory."""
+        """Return the stretch (s + 1, p) in all states, computed in chunks that fit into memory."""
         out = np.empty((len(self.names), len(at.cell)))
-        step = max(_CHUNK // len(self.names), 1)
+        step = max(_CHUNK_GRADIENTS // len(self.names), 1)
         for first in range(0, len(at.cell), step):
             part = slice(first, first + step)
-            some = LocatedPoints(at.cell[part], at.bary[part])
-            own = direction if direction.ndim == 1 else direction[part]
-            out[:, part] = _measured(self._gradients(some, range(len(self.names))), kind, own)
+            points = LocatedPoints(at.cell[part], at.bary[part])
+            directions = direction if direction.ndim == 1 else direction[part]
+            out[:, part] = _measure(
+                self._gradients(points, range(len(self.names))), kind, directions
+            )
         return out
 
     def _gradients(self, at: LocatedPoints, states: Sequence[int]) -> Float:
-        """Deformation gradients (s, p, 3, 3)."""
+        """Return the deformation gradients (s, p, 3, 3)."""
         moving = [k - 1 for k in states if k]
-        every = len(moving) == len(self._fields)
-        fields = self._fields if every else self._fields[moving]
+        is_all = len(moving) == len(self._fields)
+        fields = self._fields if is_all else self._fields[moving]
         found = iter(self._locator.gradient(at, fields)) if moving else iter(())
-        still = np.zeros((len(at.cell), 3, 3))
-        return np.stack([next(found) if k else still for k in states]) + np.eye(3)
+        rest = np.zeros((len(at.cell), 3, 3))
+        return np.stack([next(found) if k else rest for k in states]) + np.eye(3)
 
 
-def _measured(F: Float, kind: Kind, direction: Float) -> Float:
+def _measure(F: Float, kind: Kind, direction: Float) -> Float:
     if kind == "along":
         return stretch_along(F, direction)
     stretches = principal_stretches(F)
@@ -169,7 +210,7 @@ def _measured(F: Float, kind: Kind, direction: Float) -> Float:
 
 
 def directions_along(path: Float, points: Float) -> Float:
-    """Unit directions (p, 3) at points (p, 3): those of the path (q, 3) where it is nearest."""
+    """Return the unit directions (p, 3) of a path (q, 3) nearest to points (p, 3)."""
     along = np.gradient(path, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     return np.asarray(along[cKDTree(path).query(points)[1]])

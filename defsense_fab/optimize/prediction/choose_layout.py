@@ -1,9 +1,9 @@
-"""Of the layouts that a search found, the one to build: it can be made, and it is simple to make.
+"""Choose the layout to build among those that a search found: one that is simple to make.
 
-Layouts within some per cent of the best differ more in what they ask of the maker than in what they
-sense, and perhaps the best cannot be made at all. So each is made on trial (with triangles, which
-takes some seconds), and its error is that on unseen states, of the cords as they are built in. Of
-cast ones the openings of all moulds are looked for, and the moulds of the one to build are made.
+Layouts whose errors differ by a few per cent differ more in effort than in accuracy, and the best
+may be impossible to make. Therefore each is made on trial (with triangle meshes, in some seconds),
+and its error is that of the cords as built in, on unseen states. For cast devices the openings of
+all moulds are checked, and the moulds of the chosen layout are made.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Protocol, TypeVar
 
 from ...core.arrays import Float
 from ...core.curve import distinct_planes
@@ -22,31 +23,97 @@ from ...geometry.moulds.moulds import check_openings, make_moulds
 from ...geometry.parts.records import PartSet
 from ..refinement.refine import OptimizedLayout, report_part
 from ..search.plane_directions import count_slanted, face_directions
-from .as_built import as_made, assumed_cords, fabricate, mould_rules, with_relief
+from .as_built import assumed_cords, decide_strain_relief, fabricate, mould_rules, score_channels
+from .assembly_effects import find_overstretched_cords
 from .design_task import DesignTask
-from .open_joints import overstretched
-from .predict import Scored, predict
-from .preference import preferred
+from .predict import ScoredLayout, predict
 
-#: PartSet on trial: those that are this much worse by design at most, so many of them at most.
-_HOPEFUL, _MOST = 1.15, 6
-#: Relative difference of errors at which two layouts are one.
-_SAME = 1e-4
+SIMILAR_ERROR_RATIO = 1.05  # to the best error, within which layouts count as equally accurate
+
+
+class TriedLayout(Protocol):
+    """A layout that was made on trial; see `WeighedRecord`."""
+
+    @property
+    def built(self) -> float | None: ...
+    @property
+    def parts(self) -> int | None: ...
+    @property
+    def free_ends(self) -> int: ...
+    @property
+    def slanted(self) -> int: ...
+    @property
+    def warnings(self) -> tuple[str, ...]: ...
+    @property
+    def problem(self) -> str | None: ...
+
+
+W = TypeVar("W", bound=TriedLayout)
+
+
+def assembly_effort(one: TriedLayout) -> tuple[bool, int, int, int]:
+    """Return a sort key of the effort to make a layout; smaller is simpler.
+
+    It compares whether there are warnings, then parts and ends without pockets, then slanted
+    planes, then the number of warnings.
+    """
+    pieces = (one.parts or 0) + one.free_ends
+    return bool(one.warnings), pieces, one.slanted, len(one.warnings)
+
+
+def prefer_layout(trials: Sequence[W], prefer: str) -> W | None:
+    """Choose among layouts that were made on trial.
+
+    Args:
+        trials: The layouts.
+        prefer: `"accuracy"` for the smallest error as built, else the simplest of the layouts about
+            as good.
+
+    Returns:
+        The chosen layout, or None if no layout can be made.
+    """
+    feasible = [t for t in trials if t.problem is None]
+    if not feasible:
+        return None
+    if prefer == "accuracy":
+        return min(feasible, key=_built)
+    best = min(_built(t) for t in feasible)
+    similar = [t for t in feasible if _built(t) <= SIMILAR_ERROR_RATIO * best]
+    return min(similar, key=lambda t: (*assembly_effort(t), _built(t)))
+
+
+def _built(one: TriedLayout) -> float:
+    return float("inf") if one.built is None else one.built
+
+
+_MAX_TRIAL_RATIO, _MAX_TRIALS = 1.15, 6  # of designed errors to the best one; of layouts on trial
+_SAME_ERROR_RTOL = 1e-4  # by which the errors of equal layouts may differ
 
 Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A layout made on trial: RMSE (mm) on unseen states by design, and what it is predicted to
-    sense as built; how many directions of planes are no flat face's; its parts, the smallest one's
-    volume (mm^3), ends of cords without the pocket that holds them, and what is to be said of the
-    parts and of putting them together; or the `problem` for which it cannot be made, and no
-    parts."""
+    """A layout made on trial.
+
+    Attributes:
+        found: The layout.
+        designed: RMSE (mm) on unseen states as designed.
+        scored: The prediction as built.
+        slanted: Number of directions of planes that are not those of flat faces.
+        parts: Number of parts, None if it cannot be made.
+        smallest: Volume of the smallest part, mm^3.
+        free_ends: Number of cord ends without a pocket that holds them.
+        warnings: Notes about the parts and their assembly.
+        problem: Reason why it cannot be made.
+        made: The parts.
+        as_built: The device with its strain relief decided.
+        relief_notes: Notes about the strain relief.
+    """
 
     found: OptimizedLayout
     designed: float
-    scored: Scored
+    scored: ScoredLayout
     slanted: int
     parts: int | None = None
     smallest: float | None = None
@@ -64,27 +131,28 @@ class Trial:
 
     @property
     def planes(self) -> int:
-        """How many planes the body is cut along."""
+        """Number of planes that the body is cut along."""
         return len(distinct_planes([s.plane for s in self.found.sensors]))
 
 
-def different(found: Sequence[OptimizedLayout]) -> list[OptimizedLayout]:
-    """Without those that have come to the same layout, the best on fitted states first. Slivers
-    come last."""
+def drop_duplicates(found: Sequence[OptimizedLayout]) -> list[OptimizedLayout]:
+    """Drop equal layouts and sort by the error on fitted states; slivers come last."""
     out: list[OptimizedLayout] = []
-    for one in sorted(found, key=lambda f: (f.slivers, f.rmse)):
+    for layout in sorted(found, key=lambda f: (f.slivers, f.rmse)):
         if not any(
-            abs(one.rmse - o.rmse) <= _SAME * o.rmse and _planes(one) == _planes(o) for o in out
+            abs(layout.rmse - other.rmse) <= _SAME_ERROR_RTOL * other.rmse
+            and _count_planes(layout) == _count_planes(other)
+            for other in out
         ):
-            out.append(one)
+            out.append(layout)
     return out
 
 
-def _planes(found: OptimizedLayout) -> int:
+def _count_planes(found: OptimizedLayout) -> int:
     return len(distinct_planes([s.plane for s in found.sensors]))
 
 
-def _slanted(found: OptimizedLayout, directions: Float) -> int:
+def _count_slanted(found: OptimizedLayout, directions: Float) -> int:
     return count_slanted([s.plane for s in found.sensors], directions)
 
 
@@ -96,56 +164,68 @@ def choose_layout(
     bay: Prism | None,
     report: Report,
 ) -> tuple[Trial, tuple[Trial, ...]]:
-    """The trial to build and all trials, the best by design first, without slivers if it can be.
+    """Choose the layout to build.
 
-    Of those as good as the best that can be made, by their errors as built, the simplest; with
-    `[design] prefer = "accuracy"` the best. Layouts that are worse are tried only where none of
-    these can be made, and fewer planes or fewer slanted ones always, to show what they cost. Where
-    none can be made, the best by design is returned with its problem.
+    Among the layouts that can be made and are about as accurate as the best, the simplest is
+    chosen, or the most accurate with `[design] prefer = "accuracy"`. Clearly worse layouts are
+    tried only if none of these can be made. Layouts with fewer planes or fewer slanted ones are
+    always tried, to show what they cost.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        found: The layouts from the search.
+        surface: The body's surface.
+        bay: Connector bay, if any.
+        report: Called with the share of the work done and a description.
+
+    Returns:
+        The trial to build, and all trials, the best by design first. If no layout can be made, the
+        best by design is returned with its problem.
     """
-    expected = [(f, _designed(task, f).prediction.unseen) for f in different(found)]
+    expected = [(f, _score_design(task, f).prediction.unseen) for f in drop_duplicates(found)]
     ranked = sorted(expected, key=lambda e: (e[0].slivers, e[1]))
-    least, bound = ranked[0][0].slivers, _HOPEFUL * ranked[0][1]
-    hopeful = [e for e in ranked if e[1] <= bound and e[0].slivers == least][:_MOST]
+    slivers, bound = ranked[0][0].slivers, _MAX_TRIAL_RATIO * ranked[0][1]
+    candidates = [e for e in ranked if e[1] <= bound and e[0].slivers == slivers][:_MAX_TRIALS]
     directions = face_directions(surface)
 
-    def tried(one: OptimizedLayout, error: float) -> Trial:
-        return make_on_trial(device, task, one, error, surface, bay, directions)
+    def make_trial(layout: OptimizedLayout, error: float) -> Trial:
+        return make_on_trial(device, task, layout, error, surface, bay, directions)
 
     trials = []
     cast = device.fabrication.kind == "cast"
     share = 0.7 if cast else 1.0
-    for k, (one, error) in enumerate(hopeful):
-        report(share * k / len(hopeful), f"making layout {k + 1} of {len(hopeful)} on trial")
-        trials.append(tried(one, error))
-    left = []
-    for one, error in ranked[len(hopeful) :]:
+    for k, (layout, error) in enumerate(candidates):
+        report(share * k / len(candidates), f"making layout {k + 1} of {len(candidates)} on trial")
+        trials.append(make_trial(layout, error))
+    untried = []
+    for layout, error in ranked[len(candidates) :]:
         made = [t for t in trials if not t.problem]
         if (
             not made
-            or _planes(one) < min(t.planes for t in made)
-            or _slanted(one, directions) < min(t.slanted for t in made)
+            or _count_planes(layout) < min(t.planes for t in made)
+            or _count_slanted(layout, directions) < min(t.slanted for t in made)
         ):
-            trials.append(tried(one, error))
+            trials.append(make_trial(layout, error))
         else:
-            left.append((one, error))
+            untried.append((layout, error))
     while True:
-        best = preferred(trials, device.prefer)
-        if best is None and left:
-            trials.append(tried(*left.pop(0)))
+        best = prefer_layout(trials, device.prefer)
+        if best is None and untried:
+            trials.append(make_trial(*untried.pop(0)))
         elif best is None or not cast:
             return best or trials[0], tuple(trials)
         elif (
-            problem := _uncastable(device, best, partial(report_part, report, share, 1.0))
+            problem := _casting_problem(device, best, partial(report_part, report, share, 1.0))
         ) is None:
             return best, tuple(trials)
         else:
-            refused = _refused(best, problem)
-            trials = [refused if t is best else t for t in trials]
+            failed = _with_problem(best, problem)
+            trials = [failed if t is best else t for t in trials]
 
 
-def _uncastable(device: Device, trial: Trial, report: Report) -> str | None:
-    """Why the parts of a layout cannot be cast, by making their moulds."""
+def _casting_problem(device: Device, trial: Trial, report: Report) -> str | None:
+    """Return why the parts of a layout cannot be cast, or None, by making their moulds."""
     assert trial.made is not None
     try:
         make_moulds(trial.made, mould_rules(device), report)
@@ -154,12 +234,12 @@ def _uncastable(device: Device, trial: Trial, report: Report) -> str | None:
     return None
 
 
-def _refused(trial: Trial, problem: str) -> Trial:
-    """What cannot be made after all."""
+def _with_problem(trial: Trial, problem: str) -> Trial:
+    """Return the trial of a layout that cannot be made after all."""
     return Trial(trial.found, trial.designed, trial.scored, trial.slanted, problem=problem)
 
 
-def _designed(task: DesignTask, found: OptimizedLayout) -> Scored:
+def _score_design(task: DesignTask, found: OptimizedLayout) -> ScoredLayout:
     return predict(task, assumed_cords(task, found.sensors))
 
 
@@ -172,17 +252,26 @@ def make_on_trial(
     bay: Prism | None,
     directions: Float,
 ) -> Trial:
-    """The layout made, of which `designed` mm were expected, on a body whose flat faces have the
-    `directions` (k, 3)."""
-    slants = _slanted(found, directions)
+    """Make a layout on trial.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        found: The layout.
+        designed: Its expected error as designed, mm.
+        surface: The body's surface.
+        bay: Connector bay, if any.
+        directions: Directions (k, 3) of the body's flat faces.
+    """
+    slants = _count_slanted(found, directions)
     try:
-        device, relief_notes = with_relief(device, task, surface, found.sensors, bay)
+        device, relief_notes = decide_strain_relief(device, task, surface, found.sensors, bay)
         made = fabricate(device, surface, found.sensors, lambda *_: None, None, bay)
         if device.fabrication.kind == "cast":
             check_openings(made, mould_rules(device))
     except FabricationError as error:
-        return Trial(found, designed, _designed(task, found), slants, problem=str(error))
-    built = as_made(task, made.channels)
+        return Trial(found, designed, _score_design(task, found), slants, problem=str(error))
+    built = score_channels(task, made.channels)
     smallest = min(p.volume for p in made.parts)
     free = sum(not e.pocket for c in made.channels for e in c.ends)
     return Trial(
@@ -193,7 +282,7 @@ def make_on_trial(
         len(made.parts),
         smallest,
         free if device.fabrication.pockets else 0,
-        (*made.warnings, *overstretched(device, made, built.cords)),
+        (*made.warnings, *map(str, find_overstretched_cords(device, made, built.cords))),
         made=made,
         as_built=device,
         relief_notes=tuple(relief_notes),

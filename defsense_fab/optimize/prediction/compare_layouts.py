@@ -1,4 +1,4 @@
-"""Layouts side by side: as drawn, by eye, the most accurate, and the simplest to make."""
+"""Compare layouts: as drawn, by eye, the most accurate, and the simplest to make."""
 
 from __future__ import annotations
 
@@ -19,23 +19,30 @@ from ..search import baselines
 from ..search.plane_directions import face_directions
 from ..studies.tolerance_monte_carlo import tolerance_band
 from .as_built import assumed_cords
-from .choose_layout import make_on_trial
-from .design_task import SEED, DesignTask, decoders, load_task, tolerances_of
-from .predict import Scored, predict
-from .preference import preferred
+from .choose_layout import make_on_trial, prefer_layout
+from .design_task import SEED, DesignTask, candidate_decoders, device_tolerances, load_task
+from .predict import ScoredLayout, predict
 
 DRAWN, VISUAL, FULL, SIMPLE = "as drawn", "by eye", "most accurate", "simplest"
-#: What making a layout on trial, laying one out by eye and a band take on a machine of 2024: s, and
-#: s for each triangle of the body.
-_MAKING, _EYE, _BAND, _TRIANGLE = 10.0, 2.0, 5.0, 3e-4
+#: Seconds that a trial, a layout by eye, a band and each triangle of the body take on a machine of
+#: 2024.
+_TRIAL_S, _VISUAL_S, _BAND_S, _TRIANGLE_S = 10.0, 2.0, 5.0, 3e-4
 
 
 @dataclass(frozen=True)
 class ComparedLayout:
-    """RMSE (mm) on unseen states of `sensors`: as built where their parts were made on trial, and
-    as designed otherwise (`parts` is None); the limits (mm) between which 90 % of built devices
-    lie, where they were computed; the problem for which there can be no parts, or what is to be
-    said of them; whether it is the one that the build took."""
+    """A layout in a comparison.
+
+    Attributes:
+        name: Name for people.
+        sensors: The cords.
+        error: RMSE (mm) on unseen states, as built if parts were made on trial, else as designed.
+        parts: Number of parts, None if they were not made.
+        band: Limits (mm) between which 90 % of built devices lie, if computed.
+        warnings: Notes about the parts.
+        problem: Reason why it cannot be made.
+        taken: Whether the build took it.
+    """
 
     name: str
     sensors: tuple[Sensor, ...]
@@ -48,26 +55,32 @@ class ComparedLayout:
 
     @property
     def planes(self) -> int:
-        """How many planes the body is cut along."""
+        """Number of planes that the body is cut along."""
         return len(distinct_planes([s.plane for s in self.sensors]))
 
 
-def weighed_layouts(folder: Path) -> list[ComparedLayout]:
-    """Those that the last build of a `folder` made on trial, in its order: nothing is computed.
-    Raises StorageError where there is no layout."""
+def load_tried_layouts(folder: Path) -> list[ComparedLayout]:
+    """Load the layouts that the last build made on trial, in its order.
+
+    Args:
+        folder: Folder of the build.
+
+    Raises:
+        StorageError: If the build has no layout.
+    """
     layout = load_layout(folder)
     try:
         paths = load_weighed(folder).layouts
-    except StorageError:  # a build of a version before: it kept the paths of the chosen one
+    except StorageError:  # builds of an earlier version stored only the chosen paths
         paths = ()
     if len(paths) != len(layout.weighed):
         chosen = [w for w in layout.weighed if w.chosen]
-        return [_weighed(layout, w, _cords(layout.sensors), "optimised") for w in chosen]
-    best, simple = (preferred(layout.weighed, p) for p in ("accuracy", "simple"))
+        return [_compared(layout, w, _cords(layout.sensors), "optimised") for w in chosen]
+    best, simple = (prefer_layout(layout.weighed, p) for p in ("accuracy", "simple"))
     out = []
-    for k, (one, cords) in enumerate(zip(layout.weighed, paths, strict=True), start=1):
-        names = [n for n, w in ((FULL, best), (SIMPLE, simple)) if w is one]
-        out.append(_weighed(layout, one, _cords(cords), " and ".join(names) or f"other {k}"))
+    for k, (record, cords) in enumerate(zip(layout.weighed, paths, strict=True), start=1):
+        names = [n for n, w in ((FULL, best), (SIMPLE, simple)) if w is record]
+        out.append(_compared(layout, record, _cords(cords), " and ".join(names) or f"other {k}"))
     return out
 
 
@@ -75,7 +88,7 @@ def _cords(paths: tuple[CordPath, ...]) -> tuple[Sensor, ...]:
     return tuple(p.sensor() for p in paths)
 
 
-def _weighed(
+def _compared(
     layout: LayoutRecord, one: WeighedRecord, sensors: tuple[Sensor, ...], name: str
 ) -> ComparedLayout:
     band = (layout.band.low, layout.band.high) if one.chosen else None
@@ -85,13 +98,21 @@ def _weighed(
     )
 
 
-def seconds_of(device: Device, folder: Path) -> float:
-    """About how long `compare_layouts` takes. Raises StorageError where there is no layout."""
-    known = weighed_layouts(folder)
+def estimate_seconds(device: Device, folder: Path) -> float:
+    """Estimate how long `compare_layouts` takes, s.
+
+    Args:
+        device: The device.
+        folder: Folder of its build.
+
+    Raises:
+        StorageError: If the build has no layout.
+    """
+    tried = load_tried_layouts(folder)
     triangles = len(load_surface(folder).faces)
     trials = 1 + bool(device.sensors)
-    bands = trials + sum(k.band is None and k.problem is None for k in known)
-    return _EYE + trials * _MAKING + bands * _BAND + (trials + 1) * _TRIANGLE * triangles
+    bands = trials + sum(k.band is None and k.problem is None for k in tried)
+    return _VISUAL_S + trials * _TRIAL_S + bands * _BAND_S + (trials + 1) * _TRIANGLE_S * triangles
 
 
 def compare_layouts(
@@ -100,10 +121,18 @@ def compare_layouts(
     found: Callable[[ComparedLayout], None],
     report: Callable[[float, str], None],
 ) -> None:
-    """The bands of the layouts that were weighed, and the cords as drawn and as one lays them by
-    eye, made on trial with their bands; each is `found` as soon as it is known. Raises a
-    DefsenseError where the build of `folder` has no layout."""
-    layout, known = load_layout(folder), weighed_layouts(folder)
+    """Make the drawn cords and a layout by eye on trial, and compute all missing bands.
+
+    Args:
+        device: The device.
+        folder: Folder of its build.
+        found: Called with each layout as soon as it is finished.
+        report: Called with the share of the work done and a description.
+
+    Raises:
+        DefsenseError: If the build has no layout.
+    """
+    layout, tried = load_layout(folder), load_tried_layouts(folder)
     task = load_task(device, Build(folder))
     count = len(layout.sensors)
     new = [(DRAWN, tuple(device.sensors))] if device.sensors else []
@@ -113,22 +142,29 @@ def compare_layouts(
         new.append((VISUAL, tuple(baselines.visual_layout(task.design, count, rng))))
     except LayoutError as error:
         found(ComparedLayout(VISUAL, (), float("nan"), problem=str(error)))
-    lacking = [k for k in known if k.band is None and k.problem is None]
+    without_band = [k for k in tried if k.band is None and k.problem is None]
     for k, (name, sensors) in enumerate(new):
         report((k + 0.5) / (len(new) + 1), f"making the layout {name} on trial")
-        found(_tried(device, folder, task, name, sensors))
+        found(_make_compared(device, folder, task, name, sensors))
     decoded = task.with_decoder(layout.prediction.decoder)
-    for k, one in enumerate(lacking):
-        report((len(new) + k / len(lacking)) / (len(new) + 1), f"devices built as {one.name}")
-        scored = predict(decoded, assumed_cords(decoded, one.sensors))
-        found(replace(one, band=_band(device, decoded, scored, one.error)))
+    for k, layout_without_band in enumerate(without_band):
+        report(
+            (len(new) + k / len(without_band)) / (len(new) + 1),
+            f"devices built as {layout_without_band.name}",
+        )
+        scored = predict(decoded, assumed_cords(decoded, layout_without_band.sensors))
+        found(
+            replace(
+                layout_without_band, band=_band(device, decoded, scored, layout_without_band.error)
+            )
+        )
 
 
-def _tried(
+def _make_compared(
     device: Device, folder: Path, task: DesignTask, name: str, sensors: tuple[Sensor, ...]
 ) -> ComparedLayout:
-    """PartSet on trial, for the decoder that does best on it."""
-    tasks = [task.with_decoder(kind) for kind in decoders(device, task)]
+    """Make a layout on trial, for the decoder that predicts the smallest error."""
+    tasks = [task.with_decoder(kind) for kind in candidate_decoders(device, task)]
     cords = assumed_cords(task, sensors)
     error, best = min(
         ((predict(t, cords).prediction.unseen, t) for t in tasks), key=lambda found: found[0]
@@ -144,11 +180,13 @@ def _tried(
     return ComparedLayout(name, sensors, trial.built, trial.parts, band, trial.warnings)
 
 
-def _band(device: Device, task: DesignTask, scored: Scored, error: float) -> tuple[float, float]:
-    """Of devices built so, mm; about the `error` as built where `scored` is only as designed."""
+def _band(
+    device: Device, task: DesignTask, scored: ScoredLayout, error: float
+) -> tuple[float, float]:
+    """Return the band of built devices, mm, scaled to the `error` as built."""
     band = tolerance_band(
         task.everything, scored.cords, task.reading, np.random.default_rng(SEED), task.unseen,
-        tolerances=tolerances_of(device),
+        tolerances=device_tolerances(device),
     )  # fmt: skip
     factor = error / scored.prediction.unseen
     return factor * band.low, factor * band.high

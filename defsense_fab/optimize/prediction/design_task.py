@@ -1,4 +1,4 @@
-"""What the optimise stage works on, from the device and the files of the earlier stages."""
+"""Define the design task of a device from its simulated poses."""
 
 from __future__ import annotations
 
@@ -22,130 +22,170 @@ from ..problem.cord_signals import SignalModel
 from ..problem.problem import Limits, Problem
 from ..studies.tolerance_monte_carlo import Tolerances
 
-#: Of markers, of devices as built, and of whatever is found beside the search, which has its own.
-SEED = 1
-#: Pieces of cord are longer by this much than needed, mm: they are trimmed as they are laid.
-SLACK = 5.0
-#: Markers may lie this far outside, mm: tags have a thickness, meshes a deviation.
-_OFF_BODY = 1.0
-#: Until it is known how far a held cord must be stretched as it is laid, and how far a path's end
-#: lies below the skin, mm.
-_PRESTRETCH, _INLET = 0.06, 2.0
+SEED = 1  # of markers, built devices and proposals; the search has its own seed
+TRIM_SLACK_MM = 5.0  # extra length of a piece of cord, trimmed during assembly
+_MAX_MARKER_OFFSET_MM = 1.0  # outside the body: tags have a thickness, meshes a deviation
+_ASSUMED_PRESTRETCH = 0.06  # of held cords while it is unknown
+_ASSUMED_INLET_MM = 2.0  # from a path's end to the surface while it is unknown
 
 
-def limits(device: Device) -> Limits:
-    """What the cords of a device must keep, mm. Raises DeviceError where no length is left."""
+def layout_limits(device: Device) -> Limits:
+    """Return what the cords of a device must keep.
+
+    Raises:
+        DeviceError: If no length of channel is allowed.
+    """
     channel, wall = device.channel_diameter, device.fabrication.wall
-    shallow = pocket_depth(device, bends=device.fabrication.strain_relief is True)
-    given = device.fabrication.prestretch
-    # A piece reaches as far as it is stretched, which is not known yet where it is not given.
-    likely = _PRESTRETCH if device.fabrication.assembly == "held" else 0.0
-    stretches = (likely, 0.0) if given is None else (given, given)
+    pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
+    prestretch = device.fabrication.prestretch
+    # A piece reaches further when stretched; the pre-stretch is assumed unless it is given.
+    assumed = _ASSUMED_PRESTRETCH if device.fabrication.assembly == "held" else 0.0
+    stretches = (assumed, 0.0) if prestretch is None else (prestretch, prestretch)
     shortest, longest = (
-        _channel_of(device, piece, shallow, stretch)
+        _channel_length(device, piece, pocket, stretch)
         for piece, stretch in zip(device.cord.lengths, stretches, strict=True)
     )
-    least = max(shortest, device.cord.min_stretch + 2 * shallow)
-    if longest < least + 1:
+    min_length = max(shortest, device.cord.min_stretch + 2 * pocket)
+    if longest < min_length + 1:
         raise DeviceError(
-            f"device.toml: cord.length: pieces of up to {device.cord.lengths[1]:g} mm reach through"
-            f" channels of {longest:.1f} mm, and {least:.1f} mm are needed for [cord] min_stretch"
-            f" ({device.cord.min_stretch:g} mm) and two ends; use longer pieces, a smaller"
-            " min_stretch, or strain_relief = false in [fabrication]"
+            f"pieces of up to {device.cord.lengths[1]:g} mm reach through channels of"
+            f" {longest:.1f} mm, and {min_length:.1f} mm are needed for [cord] min_stretch"
+            f" ({device.cord.min_stretch:g} mm) and two ends",
+            code="cord-pieces-too-short",
+            where="device.toml: cord.length",
+            action="Use longer pieces, a smaller min_stretch, or strain_relief = false in"
+            " [fabrication]",
+            piece=device.cord.lengths[1],
+            longest=longest,
+            needed=min_length,
         )
     return Limits(
         wall,
         device.cord.min_bend_radius,
         channel + wall,
         channel,
-        shortest=least,
+        shortest=min_length,
         longest=longest,
-        pocket=(_likely_depth(device), pocket_diameter(device)),
+        pocket=(_usual_pocket_depth(device), pocket_diameter(device)),
     )
 
 
-def wires(device: Device, relief: bool, bay: Prism | None = None) -> Wires:
-    """The wires from the device's cords to the `bay`, or by a bend to the skin."""
+def wire_rules(device: Device, relief: bool, bay: Prism | None = None) -> Wires:
+    """Return the rules for wires from the cords to a connector bay, or by a bend to the skin.
+
+    Args:
+        device: The device.
+        relief: Whether wires bend to relieve their joints.
+        bay: Connector bay, if any.
+    """
     f = device.fabrication
     return Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, relief)
 
 
 def pocket_depth(device: Device, bends: bool) -> float:
-    """How deep the pockets of the cords' ends are, mm, with `bends` for their wires; 0: none."""
+    """Return the depth (mm) of the pockets of the cords' ends, zero without pockets.
+
+    Args:
+        device: The device.
+        bends: Whether the pockets hold bends of the wires.
+    """
     f = device.fabrication
     if not f.pockets:
         return 0.0
-    return device.cord.ferrule_length + (wires(device, relief=True).room(f.wall) if bends else 0.0)
+    return device.cord.ferrule_length + (
+        wire_rules(device, relief=True).room(f.wall) if bends else 0.0
+    )
 
 
-def _likely_depth(device: Device) -> float:
-    """That of most pockets: bends are left out only where they cost too much."""
+def _usual_pocket_depth(device: Device) -> float:
+    """Return the depth of most pockets, mm: bends are omitted only if they cost too much."""
     return pocket_depth(device, bends=device.fabrication.strain_relief is not False)
 
 
-def _channel_of(device: Device, piece: float, pocket: float, stretch: float) -> float:
-    """How long a channel a piece of cord reaches through, mm, stretched by so much (a strain)
-    between its ends, which lie in pockets so deep or hang out: a ferrule's half at either end and
-    the slack are cut besides."""
+def _channel_length(device: Device, piece: float, pocket: float, stretch: float) -> float:
+    """Return the length of channel (mm) that a stretched piece of cord reaches through.
+
+    The ends lie in pockets of the given depth or hang out. Half a ferrule at each end and the slack
+    are subtracted.
+    """
     beyond = 0.0 if pocket else 2 * device.fabrication.lead
-    between = piece - device.cord.ferrule_length - SLACK - beyond
+    between = piece - device.cord.ferrule_length - TRIM_SLACK_MM - beyond
     return between * (1 + stretch) + 2 * pocket
 
 
 def pocket_diameter(device: Device) -> float:
-    """Of the pockets of the cords' ends, mm."""
+    """Return the diameter (mm) of the pockets of the cords' ends."""
     clearance = device.fabrication.clearance
     return max(device.cord.ferrule_diameter + clearance, device.channel_diameter + 0.1)
 
 
-def sensing(device: Device) -> tuple[SignalModel, float]:
-    """How the device's cords sense as far as that is known before they have ends, and the noise of
-    (R - R0)/R0 of a long one."""
+def signal_model(device: Device) -> tuple[SignalModel, float]:
+    """Return how the device's cords sense before their ends are known.
+
+    Returns:
+        The signal model, and the noise of (R - R0)/R0 of a long cord.
+    """
     reading, f = CordReading.from_device(device), device.fabrication
     response, scale = reading.response, 1.0
     if f.assembly == "held":
-        p = _PRESTRETCH if f.prestretch is None else f.prestretch
-        found = taut_response if f.prestretch is None else held_response
-        response = found(reading.response, p)
+        p = _ASSUMED_PRESTRETCH if f.prestretch is None else f.prestretch
+        respond = taut_response if f.prestretch is None else held_response
+        response = respond(reading.response, p)
         scale = (1 + float(reading.response(np.array(p)))) / (1 + p)
-    pocket = _likely_depth(device)
+    pocket = _usual_pocket_depth(device)
     joints = np.sqrt(2) * reading.contact / (reading.ohm_per_mm * reading.relative)
     model = SignalModel(
         response,
         local=f.assembly == "bonded",
-        hidden=max(pocket - _INLET, 0.0),
-        series=beyond_path(f) / scale,
+        hidden=max(pocket - _ASSUMED_INLET_MM, 0.0),
+        series=length_beyond_path(f) / scale,
         contact=float(joints) / scale,
     )
     return model, reading.relative
 
 
-def beyond_path(fabrication: FabricationSpec) -> float:
-    """How much cord there is beyond both ends of a path where no pockets end it, mm."""
-    return 0.0 if fabrication.pockets else 2 * (fabrication.lead + _INLET)
+def length_beyond_path(fabrication: FabricationSpec) -> float:
+    """Return the length (mm) of cord beyond both ends of a path, zero with pockets."""
+    return 0.0 if fabrication.pockets else 2 * (fabrication.lead + _ASSUMED_INLET_MM)
 
 
-def tolerances_of(device: Device) -> Tolerances:
-    """What the device's maker cannot hold, less what was measured of the cord."""
-    found, cord = Tolerances(), device.cord
+def device_tolerances(device: Device) -> Tolerances:
+    """Return the tolerances of built devices, reduced by what was measured of the cord."""
+    tolerances, cord = Tolerances(), device.cord
     if cord.compression == "measured":
-        found = replace(found, compression=0.0)
+        tolerances = replace(tolerances, compression=0.0)
     if cord.measured is not None:
-        found = replace(found, gauge=cord.measured.spread)
-    return found
+        tolerances = replace(tolerances, gauge=cord.measured.spread)
+    return tolerances
 
 
-def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Float, Float]:
-    """Marker positions (k, 3) mm in the rest frame and weights (k,) that sum to one."""
+def marker_points(device: Device, surface: Surface, locator: PointLocator) -> tuple[Float, Float]:
+    """Return the positions of the markers at rest and their weights.
+
+    Args:
+        device: The device.
+        surface: The body's surface.
+        locator: Locator of its mesh.
+
+    Returns:
+        Positions (k, 3) mm in the rest frame and weights (k,) that sum to one.
+
+    Raises:
+        DeviceError: If a given marker lies off the body.
+    """
     spec = device.outputs.markers
     if isinstance(spec, np.ndarray):
         square = igl.point_mesh_squared_distance(spec, surface.vertices, surface.faces)[0]
         outside = np.where(locator.find(spec).depth < 0, np.sqrt(np.asarray(square)), 0.0)
-        if outside.max() > _OFF_BODY:
+        if outside.max() > _MAX_MARKER_OFFSET_MM:
             k = int(outside.argmax())
             raise DeviceError(
-                f"device.toml: outputs.markers: point {k + 1} at {spec[k].tolist()} lies"
-                f" {outside[k]:.2g} mm off the body; move it onto the surface"
+                f"point {k + 1} at {spec[k].tolist()} lies {outside[k]:.2g} mm off the body",
+                code="marker-off-body",
+                where="device.toml: outputs.markers",
+                action="Move it onto the surface",
+                marker=k,
+                distance=float(outside[k]),
             )
         return spec, np.full(len(spec), 1 / len(spec))
     dense = 4000 if spec == "surface" else max(4000, 4 * spec)
@@ -156,7 +196,7 @@ def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Fl
 
 
 def _farthest_points(points: Float, count: int) -> Float:
-    """Farthest-point sampling: `count` of the points, evenly spread."""
+    """Choose `count` evenly spread points by farthest-point sampling."""
     chosen = [int(np.linalg.norm(points - points.mean(0), axis=1).argmax())]
     distance = np.full(len(points), np.inf)
     while len(chosen) < count:
@@ -167,9 +207,18 @@ def _farthest_points(points: Float, count: int) -> Float:
 
 @dataclass(frozen=True)
 class DesignTask:
-    """Every state of the device with rest first: `names` (n,), how much of each pose they have, and
-    which are `held_out` (n,): the layout is to be designed on the others. Marker positions `points`
-    (k, 3) mm; how the cords are read and built in."""
+    """The states of a device, and what layouts are designed for and judged by.
+
+    Attributes:
+        everything: Problem with all states.
+        design: Problem with the states that layouts are designed for.
+        names: (n,) names of all states, rest first.
+        weights: For each state the weight of each pose, by name.
+        held_out: (n,), whether a state is excluded from the design.
+        points: (k, 3) mm, positions of the markers at rest.
+        reading: How the cords are read.
+        fabrication: How they are built in.
+    """
 
     everything: Problem
     design: Problem
@@ -182,51 +231,63 @@ class DesignTask:
 
     @property
     def unseen(self) -> UnseenStates:
-        """The states by which the design is judged."""
+        """States to train and to test on when layouts are judged."""
         return choose_unseen_states(self.weights, self.held_out)
 
     def with_decoder(self, kind: str) -> DesignTask:
-        """The same for another decoder."""
+        """Return the same task for another decoder."""
         both = self.everything.with_decoder(kind), self.design.with_decoder(kind)
         return replace(self, everything=both[0], design=both[1])
 
 
-def decoders(device: Device, task: DesignTask) -> tuple[str, ...]:
-    """Those to choose from by their errors on unseen states. Where there are none, the affine map
-    alone: the others fit the states exactly, and are far off beside them."""
+def candidate_decoders(device: Device, task: DesignTask) -> tuple[str, ...]:
+    """Return the decoders to choose from by their errors on unseen states.
+
+    Without unseen states it is only the affine map, because others fit the states exactly and are
+    wrong in between.
+
+    Args:
+        device: The device.
+        task: Its design task.
+    """
     if device.decoder != "auto":
         return (device.decoder,)
     return DECODERS[:1] if task.unseen.how == NONE else DECODERS
 
 
 def load_task(device: Device, build: Build) -> DesignTask:
-    """Return what there is to optimize, from the simulated poses of a build."""
-    surface, locator, found = build.surface, build.locator, build.fields
-    points, weights = markers(device, surface, locator)
-    moved = locator.displacement(locator.find(points), found.displacements)
+    """Load the design task of a device from the simulated poses of its build.
+
+    Args:
+        device: The device.
+        build: Its build.
+    """
+    surface, locator, fields = build.surface, build.locator, build.fields
+    points, weights = marker_points(device, surface, locator)
+    moved = locator.displacement(locator.find(points), fields.displacements)
     everything = Problem(
         surface,
         locator,
-        found.displacements,
+        fields.displacements,
         np.concatenate([np.zeros((1, *points.shape)), moved]),
         weights,
-        *sensing(device),
-        limits(device),
+        *signal_model(device),
+        layout_limits(device),
         DECODERS[0] if device.decoder == "auto" else device.decoder,
     )
-    seen = np.flatnonzero(~found.held_out)
+    designed = np.flatnonzero(~fields.held_out)
     design = replace(
         everything,
-        fields=found.displacements[seen],
-        markers=everything.markers[np.append(0, seen + 1)],
+        fields=fields.displacements[designed],
+        markers=everything.markers[np.append(0, designed + 1)],
     )
-    names, held_out = ("rest", *found.names), np.append(False, found.held_out)
+    names, held_out = ("rest", *fields.names), np.append(False, fields.held_out)
     reading = CordReading.from_device(device)
     return DesignTask(
         everything,
         design,
         names,
-        ({}, *found.weights),
+        ({}, *fields.weights),
         held_out,
         points,
         reading,

@@ -1,5 +1,4 @@
-"""What cords would sense, before anything is built of them: within milliseconds, for a person who
-draws them."""
+"""Judge cords within milliseconds while a person draws them."""
 
 from __future__ import annotations
 
@@ -20,22 +19,28 @@ from ..limits.verification import LayoutCheck, verify
 from ..refinement.refine import optimize_layout, report_part
 from ..search.baselines import middle_plane
 from .as_built import assumed_cords
-from .design_task import SEED, DesignTask, decoders, load_task
+from .design_task import SEED, DesignTask, candidate_decoders, load_task
 from .predict import predict
 
-_ENDS = 8.0  # mm, of a straight run at either end of a new path
-_POINTS = 4  # between them
-_SLOW = "kernel"
-_STEPS = 400  # samples of a line through the body
-#: Told the share that is done, and what is done now.
+_STRAIGHT_END_MM = 8.0  # of a new path
+_INNER_POINTS = 4  # control points between the straight ends
+_SLOW_DECODER = "kernel"
+_LINE_SAMPLES = 400  # of a line through the body
+#: Called with the share of the work done and a description.
 Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
-class Judged:
-    """The error (mm) that is expected of cords on states that they are not designed for, by the
-    best of the decoders that the device may have, and its name; the error in each state; signals
-    (n, c) in the states `names` (n,)."""
+class JudgedLayout:
+    """The expected performance of cords.
+
+    Attributes:
+        error: RMSE (mm) on unseen states with the best of the device's decoders.
+        decoder: Name of that decoder.
+        per_state: Error (mm) in each state, by name.
+        names: (n,) names of all states, rest first.
+        signals: (n, c) signals of the cords.
+    """
 
     error: float
     decoder: str
@@ -45,31 +50,51 @@ class Judged:
 
 
 class LayoutJudge:
-    """Of a device whose poses are simulated in the build `folder`."""
+    """Judges cords of a device whose poses are simulated.
+
+    Args:
+        device: The device.
+        folder: Folder of its build.
+
+    Attributes:
+        surface: The body's surface.
+
+    Raises:
+        DefsenseError: If the poses are not simulated.
+    """
 
     def __init__(self, device: Device, folder: Path) -> None:
-        """Raises a DefsenseError where the poses are not simulated."""
         build = Build(folder)
         self._task: DesignTask = load_task(device, build)
-        kinds = decoders(device, self._task)
+        kinds = candidate_decoders(device, self._task)
         self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
         self.surface = build.surface
         self._depth = SignedDistance(self.surface)
 
     @property
     def task(self) -> DesignTask:
-        """What the cords are judged by."""
+        """Design task that the cords are judged by."""
         return self._task
 
     @property
     def quick_tasks(self) -> dict[str, DesignTask]:
-        """The same for each of the decoders that are fast, by name."""
-        return {kind: task for kind, task in self._tasks.items() if kind != _SLOW}
+        """Design task of each fast decoder, by name."""
+        return {kind: task for kind, task in self._tasks.items() if kind != _SLOW_DECODER}
 
-    def judge(self, sensors: Sequence[Sensor], *, quick: bool = False) -> Judged | None:
-        """None without cords; `quick`: within some 20 ms, without the decoder that takes ten times
-        as long, unless there is no other. Raises LayoutError for cords of which nothing can be
-        said."""
+    def judge(self, sensors: Sequence[Sensor], *, quick: bool = False) -> JudgedLayout | None:
+        """Predict the error of cords.
+
+        Args:
+            sensors: The cords.
+            quick: Take about 20 ms, without the decoder that takes ten times as long unless there
+                is no other.
+
+        Returns:
+            The expected performance, or None without cords.
+
+        Raises:
+            LayoutError: If no error can be predicted, as for cords outside the body.
+        """
         if not sensors:
             return None
         cords = assumed_cords(self._task, sensors)
@@ -78,43 +103,62 @@ class LayoutJudge:
         best = min(scored, key=lambda s: s.prediction.unseen)
         p = best.prediction
         if not np.isfinite(p.unseen):
-            raise LayoutError("nothing can be said of these cords: do they leave the body?")
-        return Judged(
+            raise LayoutError(
+                "no error can be predicted for these cords",
+                code="error-not-finite",
+                action="Check that they lie inside the body",
+            )
+        return JudgedLayout(
             p.unseen, p.decoder, {**p.per_state, **p.held_out}, self._task.names, best.signals
         )
 
     def check(self, sensors: Sequence[Sensor]) -> LayoutCheck:
-        """Lengths, radii, walls and distances, and what they break."""
+        """Measure lengths, radii, walls and distances, and find broken limits."""
         return verify(sensors, self.surface, self._task.design.limits, self._depth)
 
     def propose(self, name: str, sensors: Sequence[Sensor], report: Report) -> Sensor:
-        """The cord that lowers the error most beside those that there are, which stay; found by the
-        search of the optimise stage within a second or two. Raises LayoutError where none has room,
-        and what `report` raises, which ends it."""
-        kept = [replace(s, free=frozenset()) for s in sensors]
-        kinds = [k for k in self._tasks if k != _SLOW] or list(self._tasks)
-        found = []
+        """Find the additional cord that lowers the error most, within a second or two.
+
+        Args:
+            name: Name of the new cord.
+            sensors: Cords that stay.
+            report: Called with the progress; what it raises ends the search.
+
+        Raises:
+            LayoutError: If the body has no room for another cord.
+        """
+        fixed = [replace(s, free=frozenset()) for s in sensors]
+        kinds = [k for k in self._tasks if k != _SLOW_DECODER] or list(self._tasks)
+        proposals = []
         for n, kind in enumerate(kinds):
             task = self._tasks[kind]
             show = partial(report_part, report, n / len(kinds), (n + 1) / len(kinds))
             rng = np.random.default_rng(SEED)
-            layout = optimize_layout(task.design, kept, rng, show, extra=1).sensors
+            layout = optimize_layout(task.design, fixed, rng, show, extra=1).sensors
             error = predict(task, assumed_cords(task, layout)).prediction.unseen
-            found.append((error, n, layout[-1]))
-        return replace(min(found)[2], name=name, free=frozenset({"path", "plane"}))
+            proposals.append((error, n, layout[-1]))
+        return replace(min(proposals)[2], name=name, free=frozenset({"path", "plane"}))
 
     def new_cord(self, name: str) -> Sensor:
-        """A straight cord along the body, through its middle, in the plane in which it is widest.
-        Raises LayoutError where none has room."""
+        """Create a straight cord along the body, through its middle, in its widest plane.
+
+        Raises:
+            LayoutError: If there is no room for it.
+        """
         plane = middle_plane(self.surface)
         half = float(np.ptp(self.surface.vertices, axis=0).max()) / 2
-        along = np.linspace(-half, half, _STEPS)
+        along = np.linspace(-half, half, _LINE_SAMPLES)
         depth = self._task.everything.depth(plane.origin + along[:, None] * plane.axes[:, 0])
         inside = along[depth >= self._task.design.limits.depth]
-        if not len(inside) or np.ptp(inside) < 2 * _ENDS + 1:
-            raise LayoutError("a straight cord along the body has no room in it; draw its plane")
-        # Its ends leave the body as they come, so that only walls beside it count.
+        if not len(inside) or np.ptp(inside) < 2 * _STRAIGHT_END_MM + 1:
+            raise LayoutError(
+                "a straight cord along the body has no room in it",
+                code="no-room-for-cords",
+                action="Draw its plane",
+                count=1,
+            )
+        # Its ends leave the body straight, so that only the walls next to it matter.
         first, last = along[depth > 0][[0, -1]] + [1.0, -1.0]
-        between = np.linspace(first + _ENDS, last - _ENDS, _POINTS)
+        between = np.linspace(first + _STRAIGHT_END_MM, last - _STRAIGHT_END_MM, _INNER_POINTS)
         points = np.array([[p, 0.0] for p in (first, *between, last)])
         return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset({"path"}))

@@ -1,9 +1,13 @@
-"""Poses as a person changes them: a coarse shape at once, and the one that a build would find."""
+"""Preview poses while a person changes them, and follow their ramps.
+
+A coarse shape appears at once, and then the shape that a build would find.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +15,7 @@ from ...core.arrays import Float, Int
 from ...core.device.build_folder import finished_build
 from ...core.device.device import Device, MaterialSpec, Pose
 from ...core.device.regions import Shape
-from ...core.errors import DeviceError, MeshingError
+from ...core.errors import DeviceError, MeshingError, SolveError
 from ...core.mesh import Surface, TetMesh
 from ...geometry.bodies.meshing import mesh_store
 from ...geometry.bodies.meshing.region_conforming import conform_to_regions
@@ -25,17 +29,154 @@ from ...mechanics.solver.interactive import VISUAL_TOLERANCE, InteractiveSolver,
 from ...mechanics.solver.load_stepping import Equilibrium, Status
 from ...mechanics.solver.newton import TOLERANCE
 from ...store.body import load_surface
+from ...store.fields import load_levels
 from ...store.mesh import FILE, RECORD, load_mesh, load_mesh_record, load_region_nodes
 
-#: Edge length of the coarse mesh, in edges of the fine one: a fifteenth of its tets or less.
-COARSER = 2.5
+RAMP_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # solved if no build has simulated the pose
+#: Remedy for a pose that cannot be solved.
+_ADVICE = "Lower its movement or load, enlarge its regions, or refine the mesh"
+_SAME_POSE_RTOL = 1e-4  # of the body's size, by which fields of one pose may differ
+_OTHER_EQUILIBRIUM_RTOL = 0.01  # of the body's size, from which shapes are different equilibria
 
 
 @dataclass(frozen=True)
-class Previewed:
-    """What came of a pose: displacements `moved` (v, 3) mm of the surface's vertices, None where it
-    was not reached; the solver's `status` and what it objects to, or None; the `share` of the ramp
-    that was reached; where the centres of moved regions are, (3,) mm, by region."""
+class Ramp:
+    """A pose along its ramp.
+
+    Attributes:
+        shares: (f,) increasing shares of the ramp, above 0.
+        moved: (f, v, 3) mm, displacements of the surface at these shares.
+        simulated: Whether a build simulated them.
+        remark: What was found on the way, for people; empty if nothing.
+        code: Kind of the remark: `"ramp-incomplete"`, `"other-equilibrium"` or empty.
+    """
+
+    shares: Float
+    moved: Float
+    simulated: bool
+    remark: str = ""
+    code: str = ""
+
+    def at(self, share: float) -> Float:
+        """Return the displacements (v, 3) mm at a share from 0 to the largest, by splines."""
+        from scipy.interpolate import CubicSpline
+
+        whole = np.concatenate([np.zeros((1, *self.moved.shape[1:])), self.moved])
+        return np.asarray(CubicSpline(np.append(0.0, self.shares), whole)(share))
+
+
+def load_ramp(folder: Path, preview: PosePreview, pose: Pose, full: Float) -> Ramp | None:
+    """Load the ramp of a pose from a build.
+
+    Args:
+        folder: Folder of the build.
+        preview: Preview of the same body.
+        pose: The pose.
+        full: Displacements (v, 3) mm of the full pose in the preview.
+
+    Returns:
+        The ramp, or None if the build has no fields of the pose, has another mesh, or has simulated
+        an earlier version of the pose.
+    """
+    levels = {s: u for s, u in load_levels(folder, pose.name).items() if 0 < s <= 1}
+    if 1.0 not in levels:
+        return None
+    shares = sorted(levels)
+    if len(levels[1.0]) != preview.nodes:
+        return None
+    moved = preview.on_surface(np.array([levels[s] for s in shares]))
+    difference = float(np.abs(moved[-1] - full).max())
+    if difference > _SAME_POSE_RTOL * preview.size:
+        return None
+    return Ramp(np.array(shares), moved, True)
+
+
+def follow_ramp(
+    preview: PosePreview,
+    pose: Pose,
+    full: Float | None = None,
+    stop: Stop | None = None,
+    on_frame: Callable[[float, Float], None] | None = None,
+) -> Ramp | None:
+    """Solve the ramp of a pose from rest, as a build does.
+
+    Args:
+        preview: Preview of the body.
+        pose: The pose.
+        full: Displacements (v, 3) mm to which the user has led the pose; another equilibrium is
+            remarked on.
+        stop: Returns True to cancel.
+        on_frame: Called with each share and its displacements (v, 3) mm.
+
+    Returns:
+        The ramp, or None if it was cancelled.
+
+    Raises:
+        SolveError: If not even the first share can be solved.
+    """
+    frames: dict[float, Float] = {}
+    remark = code = ""
+    for share in RAMP_SHARES:
+        found = preview.edit(
+            pose, share, None, stop, check=False, from_rest=share == RAMP_SHARES[0]
+        )
+        if found.status is Status.CANCELLED:
+            return None
+        if found.moved is None:
+            if not frames:
+                raise SolveError(
+                    _unreached_problem(pose.name, found.share),
+                    code="pose-not-reached",
+                    action=_ADVICE,
+                    pose=pose.name,
+                    share=found.share,
+                )
+            code = "ramp-incomplete"
+            remark = f"the ramp ends at {max(frames):.0%}, where the solver stopped"
+            break
+        frames[share] = found.moved
+        if on_frame:
+            on_frame(share, found.moved)
+    if full is not None and 1.0 in frames:
+        distance = float(np.linalg.norm(frames[1.0] - full, axis=1).max())
+        if distance > _OTHER_EQUILIBRIUM_RTOL * preview.size:
+            code = "other-equilibrium"
+            remark = (
+                f"from rest the body ends {distance:.1f} mm away from the shape that you led it to:"
+                " there is more than one equilibrium"
+            )
+    return Ramp(np.array(list(frames)), np.array(list(frames.values())), False, remark, code)
+
+
+def unreached_message(pose: str, share: float) -> str:
+    """Return the message for a pose that was solved only up to a share of its ramp.
+
+    Args:
+        pose: Name of the pose.
+        share: The share that was reached.
+    """
+    return f"{_unreached_problem(pose, share)}. {_ADVICE}."
+
+
+def _unreached_problem(pose: str, share: float) -> str:
+    return f"`{pose}` cannot be solved beyond {share:.0%} of its ramp"
+
+
+#: Ratio of the edge lengths of the coarse and the fine mesh: it has at most 1/15 of the tets.
+COARSENING = 2.5
+
+
+@dataclass(frozen=True)
+class PreviewedPose:
+    """A pose as solved for the preview.
+
+    Attributes:
+        moved: (v, 3) mm, displacements of the surface's vertices, None if it was not reached.
+        status: Status of the solver.
+        problem: What is wrong with the equilibrium, for people.
+        share: Share of the ramp that was reached.
+        centers: (3,) mm, positions of the centers of moved regions, by region.
+    """
 
     moved: Float | None
     status: Status
@@ -45,7 +186,21 @@ class Previewed:
 
 
 class PosePreview:
-    """Of one built body, `fine` being the build's mesh. One thread at a time; `close` it."""
+    """Solves poses of one built body quickly; not thread-safe.
+
+    Call `close` to release the factorizations.
+
+    Args:
+        device: The device.
+        fine: Mesh of the build.
+        coarse: Coarse mesh for quick answers; None for fine answers only.
+        kept: Names of the regions that the fine mesh was made for as they are now.
+        threads: Number of threads.
+
+    Attributes:
+        device: The current device.
+        faces: (f, 3) triangles of the surface.
+    """
 
     def __init__(
         self,
@@ -55,7 +210,6 @@ class PosePreview:
         kept: frozenset[str] = frozenset(),
         threads: int = 1,
     ) -> None:
-        """`kept` names regions for which the fine mesh was made as they are now."""
         self._made, self._coarse, self._threads = fine, coarse, threads
         self._fits = {n: s for n, s in device.regions.items() if n in kept}
         self._key: object = None
@@ -68,12 +222,12 @@ class PosePreview:
 
     @property
     def surface(self) -> Surface:
-        """That of the fine mesh at rest, as the device's regions have it."""
+        """Surface of the fine mesh at rest, conformed to the device's regions."""
         return Surface(self._fine.nodes[self._used], self.faces)
 
     @property
     def nodes(self) -> int:
-        """How many the fine mesh has."""
+        """Number of nodes of the fine mesh."""
         return len(self._fine.nodes)
 
     @property
@@ -82,12 +236,15 @@ class PosePreview:
         return float(np.ptp(self._fine.nodes, axis=0).max())
 
     def on_surface(self, fields: Float) -> Float:
-        """Displacements (..., v, 3) of the surface's vertices, from those of all nodes (..., n, 3)
-        of the build's mesh."""
+        """Select the displacements (..., v, 3) of the surface from (..., n, 3) of all nodes."""
         return np.asarray(fields[..., self._used, :])
 
     def take(self, device: Device) -> bool:
-        """Go on with a device whose regions or material may have changed; whether they have."""
+        """Continue with a changed device.
+
+        Returns:
+            Whether its regions or material have changed.
+        """
         key = _key(device.regions, device.material)
         self.device = device
         if key == self._key:
@@ -95,23 +252,25 @@ class PosePreview:
         self._key = key
         self.close()
         shapes = list(device.regions.values())
-        same = all(n in self._fits and _same(s, self._fits[n]) for n, s in device.regions.items())
-        fine = self._made if same else conform_to_regions(self._made, shapes)
+        is_unchanged = all(
+            n in self._fits and _is_same_shape(s, self._fits[n]) for n, s in device.regions.items()
+        )
+        fine = self._made if is_unchanged else conform_to_regions(self._made, shapes)
         self._fine = QuadraticMesh.from_linear(fine)
-        self._low = None
+        self._coarse_mesh = None
         if self._coarse is not None:
-            self._low = QuadraticMesh.from_linear(conform_to_regions(self._coarse, shapes))
+            self._coarse_mesh = QuadraticMesh.from_linear(conform_to_regions(self._coarse, shapes))
         return True
 
     @property
     def has_coarse(self) -> bool:
-        """Whether there are coarse answers."""
+        """Whether quick coarse answers are available."""
         return self._coarse is not None
 
     def take_coarse(self, coarse: TetMesh) -> None:
-        """Give coarse answers, too, from now on."""
+        """Add a coarse mesh for quick answers."""
         self._coarse = coarse
-        self._low = QuadraticMesh.from_linear(
+        self._coarse_mesh = QuadraticMesh.from_linear(
             conform_to_regions(coarse, list(self.device.regions.values()))
         )
         self.close()
@@ -126,14 +285,20 @@ class PosePreview:
         *,
         check: bool = True,
         from_rest: bool = False,
-    ) -> Previewed:
-        """The pose at a share `amplitude` of its ramp; `on_coarse` gets displacements (v, 3) mm of
-        the surface before.
+    ) -> PreviewedPose:
+        """Solve a pose.
 
-        `stop` ends it, `newer` ends the fine answer alone; `check` finds it as exactly as builds
-        do, and looks for what is in equilibrium and yet none that a body takes; `from_rest` leads
-        there as a build does, and not from the last pose. Raises DeviceError for a pose that the
-        body cannot have.
+        Args:
+            pose: The pose.
+            amplitude: Share of its ramp.
+            on_coarse: Called with the coarse answer, displacements (v, 3) mm of the surface.
+            stop: Returns True to cancel.
+            newer: Returns True to cancel only the fine answer, when a newer pose waits.
+            check: Solve as accurately as a build, and check that the equilibrium is valid.
+            from_rest: Start from rest, as a build does, instead of the last pose.
+
+        Raises:
+            DeviceError: If the body cannot have the pose.
         """
 
         def conditions(mesh: QuadraticMesh) -> BoundaryConditions:
@@ -143,37 +308,39 @@ class PosePreview:
         goal = conditions(self._fine)
         if self._session is None or self._checked != goal.structure:
             check_constraints(self._fine, goal, pose.name)
-            self._begin(conditions)
+            self._start_session(conditions)
             self._checked = goal.structure
         assert self._session is not None
-        told = on_coarse and (lambda u: on_coarse(self.on_surface(u)))
+        report_coarse = on_coarse and (lambda u: on_coarse(self.on_surface(u)))
         tolerance = TOLERANCE if check else VISUAL_TOLERANCE
-        found = self._session.edit(conditions, told, stop, check, newer, from_rest, tolerance)
-        return self._previewed(found, amplitude)
+        equilibrium = self._session.edit(
+            conditions, report_coarse, stop, check, newer, from_rest, tolerance
+        )
+        return self._previewed(equilibrium, amplitude)
 
     def close(self) -> None:
-        """Release the factorisations."""
+        """Release the factorizations."""
         if self._session is not None:
             self._session.close()
         self._session = self._checked = None
 
-    def _begin(self, conditions: Callable[[QuadraticMesh], BoundaryConditions]) -> None:
+    def _start_session(self, conditions: Callable[[QuadraticMesh], BoundaryConditions]) -> None:
         self.close()
-        low = self._low
+        low = self._coarse_mesh
         if low is not None:
             try:
                 conditions(low)
-            except DeviceError:  # it is too coarse for the pose's regions
+            except DeviceError:  # the mesh is too coarse for the pose's regions
                 low = None
         material = Material.from_spec(self.device.material)
         self._session = InteractiveSolver(low, self._fine, material, self._threads)
 
-    def _previewed(self, found: Equilibrium, amplitude: float) -> Previewed:
+    def _previewed(self, found: Equilibrium, amplitude: float) -> PreviewedPose:
         state, centers = found.state, dict[str, Float]()
         if state is not None:
             handles = zip(state.conditions.handles, state.translations, strict=True)
             centers = {h.name: np.asarray(h.center + shift) for h, shift in handles}
-        return Previewed(
+        return PreviewedPose(
             None if found.u is None else self.on_surface(found.u),
             found.status,
             found.problem,
@@ -183,8 +350,16 @@ class PosePreview:
 
 
 def load_preview(device: Device, threads: int = 1) -> PosePreview:
-    """Of the device's build, which must have a mesh; without the coarse mesh, which takes seconds
-    where it is not kept on this machine. Raises CaptureError without a build, StorageError."""
+    """Create the preview of a built device, without the coarse mesh, which may take seconds.
+
+    Args:
+        device: The device.
+        threads: Number of threads.
+
+    Raises:
+        CaptureError: If the device is not built.
+        StorageError: If files of the build cannot be read.
+    """
     folder = finished_build(device, FILE, RECORD)
     fine, made_for = load_mesh(folder), load_region_nodes(folder)
     kept = frozenset(
@@ -195,28 +370,40 @@ def load_preview(device: Device, threads: int = 1) -> PosePreview:
     return PosePreview(device, fine, None, kept, threads)
 
 
-def coarse_mesh(device: Device, on_step: Callable[[str], None] | None = None) -> TetMesh | None:
-    """Of the device's build, for quick answers; kept on this machine. None where the body has no
-    mesh that coarse: it is to be seen soon, and not at any price. Raises CaptureError, StorageError
-    without a build."""
+def load_coarse_mesh(
+    device: Device, on_step: Callable[[str], None] | None = None
+) -> TetMesh | None:
+    """Return a coarse mesh of a built device, for quick answers; it is cached on this machine.
+
+    Args:
+        device: The device.
+        on_step: Called with a description of each step of the mesher.
+
+    Returns:
+        The mesh, or None if meshing fails at this edge length.
+
+    Raises:
+        CaptureError: If the device is not built.
+        StorageError: If files of the build cannot be read.
+    """
     folder = finished_build(device, FILE, RECORD)
     edge = load_mesh_record(folder).edge_length
-    if edge is None:  # of a device without poses, which has a mesh to look for some
+    if edge is None:  # a device without poses has a mesh only to propose some
         edge = QuadraticMesh.from_linear(load_mesh(folder)).edge_length
-    surface, edge = load_surface(folder), COARSER * edge
-    made = mesh_store.recall(surface, edge, device.mesh.time_limit)
-    if made is None:
+    surface, edge = load_surface(folder), COARSENING * edge
+    tetrahedra = mesh_store.recall(surface, edge, device.mesh.time_limit)
+    if tetrahedra is None:
         try:
-            made = tetrahedralize(surface, edge, on_step, device.mesh.time_limit)
+            tetrahedra = tetrahedralize(surface, edge, on_step, device.mesh.time_limit)
         except MeshingError:
             return None
-        mesh_store.remember(surface, edge, made)
-    return made.mesh
+        mesh_store.remember(surface, edge, tetrahedra)
+    return tetrahedra.mesh
 
 
 def _key(regions: Mapping[str, Shape], material: MaterialSpec) -> object:
     return tuple((n, repr(s)) for n, s in regions.items()), repr(material)
 
 
-def _same(a: Shape, b: Shape) -> bool:
+def _is_same_shape(a: Shape, b: Shape) -> bool:
     return repr(a) == repr(b)

@@ -1,4 +1,4 @@
-"""Straight cords by the thousand in one plane: where they find room, and what they would read."""
+"""Place thousands of straight cords in one plane, and compute their signals."""
 
 from __future__ import annotations
 
@@ -16,33 +16,51 @@ from ..search.candidates import CandidateBatch, find_feasible
 from .as_built import assumed_ends, prestretch_for
 from .design_task import DesignTask
 
-_KNOTS = 4  # control points of a straight cord, for a hand to drag
+_KNOTS = 4  # control points of a straight cord, which the user can drag
 _SAMPLES = 24  # of a path, for its depth
-_INSIDE = 2.0  # mm that a path's ends lie below the skin; its channel runs on straight
+_END_DEPTH_MM = 2.0  # of a path's ends below the skin; its channel continues straight
 
 
 class StraightCords:
-    """Cords of a device in one `plane`, beside the `sensors` that there are."""
+    """Straight cords of a device in one plane, next to its present cords.
+
+    Args:
+        task: Design task of the device.
+        plane: The plane.
+        sensors: The present cords.
+
+    Attributes:
+        plane: The same plane.
+    """
 
     def __init__(self, task: DesignTask, plane: Plane, sensors: Sequence[Sensor]) -> None:
         self._task, self.plane = task, plane
         self._others = [sample_path(sensor) for sensor in sensors]
         problem = task.everything
-        # Held cords answer to their mean strain, bonded ones with the mean of their answers.
+        # Held cords respond to their mean strain, bonded ones with the mean of local responses.
         bonded = task.fabrication.assembly == "bonded"
         response = task.reading.response if bonded else Response.line(1.0)
         self._bonded = bonded
         self._carrier = CordCarrier(problem.locator, problem.fields, SignalModel(response, bonded))
 
     def directions(self, count: int) -> Float:
-        """Unit directions (count, 3) evenly over half a turn, the plane's x first."""
+        """Return unit directions (count, 3) evenly over half a turn, the plane's x axis first."""
         angle = np.pi * np.arange(count) / count
         return np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.plane.axes[:, :2].T
 
     def short(self, points: Float, directions: Float, length: float) -> tuple[Float, Bool]:
-        """Ends (k, 2, 3) mm of cords of a `length` mm through points (k, 3) along unit directions
-        (k, 3), and which of them (k,) keep their wall and distances: the point is in the middle, or
-        as near to it as the skin allows. Their ends lie inside the body."""
+        """Place cords of a given length whose ends lie inside the body.
+
+        The point is in the middle of the cord, or as close to it as the skin allows.
+
+        Args:
+            points: Points (k, 3) mm.
+            directions: Unit directions (k, 3).
+            length: Length of the cords, mm.
+
+        Returns:
+            Ends (k, 2, 3) mm, and which cords (k,) keep their wall and distances.
+        """
         problem, depth = self._task.everything, self._task.design.limits.depth
         back, ahead = (
             np.minimum(problem.grid.exits(points, s * directions, length + depth), length + depth)
@@ -58,13 +76,20 @@ class StraightCords:
         return ends, good
 
     def through(self, points: Float, directions: Float) -> tuple[Float, Bool]:
-        """Ends (k, 2, 3) mm of cords from skin to skin, and which of them (k,) can be made: they
-        keep wall, length, and distance from the others."""
+        """Place cords from skin to skin.
+
+        Args:
+            points: Points (k, 3) mm.
+            directions: Unit directions (k, 3).
+
+        Returns:
+            Ends (k, 2, 3) mm, and which cords (k,) keep their wall, length and distances.
+        """
         problem = self._task.everything
         longest = float(np.linalg.norm(np.ptp(problem.surface.bounds, axis=0)))
         back, ahead = (problem.grid.exits(points, s * directions, longest) for s in (-1.0, 1.0))
-        good = np.isfinite(back + ahead) & (back + ahead > 4 * _INSIDE)
-        along = np.stack([_INSIDE - back, ahead - _INSIDE], axis=1)
+        good = np.isfinite(back + ahead) & (back + ahead > 4 * _END_DEPTH_MM)
+        along = np.stack([_END_DEPTH_MM - back, ahead - _END_DEPTH_MM], axis=1)
         along[~good] = [0.0, 1.0]
         ends = points[:, None] + along[..., None] * directions[:, None]
         limits = self._task.design.limits
@@ -75,37 +100,45 @@ class StraightCords:
         return ends, good
 
     def read(self, ends: Float) -> tuple[Float, Float]:
-        """Signals (n, k) in all states, rest first, and noise (k,), of cords with ends (k, 2, 3):
-        those that `assumed_cords` gives for each of them."""
+        """Compute the signals of cords, equal to those of `assumed_cords`.
+
+        Args:
+            ends: Ends (k, 2, 3) mm.
+
+        Returns:
+            Signals (n, k) in all states, rest first, and noise (k,).
+        """
         task = self._task
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         hidden, series = np.array([assumed_ends(task, x) for x in length]).reshape(-1, 2).T
         share = (hidden / length)[:, None, None]
         stretched = ends * (1 - share) + ends[:, ::-1] * share
         count = (_KNOTS - 1) * per_span_for_signal(self._curve(ends[0])) + 1 if len(ends) else 2
-        answers = self._carrier.signals(_lines(stretched, count))
+        responses = self._carrier.signals(_lines(stretched, count))
         length = length - 2 * hidden
         conducting = np.empty(len(ends))
-        for prestretch, own in self._by_prestretch(answers):
+        for prestretch, members in self._by_prestretch(responses):
             if prestretch is not None:
-                answers[:, own] = held_response(task.reading.response, prestretch)(answers[:, own])
-            conducting[own] = task.reading.conducting_length(1.0, prestretch) * length[own]
-        signals = answers * conducting / (conducting + series)
+                responses[:, members] = held_response(task.reading.response, prestretch)(
+                    responses[:, members]
+                )
+            conducting[members] = task.reading.conducting_length(1.0, prestretch) * length[members]
+        signals = responses * conducting / (conducting + series)
         noise = task.reading.noise_at(task.reading.ohm_per_mm * (conducting + series))
         return np.concatenate([np.zeros((1, len(ends))), signals]), noise
 
     def sensor(self, name: str, ends: Float) -> Sensor:
-        """The cord between ends (2, 3)."""
+        """Return the cord between two ends (2, 3) mm."""
         return Sensor(name, self.plane, self._curve(ends), frozenset({"path"}))
 
     def _by_prestretch(self, strain: Float) -> list[tuple[float | None, Int]]:
-        """Cords by how far they are stretched as they are laid, None for bonded ones."""
+        """Group cords by their pre-stretch, None for bonded cords."""
         everyone = np.arange(strain.shape[1])
         if self._bonded:
             return [(None, everyone)]
-        given = self._task.fabrication.prestretch
-        if given is not None:
-            return [(given, everyone)]
+        prestretch = self._task.fabrication.prestretch
+        if prestretch is not None:
+            return [(prestretch, everyone)]
         each = np.array([prestretch_for(column) for column in strain.T])
         return [(float(p), np.flatnonzero(each == p)) for p in np.unique(each)]
 
@@ -124,7 +157,7 @@ class StraightCords:
         return CandidateBatch(like, origins, axes, points, catmull_rom(points))
 
     def _clear(self, ends: Float) -> Bool:
-        """Which (k,) keep their distance from the cords that there are."""
+        """Return which cords (k,) keep their distance from the present cords."""
         need = self._task.design.limits.clearance
         way = ends[:, 1] - ends[:, 0]
         square = (way**2).sum(axis=1)[:, None]
@@ -139,6 +172,6 @@ class StraightCords:
 
 
 def _lines(ends: Float, count: int) -> Float:
-    """Points (k, count, d), evenly from end to end (k, 2, d)."""
+    """Return points (k, count, d), evenly spaced from end to end (k, 2, d)."""
     share = np.linspace(0.0, 1.0, count)[:, None]
     return np.asarray(ends[:, :1] * (1 - share) + ends[:, 1:] * share)

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from defsense_fab.optimize.prediction.body_section import BodySection, directions_along, Quantity
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.optimize.prediction.body_section import BodySection, Quantity, directions_along
 from tests.conftest import box_surface
+from tests.support.errors import raises
 
 A = np.array([[0.10, 0.20, 0.00], [0.00, -0.05, 0.03], [0.02, 0.00, 0.04]])
 B = np.array([[-0.08, 0.00, 0.05], [0.10, 0.00, 0.00], [0.00, 0.06, 0.12]])
@@ -86,11 +87,13 @@ def test_half_a_body_lies_behind_the_plane(body):
 
 def test_a_plane_that_misses_is_told_by_how_much(body):
     beyond = Plane.from_normal(np.array([0, 0, 9.0]), np.eye(3)[2], np.eye(3)[0])
-    with pytest.raises(LayoutError, match=r"misses the body; move it by 4.0 mm or more against"):
+    with raises(LayoutError, "plane-misses-body") as caught:
         body.cut(beyond)
+    assert caught.value.data["distance"] == pytest.approx(-4.0)
     below = Plane.from_normal(np.array([-17.0, 0, 0]), np.eye(3)[0], np.eye(3)[1])
-    with pytest.raises(LayoutError, match=r"move it by 2.0 mm or more along its normal"):
+    with raises(LayoutError, "plane-misses-body") as caught:
         body.cut(below)
+    assert caught.value.data["distance"] == pytest.approx(2.0)
 
 
 def test_directions_follow_a_cord():

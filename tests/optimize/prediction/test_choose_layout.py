@@ -4,12 +4,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from defsense_fab.optimize.prediction import choose_layout as module
-from defsense_fab.optimize.prediction.choose_layout import choose_layout, different
 from scipy.spatial.transform import Rotation
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import FabricationError
+from defsense_fab.optimize.prediction import choose_layout as module
+from defsense_fab.optimize.prediction.choose_layout import choose_layout, drop_duplicates
 from defsense_fab.optimize.refinement.refine import OptimizedLayout
 
 
@@ -53,7 +53,7 @@ def weigh(monkeypatch, bar):
         monkeypatch.setattr(module, "fabricate", fabricate)
         monkeypatch.setattr(
             module,
-            "as_made",
+            "score_channels",
             lambda task, channels: SimpleNamespace(
                 prediction=SimpleNamespace(unseen=channels[0].built), cords=()
             ),
@@ -63,14 +63,14 @@ def weigh(monkeypatch, bar):
             if len(made.parts) in locks:
                 raise FabricationError(f"mould of {len(made.parts)} parts locks")
 
-        monkeypatch.setattr(module, "with_relief", lambda device, *_: (device, []))
-        monkeypatch.setattr(module, "overstretched", lambda *_: [])
+        monkeypatch.setattr(module, "decide_strain_relief", lambda device, *_: (device, []))
+        monkeypatch.setattr(module, "find_overstretched_cords", lambda *_: [])
         monkeypatch.setattr(module, "mould_rules", lambda device: None)
         monkeypatch.setattr(module, "check_openings", lambda made, rules: None)
         monkeypatch.setattr(module, "make_moulds", moulds)
         monkeypatch.setattr(
             module,
-            "_designed",
+            "_score_design",
             lambda task, one: SimpleNamespace(prediction=SimpleNamespace(unseen=one.rmse)),
         )
         fabrication = SimpleNamespace(pockets=True, kind=kind)
@@ -143,7 +143,7 @@ def test_slivers_come_last_and_one_layout_counts_once(straight):
         layout(straight, 0.5 * (1 + 1e-6), 2),
         layout(straight, 0.5, 1),
     ]
-    assert [(f.rmse, f.slivers) for f in different(found)] == [
+    assert [(f.rmse, f.slivers) for f in drop_duplicates(found)] == [
         (0.5, False),
         (0.5, False),
         (0.4, True),

@@ -5,18 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from defsense_fab.store.layout import (
-    CordPath,
-    load_layout,
-    load_prediction,
-    save_layout,
-    WeighedRecord,
-)
-from defsense_fab.store.layout import load_weighed, save_weighed, WeighedCords
-from defsense_fab.optimize.prediction.compare_layouts import FULL, SIMPLE, weighed_layouts
-from defsense_fab.optimize.prediction.choose_layout import preferred
 
 from defsense_fab.core.errors import StorageError
+from defsense_fab.optimize.prediction.choose_layout import prefer_layout
+from defsense_fab.optimize.prediction.compare_layouts import FULL, SIMPLE, load_tried_layouts
+from defsense_fab.store.layout import (
+    CordPath,
+    WeighedCords,
+    WeighedRecord,
+    load_layout,
+    load_prediction,
+    load_weighed,
+    save_layout,
+    save_weighed,
+)
 from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar = small_bar_fixture
@@ -36,9 +38,9 @@ TRIALS = (
 
 
 def test_the_simplest_of_those_as_good_is_preferred_or_the_best():
-    assert preferred(TRIALS, "simple") is TRIALS[2]
-    assert preferred(TRIALS, "accuracy") is TRIALS[0]
-    assert preferred(TRIALS[1:2], "simple") is None
+    assert prefer_layout(TRIALS, "simple") is TRIALS[2]
+    assert prefer_layout(TRIALS, "accuracy") is TRIALS[0]
+    assert prefer_layout(TRIALS[1:2], "simple") is None
 
 
 @pytest.fixture
@@ -52,7 +54,7 @@ def built(small_bar, tmp_path):
 
 
 def test_all_layouts_that_were_weighed_are_there(built):
-    found = weighed_layouts(built)
+    found = load_tried_layouts(built)
     assert [one.name for one in found] == [FULL, "other 2", SIMPLE, "other 4", "other 5"]
     assert [one.error for one in found] == [0.50, 0.4, 0.52, 0.51, 0.60]
     assert found[1].problem == "too short"
@@ -65,7 +67,7 @@ def test_all_layouts_that_were_weighed_are_there(built):
 
 def test_of_builds_before_the_chosen_one_is_there(built):
     (built / "layouts.json").unlink()
-    (one,) = weighed_layouts(built)
+    (one,) = load_tried_layouts(built)
     assert (one.name, one.error, one.parts) == ("optimised", 0.52, 4)
     assert [s.name for s in one.sensors] == ["cord_1", "cord_2"]
     with pytest.raises(StorageError, match="build the device again"):

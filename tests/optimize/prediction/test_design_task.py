@@ -5,13 +5,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from defsense_fab.optimize.prediction.as_built import assumed_ends
-from defsense_fab.optimize.prediction.design_task import decoders, limits, sensing
 
 from defsense_fab.core.device.device import DECODERS
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.decoding.expected_errors import LEFT_OUT, NONE
+from defsense_fab.optimize.prediction.as_built import assumed_ends
+from defsense_fab.optimize.prediction.design_task import (
+    candidate_decoders,
+    layout_limits,
+    signal_model,
+)
+from tests.support.errors import raises
 from tests.support.places import DEVICES
 
 
@@ -26,40 +31,39 @@ def with_(device, **fabrication):
 
 def test_channels_are_long_enough_for_the_stretch_between_two_ends(bar):
     """20 mm, and two pockets of 7 mm; bends are left out where they leave too little."""
-    assert limits(bar).shortest == pytest.approx(20 + 2 * 7)
-    assert limits(with_(bar, strain_relief=True)).shortest > 40
-    assert limits(with_(bar, pockets=False)).shortest == 20
-    assert np.isinf(limits(bar).longest)
+    assert layout_limits(bar).shortest == pytest.approx(20 + 2 * 7)
+    assert layout_limits(with_(bar, strain_relief=True)).shortest > 40
+    assert layout_limits(with_(bar, pockets=False)).shortest == 20
+    assert np.isinf(layout_limits(bar).longest)
 
 
 def test_where_no_state_is_unseen_no_decoder_is_chosen_by_its_fit(bar):
     left = SimpleNamespace(unseen=SimpleNamespace(how=LEFT_OUT))
     none = SimpleNamespace(unseen=SimpleNamespace(how=NONE))
-    assert decoders(bar, left) == DECODERS
-    assert decoders(bar, none) == ("affine",)
-    assert decoders(replace(bar, decoder="kernel"), none) == ("kernel",)
+    assert candidate_decoders(bar, left) == DECODERS
+    assert candidate_decoders(bar, none) == ("affine",)
+    assert candidate_decoders(replace(bar, decoder="kernel"), none) == ("kernel",)
 
 
 def test_pieces_reach_as_far_as_the_cut_list_says(bar):
     """A piece of 100 mm: 5 mm of slack, half a ferrule in each of two pockets of 7 mm. It reaches
     further as it is stretched, where that is known; by 6 % about, where it is not."""
     short = replace(bar, cord=replace(bar.cord, lengths=(60.0, 100.0)))
-    assert limits(short).longest == pytest.approx(100 - 5 - 7 + 2 * 7)
-    assert limits(short).shortest == pytest.approx(1.06 * (60 - 5 - 7) + 2 * 7)
-    given = limits(with_(short, prestretch=0.1))
+    assert layout_limits(short).longest == pytest.approx(100 - 5 - 7 + 2 * 7)
+    assert layout_limits(short).shortest == pytest.approx(1.06 * (60 - 5 - 7) + 2 * 7)
+    given = layout_limits(with_(short, prestretch=0.1))
     assert given.longest == pytest.approx(1.1 * (100 - 5 - 7) + 2 * 7)
     assert given.shortest == pytest.approx(1.1 * (60 - 5 - 7) + 2 * 7)
-    bonded = limits(with_(short, assembly="bonded"))
+    bonded = layout_limits(with_(short, assembly="bonded"))
     assert bonded.shortest == pytest.approx(60 - 5 - 7 + 2 * 7)
-    assert limits(with_(short, pockets=False)).longest == 100 - 5 - 7 - 2 * 20
-    with pytest.raises(
-        DeviceError, match=r"cord.length: pieces of up to 30 mm reach through .* 32"
-    ):
-        limits(replace(bar, cord=replace(bar.cord, lengths=(0.0, 30.0))))
+    assert layout_limits(with_(short, pockets=False)).longest == 100 - 5 - 7 - 2 * 20
+    with raises(DeviceError, "cord-pieces-too-short", piece=30.0) as caught:
+        layout_limits(replace(bar, cord=replace(bar.cord, lengths=(0.0, 30.0))))
+    assert caught.value.data["needed"] == pytest.approx(34.0)
 
 
 def test_how_cords_sense_before_they_have_ends(bar):
-    model, noise = sensing(bar)
+    model, noise = signal_model(bar)
     assert not model.local
     assert (model.hidden, model.series) == (pytest.approx(11.45 - 2, abs=0.5), 0)
     assert noise == pytest.approx(0.002, rel=0.02)
@@ -67,12 +71,12 @@ def test_how_cords_sense_before_they_have_ends(bar):
     assert model.contact == pytest.approx(np.sqrt(2) / 14.5 / noise / (1.12 / 1.06))
     e = np.array([-0.03, 0.05])
     assert model.response(e) == pytest.approx(2 * 1.06 / 1.12 * e)
-    slack, _ = sensing(with_(bar, prestretch=0.0))
+    slack, _ = signal_model(with_(bar, prestretch=0.0))
     assert slack.response(e) == pytest.approx([0, 0.1])
-    bonded, _ = sensing(with_(bar, assembly="bonded"))
+    bonded, _ = signal_model(with_(bar, assembly="bonded"))
     assert bonded.local
     assert bonded.response(e) == pytest.approx(2 * e)
-    free, _ = sensing(with_(bar, pockets=False, assembly="bonded"))
+    free, _ = signal_model(with_(bar, pockets=False, assembly="bonded"))
     assert (free.hidden, free.series) == (0, 44)
 
 

@@ -4,12 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.optimize.prediction.body_section import BodySection
-from defsense_fab.optimize.prediction.layout_judge import LayoutJudge
-from defsense_fab.optimize.prediction.next_cord import AddedCord, next_cord, sensor_of, shortest
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.optimize.prediction.body_section import BodySection
+from defsense_fab.optimize.prediction.layout_judge import LayoutJudge
+from defsense_fab.optimize.prediction.next_cord import (
+    AddedCord,
+    best_sensor,
+    map_next_cord,
+    shortest_cord,
+)
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
 from tests.twin.conftest import small_bar as small_bar_fixture
 
@@ -28,7 +33,7 @@ def section_of(judge):
 
 
 def found_on(judge, sensors, length):
-    *_, found = next_cord(judge, section_of(judge), PLANE, sensors, length)
+    *_, found = map_next_cord(judge, section_of(judge), PLANE, sensors, length)
     assert found.fine
     assert found.share == 1.0
     return found
@@ -47,7 +52,7 @@ def test_drops_are_those_of_the_judge(device, live_bar, assembly, length):
     some = np.flatnonzero(np.isfinite(found.drop))
     assert len(some) > 20
     for at in [found.best, *some[:: len(some) // 4]]:
-        cord = sensor_of(found, at, "next", judge)
+        cord = best_sensor(found, at, "next", judge)
         judged = judge.judge((*sensors, cord), quick=True)
         assert found.error - found.drop[at] == pytest.approx(judged.error, rel=1e-6)
     assert found.best_drop == np.nanmax(found.drop) > 0.01
@@ -56,7 +61,7 @@ def test_drops_are_those_of_the_judge(device, live_bar, assembly, length):
 def test_one_decoder_alone_and_no_cord_yet(device, live_bar):
     judge = LayoutJudge(replace(device, decoder="affine"), live_bar.folder / "build")
     found = found_on(judge, (), 36.0)
-    cord = sensor_of(found, found.best, "next", judge)
+    cord = best_sensor(found, found.best, "next", judge)
     judged = judge.judge((cord,))
     assert judged.decoder == "affine"
     assert found.error - found.best_drop == pytest.approx(judged.error, rel=1e-6)
@@ -75,8 +80,8 @@ def test_a_quadratic_decoder_stands_in_for_a_slow_one(device, live_bar):
 def test_a_cord_that_can_be_made_breaks_no_limit(device, live_bar):
     judge = LayoutJudge(device, live_bar.folder / "build")
     found = found_on(judge, device.sensors, None)
-    cord = sensor_of(found, found.best, "next", judge)
-    assert judge.check((*device.sensors, cord)).problems == ()
+    cord = best_sensor(found, found.best, "next", judge)
+    assert judge.check((*device.sensors, cord)).violations == ()
     # Where it lies there is no room for another.
     again = found_on(judge, (*device.sensors, cord), None)
     at = found.points[found.best]
@@ -101,7 +106,7 @@ def test_a_short_cord_lies_deep_enough_and_holds_its_point(device, live_bar):
 def test_who_stops_asking_has_a_coarse_map_first(device, live_bar):
     judge = LayoutJudge(device, live_bar.folder / "build")
     shares = []
-    for found in next_cord(judge, section_of(judge), PLANE, device.sensors, 36.0):
+    for found in map_next_cord(judge, section_of(judge), PLANE, device.sensors, 36.0):
         shares.append(found.share)
         if found.share == 1.0:
             break
@@ -112,4 +117,4 @@ def test_who_stops_asking_has_a_coarse_map_first(device, live_bar):
 
 def test_short_is_what_the_limits_allow(device, live_bar):
     judge = LayoutJudge(device, live_bar.folder / "build")
-    assert shortest(judge.task) == np.ceil(judge.task.design.limits.shortest) == 34.0
+    assert shortest_cord(judge.task) == np.ceil(judge.task.design.limits.shortest) == 34.0

@@ -7,19 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from defsense_fab.store.fields import load_levels
-from defsense_fab.store.mesh import load_mesh, load_mesh_record, load_region_nodes, save_mesh
-from defsense_fab.workflow.build import stage_simulate
-from defsense_fab.optimize.prediction import pose_preview
-from defsense_fab.optimize.prediction.pose_preview import coarse_mesh, load_preview, PosePreview
-from defsense_fab.optimize.prediction.pose_preview import followed_ramp, simulated_ramp, unreached
 
 from defsense_fab.core.device.device import PointDrag
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.device.regions import Box
 from defsense_fab.core.errors import CaptureError, DeviceError, SolveError
 from defsense_fab.mechanics.solver.load_stepping import Status
+from defsense_fab.optimize.prediction import pose_preview
+from defsense_fab.optimize.prediction.pose_preview import (
+    PosePreview,
+    follow_ramp,
+    load_coarse_mesh,
+    load_preview,
+    load_ramp,
+    unreached_message,
+)
+from defsense_fab.store.fields import load_levels
+from defsense_fab.store.mesh import load_mesh, load_mesh_record, load_region_nodes, save_mesh
+from defsense_fab.workflow.build import stage_simulate
 from tests.conftest import structured_bar
+from tests.support.errors import raises
 from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar = small_bar_fixture
@@ -108,7 +115,9 @@ def test_a_pose_that_cannot_be_solved_says_how_far_it_came_and_leaves_the_last(s
     assert failed.moved is None
     assert failed.status is Status.NOT_REACHED
     assert 0 < failed.share < 0.5
-    assert "`bend` cannot be solved beyond 12% of its ramp: lower" in unreached("bend", 0.12)
+    assert "`bend` cannot be solved beyond 12% of its ramp: lower" in unreached_message(
+        "bend", 0.12
+    )
     again = preview.edit(bend)
     assert np.abs(again.moved - before.moved).max() < CLOSE
 
@@ -128,11 +137,11 @@ def test_what_is_stopped_leaves_the_last_and_a_newer_one_only_the_fine_answer(si
 
 def test_a_pose_that_the_body_cannot_have_is_refused(simulated, preview):
     bend = simulated.poses[0]
-    with pytest.raises(DeviceError, match="the body can still"):
+    with raises(DeviceError, "body-not-held", pose=bend.name):
         preview.edit(replace(bend, fixed=()))
     wide = Box(np.array([-1.0, -16, -16]), np.array([142.0, 16, 16]))
     preview.take(replace(simulated, regions={**simulated.regions, "base": wide}))
-    with pytest.raises(DeviceError, match="overlap"):
+    with raises(DeviceError, "regions-overlap"):
         preview.edit(bend)
 
 
@@ -155,7 +164,7 @@ def test_the_mesh_follows_regions_as_a_build_would_mesh_them(simulated, preview)
 def test_a_ramp_comes_from_the_build_as_long_as_it_is_of_this_pose(simulated, preview):
     folder, bend = simulated.source / "build", simulated.poses[0]
     full = preview.edit(bend).moved
-    ramp = simulated_ramp(folder, preview, bend, full)
+    ramp = load_ramp(folder, preview, bend, full)
     assert ramp.simulated
     assert ramp.shares.tolist() == [0.25, 0.5, 0.75, 1.0]
     assert np.abs(ramp.at(1.0) - full).max() < CLOSE
@@ -163,9 +172,9 @@ def test_a_ramp_comes_from_the_build_as_long_as_it_is_of_this_pose(simulated, pr
     solved = preview.edit(bend, 0.6).moved
     assert np.abs(ramp.at(0.6) - solved).max() < 0.002 * np.abs(solved).max()
     other = turned(bend, 31)
-    assert simulated_ramp(folder, preview, other, preview.edit(other).moved) is None
+    assert load_ramp(folder, preview, other, preview.edit(other).moved) is None
     new = replace(bend, name="new")
-    assert simulated_ramp(folder, preview, new, full) is None
+    assert load_ramp(folder, preview, new, full) is None
 
 
 def test_a_ramp_leaves_out_what_lies_before_rest_and_beyond_the_pose(
@@ -176,7 +185,7 @@ def test_a_ramp_leaves_out_what_lies_before_rest_and_beyond_the_pose(
     levels = load_levels(folder, bend.name)
     more = {-0.5: -levels[0.5], **levels, 1.2: 1.2 * levels[1.0]}
     monkeypatch.setattr(pose_preview, "load_levels", lambda *_: more)
-    ramp = simulated_ramp(folder, preview, bend, preview.edit(bend).moved)
+    ramp = load_ramp(folder, preview, bend, preview.edit(bend).moved)
     assert ramp.shares.tolist() == [0.25, 0.5, 0.75, 1.0]
     assert np.abs(ramp.at(0.0)).max() == 0
 
@@ -185,20 +194,22 @@ def test_a_ramp_that_no_build_has_is_followed_from_rest(simulated, preview):
     bend = turned(simulated.poses[0], 40)
     full = preview.edit(bend).moved
     seen = []
-    ramp = followed_ramp(preview, bend, full, None, lambda share, _: seen.append(share))
+    ramp = follow_ramp(preview, bend, full, None, lambda share, _: seen.append(share))
     assert seen == [0.2, 0.4, 0.6, 0.8, 1.0]
     assert not ramp.simulated
     assert ramp.remark == ""
     assert np.abs(ramp.at(1.0) - full).max() < 1e-3
-    elsewhere = followed_ramp(preview, bend, full + 5.0)
-    assert "more than one equilibrium" in elsewhere.remark
-    assert followed_ramp(preview, bend, stop=lambda: True) is None
+    elsewhere = follow_ramp(preview, bend, full + 5.0)
+    assert elsewhere.code == "other-equilibrium"
+    assert follow_ramp(preview, bend, stop=lambda: True) is None
     crushed = replace(bend.handles[0], rotation=np.zeros(3), translation=np.array([-400.0, 0, 0]))
-    with pytest.raises(SolveError, match=r"`bend_up` cannot be solved beyond 1\d% of its ramp"):
-        followed_ramp(preview, replace(bend, handles=(crushed,)))
+    with raises(SolveError, "pose-not-reached", pose="bend_up") as caught:
+        follow_ramp(preview, replace(bend, handles=(crushed,)))
+    assert 0.1 <= caught.value.data["share"] < 0.2
     less = replace(crushed, translation=np.array([-100.0, 0, 0]))
-    short = followed_ramp(preview, replace(bend, handles=(less,)))
-    assert short.remark.startswith("the ramp ends at 60%")
+    short = follow_ramp(preview, replace(bend, handles=(less,)))
+    assert short.code == "ramp-incomplete"
+    assert short.shares[-1] == pytest.approx(0.6)
 
 
 def test_without_a_mesh_there_is_no_preview(simulated, tmp_path):
@@ -207,10 +218,10 @@ def test_without_a_mesh_there_is_no_preview(simulated, tmp_path):
 
 
 def test_the_coarse_mesh_has_fewer_tets_and_is_kept(simulated, monkeypatch):
-    made = coarse_mesh(simulated)
+    made = load_coarse_mesh(simulated)
     assert len(made.tets) < len(load_mesh(simulated.source / "build").tets)
     monkeypatch.setattr("defsense_fab.optimize.prediction.pose_preview.tetrahedralize", None)
-    assert coarse_mesh(simulated).digest == made.digest
+    assert load_coarse_mesh(simulated).digest == made.digest
 
 
 def test_nodes_of_regions_are_read_back(simulated):

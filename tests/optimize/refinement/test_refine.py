@@ -24,10 +24,10 @@ from defsense_fab.optimize.search.candidate_families import vary_sensor
 from defsense_fab.optimize.search.candidates import Pool
 from defsense_fab.optimize.search.starting_layouts import select_candidates
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
-from defsense_fab.sensing.response import mean_strain, build_response, cord_signals
-from tests.support.errors import raises
+from defsense_fab.sensing.response import build_response, cord_signals, mean_strain
 from tests.optimize.conftest import LIMITS
 from tests.sensing.reference import signal_gradient
+from tests.support.errors import raises
 
 
 @pytest.mark.parametrize("decoder", DECODERS)

@@ -7,7 +7,7 @@ import pytest
 
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom, sample_path
 from defsense_fab.core.device.device import Sensor
-from defsense_fab.optimize.refinement.refine import round_layout, optimize_layout
+from defsense_fab.optimize.refinement.refine import optimize_layout, round_layout
 
 
 @pytest.fixture

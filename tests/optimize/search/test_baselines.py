@@ -13,8 +13,8 @@ from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
 from defsense_fab.optimize.search.baselines import manual_layout, middle_plane, visual_layout
 from tests.conftest import box_surface, structured_bar
-from tests.support.errors import raises
 from tests.optimize import exact
+from tests.support.errors import raises
 
 
 @pytest.fixture(scope="module")

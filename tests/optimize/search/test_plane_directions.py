@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.mesh import Surface
 from defsense_fab.optimize.refinement.refine import optimize_layout
-from defsense_fab.optimize.search.plane_directions import face_directions, count_slanted
+from defsense_fab.optimize.search.plane_directions import count_slanted, face_directions
 
 
 def surface(mesh: trimesh.Trimesh) -> Surface:

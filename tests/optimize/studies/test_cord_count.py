@@ -8,9 +8,9 @@ import pytest
 from defsense_fab.core.curve import distinct_planes
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
-from defsense_fab.optimize.studies.cord_count import layouts_by_count, find_knee, add_cord
-from tests.support.errors import raises
+from defsense_fab.optimize.studies.cord_count import add_cord, find_knee, layouts_by_count
 from tests.optimize.conftest import LIMITS
+from tests.support.errors import raises
 
 
 def quiet(fraction, message):

@@ -52,7 +52,9 @@ def built(problem, layout, rng):
         path = sample_path(sensor) + rng.uniform(-0.3, 0.3, (1, 3)) * [0, 1, 1]
         at = problem.locator.find(path)
         u = problem.locator.displacement(at, amplitude[:, None, None] * problem.fields)
-        columns.append((1 + rng.normal(0, 0.05)) * cord_signals(path, path + u, problem.sense.response))
+        columns.append(
+            (1 + rng.normal(0, 0.05)) * cord_signals(path, path + u, problem.sense.response)
+        )
     S = np.concatenate([np.zeros((1, 2)), np.stack(columns, axis=1)])
     markers = problem.markers * np.concatenate([[1], amplitude])[:, None, None]
     shown = rng.integers(len(S), size=2000)
