@@ -14,7 +14,8 @@ from ..core.device.build_folder import BUILD_AGAIN
 from ..core.errors import StorageError
 from ..core.mesh import TetMesh
 from ..core.storage import typed_json
-from ..geometry.bodies.meshing.tetrahedra import FTETWILD, MeshedSurface
+from ..geometry.bodies.meshing.meshers import FTETWILD
+from ..geometry.bodies.meshing.tetrahedra import MeshedSurface
 from .vtu_file import read_vtu
 
 FILE, RECORD = "mesh.vtu", "mesh.json"

@@ -63,12 +63,13 @@ def make_cad_solid(
             lies far from the origin, or has cavities that may not be filled.
     """
     if len(solids) != 1:
-        found = "; ".join(
+        descriptions = "; ".join(
             f"{occ.volume(s):.3g} mm3 around {describe_point(occ.centroid(s))}" for s in solids[:5]
         )
         more = f" and {len(solids) - 5} more" if len(solids) > 5 else ""
         raise BodyError(
-            f"gives {len(solids)} solids instead of one" + (f": {found}{more}" if solids else ""),
+            f"gives {len(solids)} solids instead of one"
+            + (f": {descriptions}{more}" if solids else ""),
             code="not-one-solid",
             where=where,
             action="Fuse the solids or remove all but one",

@@ -125,7 +125,7 @@ def repair_mesh(
         BodyError: As `read_mesh`.
     """
     size = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
-    vertices, faces, done = clean_triangles(vertices, faces, size)
+    vertices, faces, sentences = clean_triangles(vertices, faces, size)
     if len(faces) == 0:
         raise BodyError(
             "encloses no volume",
@@ -135,9 +135,9 @@ def repair_mesh(
         )
     oriented = orient_faces(faces)
     if (oriented != faces).any():
-        done.append("turned inconsistent faces")
+        sentences.append("turned inconsistent faces")
     vertices, faces, closings = close_holes(vertices, oriented, size, where)
-    done += closings
+    sentences += closings
     if closings:
         faces = orient_faces(faces)
     at, replaced = vertices[faces[0, 0]], 0
@@ -146,11 +146,11 @@ def repair_mesh(
         if isinstance(sheets, tuple):
             if replaced:
                 count = format_count(replaced, "triangle")
-                done.append(
+                sentences.append(
                     f"replaced {count} at edges that have more than two, near {describe_point(at)}"
                 )
             v, f, notes = make_one_solid(*sheets[:2], size, where, fill_cavities)
-            return v, f, done + sheets[2] + notes
+            return v, f, sentences + sheets[2] + notes
         # Triangles that cannot be joined to others are removed, and the holes are filled.
         is_removed = sheets
         at = vertices[faces[is_removed][0]].mean(0)
@@ -164,4 +164,4 @@ def repair_mesh(
         faces = orient_faces(faces)
     problem = f"edges have more than two faces, one near {describe_point(at)}"
     v, f, notes = rebuild_solid(vertices, faces, size, where, problem, fill_cavities)
-    return v, f, done + notes
+    return v, f, sentences + notes

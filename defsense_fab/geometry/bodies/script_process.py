@@ -82,7 +82,7 @@ class OpenedFiles:
         self._thread_state = threading.local()
 
     def __call__(self, event: str, args: tuple[Any, ...]) -> None:
-        if not self.is_active or getattr(self._thread_state, "busy", False):
+        if not self.is_active or getattr(self._thread_state, "is_recording", False):
             return
         if event == "open":
             name, _, flags = args

@@ -33,11 +33,11 @@ class ScriptText:
     @property
     def digest(self) -> str:
         """SHA-256 of all files with their names."""
-        whole = hashlib.sha256()
+        hasher = hashlib.sha256()
         for name, content in self.files:
             for part in (name.encode(errors="surrogateescape"), content):
-                whole.update(len(part).to_bytes(8, "little") + part)
-        return whole.hexdigest()
+                hasher.update(len(part).to_bytes(8, "little") + part)
+        return hasher.hexdigest()
 
 
 def read_script(path: Path) -> ScriptText:
@@ -73,14 +73,14 @@ def read_script(path: Path) -> ScriptText:
 
 def _find_importable(folder: Path) -> list[str]:
     """Return the modules of a folder, and all files of its packages."""
-    found = []
+    names = []
     for entry in folder.iterdir():
         if entry.suffix in MODULE_SUFFIXES and entry.is_file():
-            found.append(entry.name)
+            names.append(entry.name)
         elif any((entry / f"__init__{suffix}").is_file() for suffix in MODULE_SUFFIXES):
             inside = [p for p in entry.rglob("*") if p.suffix in MODULE_SUFFIXES and p.is_file()]
-            found += [p.relative_to(folder).as_posix() for p in inside]
-    return found
+            names += [p.relative_to(folder).as_posix() for p in inside]
+    return names
 
 
 def _find_imports(folder: Path, importer: str, content: bytes) -> list[str]:
@@ -100,12 +100,12 @@ def _find_imports(folder: Path, importer: str, content: bytes) -> list[str]:
             base = parents[min(node.level, len(parents)) - 1] if node.level else Path()
             place = base.joinpath(*(node.module or "").split("."))
             modules |= {place, *(place / alias.name for alias in node.names)}
-    found = []
+    files = []
     for module in modules:
         places = (module, *module.parents)[:-1]
         names = [n for p in places for n in (p / "__init__.py", p.parent / f"{p.name}.py")]
-        found += [n.as_posix() for n in names if (folder / n).is_file()]
-    return sorted(found)
+        files += [n.as_posix() for n in names if (folder / n).is_file()]
+    return sorted(files)
 
 
 Kind = Literal["number", "whole", "switch", "text", "choice", "other"]
@@ -173,15 +173,15 @@ def read_parameters(path: Path, given: Mapping[str, Any]) -> tuple[Parameter, ..
         ) from None
     except (OSError, ValueError, RecursionError) as error:
         raise BodyError(f"cannot be read: {error}", code="file-unreadable", where=path) from None
-    found = [n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == "body"]
-    if not found:
+    functions = [n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == "body"]
+    if not functions:
         raise BodyError(
             "defines no function body(...)",
             code="no-body-function",
             where=path.name,
             action="Add one that returns a solid",
         )
-    arguments = found[-1].args
+    arguments = functions[-1].args
     plain = [*arguments.posonlyargs, *arguments.args]
     defaults: list[ast.expr | None] = [None] * (len(plain) - len(arguments.defaults))
     defaults += arguments.defaults

@@ -106,11 +106,13 @@ def find_stretches(
         ]
         for sign in (-1, 1)
     ]
-    found: list[tuple[int, tuple[int, int]] | None] = []
+    joint_at_place: list[tuple[int, tuple[int, int]] | None] = []
     for k in range(len(points)):
         pairs = ((int(a[k]), int(b[k])) for a, b in zip(*nearest_parts, strict=True))
-        found.append(next((f for f in (_joint(p, joints, within) for p in pairs) if f), None))
-    return tuple(_merge(_fill_gaps(found), places))
+        joint_at_place.append(
+            next((f for f in (_joint(p, joints, within) for p in pairs) if f), None)
+        )
+    return tuple(_merge(_fill_gaps(joint_at_place), places))
 
 
 def _nearest(points: Float, parts: Sequence[Surface]) -> Float:
@@ -130,49 +132,51 @@ def _joint(
 
 
 def _fill_gaps(
-    found: Sequence[tuple[int, tuple[int, int]] | None],
+    places_found: Sequence[tuple[int, tuple[int, int]] | None],
 ) -> list[tuple[int, tuple[int, int]]]:
     """Give places without a joint that of the place before them, or after them."""
-    known = [k for k, f in enumerate(found) if f]
+    known_places = [k for k, f in enumerate(places_found) if f]
     out = []
-    for k in range(len(found)):
-        if not known:
+    for k in range(len(places_found)):
+        if not known_places:
             return []
-        last = max((n for n in known if n <= k), default=known[0])
-        out.append(found[last])
+        last = max((n for n in known_places if n <= k), default=known_places[0])
+        out.append(places_found[last])
     return [f for f in out if f]
 
 
-def _merge(found: Sequence[tuple[int, tuple[int, int]]], places: Float) -> Iterator[Stretch]:
+def _merge(
+    joint_at_place: Sequence[tuple[int, tuple[int, int]]], places: Float
+) -> Iterator[Stretch]:
     """Join runs of the same joint, without the short runs between them."""
     runs: list[list[int]] = []
-    for k, (joint, _) in enumerate(found):
-        if runs and found[runs[-1][0]][0] == joint:
+    for k, (joint, _) in enumerate(joint_at_place):
+        if runs and joint_at_place[runs[-1][0]][0] == joint:
             runs[-1].append(k)
         else:
             runs.append([k])
     long_runs = [r for r in runs if places[r[-1]] - places[r[0]] >= MIN_STRETCH_MM]
-    known_joints = {found[r[0]][0] for r in long_runs}
+    known_joints = {joint_at_place[r[0]][0] for r in long_runs}
     merged: list[list[int]] = []
-    for run in (r for r in runs if r in long_runs or found[r[0]][0] not in known_joints):
-        if merged and found[merged[-1][0]][0] == found[run[0]][0]:
+    for run in (r for r in runs if r in long_runs or joint_at_place[r[0]][0] not in known_joints):
+        if merged and joint_at_place[merged[-1][0]][0] == joint_at_place[run[0]][0]:
             merged[-1] += run
         else:
             merged.append(list(run))
     for n, run in enumerate(merged):
-        joint, pair = found[run[len(run) // 2]]
+        joint, pair = joint_at_place[run[len(run) // 2]]
         start = 0.0 if n == 0 else float(places[run[0]])
         stop = float(places[-1] if n == len(merged) - 1 else places[merged[n + 1][0]])
         yield Stretch(joint, pair, start, stop)
 
 
 def find_late_joints(
-    found: Sequence[Stretch], joints: Sequence[JointSides]
+    stretches: Sequence[Stretch], joints: Sequence[JointSides]
 ) -> list[tuple[int, int]]:
     """Return where a joint that is closed later draws an inserted cord together.
 
     Args:
-        found: Stretches of the cord.
+        stretches: Stretches of the cord.
         joints: Joints, in the order in which they are closed.
 
     Returns:
@@ -181,8 +185,8 @@ def find_late_joints(
         their parts together.
     """
     out = []
-    for k in range(1, len(found)):
-        before, after = found[k - 1], found[k]
+    for k in range(1, len(stretches)):
+        before, after = stretches[k - 1], stretches[k]
         for j in range(max(before.joint, after.joint) + 1, len(joints)):
             low, high = joints[j]
             first, second = set(before.parts), set(after.parts)

@@ -169,14 +169,18 @@ class WireRouter:
         self._grids: dict[int, tuple[Float, float, Float, Any]] = {}
 
     def to_bay(
-        self, plane: Plane, start: LeadStart, own: Sequence[Hollow], others: Sequence[Hollow]
+        self,
+        plane: Plane,
+        start: LeadStart,
+        own_hollows: Sequence[Hollow],
+        others: Sequence[Hollow],
     ) -> Lead | str:
         """Route a lead to the bay.
 
         Args:
             plane: Plane of the cord.
             start: Pocket in which the lead starts.
-            own: All hollows of its cord.
+            own_hollows: All hollows of its cord.
             others: Hollows that it keeps away from all along.
 
         Returns:
@@ -187,7 +191,7 @@ class WireRouter:
         if not starts:
             return NO_BEND_SPACE
         low, cell, skin, bay = self._plane_grid(plane)
-        own_trees = self._trees(own)
+        own_trees = self._trees(own_hollows)
         solid = ~bay & (skin > 0)
         cells = plane.to_world(low + cell * np.argwhere(solid))
         room = skin.copy()

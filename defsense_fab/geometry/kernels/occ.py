@@ -365,8 +365,8 @@ def _solids(result: Any) -> list[Any]:
     """
     if result is None:
         return []
-    found = result if isinstance(result, list | tuple | bd.ShapeList) else [result]
-    return [s for r in found for s in r.solids() if s.volume > MIN_VOLUME_MM3]
+    shapes = result if isinstance(result, list | tuple | bd.ShapeList) else [result]
+    return [s for r in shapes for s in r.solids() if s.volume > MIN_VOLUME_MM3]
 
 
 def centroid(solid: Any) -> Float:

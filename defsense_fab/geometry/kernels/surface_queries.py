@@ -261,8 +261,10 @@ class SignedDistance:
         if not len(points):
             return np.zeros(0, bool)
         step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        apart = ~(step < np.maximum(distance[1:], distance[:-1]))  # also where one is no number
-        run = np.concatenate([[0], np.cumsum(apart)])
+        is_new_run = ~(
+            step < np.maximum(distance[1:], distance[:-1])
+        )  # also where one is no number
+        run = np.concatenate([[0], np.cumsum(is_new_run)])
         deepest = np.lexsort((-distance, run))[np.searchsorted(run, np.arange(run[-1] + 1))]
         return np.asarray(self.inside(points[deepest])[run])
 

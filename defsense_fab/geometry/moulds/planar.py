@@ -78,14 +78,14 @@ def widen(solid: Any, normal: Float, by: float) -> Any:
     return triangle_kernel.union([solid, *(solid.translate(w.tolist()) for w in offsets)])
 
 
-def find_spots(section: Any, room: float, most: int = 400) -> Float:
+def find_spots(section: Any, room: float, max_spots: int = 400) -> Float:
     """Return points (n, 2) of a CrossSection that keep `room` mm from its outline."""
     inner = section.offset(-room)
     outlines = [np.asarray(p, float) for p in inner.to_polygons()]
     if not outlines:
         return np.zeros((0, 2))
     x0, y0, x1, y1 = inner.bounds()
-    step = max(0.5, float(np.sqrt(max(inner.area(), 1e-6) / most)))
+    step = max(0.5, float(np.sqrt(max(inner.area(), 1e-6) / max_spots)))
     axes = [np.arange(a, b + step, step) for a, b in ((x0, x1), (y0, y1))]
     grid = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
     return np.concatenate([*outlines, grid[inside_outlines(grid, outlines)]])

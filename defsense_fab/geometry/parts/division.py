@@ -187,23 +187,23 @@ def plan_division(
         k: _make_thread([c.line], c) for k, c in enumerate(channels) if c.between < across
     }
     early = [i for i, group in enumerate(coplanar) if any(k in short_threads for k in group)]
-    tried: list[tuple[int, float, float, float | None, Sequence[int]]] = []
+    candidates: list[tuple[int, float, float, float | None, Sequence[int]]] = []
     for cut_margin in (margin,) if limit else (None,) if through else (None, margin):
-        known: dict[tuple[int, int], _OpenedPiece] = {}
+        known_cuts: dict[tuple[int, int], _OpenedPiece] = {}
         for order in cut_orders(len(planes), early):
-            candidate = _cut(rough, planes, threads, coplanar, order, cut_margin, play, known)
+            candidate = _cut(rough, planes, threads, coplanar, order, cut_margin, play, known_cuts)
             split_cords = sum(
                 candidate.count_joints(k, line) > 1 for k, line in short_threads.items()
             )
             cost = candidate.burden + (LIMITED_CUT_COST if cut_margin and not limit else 0.0)
-            if tried and (split_cords, cost) > min(t[:2] for t in tried):
+            if candidates and (split_cords, cost) > min(t[:2] for t in candidates):
                 continue
             cost += (
                 sum(g.length for g in candidate.find_openings(channels, radius, wall))
                 / OPENING_MM_PER_PART
             )
-            tried.append((split_cords, cost, -candidate.smallest, cut_margin, order))
-    _, _, _, best, chosen = min(tried, key=lambda t: t[:3])
+            candidates.append((split_cords, cost, -candidate.smallest, cut_margin, order))
+    _, _, _, best, chosen = min(candidates, key=lambda t: t[:3])
     return _cut(body, planes, threads, coplanar, chosen, best, play, {})
 
 
@@ -275,7 +275,7 @@ def _cut(
     order: Sequence[int],
     margin: float | None,
     play: float,
-    known: dict[tuple[int, int], _OpenedPiece],
+    known_cuts: dict[tuple[int, int], _OpenedPiece],
 ) -> Plan:
     """Cut depth first, so that the parts of a piece stay neighbors in the list.
 
@@ -284,7 +284,7 @@ def _cut(
     out = Plan([], [])
 
     def opened(piece: Any, i: int) -> _OpenedPiece:
-        if (id(piece), i) not in known:
+        if (id(piece), i) not in known_cuts:
             cords_inside = tuple(c for c in coplanar[i] if _runs_in(threads[c], piece))
             halves = None
             if cords_inside:
@@ -294,8 +294,8 @@ def _cut(
                     key=lambda h: (len(h.below) + len(h.above), h.rank),
                     default=None,
                 )
-            known[id(piece), i] = _OpenedPiece(piece, cords_inside, halves)
-        return known[id(piece), i]
+            known_cuts[id(piece), i] = _OpenedPiece(piece, cords_inside, halves)
+        return known_cuts[id(piece), i]
 
     def descend(piece: Any, todo: Sequence[int]) -> None:
         for n, i in enumerate(todo):

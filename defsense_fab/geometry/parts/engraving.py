@@ -240,7 +240,7 @@ def _find_spot(
     """Return the spot (2,) with most room around a box, and that room beyond the wall: one, or
     none.
     """
-    spots = contact.spots(min(half) + wall, most=120)
+    spots = contact.spots(min(half) + wall, max_spots=120)
     ticks = np.linspace(-1, 1, 5)
     box = np.stack(np.meshgrid(ticks * half[0], ticks * half[1]), -1).reshape(-1, 2)
     if not len(spots):

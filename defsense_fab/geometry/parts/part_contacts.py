@@ -60,12 +60,12 @@ class Contact:
         tree.init(self.walls.vertices, self.walls.faces)
         return tree
 
-    def distance(self, points: Float, most: float) -> Float:
+    def distance(self, points: Float, max_distance: float) -> Float:
         """Return the distance of points from the two parts' surfaces, except their common face.
 
         Args:
             points: Points (n, 3), mm.
-            most: Distance up to which it matters, mm.
+            max_distance: Distance up to which it matters, mm.
 
         Returns:
             Distances (n,) to skin, channels and other cuts, mm; below zero within a channel.
@@ -75,13 +75,13 @@ class Contact:
         square = self._tree.squared_distance(
             self.walls.vertices, self.walls.faces, np.ascontiguousarray(points)
         )[0]
-        distances = np.minimum(np.sqrt(square), most)
+        distances = np.minimum(np.sqrt(square), max_distance)
         for tree, radius in self.hollows:
-            away = tree.query(points, distance_upper_bound=most + radius)[0] - radius
+            away = tree.query(points, distance_upper_bound=max_distance + radius)[0] - radius
             distances = np.minimum(distances, away)
         return np.asarray(distances)
 
-    def spots(self, room: float, most: int = 250) -> Float:
+    def spots(self, room: float, max_spots: int = 250) -> Float:
         """Return points of the face that keep `room` mm from its outline.
 
         They are a grid and points along the border of the remaining face, which may be too narrow
@@ -94,7 +94,7 @@ class Contact:
         outlines = [np.asarray(p, float) for p in inner.to_polygons()]
         if not outlines:
             return np.zeros((0, 2))
-        step = max(0.5, float(np.sqrt(inner.area() / most)))
+        step = max(0.5, float(np.sqrt(inner.area() / max_spots)))
         x0, y0, x1, y1 = inner.bounds()
         axes = [_centered(a, b, step) for a, b in ((x0, x1), (y0, y1))]
         grid = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)

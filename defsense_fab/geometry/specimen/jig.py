@@ -43,13 +43,13 @@ def make_jig(s: Specimen, radius: float | None) -> Any:
         and s.half_angle(radius) + (STOP_THICKNESS_MM + 2 * RAIL_PLAY_MM) / radius
         > MAX_HALF_ANGLE_RAD
     ):
-        least = (s.length / 2 + STOP_THICKNESS_MM + 2 * RAIL_PLAY_MM) / MAX_HALF_ANGLE_RAD
+        min_radius = (s.length / 2 + STOP_THICKNESS_MM + 2 * RAIL_PLAY_MM) / MAX_HALF_ANGLE_RAD
         raise FabricationError(
             f"a specimen of {s.length:g} mm wraps too far around a radius of {radius:g} mm",
             code="radius-too-small",
             where="jig",
-            action=f"Give radii of {np.ceil(least):g} mm or more, or a shorter specimen",
-            least=float(np.ceil(least)),
+            action=f"Give radii of {np.ceil(min_radius):g} mm or more, or a shorter specimen",
+            min_radius=float(np.ceil(min_radius)),
         )
     inner = s.width + 2 * RAIL_PLAY_MM
     outer = inner + 2 * RAIL_SIZE_MM

@@ -41,7 +41,7 @@ class SimplifiedSurface:
 
     surface: Surface
     tolerance: float = 0.0
-    measure_deviation: float = 0.0
+    deviation: float = 0.0
 
 
 def surface_area(surface: Surface) -> float:

@@ -55,7 +55,7 @@ class MeshedSurface:
     triangles: int
     of: int
     tolerance: float
-    measure_deviation: float
+    deviation: float
 
 
 Outcome = tuple[TetMesh, MeshedSurface | None]

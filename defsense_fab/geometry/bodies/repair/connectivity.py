@@ -25,12 +25,12 @@ def clean_triangles(vertices: Float, faces: Int, size: float) -> tuple[Float, In
     Returns:
         Vertices, faces, and sentences on what was done.
     """
-    done: list[str] = []
+    sentences: list[str] = []
     _, first, inverse = np.unique(
         np.round(vertices / (MERGE_SHARE * size)), axis=0, return_index=True, return_inverse=True
     )
     if len(first) < len(vertices):
-        done.append(f"merged {len(vertices) - len(first)} coincident vertices")
+        sentences.append(f"merged {len(vertices) - len(first)} coincident vertices")
     vertices, faces = vertices[first], inverse.reshape(-1)[faces]
     keep = (
         (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
@@ -40,9 +40,9 @@ def clean_triangles(vertices: Float, faces: Int, size: float) -> tuple[Float, In
     mask[unique] = True
     mask &= keep
     if not mask.all():
-        done.append(f"removed {(~mask).sum()} degenerate or doubled triangles")
+        sentences.append(f"removed {(~mask).sum()} degenerate or doubled triangles")
     faces, lost = _remove_surplus(vertices, faces[mask])
-    return vertices, faces, done + lost
+    return vertices, faces, sentences + lost
 
 
 def find_edges(faces: Int) -> tuple[Int, Int, Int]:
@@ -80,7 +80,7 @@ def _remove_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
     smallest triangles are removed, which leaves holes.
     """
     removed, at = 0, vertices[0]
-    done: list[str] = []
+    sentences: list[str] = []
     for _ in range(MAX_PASSES):
         is_surplus = _find_surplus(vertices, faces)
         if not is_surplus.any():
@@ -89,7 +89,7 @@ def _remove_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
         at = vertices[faces[is_surplus][0]].mean(0)
         faces = faces[~is_surplus]
     if removed:
-        done.append(
+        sentences.append(
             f"removed fins or inner walls of {format_count(removed, 'triangle')}, near"
             f" {describe_point(at)}"
         )
@@ -108,8 +108,10 @@ def _remove_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
         faces = faces[~small]
     if len(faces) < len(before):
         text = format_count(len(before) - len(faces), "triangle")
-        done.append(f"removed {text} at edges that have more than two, near {describe_point(at)}")
-    return faces, done
+        sentences.append(
+            f"removed {text} at edges that have more than two, near {describe_point(at)}"
+        )
+    return faces, sentences
 
 
 def _areas(vertices: Float, faces: Int) -> Float:

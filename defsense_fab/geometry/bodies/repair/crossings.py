@@ -115,7 +115,7 @@ def find_crossing_pairs(vertices: Float, faces: Int) -> Int:
         boxes[level // 2 : level, 3:] = children[:, :, 3:].max(1)
         level //= 2
     at = order.astype(np.int64)
-    found = _pairs(
+    pairs = _pairs(
         points,
         np.ascontiguousarray(faces, np.int64)[at],
         boxes,
@@ -123,7 +123,7 @@ def find_crossing_pairs(vertices: Float, faces: Int) -> Int:
         VOLUME_TOLERANCE * size**3,
         min(MAX_PAIRS, 8 * len(faces)),
     )
-    return np.asarray(at[found])
+    return np.asarray(at[pairs])
 
 
 def _morton_codes(points: Float) -> Int:
@@ -138,8 +138,8 @@ def _morton_codes(points: Float) -> Int:
 
 
 @compiled()
-def _pairs(v: Float, f: Int, boxes: Float, leaves: int, nothing: float, most: int) -> Any:
-    found = np.empty((most, 2), np.int64)
+def _pairs(v: Float, f: Int, boxes: Float, leaves: int, tolerance: float, max_pairs: int) -> Any:
+    pairs = np.empty((max_pairs, 2), np.int64)
     count = 0
     stack = np.empty(128, np.int64)
     for i in range(len(f)):
@@ -164,16 +164,16 @@ def _pairs(v: Float, f: Int, boxes: Float, leaves: int, nothing: float, most: in
                 continue
             first = (node - leaves) * 4
             for j in range(max(first, i + 1), min(first + 4, len(f))):
-                if _cross(v, f[i], f[j], nothing):
-                    if count == len(found):
-                        return found
-                    found[count, 0], found[count, 1] = i, j
+                if _cross(v, f[i], f[j], tolerance):
+                    if count == len(pairs):
+                        return pairs
+                    pairs[count, 0], pairs[count, 1] = i, j
                     count += 1
-    return found[:count]
+    return pairs[:count]
 
 
 @compiled()
-def _cross(v: Float, p: Int, q: Int, nothing: float) -> bool:
+def _cross(v: Float, p: Int, q: Int, tolerance: float) -> bool:
     """Whether an edge of one triangle goes through the other; edges at a shared corner cannot."""
     for k in range(3):
         a, b, c = v[p[0], k], v[p[1], k], v[p[2], k]
@@ -187,30 +187,32 @@ def _cross(v: Float, p: Int, q: Int, nothing: float) -> bool:
     if shared > 1:
         return False
     for k in range(3):
-        if _edge_pierces(v, p[k], p[(k + 1) % 3], q, nothing):
+        if _edge_pierces(v, p[k], p[(k + 1) % 3], q, tolerance):
             return True
-        if _edge_pierces(v, q[k], q[(k + 1) % 3], p, nothing):
+        if _edge_pierces(v, q[k], q[(k + 1) % 3], p, tolerance):
             return True
     return False
 
 
 @compiled()
-def _edge_pierces(v: Float, s: int, e: int, q: Int, nothing: float) -> bool:
+def _edge_pierces(v: Float, s: int, e: int, q: Int, tolerance: float) -> bool:
     for i in range(3):
         if s == q[i] or e == q[i]:
             return False
-    return bool(_pierces(v[s], v[e], v[q[0]], v[q[1]], v[q[2]], nothing))
+    return bool(_pierces(v[s], v[e], v[q[0]], v[q[1]], v[q[2]], tolerance))
 
 
 @compiled()
-def _pierces(s: Float, e: Float, a: Float, b: Float, c: Float, nothing: float) -> Any:
+def _pierces(s: Float, e: Float, a: Float, b: Float, c: Float, tolerance: float) -> Any:
     """Whether the segment from s to e goes through the inside of the triangle a, b, c."""
     above, below = _volume(a, b, c, s), _volume(a, b, c, e)
-    if not ((above > nothing and below < -nothing) or (above < -nothing and below > nothing)):
+    if not (
+        (above > tolerance and below < -tolerance) or (above < -tolerance and below > tolerance)
+    ):
         return False
     x, y, z = _volume(s, e, a, b), _volume(s, e, b, c), _volume(s, e, c, a)
-    return (x > nothing and y > nothing and z > nothing) or (
-        x < -nothing and y < -nothing and z < -nothing
+    return (x > tolerance and y > tolerance and z > tolerance) or (
+        x < -tolerance and y < -tolerance and z < -tolerance
     )
 
 

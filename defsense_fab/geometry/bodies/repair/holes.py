@@ -86,26 +86,26 @@ def _describe(
     holes = [
         w for w, a in zip(filled_holes, area, strict=True) if a >= CRACK_WIDTH_SHARE * size * w[0]
     ]
-    done = []
+    sentences = []
     if len(holes) == 1:
         width, count, at = holes[0]
-        done.append(
+        sentences.append(
             f"closed 1 hole, {width:.3g} mm wide with {count} edges, near {describe_point(at)}"
         )
     elif holes:
         width, count, at = max(holes, key=lambda h: h[0])
-        done.append(
+        sentences.append(
             f"closed {len(holes)} holes, the widest of {width:.3g} mm with {count} edges near"
             f" {describe_point(at)}"
         )
     if cracks:
         width, _, at = max(cracks, key=lambda h: h[0])
-        done.append(
+        sentences.append(
             f"closed {format_count(len(cracks), 'crack')} of no width, the longest of"
             f" {width:.3g} mm"
             f" near {describe_point(at)}"
         )
-    return done
+    return sentences
 
 
 def _find_loops(borders: Int, where: str, vertices: Float) -> list[list[int]]:
@@ -169,14 +169,14 @@ def _split_corners(p: Float) -> Any:
     for gap in range(2, n):
         for i in range(n - gap):
             k = i + gap
-            least = np.inf
+            smallest = np.inf
             for j in range(i + 1, k):
                 ax, ay, az = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
                 bx, by, bz = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
                 x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
                 area = best[i, j] + best[j, k] + np.sqrt(x * x + y * y + z * z)
-                if area < least:
-                    least = area
+                if area < smallest:
+                    smallest = area
                     split[i, k] = j
-            best[i, k] = least
+            best[i, k] = smallest
     return split

@@ -122,16 +122,16 @@ def remove_inner_shells(
             cavities.append(s)
         else:
             buried += 1
-    done: list[str] = []
+    sentences: list[str] = []
     if cavities:
         first, smaller = cavities[0], len(cavities) - 1
         large = [c for c in cavities if c.volume >= DEBRIS_SHARE * whole]
         if large and not fill:
             raise closed_cavity_error(where, first.volume, first.middle, smaller)
-        done.append(f"filled {describe_cavity(first.volume, first.middle, smaller)}")
+        sentences.append(f"filled {describe_cavity(first.volume, first.middle, smaller)}")
     if buried:
-        done.append(f"removed {format_count(buried, 'shell')} inside of the solid")
-    return outer, done
+        sentences.append(f"removed {format_count(buried, 'shell')} inside of the solid")
+    return outer, sentences
 
 
 def select_piece(pieces: list[Shell], where: str) -> tuple[list[Shell], list[str]]:
@@ -144,12 +144,12 @@ def select_piece(pieces: list[Shell], where: str) -> tuple[list[Shell], list[str
     large = [p for p in pieces if p.volume >= DEBRIS_SHARE * whole]
     debris = [p for p in pieces if p.volume < DEBRIS_SHARE * whole]
     if len(large) > 1:
-        found = "; ".join(
+        descriptions = "; ".join(
             f"{p.volume:.3g} mm3 around {describe_point(p.middle)}" for p in large[:5]
         )
         more = f" and {len(large) - 5} more" if len(large) > 5 else ""
         raise BodyError(
-            f"consists of {len(large)} separate pieces: {found}{more}",
+            f"consists of {len(large)} separate pieces: {descriptions}{more}",
             code="separate-pieces",
             where=where,
             action="Unite the pieces or keep one",

@@ -95,8 +95,8 @@ def rebuild_solid(
 ) -> tuple[Float, Int, list[str]]:
     """Rebuild the surface of what triangles enclose that could not be separated into sheets."""
     rebuilt = _rebuild_all((vertices, faces), size, where, problem)
-    v, f, done = make_one_solid(*rebuilt[0], size, where, fill)
-    return v, f, rebuilt[1] + done
+    v, f, sentences = make_one_solid(*rebuilt[0], size, where, fill)
+    return v, f, rebuilt[1] + sentences
 
 
 def _find_crossing_shells(vertices: Float, shells: list[Shell]) -> Int:
@@ -190,17 +190,17 @@ def _unite(meshes: list[_Mesh], where: str) -> _Mesh:
 
 
 def _manifold(mesh: _Mesh, where: str) -> Any:
-    made = m3.Manifold(
+    solid = m3.Manifold(
         m3.Mesh64(np.ascontiguousarray(mesh[0]), np.ascontiguousarray(mesh[1], np.uint64))
     )
-    if made.status() != m3.Error.NoError:
+    if solid.status() != m3.Error.NoError:
         raise BodyError(
             "one of its shells is not closed",
             code="surface-not-closed",
             where=where,
             action="Close it in a mesh editor",
         )
-    return made
+    return solid
 
 
 def _arrays(solid: Any) -> _Mesh:

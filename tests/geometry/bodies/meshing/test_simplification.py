@@ -7,7 +7,7 @@ import trimesh
 from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.meshing.mesh_quality import measure_quality
-from defsense_fab.geometry.bodies.meshing.meshers import RunMonitor
+from defsense_fab.geometry.bodies.meshing.meshers import NETGEN, RunMonitor
 from defsense_fab.geometry.bodies.meshing.simplification import (
     find_triangle_pairs,
     is_creased,
@@ -23,7 +23,7 @@ from defsense_fab.geometry.bodies.meshing.surface_remeshing import (
     remesh_on_grid,
     remesh_surface,
 )
-from defsense_fab.geometry.bodies.meshing.tetrahedra import NETGEN, tetrahedralize
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from tests.support.errors import raises
 
 
