@@ -166,8 +166,9 @@ def evaluate_models(
             known = [r.name for r in dataset.recordings if _test_starts(model, r)]
             if known:
                 notes.append(
-                    f"{name} was trained on frames of {', '.join(known)}, so its error seems smaller"
-                    " than it is: test on all frames it was not trained on, or on another session"
+                    f"{name} was trained on frames of {', '.join(known)}, so its error seems"
+                    " smaller than it is: test on all frames it was not trained on, or on another"
+                    " session"
                 )
     evaluated = []
     for k, (name, model) in enumerate(models):

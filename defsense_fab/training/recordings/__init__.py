@@ -1,1 +1,1 @@
-"""Datasets of sessions, and of files of others."""
+"""Read datasets from sessions and from files of other systems; write datasets."""

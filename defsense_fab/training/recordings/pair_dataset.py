@@ -1,8 +1,8 @@
-"""Datasets of two files: signals, and tracks of any motion-capture system."""
+"""Make a dataset of two files: signals, and tracks of any motion-capture system."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,168 +18,302 @@ from ...core.errors import CaptureError, TrainingError
 from ...core.markers import Markers, Tracks
 from ..data.dataset import Dataset, Recording
 from .series import Series, read_series
-from .session_dataset import rising
-
-# Tracks of others in the device's frame, by the markers whose places are known.
-
-_ANCHOR = 3  # markers that do not move with the device, that tell its frame
-
-
-def in_design_frame(
-    tracks: Tracks, markers: Markers, early: Bool, source: str
-) -> tuple[Tracks, list[str]]:
-    """Tracks of the `markers` in their device's frame, and what was done: as they are where the
-    anchor's markers already are in their places, else laid onto them frame by frame (Kabsch). The
-    device is at rest in the frames `early` (t,). Raises TrainingError for other markers, or other
-    places than theirs."""
-    known = np.isin(markers.ids, tracks.ids)
-    if known.sum() < _ANCHOR:
-        have, want = (", ".join(map(str, i.tolist())) for i in (tracks.ids, markers.ids))
-        raise TrainingError(
-            f"{source}: its markers are {have}, the device's are {want}; name them by these numbers"
-            " (tag_1, tag_2, ...)"
-        )
-    points, sigma = np.full((2, len(tracks.time), len(markers.ids), 3), np.nan)
-    at = [tracks.ids.tolist().index(i) for i in markers.ids[known].tolist()]
-    points[:, known], sigma[:, known] = tracks.points[:, at], tracks.sigma[:, at]
-    named = Tracks(tracks.time, markers.ids, points, sigma, tracks.frame)
-    off, by = _off(points, markers, early)
-    if off <= MAX_DISTANCE_MM:
-        return named, [f"in the device's frame as given: {by} {off:.2f} mm off"]
-    corners = np.full((len(points), int(markers.anchor.sum()), 4, 3), np.nan, np.float32)
-    try:
-        laid = lay_on_rest(markers, named, corners, early, "auto")
-    except CaptureError as error:
-        raise TrainingError(
-            f"{source}: is not in the device's frame ({by} {off:.1f} mm off), and cannot be laid"
-            f" onto its rest pose, which must be at the beginning, in mm: {error}"
-        ) from None
-    left, by = _off(laid.aligned.points, markers, early)
-    if not left <= MAX_DISTANCE_MM:
-        raise TrainingError(
-            f"{source}: is not in the device's frame, and its markers do not have the places of"
-            f" markers.json: {by} {left:.1f} mm off; check the markers' numbers and the tracks'"
-            " unit, and that the device rests at the beginning"
-        )
-    told = f"aligned by {laid.by}, from {off:.1f} mm off: {by} {left:.2f} mm off"
-    moved = laid.aligned.points
-    spread = np.where(np.isfinite(sigma), laid.aligned.sigma, np.nan)
-    back = Tracks(tracks.time, markers.ids, moved, spread, tracks.frame)
-    return back, [told, *laid.warnings]
-
-
-def _off(points: Float, markers: Markers, early: Bool) -> tuple[float, str]:
-    """By how much markers are not in their places in the median, mm, and which: those of the anchor
-    at all times, or all at rest."""
-    off = np.linalg.norm(points - markers.centers, axis=2)
-    which, told = markers.anchor, "the anchor's markers are"
-    if np.isfinite(off[:, which]).any(axis=0).sum() < _ANCHOR:
-        off, which, told = off[early], np.ones(len(markers.ids), bool), "markers at rest are"
-    found = off[:, which]
-    found = found[np.isfinite(found)]
-    return (float(np.median(found)) if len(found) else np.inf), told
-
+from .session_dataset import increasing_times
 
 Offset = float | Literal["auto"]
-#: s at the beginning, in which the device is taken to rest where nothing else tells.
-QUIET = 3.0
-_KEPT = 0.99  # of the samples must follow each other in time
-_LONGER = 0.1  # of the samples' time, by which they go on after the tracks
-_STILL = 1.0  # mm, root mean square, by which markers at rest are off their places
+#: Time at the start in which the device is taken to be at rest, if nothing else is known.
+INITIAL_REST_S = 3.0
+
+_MIN_ANCHOR_MARKERS = 3  # fixed markers that determine the device's frame
+_MIN_INCREASING_SHARE = 0.99  # of the samples
+_MAX_EXTRA_SHARE = 0.1  # of the samples' time after the end of the tracks, without a note
+_MAX_REST_DISTANCE_MM = 1.0  # root mean square distance of the markers from rest, at rest
+_MIN_REST_S = 0.5  # at the rest positions, for R0
+_MIN_REST_MARKERS = 3  # visible markers of a frame at rest
 
 
-def pair_dataset(
-    signals: Path, tracks: Path, *, device: str | None = None, layout: str = "", unit: str = "",
-    markers: Markers | None = None, offset: Offset = 0.0, quiet: float = QUIET, called: str = "",
-) -> Dataset:  # fmt: skip
-    """One recording of a table of `signals` (see `series.read_series`) and a file of `tracks`
-    (.csv, .npz, .parquet, .c3d, .trc), whose markers are named by their numbers.
+@dataclass(frozen=True)
+class RecordingInfo:
+    """Facts that files of other systems do not state.
 
-    tracks' time = signals' time + `offset` s; "auto" finds it by how motion and signals go
-    together. With `markers`, tracks in another frame than the device's are laid onto its rest pose.
-    The device rests in the first `quiet` s; its name is `device`, the markers', or what it is
-    `called` where those do not tell. Raises TrainingError, CaptureError."""
-    return of_series(
-        read_series(signals), read_tracks(tracks), str(tracks), device=device, layout=layout,
-        unit=unit, markers=markers, offset=offset, quiet=quiet, called=called,
-    )  # fmt: skip
+    Attributes:
+        device: Name of the device; None to take that of the markers.
+        layout: Hash of the layout of its cords; empty if unknown.
+        unit: Name of the built device; empty for the device's name.
+        markers: The device's markers; None to take their rest positions from the start of the
+            tracks, which then must be in the device's rest frame.
+        offset: Seconds such that tracks' time = signals' time + offset; "auto" to find it from the
+            relation of motion and signals.
+        initial_rest_s: Time at the start in which the device is at rest, s.
+        fallback_device: Name of the device if neither `device` nor `markers` is given.
+    """
+
+    device: str | None = None
+    layout: str = ""
+    unit: str = ""
+    markers: Markers | None = None
+    offset: Offset = 0.0
+    initial_rest_s: float = INITIAL_REST_S
+    fallback_device: str = ""
 
 
-def of_series(
-    series: Series, tracks: Tracks, source: str, *, device: str | None, layout: str, unit: str,
-    markers: Markers | None, offset: Offset, quiet: float, called: str,
-) -> Dataset:  # fmt: skip
-    """The same of what was read, the tracks from the file `source`."""
-    if len(tracks.time) < 2 or not tracks.seen.any():
-        raise TrainingError(f"{source}: no marker was seen in {len(tracks.time)} frames")
-    kept = rising(series.time)
-    if kept.sum() < _KEPT * len(kept):
-        first = int(np.argmin(kept))
-        raise TrainingError(
-            f"{series.source}: {len(kept) - int(kept.sum())} of {len(kept)} samples are not later"
-            f" than those before; the first is sample {first + 1}, at {series.time[first]:.3f} s."
-            " Are these several takes? Give each by itself"
-        )
-    series = _part(series, kept)
-    time, error, how = _in_step(series, tracks, source, offset)
-    if time[-1] < tracks.time[0] or time[0] > tracks.time[-1]:
-        raise TrainingError(
-            f"{series.source} and {source} have no time in common ({time[0]:.1f} to {time[-1]:.1f}"
-            f" s, {tracks.time[0]:.1f} to {tracks.time[-1]:.1f} s); give the offset between them,"
-            " or let it be found (auto)"
-        )
-    begin = max(float(tracks.time[0]), float(time[0]))
-    early = np.asarray(tracks.time <= begin + quiet)
-    notes: list[str] = []
-    if markers is None:
-        rest = _medians(tracks.points, early)
-        notes.append(
-            f"markers at rest: where they are in the first {quiet:g} s; the tracks are taken to be"
-            " in the device's frame"
-        )
-        moved = _spread(tracks.points, rest, early)
-        if moved > _STILL:
-            notes.append(
-                f"markers move by {moved:.0f} mm in the first {quiet:g} s, which are taken for the"
-                " rest: places at rest and R0 are wrong; begin with a rest, or give markers.json"
-            )
-    else:
-        tracks, told = in_design_frame(tracks, markers, early, source)
-        rest = markers.centers
-        notes += told
-    beyond = float(time[-1] - tracks.time[-1])
-    if beyond > max(_LONGER * float(np.ptp(time)), quiet):
-        notes.append(
-            f"the tracks end {beyond:.0f} s before the signals: see whether {source} is cut off"
-        )
-    resting, when = early, f"of the first {quiet:g} s"
-    if markers is not None:
-        still = _still(tracks, rest)
-        lasted = float(still.mean()) * float(np.ptp(tracks.time))
-        if lasted > 0.5:
-            resting, when = still, f"of the {lasted:.1f} s in which the markers are at rest"
-    R0, why = series.rest(_beside(time, tracks.time, resting))
-    notes.append(f"R0: {why}" + (f" ({when})" if why.endswith("at rest") else ""))
-    ohm = series.ohm if series.ohm is not None else R0 * (1 + _changes(series))
-    name = device or (markers.device if markers is not None else called or Path(source).stem)
-    recording = Recording(
-        series.source, series.source, unit or name, time, ohm, R0, tracks.time, tracks.points,
-        tracks.sigma, error,
-    )  # fmt: skip
-    about: dict[str, Any] = {
-        "folder": series.source, "tracks": source, "device": name, "unit": unit, "layout": layout,
-        "offset": how, "notes": notes,
-    }  # fmt: skip
-    return Dataset(
-        name, layout, series.channels, tracks.ids, rest, (recording,), {"sessions": [about]}
+def pair_dataset(signals: Path, tracks: Path, info: RecordingInfo | None = None) -> Dataset:
+    """Make a dataset of a table of signals and a file of tracks.
+
+    With markers, tracks in another frame than the device's are aligned to its rest pose.
+
+    Args:
+        signals: The table; see `series.read_series`.
+        tracks: The tracks (.csv, .npz, .parquet, .c3d, .trc), whose markers are named by their
+            numbers.
+        info: Facts that the files do not state.
+
+    Returns:
+        The dataset, with one recording.
+
+    Raises:
+        TrainingError: If the files do not match each other or the markers.
+        CaptureError: If the tracks cannot be read.
+    """
+    return dataset_of_series(
+        read_series(signals), read_tracks(tracks), str(tracks), info or RecordingInfo()
     )
 
 
-def _part(series: Series, kept: Bool) -> Series:
-    def rows(values: Float | None) -> Float | None:
-        return None if values is None else values[kept]
+def dataset_of_series(series: Series, tracks: Tracks, source: str, info: RecordingInfo) -> Dataset:
+    """Make a dataset of signals and tracks.
 
-    return replace(series, time=series.time[kept], ohm=rows(series.ohm), change=rows(series.change))
+    Args:
+        series: The signals.
+        tracks: The tracks.
+        source: Name of the tracks' file.
+        info: Facts that the files do not state.
+
+    Returns:
+        The dataset, with one recording.
+
+    Raises:
+        TrainingError: If signals and tracks do not match each other or the markers.
+    """
+    if len(tracks.time) < 2 or not tracks.seen.any():
+        raise TrainingError(
+            f"no marker is visible in its {len(tracks.time)} frames",
+            code="no-markers",
+            where=source,
+            frames=len(tracks.time),
+        )
+    series = _select_increasing(series)
+    time, error, offset = _synchronize(series, tracks, source, info.offset)
+    if time[-1] < tracks.time[0] or time[0] > tracks.time[-1]:
+        raise TrainingError(
+            f"{series.source} and {source} have no time in common ({time[0]:.1f} to"
+            f" {time[-1]:.1f} s, {tracks.time[0]:.1f} to {tracks.time[-1]:.1f} s)",
+            code="no-common-time",
+            action="Give the offset between them, or let it be found (auto)",
+            signals=(float(time[0]), float(time[-1])),
+            tracks=(float(tracks.time[0]), float(tracks.time[-1])),
+        )
+    start = max(float(tracks.time[0]), float(time[0]))
+    is_initial = np.asarray(tracks.time <= start + info.initial_rest_s)
+    tracks, rest_points, notes = _find_rest(tracks, source, is_initial, info)
+    extra = float(time[-1] - tracks.time[-1])
+    if extra > max(_MAX_EXTRA_SHARE * float(np.ptp(time)), info.initial_rest_s):
+        notes.append(
+            f"the tracks end {extra:.0f} s before the signals: check whether {source} is truncated"
+        )
+    rest, note = _find_resistances(series, time, tracks, rest_points, is_initial, info)
+    notes.append(note)
+    ohm = series.ohm if series.ohm is not None else rest * (1 + _changes(series))
+    name = info.device or (
+        info.markers.device
+        if info.markers is not None
+        else info.fallback_device or Path(source).stem
+    )
+    recording = Recording(
+        name=series.source,
+        session=series.source,
+        unit=info.unit or name,
+        sample_time=time,
+        ohm=ohm,
+        rest=rest,
+        time=tracks.time,
+        points=tracks.points,
+        sigma=tracks.sigma,
+        sync_error=error,
+    )
+    session: dict[str, Any] = {
+        "folder": series.source,
+        "tracks": source,
+        "device": name,
+        "unit": info.unit,
+        "layout": info.layout,
+        "offset": offset,
+        "notes": notes,
+    }
+    return Dataset(
+        name,
+        info.layout,
+        series.channels,
+        tracks.ids,
+        rest_points,
+        (recording,),
+        {"sessions": [session]},
+    )
+
+
+def align_to_design(
+    tracks: Tracks, markers: Markers, is_initial: Bool, source: str
+) -> tuple[Tracks, list[str]]:
+    """Transform tracks into the device's rest frame.
+
+    Tracks whose anchor markers are already at their positions stay as they are. Others are aligned
+    to the anchor frame by frame (Kabsch).
+
+    Args:
+        tracks: The tracks.
+        markers: The device's markers.
+        is_initial: In which frames the device is at rest, shape (t,).
+        source: Name of the tracks' file.
+
+    Returns:
+        The tracks of these markers, and notes on what was done.
+
+    Raises:
+        TrainingError: If the tracks have other markers, or markers at other positions.
+    """
+    named = _select_markers(tracks, markers, source)
+    distance, subject = _rest_distance(named.points, markers, is_initial)
+    if distance <= MAX_DISTANCE_MM:
+        return named, [f"in the device's frame as given: {subject} {distance:.2f} mm off"]
+    corners = np.full((len(tracks.time), int(markers.anchor.sum()), 4, 3), np.nan, np.float32)
+    try:
+        laid = lay_on_rest(markers, named, corners, is_initial, "auto")
+    except CaptureError as error:
+        raise TrainingError(
+            f"is not in the device's frame ({subject} {distance:.1f} mm off), and cannot be aligned"
+            f" to its rest pose: {error}",
+            code="not-in-device-frame",
+            where=source,
+            action="Give tracks in mm that start at rest",
+            distance_mm=distance,
+        ) from None
+    aligned = laid.aligned.points
+    remaining, subject = _rest_distance(aligned, markers, is_initial)
+    if not remaining <= MAX_DISTANCE_MM:
+        raise TrainingError(
+            f"is not in the device's frame, and its markers are not at the positions of"
+            f" markers.json: {subject} {remaining:.1f} mm off",
+            code="markers-misplaced",
+            where=source,
+            action=(
+                "Check the markers' numbers, the tracks' unit, and that the device rests at the"
+                " start"
+            ),
+            distance_mm=remaining,
+        )
+    note = f"aligned by {laid.by}, from {distance:.1f} mm off: {subject} {remaining:.2f} mm off"
+    sigma = np.where(np.isfinite(named.sigma), laid.aligned.sigma, np.nan)
+    moved = Tracks(tracks.time, markers.ids, aligned, sigma, tracks.frame)
+    return moved, [note, *laid.warnings]
+
+
+def _select_markers(tracks: Tracks, markers: Markers, source: str) -> Tracks:
+    """Return the tracks with the device's markers, in their order."""
+    is_tracked = np.isin(markers.ids, tracks.ids)
+    if is_tracked.sum() < _MIN_ANCHOR_MARKERS:
+        found, expected = (", ".join(map(str, i.tolist())) for i in (tracks.ids, markers.ids))
+        raise TrainingError(
+            f"its markers are {found}, but the device's are {expected}",
+            code="markers-differ",
+            where=source,
+            action="Name the markers by the device's numbers (tag_1, tag_2, ...)",
+            found=tuple(tracks.ids.tolist()),
+            expected=tuple(markers.ids.tolist()),
+        )
+    points, sigma = np.full((2, len(tracks.time), len(markers.ids), 3), np.nan)
+    index = [tracks.ids.tolist().index(i) for i in markers.ids[is_tracked].tolist()]
+    points[:, is_tracked], sigma[:, is_tracked] = tracks.points[:, index], tracks.sigma[:, index]
+    return Tracks(tracks.time, markers.ids, points, sigma, tracks.frame)
+
+
+def _rest_distance(points: Float, markers: Markers, is_initial: Bool) -> tuple[float, str]:
+    """Return the median distance in mm of markers from their rest positions, and which they are.
+
+    They are the anchor's markers at all times, or all markers at rest if those are not visible.
+    """
+    distance = np.linalg.norm(points - markers.centers, axis=2)
+    is_used, subject = markers.anchor, "the anchor's markers are"
+    if np.isfinite(distance[:, is_used]).any(axis=0).sum() < _MIN_ANCHOR_MARKERS:
+        distance, is_used = distance[is_initial], np.ones(len(markers.ids), bool)
+        subject = "markers at rest are"
+    known = distance[:, is_used]
+    known = known[np.isfinite(known)]
+    return (float(np.median(known)) if len(known) else np.inf), subject
+
+
+def _select_increasing(series: Series) -> Series:
+    """Return the samples whose times increase; raise an error if they are too few."""
+    is_kept = increasing_times(series.time)
+    if is_kept.sum() < _MIN_INCREASING_SHARE * len(is_kept):
+        first = int(np.argmin(is_kept))
+        raise TrainingError(
+            f"{len(is_kept) - int(is_kept.sum())} of {len(is_kept)} samples are not later than"
+            f" those before; the first is sample {first + 1}, at {series.time[first]:.3f} s",
+            code="times-not-increasing",
+            where=series.source,
+            action="If these are several takes, give each one separately",
+            series="samples",
+            index=first,
+        )
+
+    def select(values: Float | None) -> Float | None:
+        return None if values is None else values[is_kept]
+
+    return replace(
+        series, time=series.time[is_kept], ohm=select(series.ohm), change=select(series.change)
+    )
+
+
+def _find_rest(
+    tracks: Tracks, source: str, is_initial: Bool, info: RecordingInfo
+) -> tuple[Tracks, Float, list[str]]:
+    """Return tracks in the rest frame, marker positions at rest (m, 3) mm, and notes."""
+    if info.markers is not None:
+        tracks, notes = align_to_design(tracks, info.markers, is_initial, source)
+        return tracks, info.markers.centers, notes
+    rest_s = info.initial_rest_s
+    rest_points = _median_positions(tracks.points, is_initial)
+    notes = [
+        f"rest positions of the markers are those of the first {rest_s:g} s; the tracks are taken"
+        " to be in the device's frame"
+    ]
+    movement = _movement(tracks.points, rest_points, is_initial)
+    if movement > _MAX_REST_DISTANCE_MM:
+        notes.append(
+            f"markers move by {movement:.0f} mm in the first {rest_s:g} s, which are taken for the"
+            " rest, so rest positions and R0 are wrong: start with a rest, or give markers.json"
+        )
+    return tracks, rest_points, notes
+
+
+def _find_resistances(
+    series: Series,
+    time: Float,
+    tracks: Tracks,
+    rest_points: Float,
+    is_initial: Bool,
+    info: RecordingInfo,
+) -> tuple[Float, str]:
+    """Return the resistances at rest (c,) ohm, and a note on their origin."""
+    is_at_rest, period = is_initial, f"of the first {info.initial_rest_s:g} s"
+    if info.markers is not None:
+        is_still = _is_still(tracks, rest_points)
+        duration = float(is_still.mean()) * float(np.ptp(tracks.time))
+        if duration > _MIN_REST_S:
+            is_at_rest = is_still
+            period = f"of the {duration:.1f} s in which the markers are at rest"
+    rest, origin = series.rest(_nearest_flag(time, tracks.time, is_at_rest))
+    return rest, f"R0: {origin}" + (f" ({period})" if origin.endswith("at rest") else "")
 
 
 def _changes(series: Series) -> Float:
@@ -187,11 +321,10 @@ def _changes(series: Series) -> Float:
     return series.change
 
 
-def _in_step(
+def _synchronize(
     series: Series, tracks: Tracks, source: str, offset: Offset
 ) -> tuple[Float, float | None, str]:
-    """The samples' times on the tracks' clock (n,) s, the standard error of that, where it is
-    known, and how it was found."""
+    """Return sample times (n,) s on the tracks' clock, their standard error, and a description."""
     if offset != "auto":
         return series.time + float(offset), None, f"{float(offset):g} s, as given"
     values = series.ohm if series.ohm is not None else _changes(series)
@@ -199,42 +332,44 @@ def _in_step(
         sync = synchronize_by_motion(tracks.time, motion(tracks), series.time, values)
     except CaptureError as error:
         raise TrainingError(
-            f"{series.source} and {source}: no offset is found by motion ({error}); give it"
+            f"no offset between {series.source} and {source} is found by motion ({error})",
+            code="offset-not-found",
+            action="Give the offset",
         ) from None
-    told = f"{sync.offset:.4f} s and a drift of {sync.drift:.2e}, by motion"
-    return sync.to_camera(series.time), sync.error, told
+    description = f"{sync.offset:.4f} s and a drift of {sync.drift:.2e}, by motion"
+    return sync.to_camera(series.time), sync.error, description
 
 
-def _medians(points: Float, frames: Bool) -> Float:
-    """Where markers are (m, 3) mm in some frames, or in all where they were not seen in those."""
-    out = np.full(points.shape[1:], np.nan)
-    for part in (points[frames], points):
-        for k in np.flatnonzero(np.isnan(out[:, 0])):
-            seen = part[np.isfinite(part[:, k, 0]), k]
-            if len(seen):
-                out[k] = np.median(seen, axis=0)
-    return out
+def _median_positions(points: Float, which: Bool) -> Float:
+    """Return median positions (m, 3) mm in some frames, or in all for markers hidden in those."""
+    positions = np.full(points.shape[1:], np.nan)
+    for part in (points[which], points):
+        for k in np.flatnonzero(np.isnan(positions[:, 0])):
+            visible = part[np.isfinite(part[:, k, 0]), k]
+            if len(visible):
+                positions[k] = np.median(visible, axis=0)
+    return positions
 
 
-def _spread(points: Float, rest: Float, frames: Bool) -> float:
-    """How far markers (t, m, 3) mm are off their places (m, 3) in some frames: root mean square."""
-    squares = ((points[frames] - rest) ** 2).sum(axis=2)
+def _movement(points: Float, rest_points: Float, which: Bool) -> float:
+    """Return the root mean square distance in mm of markers from rest in some frames."""
+    squares = ((points[which] - rest_points) ** 2).sum(axis=2)
     known = squares[np.isfinite(squares)]
     return float(np.sqrt(known.mean())) if len(known) else 0.0
 
 
-def _still(tracks: Tracks, rest: Float) -> Bool:
-    """Frames (t,) in which at least three markers are seen, all at their places at rest."""
+def _is_still(tracks: Tracks, rest_points: Float) -> Bool:
+    """Return the frames (t,) with at least three visible markers, all at their rest positions."""
     with np.errstate(all="ignore"):
-        off = np.linalg.norm(tracks.points - rest, axis=2)
-        seen = np.isfinite(off)
-        rms = np.sqrt(np.where(seen, off**2, 0).sum(axis=1) / seen.sum(axis=1))
-    return np.asarray((seen.sum(axis=1) >= 3) & (rms < _STILL))
+        distance = np.linalg.norm(tracks.points - rest_points, axis=2)
+        visible = np.isfinite(distance)
+        rms = np.sqrt(np.where(visible, distance**2, 0).sum(axis=1) / visible.sum(axis=1))
+    return np.asarray((visible.sum(axis=1) >= _MIN_REST_MARKERS) & (rms < _MAX_REST_DISTANCE_MM))
 
 
-def _beside(when: Float, time: Float, flags: Bool) -> Bool:
-    """The flag (t,) of the nearest frame for each sample (n,); none beyond the frames."""
-    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
-    k -= when - time[k - 1] < time[k] - when
-    inside = (when >= time[0]) & (when <= time[-1])
-    return np.asarray(flags[k] & inside)
+def _nearest_flag(sample_time: Float, time: Float, flags: Bool) -> Bool:
+    """Return the flag (t,) of the nearest frame for each sample (n,); False outside the frames."""
+    k = np.clip(np.searchsorted(time, sample_time), 1, len(time) - 1)
+    k -= sample_time - time[k - 1] < time[k] - sample_time
+    is_inside = (sample_time >= time[0]) & (sample_time <= time[-1])
+    return np.asarray(flags[k] & is_inside)

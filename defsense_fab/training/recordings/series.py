@@ -1,4 +1,4 @@
-"""Signals of a read-out board in files of others, on the way to a recording."""
+"""Signals of a read-out board in files of other systems, and tables of numbers in CSV files."""
 
 from __future__ import annotations
 
@@ -11,17 +11,30 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
 
-# Tables of numbers in CSV files, by the names of their columns.
-
 #: The one column of text.
 RUN = "run"
-_BLOCK = 10_000  # lines that are taken apart at once
+#: Suffix of the names of resistances.
+OHM = "_ohm"
+
+_BLOCK_LINES = 10_000  # lines that are split at once
+# Columns that are not channels, in addition to `run`.
+_OTHER_COLUMNS = (
+    "frame", "time", "alignment_residual", "counter", "device_us", "host_ns", "led", "late",
+)  # fmt: skip
+_MAX_SAMPLE_STEP_S = 1.0  # beyond which times are hardly in seconds
+_MAX_CHANGE = 10.0  # no cord's resistance grows to more than eleven times R0
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns by their `names` (k), `values` (n, k), NaN for empty cells; of `run`, where there is
-    such a column, the text of each row (n), else none."""
+    """A table of numbers.
+
+    Attributes:
+        path: File of the table.
+        names: Names of the k columns.
+        values: Numbers, shape (n, k); NaN for empty cells.
+        run: Text of the column `run`, of each of the n rows; empty without such a column.
+    """
 
     path: Path
     names: tuple[str, ...]
@@ -29,73 +42,116 @@ class Table:
     run: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Float:
-        """A column (n,). Raises TrainingError where there is none."""
+        """Return a column (n,); raise TrainingError if there is none of this name."""
         if name not in self.names:
             raise TrainingError(
-                f"{self.path}: has no column {name}; its columns are {', '.join(self.names)}; is"
-                " it another file?"
+                f"has no column {name}; its columns are {', '.join(self.names)}",
+                code="missing-column",
+                where=self.path,
+                action="Check whether this is the right file",
+                column=name,
             )
         return np.asarray(self.values[:, self.names.index(name)])
 
     def columns(self, names: tuple[str, ...] | list[str]) -> Float:
-        """Some columns (n, c)."""
+        """Return some columns (n, c)."""
         if not names:
             return np.empty((len(self.values), 0))
         return np.column_stack([self[name] for name in names])
 
 
 def read_table(path: Path) -> Table:
-    """From CSV with a line of names. Raises TrainingError with the line for what is not."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise TrainingError(f"{path}: cannot be read: {error.strerror}; check the path") from None
-    except UnicodeDecodeError:
-        raise TrainingError(f"{path}: is no table in text (CSV); export it as such") from None
-    lines = text.splitlines()
-    head = [cell.strip().strip('"') for cell in lines[0].split(",")] if lines else []
-    if len(head) < 2 or any(_number(cell) for cell in head):
+    """Read a CSV file whose first line names the columns.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The table.
+
+    Raises:
+        TrainingError: If the file cannot be read or is not such a table; the line is stated.
+    """
+    lines = _read_lines(path)
+    header = [cell.strip().strip('"') for cell in lines[0].split(",")] if lines else []
+    if len(header) < 2 or any(_is_number(cell) for cell in header):
         raise TrainingError(
-            f"{path}:1: the first line must name the columns, with commas between them"
+            "the first line does not name the columns, separated by commas",
+            code="header-missing",
+            where=f"{path}:1",
+            action="Name the columns in the first line",
         )
-    twice = [name for k, name in enumerate(head) if name in head[:k]]
-    if twice:
-        raise TrainingError(f"{path}:1: has two columns {twice[0]!r}; rename one")
-    kept = [k for k, name in enumerate(head) if name != RUN]
-    names, run = tuple(head[k] for k in kept), list[str]()
+    duplicates = [name for k, name in enumerate(header) if name in header[:k]]
+    if duplicates:
+        raise TrainingError(
+            f"has two columns {duplicates[0]!r}",
+            code="duplicate-column",
+            where=f"{path}:1",
+            action="Rename one",
+            column=duplicates[0],
+        )
+    kept = [k for k, name in enumerate(header) if name != RUN]
+    names, run = tuple(header[k] for k in kept), list[str]()
     parts = [np.empty((0, len(kept)))]
-    for begin in range(1, len(lines), _BLOCK):
-        block = enumerate(lines[begin : begin + _BLOCK], begin + 1)
+    for start in range(1, len(lines), _BLOCK_LINES):
+        block = enumerate(lines[start : start + _BLOCK_LINES], start + 1)
         rows = [(k, line.split(",")) for k, line in block if line.strip()]
         for k, row in rows:
-            if len(row) != len(head):
+            if len(row) != len(header):
                 raise TrainingError(
-                    f"{path}:{k}: {len(row)} cells under {len(head)} columns; is it cut off? Delete"
-                    " the line, or copy the file again"
+                    f"has {len(row)} cells for {len(header)} columns, and may be truncated",
+                    code="cell-count-differs",
+                    where=f"{path}:{k}",
+                    action="Delete the line, or copy the file again",
+                    line=k,
                 )
-        if RUN in head:
-            run += [sys.intern(row[head.index(RUN)].strip()) for _, row in rows]
-        parts.append(_values(path, rows, kept, names))
+        if RUN in header:
+            run += [sys.intern(row[header.index(RUN)].strip()) for _, row in rows]
+        parts.append(_parse_rows(path, rows, kept, names))
     return Table(path, names, np.concatenate(parts), tuple(run))
 
 
-def _values(
+def _read_lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise TrainingError(
+            f"cannot be read: {error.strerror}",
+            code="file-unreadable",
+            where=path,
+            action="Check the path",
+        ) from None
+    except UnicodeDecodeError:
+        raise TrainingError(
+            "is not a table in text (CSV)",
+            code="not-a-table",
+            where=path,
+            action="Export it as CSV",
+        ) from None
+
+
+def _parse_rows(
     path: Path, rows: list[tuple[int, list[str]]], kept: list[int], names: tuple[str, ...]
 ) -> Float:
-    out = np.empty((len(rows), len(kept)))
+    """Return the numbers (n, k) of the kept columns."""
+    values = np.empty((len(rows), len(kept)))
     for k, column in enumerate(kept):
         cells = [row[column].strip() or "nan" for _, row in rows]
         try:
-            out[:, k] = np.fromiter(map(float, cells), float, len(cells))
+            values[:, k] = np.fromiter(map(float, cells), float, len(cells))
         except ValueError:
-            bad = next(i for i, cell in enumerate(cells) if not _number(cell))
+            bad = next(i for i, cell in enumerate(cells) if not _is_number(cell))
             raise TrainingError(
-                f"{path}:{rows[bad][0]}: {names[k]} is not a number: {cells[bad][:40]!r}"
+                f"{names[k]} is not a number: {cells[bad][:40]!r}",
+                code="not-a-number",
+                where=f"{path}:{rows[bad][0]}",
+                column=names[k],
+                line=rows[bad][0],
             ) from None
-    return out
+    return values
 
 
-def _number(cell: str) -> bool:
+def _is_number(cell: str) -> bool:
     try:
         float(cell)
     except ValueError:
@@ -103,18 +159,20 @@ def _number(cell: str) -> bool:
     return True
 
 
-#: Ends of the names of resistances.
-OHM = "_ohm"
-#: Columns that are no channels, beside `run`.
-_OTHERS = ("frame", "time", "alignment_residual", "counter", "device_us", "host_ns", "led", "late")
-_SLOWEST = 1.0  # s between samples, beyond which times are hardly seconds
-_MOST = 10.0  # no cord's resistance grows to more than eleven times R0
-
-
 @dataclass(frozen=True)
 class Series:
-    """n samples of c `channels` of the file `source` at `time` (n,) s, of any clock: resistances
-    `ohm` (n, c), or (R - R0)/R0 as `change` (n, c), or both; NaN where not known."""
+    """Samples of a read-out board.
+
+    Attributes:
+        source: Name of the file or stream.
+        channels: Names of the c channels.
+        time: Times of the n samples, shape (n,), s, on any clock.
+        ohm: Resistances, shape (n, c), ohm; NaN where unknown. None if not given.
+        change: Signals (R - R0)/R0, shape (n, c); NaN where unknown. None if not given.
+
+    Raises:
+        TrainingError: If no number is known, times are not in seconds, or signals are too large.
+    """
 
     source: str
     channels: tuple[str, ...]
@@ -125,72 +183,127 @@ class Series:
     def __post_init__(self) -> None:
         values = self.ohm if self.ohm is not None else self.change
         if not self.channels or values is None or not np.isfinite(values).any():
-            raise TrainingError(f"{self.source}: there is no channel with a number in it")
-        if len(self.time) < 2 or not np.median(np.diff(self.time)) < _SLOWEST:
-            apart = np.median(np.diff(self.time)) if len(self.time) > 1 else np.inf
             raise TrainingError(
-                f"{self.source}: {len(self.time)} samples that are {apart:g} apart; times must be"
-                " in seconds"
+                "has no channel with a number in it", code="no-samples", where=self.source
+            )
+        if len(self.time) < 2 or not np.median(np.diff(self.time)) < _MAX_SAMPLE_STEP_S:
+            step = np.median(np.diff(self.time)) if len(self.time) > 1 else np.inf
+            raise TrainingError(
+                f"its {len(self.time)} samples are {step:g} s apart",
+                code="wrong-unit",
+                where=self.source,
+                action="Give times in seconds",
+                quantity="times",
+                step=float(step),
             )
         usual = np.nanmedian(np.abs(values[np.isfinite(values).any(axis=1)]))
-        if self.ohm is None and usual > _MOST:
+        if self.ohm is None and usual > _MAX_CHANGE:
             raise TrainingError(
-                f"{self.source}: signals of {usual:.4g} cannot be (R - R0)/R0; name resistances"
-                f" {self.channels[0]}{OHM}, or give their unit"
+                f"signals of {usual:.4g} cannot be (R - R0)/R0",
+                code="signals-too-large",
+                where=self.source,
+                action=f"Name resistances {self.channels[0]}{OHM}, or give their unit",
+                value=float(usual),
             )
 
-    def rest(self, at_rest: Bool) -> tuple[Float, str]:
-        """R0 (c,) ohm, of samples of which some are `at_rest` (n,), and where it is from; 1 where
-        no resistance is known."""
+    def rest(self, is_at_rest: Bool) -> tuple[Float, str]:
+        """Determine the resistances at rest.
+
+        Args:
+            is_at_rest: In which samples the device is at rest, shape (n,).
+
+        Returns:
+            R0, shape (c,), ohm (1 if no resistance is known), and a note on its origin.
+
+        Raises:
+            TrainingError: If a channel has no resistance at rest.
+        """
         c = len(self.channels)
         if self.ohm is None:
-            return np.ones(c), "not known: resistances are told in units of R0"
+            return np.ones(c), "unknown: resistances are in units of R0"
         with np.errstate(all="ignore"):
             if self.change is not None:
-                each, why = self.ohm / (1 + self.change), "that of the file's own signals"
+                each, origin = self.ohm / (1 + self.change), "that of the file's own signals"
             else:
-                each, why = np.where(at_rest[:, None], self.ohm, np.nan), "the median at rest"
+                each, origin = np.where(is_at_rest[:, None], self.ohm, np.nan), "the median at rest"
         columns = [column[np.isfinite(column)] for column in each.T]
-        none = [n for n, column in zip(self.channels, columns, strict=True) if not len(column)]
-        if none:
+        empty = [n for n, column in zip(self.channels, columns, strict=True) if not len(column)]
+        if empty:
             raise TrainingError(
-                f"{self.source}: {none[0]} has no resistance while the device is at rest; record a"
-                " rest at the beginning"
+                f"{empty[0]} has no resistance while the device is at rest",
+                code="no-rest-pose",
+                where=self.source,
+                action="Record a rest at the start",
+                channel=empty[0],
             )
-        return np.array([float(np.median(column)) for column in columns]), why
+        return np.array([float(np.median(column)) for column in columns]), origin
 
 
 def read_series(path: Path) -> Series:
-    """From CSV with a column `time`, s, and one for each channel: (R - R0)/R0 by its name, or
-    resistances in ohm as `<name>_ohm`, or both. Raises TrainingError."""
+    """Read signals from a CSV file.
+
+    The file has a column `time`, in s, and one for each channel: (R - R0)/R0 under its name, or
+    resistances in ohm under `<name>_ohm`, or both.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The signals.
+
+    Raises:
+        TrainingError: If the file cannot be read, or is not such a table.
+    """
     table = read_table(path)
     if len(set(table.run)) > 1:
         raise TrainingError(
-            f"{path}: has samples of {len(set(table.run))} runs; give the session's folder"
+            f"has samples of {len(set(table.run))} runs",
+            code="several-runs",
+            where=path,
+            action="Give the session's folder",
+            count=len(set(table.run)),
         )
-    names = [n for n in table.names if n not in _OTHERS and n != RUN]
-    return series_of(str(path), names, table["time"], table.columns(names))
+    names = [n for n in table.names if n not in _OTHER_COLUMNS and n != RUN]
+    return make_series(str(path), names, table["time"], table.columns(names))
 
 
-def series_of(source: str, names: list[str], time: Float, values: Float) -> Series:
-    """Of columns (n, k) with `names`, resistances by theirs. Raises TrainingError where some
-    channels have resistances and others have not."""
-    ohm = [n.removesuffix(OHM) for n in names if n.endswith(OHM) and n != OHM]
-    change = [n for n in names if not n.endswith(OHM) or n == OHM]
-    if ohm and change and set(ohm) != set(change):
-        odd = sorted(set(ohm) ^ set(change))[0]
+def make_series(source: str, names: list[str], time: Float, values: Float) -> Series:
+    """Make a series of named columns.
+
+    Args:
+        source: Name of the file or stream.
+        names: Names of the k columns; those of resistances end in `_ohm`.
+        time: Times, shape (n,), s.
+        values: Numbers, shape (n, k).
+
+    Returns:
+        The series, without rows that have no number.
+
+    Raises:
+        TrainingError: If only some channels have resistances.
+    """
+    with_ohm = [n.removesuffix(OHM) for n in names if n.endswith(OHM) and n != OHM]
+    with_change = [n for n in names if not n.endswith(OHM) or n == OHM]
+    if with_ohm and with_change and set(with_ohm) != set(with_change):
+        odd = sorted(set(with_ohm) ^ set(with_change))[0]
         raise TrainingError(
-            f"{source}: {odd} has either signals or resistances, and other channels differ; give"
-            " the same of all"
+            f"{odd} has only signals or only resistances, and other channels differ",
+            code="quantities-differ",
+            where=source,
+            action="Give the same quantities for all channels",
+            channel=odd,
         )
-    channels = tuple(change or ohm)
+    channels = tuple(with_change or with_ohm)
 
-    def pick(end: str) -> Float:
-        return values[:, [names.index(n + end) for n in channels]]
+    def columns(suffix: str) -> Float:
+        return values[:, [names.index(n + suffix) for n in channels]]
 
-    # A row without any number is no sample, such as those of frames that were dropped.
-    known = np.isfinite(time) & ~np.isnan(values).all(axis=1)
+    # A row without any number is not a sample; dropped frames give such rows.
+    is_sample = np.isfinite(time) & ~np.isnan(values).all(axis=1)
     return Series(
-        source, channels, time[known], pick(OHM)[known] if ohm else None,
-        pick("")[known] if change else None,
-    )  # fmt: skip
+        source,
+        channels,
+        time[is_sample],
+        columns(OHM)[is_sample] if with_ohm else None,
+        columns("")[is_sample] if with_change else None,
+    )

@@ -1,9 +1,10 @@
-"""Datasets of processed sessions: a recording of each of their runs."""
+"""Make datasets of processed sessions: a recording of each of their runs."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,226 +27,365 @@ from ..data.dataset import Dataset, Recording
 from ..data.dataset_assembly import join_datasets, select_channels
 from .series import Table, read_table
 
-_KEPT = 0.995  # of the samples: fewer are worth a word
-_ROUNDING = 1e-6  # s, by which times in different files may differ
+_MIN_INCREASING_SHARE = 0.995  # of the samples; a smaller share is noted
+_TIME_ROUNDING_S = 1e-6  # by which times in different files may differ
 
 
 def session_dataset(folders: Sequence[Path], device: Device | None = None) -> Dataset:
-    """The runs of the processed sessions in `folders`. With the `device`, sessions must be of it
-    and of its cords as they are built, and the channels have its order.
+    """Make a dataset of the runs of processed sessions.
 
-    Raises TrainingError for sessions that are not processed, do not go together or have nothing to
-    train on, CaptureError for damaged ones."""
+    Args:
+        folders: Folders of the sessions.
+        device: The device, if available. Sessions must then be of it and of its built layout, and
+            the channels have its order.
+
+    Returns:
+        The dataset.
+
+    Raises:
+        TrainingError: If a session is not processed, does not match the others, or has no usable
+            run.
+        CaptureError: If a session is damaged.
+    """
     layout = device_layout(device)
-    return join_datasets([_one(folder, device, layout) for folder in folders])
+    return join_datasets([_load_session(folder, device, layout) for folder in folders])
 
 
 def device_layout(device: Device | None) -> LayoutRecord | None:
-    """Of the device's build, if there is one."""
+    """Return the layout of a device's build; None if it is not built."""
     if device is None or not (build_folder(device) / LAYOUT).exists():
         return None
     return load_layout(build_folder(device), TrainingError)
 
 
-def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Dataset:
-    session, quality = _processed(folder)
-    known = session.layout
-    if device is not None and session.device != device.name:
-        raise TrainingError(
-            f"{folder}: is a session of {session.device}, not of {device.name}; give this device's"
-            " sessions"
-        )
-    if layout is not None and known and known != layout_hash(layout):
-        raise TrainingError(
-            f"{folder}: was recorded with other cords ({known}) than {build_folder(device)}"  # type: ignore[arg-type]
-            f" has ({layout_hash(layout)}); train with the build that it was recorded with, or"
-            " record anew"
-        )
-    signals = read_table(folder / SIGNALS)
-    tracks = read_tracks(folder / ALIGNED)
-    for name, count in ((SIGNALS, len(signals.values)), (ALIGNED, len(tracks.time))):
-        if count < quality.get("frames", 0):
-            raise TrainingError(
-                f"{folder / name}: is cut off: {count} of {quality['frames']} frames; copy it"
-                f" again, or run 'defsense capture process {folder}'"
-            )
-    tracks = _taken(tracks, signals)
-    samples = read_table(folder / SAMPLES) if (folder / SAMPLES).exists() else None
-    runs = quality["runs"]
+def increasing_times(time: Float) -> Bool:
+    """Return which of the times (n,) are known and increase, keeping as many as possible.
+
+    After the read-out board restarted, its clock is known to some ms only, and samples may seem to
+    come twice.
+    """
+    is_known = np.isfinite(time)
+    if (np.diff(time[is_known]) > 0).all():
+        return np.asarray(is_known)
+    # The longest increasing subsequence (Fredman 1975, On computing the length of longest
+    # increasing subsequences): for each length, the smallest last time and its row.
+    ends, rows, previous = list[float](), list[int](), np.full(len(time), -1)
+    for k in np.flatnonzero(is_known).tolist():
+        at = bisect_left(ends, time[k])
+        previous[k] = rows[at - 1] if at else -1
+        ends[at : at + 1], rows[at : at + 1] = [float(time[k])], [k]
+    is_kept = np.zeros(len(time), bool)
+    k = rows[-1]
+    while k >= 0:
+        is_kept[k] = True
+        k = int(previous[k])
+    return is_kept
+
+
+@dataclass(frozen=True)
+class _Processed:
+    """A processed session.
+
+    Attributes:
+        folder: Its folder.
+        session: The session as recorded.
+        quality: Content of its quality.json.
+        tracks: Tracks in the device's rest frame.
+        signals: Signals at the frames.
+        samples: Samples of the read-out board; None in older sessions.
+    """
+
+    folder: Path
+    session: CaptureSession
+    quality: Mapping[str, Any]
+    tracks: Tracks
+    signals: Table
+    samples: Table | None
+
+    @property
+    def has_one_run(self) -> bool:
+        """Whether the session has one run, to which all frames belong."""
+        return len(self.quality["runs"]) == 1
+
+
+def _load_session(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Dataset:
+    session, quality = _load_processed(folder)
+    _check_device(folder, session, device, layout)
+    processed = _load_tables(folder, session, quality)
     notes = list[str]()
     recordings, skipped = [], [f"{s['run']}: {s['why']}" for s in quality.get("skipped", [])]
-    for run in runs:
-        made = _recording(folder, session, run, quality, tracks, samples, signals, len(runs), notes)
-        if isinstance(made, str):
-            skipped.append(f"{run['run']}: {made}")
+    for run in quality["runs"]:
+        recording = _make_recording(processed, run, notes)
+        if isinstance(recording, str):
+            skipped.append(f"{run['run']}: {recording}")
         else:
-            recordings.append(made)
+            recordings.append(recording)
     if not recordings:
-        raise TrainingError(f"{folder}: no run can be trained on: {'; '.join(skipped)}")
-    told = {
+        raise TrainingError(
+            f"no run can be used for training: {'; '.join(skipped)}",
+            code="no-usable-run",
+            where=folder,
+            skipped=tuple(skipped),
+        )
+    entry = {
         "notes": notes,
         "folder": str(folder),
         "device": session.device,
         "unit": recordings[0].unit,
-        "layout": known,
+        "layout": session.layout,
         "begun": session.begun,
         "reference": dict(zip(session.channels, session.reference, strict=True)),
         "cameras": [camera.name for camera in session.rig.cameras],
         "version": quality.get("version"),
         "aligned_by": quality.get("aligned_by"),
-        "signals": SAMPLES if samples is not None else SIGNALS,
+        "signals": SIGNALS if processed.samples is None else SAMPLES,
         "skipped": skipped,
         "warnings": list(quality.get("warnings", [])),
     }
-    provenance: dict[str, Any] = {"sessions": [told]}
+    provenance: dict[str, Any] = {"sessions": [entry]}
     if layout is not None and layout.response is not None:
         provenance["response"] = typed_json.to_json(layout.response)
-    m = session.markers
-    out = Dataset(
-        session.device, known, session.channels, m.ids, m.centers, tuple(recordings), provenance
+    dataset = Dataset(
+        session.device,
+        session.layout,
+        session.channels,
+        session.markers.ids,
+        session.markers.centers,
+        tuple(recordings),
+        provenance,
     )
-    wanted = [c.name for c in layout.by_channel()] if layout is not None else session.channels
-    return select_channels(out, wanted)
+    channels = session.channels
+    if layout is not None:
+        channels = tuple(c.name for c in layout.by_channel())
+    return select_channels(dataset, channels)
 
 
-def _processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
-    """The session and what its processing told. Raises TrainingError where it is not processed, or
-    was before its last run."""
-    again = f"run 'defsense capture process {folder}' first"
+def _check_device(
+    folder: Path, session: CaptureSession, device: Device | None, layout: LayoutRecord | None
+) -> None:
+    """Raise an error for a session of another device or layout."""
+    if device is None:
+        return
+    if session.device != device.name:
+        raise TrainingError(
+            f"is a session of {session.device}, not of {device.name}",
+            code="devices-differ",
+            where=folder,
+            action=f"Give sessions of {device.name}",
+            devices=(device.name, session.device),
+        )
+    if layout is not None and session.layout and session.layout != layout_hash(layout):
+        raise TrainingError(
+            f"was recorded with another layout of cords ({session.layout}) than"
+            f" {build_folder(device)} has ({layout_hash(layout)})",
+            code="layouts-differ",
+            where=folder,
+            action="Train with the build that it was recorded with, or record again",
+            layouts=(layout_hash(layout), session.layout),
+        )
+
+
+def _load_processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
+    """Return a session and its quality.json; check that all of its runs are processed."""
+    process = f"Run defsense capture process {folder} first"
     if manifest_path(folder) is None:
         raise TrainingError(
-            f"{folder}: is no session ('defsense capture record' makes sessions), nor a dataset"
+            "is neither a session nor a dataset",
+            code="not-a-session",
+            where=folder,
+            action="Record a session with defsense capture record",
         )
     session = load(folder)
     if not session.channels:
         raise TrainingError(
-            f"{folder}: was recorded without the read-out board; record it again with --port"
+            "was recorded without the read-out board",
+            code="no-channels",
+            where=folder,
+            action="Record it again with the read-out board's port",
         )
     for name in (QUALITY, ALIGNED, SIGNALS):
         if not (folder / name).exists():
-            raise TrainingError(f"{folder}: is not processed yet ({name} is missing); {again}")
-    quality = load_json(folder / QUALITY, TrainingError, again)
+            raise TrainingError(
+                f"is not processed yet: {name} is missing",
+                code="session-not-processed",
+                where=folder,
+                action=process,
+                file=name,
+            )
+    quality = load_json(folder / QUALITY, TrainingError, process)
     try:
-        runs = [str(run["run"]) for run in [*quality["runs"], *quality["skipped"]]]
-        several = len(quality["runs"]) > 1
-        old = several and not all({"begin", "end"} <= set(run) for run in quality["runs"])
-        if not isinstance(quality["R0"], dict):
-            old = True
-        if not all(isinstance(run.get(key, 0.0), int | float) for run in quality["runs"]
-                   for key in ("begin", "end")):  # fmt: skip
-            raise TypeError
+        processed, is_old = _read_runs(quality)
     except (KeyError, TypeError):
         raise TrainingError(
-            f"{folder / QUALITY}: lacks what is told of the runs; {again}"
+            "lacks facts on the runs",
+            code="file-damaged",
+            where=folder / QUALITY,
+            action=process,
         ) from None
-    if old:
-        raise TrainingError(f"{folder}: was processed by an older version; {again}")
-    later = [run.name for run in session.runs if run.name not in runs]
+    if is_old:
+        raise TrainingError(
+            "was processed by an older version",
+            code="session-outdated",
+            where=folder,
+            action=process,
+        )
+    later = [run.name for run in session.runs if run.name not in processed]
     if later:
-        raise TrainingError(f"{folder}: {later[0]} was recorded after it was processed; {again}")
+        raise TrainingError(
+            f"{later[0]} was recorded after it was processed",
+            code="session-not-processed",
+            where=folder,
+            action=process,
+            run=later[0],
+        )
     return session, quality
 
 
-def _recording(
-    folder: Path, session: CaptureSession, run: Mapping[str, Any], quality: Mapping[str, Any],
-    tracks: Tracks, samples: Table | None, signals: Table, runs: int, notes: list[str],
-) -> Recording | str:  # fmt: skip
-    """A run, or why it cannot be used; what is doubtful of it is added to the `notes`."""
-    name, c = str(run["run"]), len(session.channels)
-    within = np.ones(len(tracks.time), bool) if runs == 1 else _within(tracks.time, run)
-    part = tracks.part(within)
-    if not part.seen.any():
-        return "no marker was seen"
-    R0, error, steps = _told_of(run, quality, folder / QUALITY, c)
-    if samples is not None:
-        rows = np.array([r == name for r in samples.run], bool)
-        time = samples["time"][rows]
-        ohm = samples.columns([f"{channel}_ohm" for channel in session.channels])[rows]
+def _read_runs(quality: dict[str, Any]) -> tuple[list[str], bool]:
+    """Return the names of the processed runs, and whether an older version processed them."""
+    names = [str(run["run"]) for run in [*quality["runs"], *quality["skipped"]]]
+    has_several = len(quality["runs"]) > 1
+    is_old = has_several and not all({"begin", "end"} <= set(run) for run in quality["runs"])
+    if not isinstance(quality["R0"], dict):
+        is_old = True
+    for run in quality["runs"]:
+        if not all(isinstance(run.get(key, 0.0), int | float) for key in ("begin", "end")):
+            raise TypeError
+    return names, is_old
+
+
+def _load_tables(folder: Path, session: CaptureSession, quality: dict[str, Any]) -> _Processed:
+    """Return a session with its tables; check that they are complete."""
+    signals = read_table(folder / SIGNALS)
+    tracks = read_tracks(folder / ALIGNED)
+    for name, count in ((SIGNALS, len(signals.values)), (ALIGNED, len(tracks.time))):
+        if count < quality.get("frames", 0):
+            raise TrainingError(
+                f"is truncated: it has {count} of {quality['frames']} frames",
+                code="file-truncated",
+                where=folder / name,
+                action=f"Copy it again, or run defsense capture process {folder}",
+                count=count,
+                expected=quality["frames"],
+            )
+    samples = read_table(folder / SAMPLES) if (folder / SAMPLES).exists() else None
+    tracks = _exclude_dropped(tracks, signals)
+    return _Processed(folder, session, quality, tracks, signals, samples)
+
+
+def _make_recording(
+    processed: _Processed, run: Mapping[str, Any], notes: list[str]
+) -> Recording | str:
+    """Return the recording of a run, or why it cannot be used; add notes on doubtful data."""
+    name, session = str(run["run"]), processed.session
+    tracks = processed.tracks
+    is_in_run = np.ones(len(tracks.time), bool)
+    if not processed.has_one_run:
+        is_in_run = _is_within(tracks.time, run)
+    tracks = tracks.part(is_in_run)
+    if not tracks.seen.any():
+        return "no marker was visible"
+    rest, error, steps = _read_run(run, processed)
+    if processed.samples is not None:
+        time, ohm = _samples_of_run(processed.samples, name, session.channels)
     else:
-        rows = np.ones(len(signals.values), bool) if runs == 1 else _within(signals["time"], run)
-        time, s = signals["time"][rows], signals.columns(session.channels)[rows]
-        R0 = np.where(np.isfinite(R0), R0, 1.0)
-        time = _rounded(time, part.time)
-        there = np.isfinite(s).any(axis=1)  # frames that were dropped have none
-        time, ohm = time[there], (R0 * (1 + s))[there]
-    kept = rising(time)
-    if not np.isfinite(relative_change(ohm[kept], R0)).any():
+        rest = np.where(np.isfinite(rest), rest, 1.0)
+        time, signals = _signals_of_run(processed, run, tracks.time)
+        ohm = rest * (1 + signals)
+    is_kept = increasing_times(time)
+    if not np.isfinite(relative_change(ohm[is_kept], rest)).any():
         return "there is no sample of the read-out board"
-    if not kept.mean() > _KEPT:
+    if not is_kept.mean() > _MIN_INCREASING_SHARE:
         notes.append(
-            f"{name}: {len(kept) - int(kept.sum())} of {len(kept)} samples have no time, or none"
-            " after those before, and are left out"
+            f"{name}: {len(is_kept) - int(is_kept.sum())} of {len(is_kept)} samples have no time,"
+            " or one not after those before, and are left out"
         )
-    if part.ids.tolist() != session.markers.ids.tolist():
-        part = _as_designed(part, session)
+    if tracks.ids.tolist() != session.markers.ids.tolist():
+        tracks = _select_markers(tracks, session)
     return Recording(
-        f"{folder}/{name}", str(folder), session.unit or session.device, time[kept], ohm[kept], R0,
-        part.time, part.points, part.sigma, error, steps,
-    )  # fmt: skip
+        name=f"{processed.folder}/{name}",
+        session=str(processed.folder),
+        unit=session.unit or session.device,
+        sample_time=time[is_kept],
+        ohm=ohm[is_kept],
+        rest=rest,
+        time=tracks.time,
+        points=tracks.points,
+        sigma=tracks.sigma,
+        sync_error=error,
+        poses=steps,
+    )
 
 
-def _told_of(
-    run: Mapping[str, Any], quality: Mapping[str, Any], path: Path, channels: int
+def _samples_of_run(samples: Table, name: str, channels: tuple[str, ...]) -> tuple[Float, Float]:
+    """Return times (n,) s and resistances (n, c) ohm of a run's samples."""
+    rows = np.array([r == name for r in samples.run], bool)
+    ohm = samples.columns([f"{channel}_ohm" for channel in channels])[rows]
+    return samples["time"][rows], ohm
+
+
+def _signals_of_run(
+    processed: _Processed, run: Mapping[str, Any], frame_time: Float
+) -> tuple[Float, Float]:
+    """Return times (n,) s and signals (n, c) of a run's frames, without dropped frames."""
+    table = processed.signals
+    rows = np.ones(len(table.values), bool)
+    if not processed.has_one_run:
+        rows = _is_within(table["time"], run)
+    time, signals = table["time"][rows], table.columns(processed.session.channels)[rows]
+    time = _undo_rounding(time, frame_time)
+    has_signal = np.isfinite(signals).any(axis=1)
+    return time[has_signal], signals[has_signal]
+
+
+def _read_run(
+    run: Mapping[str, Any], processed: _Processed
 ) -> tuple[Float, float | None, tuple[tuple[float, str], ...]]:
-    """R0 (c,) ohm of a run, NaN where not known, the error of its clocks, s, and its steps. Raises
-    TrainingError for what its quality.json cannot tell."""
+    """Return R0 (c,) ohm of a run (NaN where unknown), its clock error in s, and its poses."""
+    channels = len(processed.session.channels)
     try:
-        told = quality["R0"].get(str(run["run"]), [None] * channels)
-        R0 = np.array([np.nan if r is None else r for r in told], float)
+        stated = processed.quality["R0"].get(str(run["run"]), [None] * channels)
+        rest = np.array([np.nan if r is None else r for r in stated], float)
         error = run.get("sync", {}).get("error_ms")
-        if R0.shape != (channels,):
-            raise ValueError(f"R0 of {len(R0)} channels, where there are {channels}")
+        if rest.shape != (channels,):
+            raise ValueError(f"R0 of {len(rest)} channels, where there are {channels}")
         steps = tuple((float(at), str(pose)) for at, pose in run.get("steps", []))
-        return R0, None if error is None else float(error) / 1e3, steps
+        return rest, None if error is None else float(error) / 1e3, steps
     except (TypeError, ValueError, AttributeError) as problem:
         raise TrainingError(
-            f"{path}: what it tells of {run['run']} cannot be ({problem}); run 'defsense capture"
-            f" process {path.parent}' again"
+            f"the facts on {run['run']} are invalid ({problem})",
+            code="file-damaged",
+            where=processed.folder / QUALITY,
+            action=f"Run defsense capture process {processed.folder} again",
+            run=str(run["run"]),
         ) from None
 
 
-def _taken(tracks: Tracks, signals: Table) -> Tracks:
-    """Without the frames that were filled in for those that a camera dropped: nothing is known at
-    them but their times, in either file."""
+def _exclude_dropped(tracks: Tracks, signals: Table) -> Tracks:
+    """Return the tracks without frames that a camera dropped.
+
+    They were filled in with their times only, in both files.
+    """
     others = [name for name in signals.names if name not in ("frame", "time")]
-    told = np.isfinite(signals.columns(others)).any(axis=1)
-    times = _rounded(signals["time"][told], tracks.time)
+    has_signal = np.isfinite(signals.columns(others)).any(axis=1)
+    times = _undo_rounding(signals["time"][has_signal], tracks.time)
     return tracks.part(np.isin(tracks.time, times) | tracks.seen.any(axis=1))
 
 
-def _rounded(time: Float, exact: Float) -> Float:
-    """Times (n,) as those (t,) that they are rounded from, where they are."""
-    k = np.clip(np.searchsorted(exact, time - _ROUNDING), 0, len(exact) - 1)
-    return np.where(np.abs(exact[k] - time) < _ROUNDING, exact[k], time)
+def _undo_rounding(time: Float, exact: Float) -> Float:
+    """Replace times (n,) by the times (t,) that they were rounded from, where there are any."""
+    k = np.clip(np.searchsorted(exact, time - _TIME_ROUNDING_S), 0, len(exact) - 1)
+    return np.where(np.abs(exact[k] - time) < _TIME_ROUNDING_S, exact[k], time)
 
 
-def _within(time: Float, run: Mapping[str, Any]) -> Bool:
-    """Times (t,) of a run."""
-    return np.asarray((time >= run["begin"] - _ROUNDING) & (time <= run["end"] + _ROUNDING))
+def _is_within(time: Float, run: Mapping[str, Any]) -> Bool:
+    """Return which times (t,) belong to a run."""
+    is_after = time >= run["begin"] - _TIME_ROUNDING_S
+    return np.asarray(is_after & (time <= run["end"] + _TIME_ROUNDING_S))
 
 
-def rising(time: Float) -> Bool:
-    """Which of the times (n,) are known and increase, as many of them as can be: after the read-out
-    board began anew its clock is known to some ms only, and samples may seem to come twice."""
-    known = np.isfinite(time)
-    if (np.diff(time[known]) > 0).all():
-        return np.asarray(known)
-    # The longest increasing subsequence (Fredman 1975): what ends the best one of each length.
-    ends, rows, before = list[float](), list[int](), np.full(len(time), -1)
-    for k in np.flatnonzero(known).tolist():
-        at = bisect_left(ends, time[k])
-        before[k] = rows[at - 1] if at else -1
-        ends[at : at + 1], rows[at : at + 1] = [float(time[k])], [k]
-    out = np.zeros(len(time), bool)
-    k = rows[-1]
-    while k >= 0:
-        out[k] = True
-        k = int(before[k])
-    return out
-
-
-def _as_designed(tracks: Tracks, session: CaptureSession) -> Tracks:
-    """With the markers of the session, in their order."""
+def _select_markers(tracks: Tracks, session: CaptureSession) -> Tracks:
+    """Return the tracks with the markers of the session, in their order."""
     ids = session.markers.ids
     points, sigma = np.full((2, len(tracks.time), len(ids), 3), np.nan)
     column = {int(i): k for k, i in enumerate(tracks.ids)}

@@ -13,7 +13,8 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.markers import write_markers_file
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
-from defsense_fab.training.recordings.datasets import load_datasets
+from defsense_fab.training.recordings.datasets import DataFiles
+from tests.support.errors import raises
 from tests.support.places import BAR
 from tests.training.recordings.files_of_others import markers, tracks_of, write_signals
 from tests.training.recordings.xdf_writer import stream, write_xdf
@@ -39,10 +40,13 @@ def files(tmp_path):
 
 def test_all_kinds_together(files):
     folder, r = files
-    found = load_datasets(
-        [folder / "d", folder / "a.XDF"], signals=folder / "s.csv", tracks=folder / "t.npz",
-        markers=folder / "markers.json", unit="second",
-    )  # fmt: skip
+    found = DataFiles(
+        (folder / "d", folder / "a.XDF"),
+        signals=folder / "s.csv",
+        tracks=folder / "t.npz",
+        markers=folder / "markers.json",
+        unit="second",
+    ).load()
     assert [x.unit for x in found.recordings] == ["unit-1", "second", "second"]
     for got, true in zip(found.recordings, r, strict=False):
         np.testing.assert_allclose(got.signals, true.signals, atol=1e-6)
@@ -53,18 +57,18 @@ def test_all_kinds_together(files):
 
 def test_what_is_given_is_checked(files):
     folder, _ = files
-    with pytest.raises(TrainingError, match="a file of signals needs one of tracks with it"):
-        load_datasets([], signals=folder / "s.csv")
-    with pytest.raises(TrainingError, match="there is nothing to train on"):
-        load_datasets([])
-    with pytest.raises(TrainingError, match="session-0/run-1 is given twice"):
-        load_datasets([folder / "d", folder / "d"])
-    with pytest.raises(TrainingError, match="there is no such file or folder"):
-        load_datasets([folder / "none"])
-    with pytest.raises(TrainingError, match=r"is neither a session .* nor a dataset"):
-        load_datasets([folder])
-    with pytest.raises(TrainingError, match=r"s\.csv: is no \.xdf file .* with --signals"):
-        load_datasets([folder / "s.csv"])
+    with raises(TrainingError, "file-missing", missing="tracks"):
+        DataFiles(signals=folder / "s.csv").load()
+    with raises(TrainingError, "no-data"):
+        DataFiles().load()
+    with raises(TrainingError, "duplicate-recording", recording="session-0/run-1"):
+        DataFiles((folder / "d", folder / "d")).load()
+    with raises(TrainingError, "file-not-found"):
+        DataFiles((folder / "none",)).load()
+    with raises(TrainingError, "not-a-dataset"):
+        DataFiles((folder,)).load()
+    with raises(TrainingError, "unknown-format"):
+        DataFiles((folder / "s.csv",)).load()
 
 
 def test_of_a_device_are_its_own_recordings(files):
@@ -74,8 +78,8 @@ def test_of_a_device_are_its_own_recordings(files):
     (folder / "bar" / "markers").mkdir()
     shutil.copy(folder / "markers.json", folder / "bar" / "markers")
     device = load_device(folder / "bar")
-    found = load_datasets([folder / "a.XDF"], device)
+    found = DataFiles((folder / "a.XDF",)).load(device)
     assert found.device == device.name
     np.testing.assert_array_equal(found.rest_points, REST)
-    with pytest.raises(TrainingError, match="the recordings are of bar, not of other; give this"):
-        load_datasets([folder / "d"], replace(device, name="other"))
+    with raises(TrainingError, "devices-differ", devices=("other", "bar")):
+        DataFiles((folder / "d",)).load(replace(device, name="other"))
