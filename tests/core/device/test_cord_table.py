@@ -1,4 +1,4 @@
-"""Cords by their data sheets, in place of a row of the catalogue or over one."""
+"""Cords described by a data sheet, instead of or in addition to a row of the catalogue."""
 
 import pytest
 
@@ -25,7 +25,7 @@ def test_a_cord_by_its_data_sheet(tmp_path):
     assert read('name = "mine"\n' + FIGURES, tmp_path).name == "mine"
 
 
-def test_what_is_assumed_of_a_cord_is_what_the_catalogue_assumes(tmp_path):
+def test_assumptions_for_a_data_sheet_are_those_of_the_catalogue(tmp_path):
     for name, row in read_rows("cords.csv").items():
         sheet = "\n".join(f"{key} = {row[key]}" for key in SHEET)
         by_row, by_sheet = read(f'name = "{name}"', tmp_path), read(sheet, tmp_path)
@@ -34,7 +34,7 @@ def test_what_is_assumed_of_a_cord_is_what_the_catalogue_assumes(tmp_path):
         assert (by_sheet.contact, by_sheet.min_stretch) == (by_row.contact, by_row.min_stretch)
 
 
-def test_a_figure_replaces_that_of_the_row(tmp_path):
+def test_a_key_replaces_the_number_of_the_row(tmp_path):
     cord = read('name = "rubber-2mm"\nferrule_diameter = 2.4\nohm_per_mm = 20', tmp_path)
     assert (cord.ferrule_diameter, cord.ohm_per_mm, cord.diameter) == (2.4, 20, 2.0)
 
@@ -51,6 +51,6 @@ def test_a_figure_replaces_that_of_the_row(tmp_path):
         (FIGURES + "length = [100, 100.5]", "out-of-range", "length"),
     ],
 )
-def test_what_cannot_be_is_told(tmp_path, text, code, key):
+def test_errors_name_the_key(tmp_path, text, code, key):
     with raises(DeviceError, code, key=key):
         read(text, tmp_path)

@@ -1,4 +1,4 @@
-"""What is wrong in device.toml is named by file, line and key."""
+"""`device.toml` is read, and errors name the file, line and key."""
 
 import json
 import shutil
@@ -92,7 +92,7 @@ def test_the_fixture_is_read(edit):
         ('name = "bar"', 'name = "a\\nb"', "name-invalid", "name"),
     ],
 )  # fmt: skip
-def test_mistakes_are_named(edit, tmp_path, old, new, code, key):
+def test_errors_name_the_key(edit, tmp_path, old, new, code, key):
     with raises(DeviceError, code, key=key) as caught:
         edit(old, new)
     assert len(caught.value.data["errors"]) == 1
@@ -113,7 +113,7 @@ def test_the_line_is_that_of_the_key(edit):
         edit("schema = 1", "schema = = 1")
 
 
-def test_all_mistakes_are_reported_at_once(edit, tmp_path):
+def test_all_errors_are_reported_at_once(edit, tmp_path):
     edit("schema = 1", "schema = 1")
     text = (tmp_path / "device.toml").read_text("utf-8")
     text = text.replace('fixed = ["base"]', 'fixed = ["bse"]').replace('name = "rubber-2mm"', "")
@@ -231,13 +231,13 @@ def test_materials_by_hardness_constants_or_name(edit, text, young, model):
         ),
     ],
 )  # fmt: skip
-def test_mistakes_in_materials_meshes_and_handles_are_named(edit, old, new, code, key):
+def test_errors_in_materials_meshes_and_handles_name_the_key(edit, old, new, code, key):
     with raises(DeviceError, code, key=key) as caught:
         edit(old, new)
     assert len(caught.value.data["errors"]) == 1
 
 
-def test_a_device_without_poses_is_told_of_modes(edit, tmp_path):
+def test_a_device_without_poses_is_incomplete(edit, tmp_path):
     edit("schema = 1", "schema = 1")
     text = (tmp_path / "device.toml").read_text("utf-8")
     start, end = text.index("[[poses]]"), text.index("[outputs]")
@@ -277,7 +277,7 @@ def changed(tmp_path):
     return load
 
 
-def test_a_material_for_casting_whose_name_is_no_text_is_refused(tmp_path):
+def test_a_material_for_casting_whose_name_is_not_a_text_is_refused(tmp_path):
     text = (BAR / "device.toml").read_text("utf-8")
     text = text.replace('"tango-black-plus"', '["x"]').replace('"fdm-tpu"', '"cast-silicone"')
     (tmp_path / "device.toml").write_text(text)
@@ -286,7 +286,7 @@ def test_a_material_for_casting_whose_name_is_no_text_is_refused(tmp_path):
         load_device(tmp_path)
 
 
-def test_how_cords_are_built_in_and_read(changed):
+def test_settings_of_assembly_and_readout(changed):
     device = changed()
     assert (device.fabrication.assembly, device.fabrication.prestretch) == ("held", None)
     assert (device.cord.contact, device.cord.min_stretch, device.converter) == (1, 20, "arduino")
@@ -326,7 +326,7 @@ def test_how_cords_are_built_in_and_read(changed):
         ({"design": "sensors = 1"}, "too-few-sensors", "design.sensors"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_built_in_is_refused(changed, tables, code, key):
+def test_settings_that_exclude_each_other_are_refused(changed, tables, code, key):
     with raises(DeviceError, code, key=key) as caught:
         changed(**tables)
     assert caught.value.data["line"] is not None

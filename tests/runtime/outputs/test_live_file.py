@@ -1,4 +1,4 @@
-"""live.toml and flags: what they say, and everything that they may not."""
+"""`live.toml` and outputs given as one line."""
 
 import socket
 import subprocess
@@ -18,8 +18,8 @@ from defsense_fab.runtime.outputs.settings import (
     OscSettings,
     WebSocketSettings,
 )
-from tests.support.errors import raises
 from tests.runtime.live_frames import frame, wait_for
+from tests.support.errors import raises
 
 WHOLE = """
 [outputs.osc]
@@ -244,13 +244,13 @@ def test_flags(flag, settings):
         ("midi,mapping=[{control=3}]", "value-type", {"key": "midi.mapping.1.control"}),
     ],
 )
-def test_what_flags_may_not_say(flag, code, facts):
+def test_errors_in_one_line(flag, code, facts):
     with raises(OutputError, code, **facts):
         parse_output(flag)
 
 
 def test_outputs_are_opened(tmp_path):
-    """One that works, two whose port is taken: they say so, and the loop goes on."""
+    """One output works; two whose port is taken report it and are tried again."""
     with socket.socket() as taken, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -273,7 +273,7 @@ def test_outputs_are_opened(tmp_path):
 
 
 def test_reading_settings_needs_no_library():
-    """Those of outputs are imported where an output is opened."""
+    """Libraries are imported where an output is opened."""
     code = (
         "import sys; from defsense_fab.runtime.outputs.live_file import parse_output;"
         "parse_output('midi,file=x.mid');"
