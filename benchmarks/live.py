@@ -77,7 +77,7 @@ def main() -> None:
         every[1].append(shown[-recent:])
         now, used = time.monotonic() - begun, processor()
         print(
-            f"{now:.0f}, {status.rate:.0f}, {status.surfaces:.0f}, {said(every[0][-1])},"
+            f"{now:.0f}, {status.rate:.0f}, {status.surface_rate:.0f}, {said(every[0][-1])},"
             f" {said(every[1][-1])}, {memory():.0f}, {(used - spent) / now:.2f}", flush=True,
         )  # fmt: skip
     run.close()

@@ -201,7 +201,7 @@ def frames():
             whole = timed(lambda: frame(None))
             off = rms(surface(bent(markers, 0.3, 0.4)), bent(vertices, 0.3, 0.4))
             print(f"| {len(vertices):,} | {mode} | {once[0]:.2f} ({once[1]:.2f}) | {whole[0]:.2f}"
-                  f" ({whole[1]:.2f}) | {off:.3f} | {setup:.1f} | {surface.choice} |",
+                  f" ({whole[1]:.2f}) | {off:.3f} | {setup:.1f} | {surface.description} |",
                   flush=True)  # fmt: skip
 
 

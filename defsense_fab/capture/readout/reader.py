@@ -91,14 +91,15 @@ class ReadoutSettings:
 class Reader:
     """A `Source` that reads a board through a transport.
 
-    Frames are stamped on arrival, and the sink receives every one. The newest 100,000 items wait
-    for `drain`; older ones are dropped. `statistics` counts the dropped items, and an event
-    `dropped` stands in their place.
+    Frames are stamped on arrival, and the sink receives every one. If items are kept, the newest
+    100,000 wait for `drain`; older ones are dropped. `statistics` counts the dropped items, and an
+    event `dropped` stands in their place.
 
     Args:
         opener: Opens the transport; called again after a gap.
         name: Name of the source in messages, such as its port.
         settings: Settings requested from the board; by default it keeps its own.
+        keep_items: Whether items wait for `drain`; otherwise only the sink receives them.
 
     Attributes:
         info: The board's latest description of itself; None before `start`.
@@ -109,9 +110,12 @@ class Reader:
         opener: Callable[[], Transport],
         name: str,
         settings: ReadoutSettings | None = None,
+        *,
+        keep_items: bool = True,
     ) -> None:
         self.name = name
         self._opener, self._settings = opener, settings or ReadoutSettings()
+        self._keep_items = keep_items
         self._items: deque[StampedSample | Event] = deque()
         self._dropped = self._dropped_since_drain = 0
         self._lock, self._stop = threading.Lock(), threading.Event()
@@ -410,6 +414,8 @@ class Reader:
     def _put(self, item: StampedSample | Event) -> None:
         if self.sink is not None:
             self.sink(item)
+        if not self._keep_items:
+            return
         with self._lock:
             if len(self._items) >= MAX_WAITING_ITEMS:
                 self._items.popleft()

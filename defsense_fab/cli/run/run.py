@@ -119,7 +119,7 @@ def _prepare(
 
     folder = options.device[k] if options.device else None
     live = live_device(options.models[k], folder)
-    asked = _asked(options, k, len(live.wired), live.device.source if live.device else None)
+    asked = _asked(options, k, len(live.board_channels), live.device.source if live.device else None)
     live = replace(live, model=replace(live.model, device=several.unique_name(live.model.device)))
     asked = replace(asked, outputs=several.allocate(asked.outputs))
     return live_run(live, asked, progress)
@@ -175,7 +175,7 @@ def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
         if run.surface:
             lines.append(f"Surface: {run.surface}")
         if run.recording is not None:
-            begun = run.recording.wait_until_begun(2.0)
+            begun = run.recording.wait_until_started(2.0)
             lines.append(f"Record:  {run.recording.path}{'' if begun else ' (once samples come)'}")
         if run.animations is not None and run.animations.recording is not None:
             lines.append(f"Record:  {run.animations.recording} (the animation, at the end)")

@@ -78,7 +78,7 @@ def _end(runs: Sequence[LiveRun], *, begun: bool) -> list[Exception]:
         animations = run.animations
         if animations is None or animations.recording is None:
             continue
-        if animations.empty and not begun:
+        if animations.is_empty and not begun:
             animations.discard()
             continue
         tell(f"writing {animations.recording}; Ctrl-C does not stop that")
@@ -94,7 +94,7 @@ def _end(runs: Sequence[LiveRun], *, begun: bool) -> list[Exception]:
 def _say_written(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
     written = [each for run in runs if run.animations for each in run.animations.written]
     if not options.json:
-        say(f"Wrote:   {each.told}" for each in written)
+        say(f"Wrote:   {each.summary}" for each in written)
         return
     for each in written:
         file = each.file

@@ -143,7 +143,7 @@ def _line(followed: _Followed) -> str:
     if followed.ended is not None:
         return f"ended: {followed.ended}"
     status = followed.run.loop.status
-    return "; ".join([status.frame.quality.value if status.frame else "waiting", *status.notes])
+    return "; ".join([status.frame.quality.value if status.frame else "waiting", *map(str, status.notes)])
 
 
 def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]:
@@ -154,14 +154,14 @@ def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]
     if frame is None:
         return [Text(f"{label}: waiting for samples", "yellow"), *_notes(status)]
     line = Text(f"{label} ")
-    said = frame.quality.value + (f" without {frame.lost}" if frame.lost else "")
+    said = frame.quality.value + (f" without {frame.lost_channel}" if frame.lost_channel else "")
     line.append(said, f"bold {_COLORS[frame.quality]}")
     line.append(f"  {status.rate:.0f} Hz", "dim")
-    if status.surfaces:
-        line.append(f", {status.surfaces:.0f} surfaces/s", "dim")
-    line.append(f", {_ms(status.decoded)} to outputs", "dim")
-    if status.surfaces:
-        line.append(f", {_ms(status.shown)} to the view", "dim")
+    if status.surface_rate:
+        line.append(f", {status.surface_rate:.0f} surfaces/s", "dim")
+    line.append(f", {_ms(status.output_latency)} to outputs", "dim")
+    if status.surface_rate:
+        line.append(f", {_ms(status.view_latency)} to the view", "dim")
     rows = [line]
     if frame.controls:
         bars = Text()
@@ -192,14 +192,14 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
 
     out: dict[str, object] = {
         "rate": status.rate, "samples": status.samples, "skipped": status.skipped,
-        "latency": {"outputs": [known(x) for x in status.decoded],
-                    "view": [known(x) for x in status.shown]},
-        "notes": list(status.notes),
+        "latency": {"outputs": [known(x) for x in status.output_latency],
+                    "view": [known(x) for x in status.view_latency]},
+        "notes": [str(note) for note in status.notes],
     }  # fmt: skip
     if frame is not None:
         out |= {
             "time": frame.time, "quality": frame.quality.value,
-            "lost": frame.lost, "controls": dict(frame.controls),
+            "lost": frame.lost_channel, "controls": dict(frame.controls),
             "confidence": dict(frame.confidence), "distance": known(frame.distance),
             "ohm": [known(float(r)) for r in frame.ohms],
         }  # fmt: skip

@@ -1,1 +1,1 @@
-"""A device live: its model and build, the loop from samples to outputs, the view."""
+"""Run a device: load its model and build, loop from samples to outputs, and keep its files."""

@@ -1,5 +1,4 @@
-"""What a live loop knows of its device: the trained model, and what the build says of its poses,
-its surface and its cords."""
+"""Load a device for the live loop: its model, and the poses, surface and cords of its build."""
 
 from __future__ import annotations
 
@@ -9,35 +8,57 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.device.device_file import load_device
 from ...core.errors import LiveError
 from ...core.mesh import Surface
-from ...core.device.build_folder import build_folder
 from ...decoding.trained_model import TrainedModel
 from ...store.layout import LAYOUT, layout_hash, load_layout
 from ...training.models.model_file import load_model
 from ...twin.devices.simulated_device import SimulatedDevice, load_simulated_device
 from ..controls.pose_amplitudes import PoseBasis, PoseRamp
-from .model_fit import Misfit, misfit
+from ..surface.live_surface import FRAME, LiveSurface, Mode, make_surface
+from ..surface.surface_mesh import SurfaceBasis
+from .live_loop import marker_sd
+from .run_choices import Misfit, misfit
+
+_TYPICAL_DISTANCE = 0.7  # from the training, of the readings that a model mostly receives
+_FIXED_TOLERANCE_MM = 1e-9  # displacement of fixed vertices
 
 
 @dataclass(frozen=True)
 class LiveCord:
-    """A cord's `path` (p, 3) mm at rest, and its displacements (s, p, 3) mm in the states."""
+    """A cord of a built device.
+
+    Attributes:
+        name: Name of the cord.
+        path: Its path at rest (p, 3), mm.
+        displacements: Displacements of the path in the simulated states (s, p, 3), mm.
+    """
 
     name: str
     path: Float
-    moved: Float
+    displacements: Float
 
 
 @dataclass(frozen=True)
 class LiveDevice:
-    """The `model`; of its `device`, where its build is known: the surface at `rest`, displacements
-    `states` (s, v, 3) mm of its vertices in all simulated states, `poses` at the model's markers,
-    and the `cords`. `wired` are the channels' names in the order in which the read-out board has
-    them; `reference` (c,) ohm of the dividers, `trained_rest` (c,) ohm and signals `lying` (c,) in
-    the training's first rest, in the model's order, where the training tells them."""
+    """A device with its model, and its build if that is known.
+
+    Attributes:
+        model: The trained model.
+        device: The device, or None.
+        rest: The surface at rest, or None.
+        states: Displacements of its vertices in all simulated states (s, v, 3), mm, or None.
+        poses: The poses at the model's markers, or None.
+        cords: The cords.
+        board_channels: Names of the channels in the order of the read-out board.
+        reference: Resistors of the dividers in the training (c,), ohm, in the model's order; None
+            if unknown.
+        trained_rest: Resistances at rest in the training (c,), ohm, or None.
+        first_rest_signals: Signals in the training's first rest (c,), or None.
+    """
 
     model: TrainedModel
     device: Device | None
@@ -45,93 +66,170 @@ class LiveDevice:
     states: Float | None
     poses: PoseBasis | None
     cords: tuple[LiveCord, ...]
-    wired: tuple[str, ...]
+    board_channels: tuple[str, ...]
     reference: Float | None
     trained_rest: Float | None
-    lying: Float | None = None
+    first_rest_signals: Float | None = None
 
 
 def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
-    """Of a model's file or folder, and the device's `folder`; that in which the model lies, where
-    it is a device's. Raises LiveError for a model of another device or of other cords,
-    TrainingError for what is no model, CaptureError for a device that is not built."""
+    """Load a device with its model.
+
+    Args:
+        path: The model's file or folder.
+        folder: The device's folder; by default that of the model, if it is a device's.
+
+    Raises:
+        LiveError: The model belongs to another device or to other cords, or the device is not
+            built.
+        TrainingError: The file is not a model.
+        CaptureError: The build cannot be read.
+    """
     model = load_model(path)
-    own = folder or _beside(path)
-    if own is None:
+    device_folder = folder or _device_folder_of(path)
+    if device_folder is None:
         return without_build(model)
-    device = load_device(own)
-    built = build_folder(device)
-    layout = load_layout(built, LiveError) if (built / LAYOUT).exists() else None
+    device = load_device(device_folder)
+    build = build_folder(device)
+    layout = load_layout(build, LiveError) if (build / LAYOUT).exists() else None
     if misfit(model, device, None) is not None:
         raise LiveError(
-            f"{path}: is a model of {model.device}, and {own} is {device.name}; give --device the"
-            " folder of the device that it was trained on"
+            f"is a model of {model.device}, and {device_folder} is {device.name}",
+            code="device-differs",
+            where=path,
+            action="Give the folder of the device that the model was trained on",
+            model=model.device,
+            device=device.name,
         )
     if layout is None:
         if folder is None:
             return without_build(model, device)
-        raise LiveError(f"{own}: is not built; run 'defsense build {own}'")
-    why = misfit(model, device, layout)
-    if why is Misfit.CORDS:
         raise LiveError(
-            f"{path}: was trained with other cords ({model.layout}) than {built} has"
-            f" ({layout_hash(layout)}); give --device the build that it was recorded with, or"
-            " record and train anew"
+            "is not built",
+            code="device-not-built",
+            where=device_folder,
+            action=f"Build it (defsense build {device_folder})",
         )
-    if why is Misfit.CHANNELS:
-        wired = ", ".join(cord.name for cord in layout.by_channel())
+    problem = misfit(model, device, layout)
+    if problem is Misfit.CORDS:
         raise LiveError(
-            f"{path}: knows the channels {', '.join(model.channels)}, and {own} has {wired}; train"
-            " with all of this device's cords"
+            f"was trained with other cords ({model.layout}) than {build} has"
+            f" ({layout_hash(layout)})",
+            code="cords-differ",
+            where=path,
+            action="Give the build that the sessions were recorded with, or record and train again",
+        )
+    if problem is Misfit.CHANNELS:
+        present = tuple(cord.name for cord in layout.by_channel())
+        raise LiveError(
+            f"has the channels {', '.join(model.channels)}, and {device_folder}"
+            f" {', '.join(present)}",
+            code="channels-differ",
+            where=path,
+            action="Train with all cords of this device",
+            channels=model.channels,
+            present=present,
         )
     return with_build(model, device)
 
 
 def without_build(model: TrainedModel, device: Device | None = None) -> LiveDevice:
-    """What the model alone tells."""
-    reference, rest = _told(model)
+    """Return a device of which only the model is known."""
+    reference, rest = _trained_resistances(model)
     return LiveDevice(
-        model, device, None, None, None, (), model.channels, reference, rest, _lying(model)
+        model=model,
+        device=device,
+        rest=None,
+        states=None,
+        poses=None,
+        cords=(),
+        board_channels=model.channels,
+        reference=reference,
+        trained_rest=rest,
+        first_rest_signals=_first_rest_signals(model),
     )
 
 
 def with_build(model: TrainedModel, device: Device) -> LiveDevice:
-    """Of a built device that the model fits. Raises CaptureError where it is not built."""
-    found = load_simulated_device(device, model.rest_points)
+    """Return a built device that the model fits; raise CaptureError if it is not built."""
+    simulated = load_simulated_device(device, model.rest_points)
     cords = tuple(
-        LiveCord(name, cord.path, moved)
-        for name, cord, moved in zip(found.names, found.cords, found.moved, strict=True)
+        LiveCord(name, cord.path, displacements)
+        for name, cord, displacements in zip(
+            simulated.names, simulated.cords, simulated.moved, strict=True
+        )
     )
-    reference, rest = _told(model)
+    reference, rest = _trained_resistances(model)
     return LiveDevice(
-        model, device, found.rest, found.skin, _poses(found), cords, found.names, reference, rest,
-        _lying(model),
-    )  # fmt: skip
+        model=model,
+        device=device,
+        rest=simulated.rest,
+        states=simulated.skin,
+        poses=_poses(simulated),
+        cords=cords,
+        board_channels=simulated.names,
+        reference=reference,
+        trained_rest=rest,
+        first_rest_signals=_first_rest_signals(model),
+    )
 
 
-def _beside(path: Path) -> Path | None:
+def device_surface(live: LiveDevice, mode: Mode = "default", frame: float = FRAME) -> LiveSurface:
+    """Return the solver of the surface that carries the model's markers.
+
+    Args:
+        live: The device.
+        mode: How the surface is solved; see `make_surface`.
+        frame: Time for a frame, s; a mesh that takes longer on this machine is moved by a coarser
+            cage.
+
+    Raises:
+        LiveError: The build of the device is unknown.
+    """
+    if live.rest is None or live.states is None:
+        raise LiveError(
+            "its build is unknown, and the surface with it",
+            code="device-not-built",
+            where=live.model.device,
+            action="Give the folder of the built device",
+        )
+    fixed = np.abs(live.states).max(axis=(0, 2)) < _FIXED_TOLERANCE_MM
+    faces = np.asarray(live.rest.faces, np.int64)
+    basis = SurfaceBasis(live.rest.vertices, faces, live.states, fixed)
+    return make_surface(basis, live.model.rest_points, typical_marker_sd(live.model), mode, frame)
+
+
+def typical_marker_sd(model: TrainedModel) -> Float:
+    """Return the standard deviations of the markers near the training (m,), mm."""
+    intervals = model.main.intervals
+    if intervals is None:
+        return marker_sd(np.full(len(model.ids), np.nan))
+    return marker_sd(intervals(np.array([_TYPICAL_DISTANCE]))[0])
+
+
+def _device_folder_of(path: Path) -> Path | None:
     folder = path if path.is_dir() else path.parent
     return folder if (folder / "device.toml").exists() else None
 
 
-def _poses(found: SimulatedDevice) -> PoseBasis:
-    ramps = tuple(PoseRamp(r.levels, found.shown[r.states]) for r in found.ramps)
-    return PoseBasis(tuple(r.name for r in found.ramps), ramps)
+def _poses(simulated: SimulatedDevice) -> PoseBasis:
+    ramps = tuple(PoseRamp(r.levels, simulated.shown[r.states]) for r in simulated.ramps)
+    return PoseBasis(tuple(r.name for r in simulated.ramps), ramps)
 
 
-def _told(model: TrainedModel) -> tuple[Float | None, Float | None]:
-    """Resistors and R0 of the last session that it was trained on."""
+def _trained_resistances(model: TrainedModel) -> tuple[Float | None, Float | None]:
+    """Return the dividers' resistors and R0 of the last session of the training."""
     c = len(model.channels)
     resistors: Float | None = None
-    for session in model.told.get("provenance", {}).get("sessions", ()):
-        by = session.get("reference") or {}
-        if set(model.channels) <= set(by):
-            resistors = np.array([float(by[name]) for name in model.channels])
-    rests = [np.array(r, float) for r in model.told.get("R0", {}).values() if len(r) == c]
+    for session in model.metadata.get("provenance", {}).get("sessions", ()):
+        by_name = session.get("reference") or {}
+        if set(model.channels) <= set(by_name):
+            resistors = np.array([float(by_name[name]) for name in model.channels])
+    rests = [np.array(r, float) for r in model.metadata.get("R0", {}).values() if len(r) == c]
     return resistors, rests[-1] if rests else None
 
 
-def _lying(model: TrainedModel) -> Float | None:
-    by = model.told.get("first_rest") or {}
-    known = all(isinstance(by.get(name), float) for name in model.channels)
-    return np.array([by[name] for name in model.channels]) if known else None
+def _first_rest_signals(model: TrainedModel) -> Float | None:
+    by_name = model.metadata.get("first_rest") or {}
+    is_known = all(isinstance(by_name.get(name), float) for name in model.channels)
+    return np.array([by_name[name] for name in model.channels]) if is_known else None

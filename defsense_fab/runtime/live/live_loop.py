@@ -1,8 +1,9 @@
-"""The live loop: samples in, frames out.
+"""Run the live loop: samples in, frames out.
 
-The source's thread puts samples down; one thread decodes all of them, since decoders know the past,
-and gives the newest frame to the outputs; a second one solves the surface of the newest frame that
-there is. Outputs and views have threads of their own. Nothing waits for what comes after it.
+The source's thread hands samples over. One thread decodes all of them, because decoders have
+memory, and gives the latest frame to the outputs. A second thread solves the surface of the latest
+frame for the views. Outputs and views have threads of their own, so that no step waits for a later
+one.
 """
 
 from __future__ import annotations
@@ -26,49 +27,52 @@ from ...sensing.voltage_divider import Dividers
 from ..controls.control_bank import ControlBank
 from ..controls.pose_amplitudes import RADIUS_90
 from ..frames.live_decoder import LiveDecoder, Reading
-from ..frames.live_frame import LiveFrame, Quality
+from ..frames.live_frame import LiveFrame, Note, Quality
 
-_WAIT = 0.005  # s between looks at a source that has no thread of its own
-_WAITING = 50  # samples that may wait: a machine that is too slow leaves out, and stays in time
-_UNKNOWN = 1.0  # mm, of a marker whose interval is not known
-_KEPT = 6000  # latencies: a minute at 100 Hz
-#: s that a surface may take: it bounds the rounds of its solver.
-BUDGET = 0.008
-_SILENT = 1.0  # s without a sample, after which that is said
-_TOLD = 5.0  # s, for which it is told what happened
+#: Time that a surface may take, s; it bounds the iterations of its solver.
+SURFACE_BUDGET_S = 0.008
+
+_POLL_INTERVAL_S = 0.005  # of sources without a thread of their own
+_MAX_WAITING_SAMPLES = 50  # a machine that is too slow skips samples, and stays in time
+_UNKNOWN_MARKER_SD_MM = 1.0  # of markers whose interval is unknown
+_MIN_MARKER_SD_MM = 1e-3
+_MAX_LATENCIES = 6000  # a minute at 100 Hz
+_RATE_WINDOW_S = 3.0
+_MAX_SILENCE_S = 1.0  # without a sample, after which that is reported
+_EVENT_NOTE_S = 5.0  # for which an event is reported
+_JOIN_TIMEOUT_S = 3.0
 
 
-class Sending(Protocol):
-    """What frames are given to; it returns at once."""
+class FrameSink(Protocol):
+    """A receiver of frames whose `send` returns at once."""
 
     @property
     def name(self) -> str: ...
 
     @property
-    def trouble(self) -> str | None: ...
+    def trouble(self) -> Note | None: ...
 
     @property
-    def news(self) -> str | None: ...
+    def news(self) -> Note | None: ...
 
     def send(self, frame: LiveFrame) -> None: ...
 
     def close(self) -> None: ...
 
 
-class Surfaces(Protocol):
-    """Vertices (v, 3) mm of markers (m, 3) mm with standard deviations (m,) mm, in about `budget`
-    s."""
+class SurfaceSolver(Protocol):
+    """Solve the vertices (v, 3), mm, of markers (m, 3), mm, with standard deviations (m,), mm."""
 
     def __call__(
         self, markers: Float, sd: Float | None = None, budget: float | None = None
     ) -> Float: ...
 
 
-class Keeping(Protocol):
-    """Takes the raw readings as they come."""
+class ReadingRecorder(Protocol):
+    """A recorder of the raw readings as they arrive."""
 
     @property
-    def trouble(self) -> str | None: ...
+    def trouble(self) -> Note | None: ...
 
     def add(self, item: StampedSample | Event) -> None: ...
 
@@ -77,95 +81,141 @@ class Keeping(Protocol):
 
 @dataclass(frozen=True)
 class LiveStatus:
-    """The newest frame; samples per second, and of surfaces; s from a sample's arrival until its
-    frame was given to outputs, and with its surface to views: median and 99th percentile (NaN:
-    none yet); samples that arrived and that were not decoded; notes on all of it."""
+    """The state of a loop.
+
+    Attributes:
+        frame: The newest frame, or None.
+        rate: Decoded frames per second.
+        surface_rate: Surfaces per second.
+        output_latency: Median and 99th percentile of the time from a sample's arrival until its
+            frame was given to the outputs, s; NaN before the first frame.
+        view_latency: The same until its surface was given to the views.
+        samples: Number of samples that have arrived.
+        skipped: Number of samples that were not decoded.
+        notes: Notes on all parts of the loop.
+    """
 
     frame: LiveFrame | None
     rate: float
-    surfaces: float
-    decoded: tuple[float, float]
-    shown: tuple[float, float]
+    surface_rate: float
+    output_latency: tuple[float, float]
+    view_latency: tuple[float, float]
     samples: int
     skipped: int
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 class LiveLoop:
-    """Of a `source` whose channels come in the order `wired`; `start` it, and `close` it after use.
+    """The loop of one device. `start` it, and `close` it after use.
 
-    `reference` (c,) ohm are the dividers' resistors in the model's order of channels; `tracks` tell
-    where cameras saw the markers (m, 3) mm at a sample's time, s."""
+    Args:
+        source: Source of the samples.
+        decoder: Decoder of the readings.
+        board_channels: Names of the channels in the order of the read-out board.
+        reference: Resistors (c,) of the dividers, ohm, in the model's order of channels.
+        controls: The controls, if the device has any.
+        surface: Solver of the surface for the views.
+        outputs: Receivers of frames without surfaces.
+        views: Receivers of frames with surfaces.
+        recorder: Recorder of the raw readings.
+        tracks: Returns where cameras see the markers (m, 3), mm, at the time of a sample, s.
+    """
 
     def __init__(
-        self, source: Source, decoder: LiveDecoder, wired: Sequence[str], reference: Float, *,
-        controls: ControlBank | None = None, surface: Surfaces | None = None,
-        outputs: Sequence[Sending] = (), views: Sequence[Sending] = (),
-        recorder: Keeping | None = None, tracks: Callable[[float], Float] | None = None,
-    ) -> None:  # fmt: skip
-        self._source, self._decoder = source, decoder
-        self._order = [list(wired).index(name) for name in decoder.model.channels]
+        self,
+        source: Source,
+        decoder: LiveDecoder,
+        board_channels: Sequence[str],
+        reference: Float,
+        *,
+        controls: ControlBank | None = None,
+        surface: SurfaceSolver | None = None,
+        outputs: Sequence[FrameSink] = (),
+        views: Sequence[FrameSink] = (),
+        recorder: ReadingRecorder | None = None,
+        tracks: Callable[[float], Float] | None = None,
+    ) -> None:
+        self._source, self.decoder = source, decoder
+        self._order = [list(board_channels).index(name) for name in decoder.model.channels]
         self._reference, self._controls, self._surface = reference, controls, surface
         self._outputs, self._views, self._recorder = tuple(outputs), tuple(views), recorder
         self._tracks = tracks
-        self._items: deque[StampedSample] = deque(maxlen=_WAITING)
-        self._came, self._stop = threading.Event(), threading.Event()
-        self._shape, self._solve = _Slot(), threading.Thread(target=self._solving, daemon=True)
-        self._thread = threading.Thread(target=self._decoding, daemon=True)
+        self._samples_to_decode: deque[StampedSample] = deque(maxlen=_MAX_WAITING_SAMPLES)
+        self._has_samples, self._stop = threading.Event(), threading.Event()
+        self._surface_slot = _Slot()
+        self._surface_thread = threading.Thread(target=self._solve_surfaces, daemon=True)
+        self._thread = threading.Thread(target=self._decode_samples, daemon=True)
         self._dividers: Dividers | None = None
-        self._decoded, self._shown = _Latency(), _Latency()
+        self._output_latency, self._view_latency = _Latency(), _Latency()
         self._frame: LiveFrame | None = None
         self._failure: Exception | None = None
         self._samples = self._skipped = 0
-        self._event, self._event_at = "", -np.inf
-        self._event_lasts = False
-        self._heard = time.monotonic()
-        self._told_silent = False
-        self._while_live = ExitStack()
-        self._number = 0  # of frames: those of silence count, too
+        self._event: Note | None = None
+        self._event_at, self._is_event_lasting = -np.inf, False
+        self._last_sample_at = time.monotonic()
+        self._is_silence_reported = False
+        self._resources = ExitStack()
+        self._number = 0  # of frames, including those that report silence
 
     def start(self) -> Info:
-        """Open the source. Raises CaptureError where it cannot be read, LiveError where it has
-        other channels than the device."""
-        self._source.sink = self._take
+        """Open the source and start the threads.
+
+        Returns:
+            The description that the read-out board gives of itself.
+
+        Raises:
+            CaptureError: The source cannot be read.
+            LiveError: The board has another number of channels than the model.
+        """
+        self._source.sink = self._receive
         info = self._source.start()
         try:
             if info.channels != len(self._order):
-                names = ", ".join(self._decoder.model.channels)
+                names = ", ".join(self.decoder.model.channels)
                 raise LiveError(
-                    f"{self._source.name}: the read-out board has {info.channels} channels, and"
-                    f" {self._decoder.model.device} {len(self._order)} ({names}); connect the"
-                    " device that the model was trained on"
+                    f"the read-out board has {info.channels} channels and"
+                    f" {self.decoder.model.device} {len(self._order)} ({names})",
+                    code="channels-differ",
+                    where=self._source.name,
+                    action="Connect the device that the model was trained on",
+                    count=info.channels,
+                    expected=len(self._order),
                 )
             self._dividers = Dividers(self._reference, info.full_scale)
-            self._heard = time.monotonic()
+            self._last_sample_at = time.monotonic()
         except DefsenseError:
             self._source.close()
             raise
-        # More threads of linear algebra spin between samples, for three times the processor.
-        self._while_live.enter_context(one_blas_thread())
+        # More threads of linear algebra would spin between samples, and use three times the CPU.
+        self._resources.enter_context(one_blas_thread())
         self._thread.start()
-        self._solve.start()
+        self._surface_thread.start()
         return info
 
     def close(self) -> None:
         """End all threads, and close source, outputs, views and recorder."""
         self._stop.set()
-        self._came.set()
-        self._shape.end()
-        for thread in (self._thread, self._solve):
+        self._has_samples.set()
+        self._surface_slot.end()
+        for thread in (self._thread, self._surface_thread):
             if thread.is_alive():
-                thread.join(3.0)
-        self._while_live.close()
+                thread.join(_JOIN_TIMEOUT_S)
+        self._resources.close()
         self._source.close()
-        for each in (*self._outputs, *self._views):
-            each.close()
+        for sink in (*self._outputs, *self._views):
+            sink.close()
         if self._recorder is not None:
             self._recorder.close()
 
     def wait(self, seconds: float) -> bool:
-        """Whether the loop still runs, after so many s or as soon as it ends. Raises what ended
-        it."""
+        """Wait until the loop ends, at most for some seconds.
+
+        Returns:
+            Whether the loop still runs.
+
+        Raises:
+            Exception: The error that ended the loop.
+        """
         if self._thread.is_alive():
             self._thread.join(seconds)
         if self._failure is not None:
@@ -174,152 +224,172 @@ class LiveLoop:
 
     @property
     def status(self) -> LiveStatus:
-        now = time.monotonic()
-        notes = [self._event] if self._event_lasts or now - self._event_at < _TOLD else []
-        if time.monotonic() - self._heard > _SILENT:
-            notes.append(f"{self._source.name}: no sample for {self.silence:.0f} s")
-        for each in (*self._outputs, *self._views):
-            notes += [told for told in (each.trouble, each.news) if told]
-        if self._recorder is not None and self._recorder.trouble:
-            notes.append(self._recorder.trouble)
+        """The present state of the loop."""
         frame = self._frame
         return LiveStatus(
-            frame, self._decoded.rate, self._shown.rate, self._decoded.quantiles,
-            self._shown.quantiles, self._samples, self._skipped,
-            (*(frame.notes if frame else ()), *notes),
-        )  # fmt: skip
+            frame=frame,
+            rate=self._output_latency.rate,
+            surface_rate=self._view_latency.rate,
+            output_latency=self._output_latency.quantiles,
+            view_latency=self._view_latency.quantiles,
+            samples=self._samples,
+            skipped=self._skipped,
+            notes=(*(frame.notes if frame else ()), *self._loop_notes()),
+        )
 
     @property
     def silence(self) -> float:
-        """s since the last sample arrived."""
-        return time.monotonic() - self._heard
+        """Time since the last sample arrived, s."""
+        return time.monotonic() - self._last_sample_at
 
     def latencies(self) -> tuple[Float, Float]:
-        """s (n,) of the last minute, to outputs and to views."""
-        return self._decoded.values, self._shown.values
+        """Return the latencies (n,) of the last minute, s, to outputs and to views."""
+        return self._output_latency.values, self._view_latency.values
 
-    def _take(self, item: StampedSample | Event) -> None:
+    def _loop_notes(self) -> list[Note]:
+        notes = []
+        is_recent = time.monotonic() - self._event_at < _EVENT_NOTE_S
+        if self._event is not None and (self._is_event_lasting or is_recent):
+            notes.append(self._event)
+        if (silence := self.silence) > _MAX_SILENCE_S:
+            text = f"{self._source.name}: no sample for {silence:.0f} s"
+            notes.append(Note("no-sample", text, {"seconds": silence}))
+        for sink in (*self._outputs, *self._views):
+            notes += [note for note in (sink.trouble, sink.news) if note]
+        if self._recorder is not None and self._recorder.trouble:
+            notes.append(self._recorder.trouble)
+        return notes
+
+    def _receive(self, item: StampedSample | Event) -> None:
         if self._recorder is not None:
             self._recorder.add(item)
         if isinstance(item, Event):
-            self._tell(_told(self._source.name, item), lasts=item.kind == "gap")
+            self._report(_event_note(self._source.name, item), is_lasting=item.kind == "gap")
             if item.data.get("full_scale", 0) > 0:  # another board, or another range of it
                 self._dividers = Dividers(self._reference, item.data["full_scale"])
             return
         self._samples += 1
-        self._skipped += len(self._items) == _WAITING
-        self._items.append(item)
-        self._heard = time.monotonic()
-        self._event_lasts = False
-        self._came.set()
+        self._skipped += len(self._samples_to_decode) == _MAX_WAITING_SAMPLES
+        self._samples_to_decode.append(item)
+        self._last_sample_at = time.monotonic()
+        self._is_event_lasting = False
+        self._has_samples.set()
 
-    def _tell(self, told: str | None, *, lasts: bool = False) -> None:
-        """A note for some seconds, or until samples come again."""
-        if told is not None:
-            self._event, self._event_at, self._event_lasts = told, time.monotonic(), lasts
+    def _report(self, note: Note | None, *, is_lasting: bool = False) -> None:
+        """Report an event for some seconds, or until the next sample."""
+        if note is not None:
+            self._event, self._event_at, self._is_event_lasting = note, time.monotonic(), is_lasting
 
-    def _decoding(self) -> None:
+    def _decode_samples(self) -> None:
         try:
             while not self._stop.is_set():
-                self._came.wait(_WAIT)
-                self._came.clear()
-                self._source.drain()
+                self._has_samples.wait(_POLL_INTERVAL_S)
+                self._has_samples.clear()
+                self._source.drain()  # plays recordings, and raises the error that ended the source
                 frame = None
-                # Those that wait now: where more come than can be decoded, frames are given still.
-                for _ in range(len(self._items)):
-                    frame = self._decode(self._items.popleft()) or frame
+                # Only the samples that wait now: if more arrive than can be decoded, frames are
+                # given all the same.
+                for _ in range(len(self._samples_to_decode)):
+                    frame = self._decode(self._samples_to_decode.popleft()) or frame
                 if frame is not None:
                     self._give(frame)
-                    self._told_silent = False
-                elif self.silence > _SILENT and not self._told_silent:
-                    self._told_silent = True
+                    self._is_silence_reported = False
+                elif self.silence > _MAX_SILENCE_S and not self._is_silence_reported:
+                    self._is_silence_reported = True
                     self._give_lost()
-        except Exception as error:  # told by `wait`
+        except Exception as error:  # raised again by `wait`
             self._failure = error
         finally:
-            self._shape.end()
+            self._surface_slot.end()
 
     def _decode(self, item: StampedSample) -> LiveFrame | None:
         assert self._dividers is not None
         counts = np.array(item.sample.counts)
         if len(counts) != len(self._order):
-            self._tell(
-                f"{self._source.name}: samples of {len(counts)} channels come, where"
-                f" {len(self._order)} are connected; another program changed the board's settings"
+            text = (
+                f"{self._source.name}: samples have {len(counts)} channels instead of"
+                f" {len(self._order)}; another program changed the board's settings"
             )
+            self._report(Note("channels-differ", text, {"count": len(counts)}))
             return None
         ohms = self._dividers.resistance(counts[self._order])
-        return self._decoder(Reading(item.device_us / 1e6, ohms, item.host_ns / 1e9))
+        return self.decoder(Reading(item.device_us / 1e6, ohms, item.host_ns / 1e9))
 
     def _give(self, frame: LiveFrame) -> None:
-        if self._controls is not None and self._decoder.has_rest:
-            found = self._controls.update(frame.markers, deviation(frame.radius), frame.time)
-            lost = frame.quality is Quality.LOST
-            confidence = dict.fromkeys(found.confidence, 0.0) if lost else found.confidence
-            frame = replace(frame, controls=found.values, confidence=confidence)
+        if self._controls is not None and self.decoder.has_rest:
+            controls = self._controls.update(frame.markers, marker_sd(frame.radius), frame.time)
+            is_lost = frame.quality is Quality.LOST
+            confidence = dict.fromkeys(controls.confidence, 0.0) if is_lost else controls.confidence
+            frame = replace(frame, controls=controls.values, confidence=confidence)
         self._number += 1
         tracks = None if self._tracks is None else self._tracks(frame.time)
         self._frame = frame = replace(frame, number=self._number, tracks=tracks)
-        for each in self._outputs:
-            each.send(frame)
-        self._decoded.add(time.monotonic() - frame.arrived)
+        for output in self._outputs:
+            output.send(frame)
+        self._output_latency.add(time.monotonic() - frame.arrived)
         if self._views:
-            self._shape.put(frame)
+            self._surface_slot.put(frame)
 
     def _give_lost(self) -> None:
-        """The last frame once more, which is not to be believed: nothing comes from the device."""
+        """Repeat the last frame as a lost one, because no samples arrive."""
         if self._frame is None or self._frame.quality is Quality.LOST:
             return
-        note = f"{self._source.name}: nothing comes from the read-out board"
+        text = f"{self._source.name}: the read-out board sends nothing"
         self._number += 1
         self._frame = frame = replace(
-            self._frame, number=self._number, arrived=time.monotonic(),
-            quality=Quality.LOST, confidence=dict.fromkeys(self._frame.confidence, 0.0),
-            notes=(note,),
-        )  # fmt: skip
-        for each in self._outputs:
-            each.send(frame)
+            self._frame,
+            number=self._number,
+            arrived=time.monotonic(),
+            quality=Quality.LOST,
+            confidence=dict.fromkeys(self._frame.confidence, 0.0),
+            notes=(Note("board-silent", text),),
+        )
+        for output in self._outputs:
+            output.send(frame)
         if self._views:
-            self._shape.put(frame)
+            self._surface_slot.put(frame)
 
-    def _solving(self) -> None:
+    def _solve_surfaces(self) -> None:
         while not self._stop.is_set():
-            frame = self._shape.take()
+            frame = self._surface_slot.take()
             if frame is None:
                 return
             if self._surface is not None:
                 try:
-                    vertices = self._surface(frame.markers, deviation(frame.radius), BUDGET)
-                except Exception as error:
+                    sd = marker_sd(frame.radius)
+                    vertices = self._surface(frame.markers, sd, SURFACE_BUDGET_S)
+                except Exception as error:  # raised again by `wait`
                     self._failure = error
                     return
                 frame = replace(frame, vertices=vertices)
-            for each in self._views:
-                each.send(frame)
-            self._shown.add(time.monotonic() - frame.arrived)
+            for view in self._views:
+                view.send(frame)
+            self._view_latency.add(time.monotonic() - frame.arrived)
 
 
-def deviation(radius: Float) -> Float:
-    """Standard deviation (m,) mm along each axis of markers with the radius (m,) mm of their 90 %
-    intervals."""
-    return np.asarray(np.where(np.isfinite(radius), np.maximum(radius / RADIUS_90, 1e-3), _UNKNOWN))
+def marker_sd(radius: Float) -> Float:
+    """Return standard deviations (m,) along each axis, mm, by the radii of 90 % intervals (m,)."""
+    sd = np.maximum(radius / RADIUS_90, _MIN_MARKER_SD_MM)
+    return np.asarray(np.where(np.isfinite(radius), sd, _UNKNOWN_MARKER_SD_MM))
 
 
-def _told(name: str, event: Event) -> str | None:
+def _event_note(source: str, event: Event) -> Note | None:
     if event.kind == "gap":
-        return f"{name}: the read-out board is gone ({event.data.get('why', 'no answer')}); waiting"
+        reason = event.data.get("why", "no answer")
+        text = f"{source}: the read-out board is disconnected ({reason}); waiting for it"
+        return Note("board-disconnected", text, {"reason": reason})
     if event.kind == "resumed":
-        return f"{name}: the read-out board is back"
+        return Note("board-reconnected", f"{source}: the read-out board is connected again")
     if event.kind == "restart":
-        return f"{name}: the read-out board started anew"
+        return Note("board-restarted", f"{source}: the read-out board has restarted")
     return None
 
 
 class _Slot:
-    """Room for one frame, of which a newer one takes the place."""
+    """Room for one frame; a newer one replaces it."""
 
     def __init__(self) -> None:
-        self._changed, self._over = threading.Condition(), False
+        self._changed, self._has_ended = threading.Condition(), False
         self._frame: LiveFrame | None = None
 
     def put(self, frame: LiveFrame) -> None:
@@ -328,23 +398,23 @@ class _Slot:
             self._changed.notify()
 
     def take(self) -> LiveFrame | None:
-        """The newest, when there is one; None at the end."""
+        """Wait for the next frame; None at the end."""
         with self._changed:
-            self._changed.wait_for(lambda: self._over or self._frame is not None)
+            self._changed.wait_for(lambda: self._has_ended or self._frame is not None)
             frame, self._frame = self._frame, None
-            return None if self._over else frame
+            return None if self._has_ended else frame
 
     def end(self) -> None:
         with self._changed:
-            self._over = True
+            self._has_ended = True
             self._changed.notify()
 
 
 class _Latency:
-    """Of the last minute."""
+    """Latencies of the last minute."""
 
     def __init__(self) -> None:
-        self._rows: deque[tuple[float, float]] = deque(maxlen=_KEPT)
+        self._rows: deque[tuple[float, float]] = deque(maxlen=_MAX_LATENCIES)
 
     def add(self, seconds: float) -> None:
         self._rows.append((time.monotonic(), seconds))
@@ -355,6 +425,7 @@ class _Latency:
 
     @property
     def quantiles(self) -> tuple[float, float]:
+        """Median and 99th percentile, s; NaN without values."""
         values = self.values
         if not len(values):
             return float("nan"), float("nan")
@@ -362,7 +433,7 @@ class _Latency:
 
     @property
     def rate(self) -> float:
-        """Per second, over the last three."""
+        """Values per second, over the last three seconds."""
         now = time.monotonic()
-        recent = [t for t, _ in tuple(self._rows) if t > now - 3.0]
-        return len(recent) / 3.0
+        recent = [t for t, _ in tuple(self._rows) if t > now - _RATE_WINDOW_S]
+        return len(recent) / _RATE_WINDOW_S

@@ -1,5 +1,4 @@
-"""A recorded session as a source: what its cords said comes again, beside where its cameras saw
-the markers."""
+"""Play a recorded session as a source, together with the marker positions that cameras saw."""
 
 from __future__ import annotations
 
@@ -19,63 +18,90 @@ from ...sensing.voltage_divider import Dividers
 from ...training.data.dataset import Recording
 from ...training.recordings.session_dataset import session_dataset
 
-_FULL_SCALE = 1 << 24  # counts of a converter that is finer than any that is built in
-_BETWEEN = 0.1  # s between two pictures, at most, for a marker to be told in between
+_FULL_SCALE = 1 << 24  # counts of a converter that is finer than any in use
+_MAX_TRACK_GAP_S = 0.1  # between two pictures, for markers to be interpolated
+_MICROS_RANGE = 1 << 32  # of the board's clock
 
 
 def is_session(path: Path) -> bool:
-    """A session's folder, or that of one of its runs."""
+    """Tell whether a folder is that of a session, or of one of its runs."""
     return any(manifest_path(folder) is not None for folder in (path, path.parent))
 
 
 class SessionPlay(PacedSamples):
-    """A `Source` that plays a run of a processed session at its own pace, with the dividers
-    `reference` (c,) ohm in the order `wired`. Raises LiveError and TrainingError for what is not
-    to be played."""
+    """A `Source` that plays a run of a processed session at its own pace.
+
+    Args:
+        path: Folder of the session, whose first run is played, or of a run.
+        device: The device, if it is known.
+        board_channels: Names of the channels in the order of the read-out board.
+        ids: Numbers of the model's markers (m,).
+        reference: Resistors of the dividers (c,), ohm, in the order of `board_channels`.
+
+    Raises:
+        LiveError: The session has other channels, or the run was not processed.
+        TrainingError: The session cannot be read.
+    """
 
     def __init__(
-        self, path: Path, device: Device | None, wired: Sequence[str], ids: Int, reference: Float
+        self,
+        path: Path,
+        device: Device | None,
+        board_channels: Sequence[str],
+        ids: Int,
+        reference: Float,
     ) -> None:
-        whole = manifest_path(path) is not None
-        folder = path if whole else path.parent
+        is_whole = manifest_path(path) is not None
+        folder = path if is_whole else path.parent
         dataset = session_dataset([folder], device)
-        if set(dataset.channels) != set(wired):
+        if set(dataset.channels) != set(board_channels):
             raise LiveError(
-                f"{path}: has the channels {', '.join(dataset.channels)}, and the model"
-                f" {', '.join(wired)}; give a session of the device that it was trained on"
+                f"has the channels {', '.join(dataset.channels)}, and the model"
+                f" {', '.join(board_channels)}",
+                code="channels-differ",
+                where=path,
+                action="Give a session of the device that the model was trained on",
             )
         runs = {Path(r.name).name: r for r in dataset.recordings}
-        if not whole and path.name not in runs:
-            raise LiveError(f"{path}: was not processed; there are {', '.join(runs)}")
+        if not is_whole and path.name not in runs:
+            raise LiveError(
+                f"was not processed; processed runs: {', '.join(runs)}",
+                code="run-not-processed",
+                where=path,
+                action="Process the session, or choose one of these runs",
+                run=path.name,
+                runs=tuple(runs),
+            )
         super().__init__(str(path))
-        self._run: Recording = next(iter(runs.values())) if whole else runs[path.name]
-        self._ids, self._known = np.asarray(ids), list(dataset.ids)
-        counts = Dividers(reference, _FULL_SCALE).counts(
-            self._run.ohm[:, [dataset.channels.index(name) for name in wired]]
-        )
+        self._run: Recording = next(iter(runs.values())) if is_whole else runs[path.name]
+        self._ids, self._dataset_ids = np.asarray(ids), list(dataset.ids)
+        columns = [dataset.channels.index(name) for name in board_channels]
+        counts = Dividers(reference, _FULL_SCALE).counts(self._run.ohm[:, columns])
         self._counts = np.where(np.isfinite(counts), np.rint(counts), NOT_READ).astype(np.int64)
         self._device_us = np.rint(1e6 * (self._run.sample_time - self._run.sample_time[0]))
 
-    def tracks(self, when: float) -> Float:
-        """Where cameras saw the model's markers (m, 3) mm at a time, s, of the samples; NaN where
-        they did not."""
+    def tracks(self, time: float) -> Float:
+        """Return where cameras saw the model's markers (m, 3), mm; NaN where they did not.
+
+        Args:
+            time: Time of a sample, s.
+        """
         r = self._run
         flat = r.points.reshape(len(r.time), -1)
-        at = interpolate_at(np.array([when + r.sample_time[0]]), r.time, flat, _BETWEEN)
-        seen = at.reshape(-1, 3)
-        nowhere = np.full(3, np.nan)
-        return np.array([
-            seen[self._known.index(i)] if i in self._known else nowhere for i in self._ids
-        ])  # fmt: skip
+        times = np.array([time + r.sample_time[0]])
+        positions = interpolate_at(times, r.time, flat, _MAX_TRACK_GAP_S).reshape(-1, 3)
+        invisible = np.full(3, np.nan)
+        known = self._dataset_ids
+        return np.array([positions[known.index(i)] if i in known else invisible for i in self._ids])
 
     def start(self) -> Info:
-        """The read-out board that the resistances would have been read by."""
-        span = float(np.median(np.diff(self._run.sample_time)))
+        """Start playing; return the description of a read-out board with these readings."""
+        interval = float(np.median(np.diff(self._run.sample_time)))
         c = self._counts.shape[1]
 
         def sample(k: int) -> tuple[int, Sample]:
             micros, sums = int(self._device_us[k]), tuple(int(s) for s in self._counts[k])
-            return micros, Sample(k, micros % (1 << 32), False, False, 1, sums)
+            return micros, Sample(k, micros % _MICROS_RANGE, False, False, 1, sums)
 
         self._play((1000 * self._device_us).astype(np.int64), sample)
-        return Info(1, (0, 0), 0, c, 1, round(1 / span), 0, c, _FULL_SCALE)
+        return Info(1, (0, 0), 0, c, 1, round(1 / interval), 0, c, _FULL_SCALE)

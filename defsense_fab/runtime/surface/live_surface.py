@@ -43,9 +43,9 @@ class LiveSurface:
     words what it is solved by; `rounds` how many rounds the last frame took."""
 
     def __init__(
-        self, solver: Solver, net: ElasticNet, sd: Float, choice: str, cage: Cage | None = None
+        self, solver: Solver, net: ElasticNet, sd: Float, description: str, cage: Cage | None = None
     ) -> None:
-        self.choice = choice
+        self.description = description
         self._solver, self._sd, self._cage = solver, sd, cage
         self._place = np.empty_like(net.order)
         self._place[net.order] = np.arange(len(net.order))

@@ -7,10 +7,10 @@ from typing import Any
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
-from ...runtime.live.known_models import KnownModel, known_models
-from ...runtime.live.known_ports import KnownPort, known_ports
+from ...runtime.live.run_choices import known_models, KnownModel
+from ...runtime.live.run_choices import known_ports, KnownPort
 from ...runtime.live.live_run import RunOptions
-from ...runtime.live.model_fit import changed_since
+from ...runtime.live.run_choices import changed_since
 from ...runtime.outputs.live_file import LiveSettings, parse_output, read_live_file
 from ...runtime.view.live_view import PagePlace
 from ...store.layout import LAYOUT, load_layout
@@ -184,7 +184,7 @@ class LivePart:
             self._known.content = _NO_MODEL if built.exists() else f"{_NO_MODEL}\n\n{_NOT_BUILT}"
             return
         parts = [known.about, f"**{known.problem}**" if known.problem else ""]
-        parts += [self._since_build(), test_words(known.told)]
+        parts += [self._since_build(), test_words(known.metadata)]
         self._known.content = "\n\n".join(part for part in parts if part)
 
     def _since_build(self) -> str:

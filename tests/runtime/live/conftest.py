@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from defsense_fab.store.fields import field_path, FieldIndex, save_field, save_index, StateRecord
-from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
-from defsense_fab.store.mesh import load_mesh
-from defsense_fab.training.models.model_file import write_model
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.store.fields import FieldIndex, StateRecord, field_path, save_field, save_index
+from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from tests.twin.conftest import small_bar as small_bar_fixture
+from defsense_fab.training.models.model_file import write_model
 from tests.runtime.bars import bent, twisted
 from tests.training.conftest import walk
+from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar = small_bar_fixture
 R0 = np.array([1500.0, 900.0])
@@ -82,5 +82,5 @@ def live_bar(small_bar, tmp_path_factory):
     from dataclasses import replace
 
     told = {"provenance": dict(dataset.provenance), "R0": {"run-1": R0.tolist()}}
-    write_model(bar.model, replace(model, told=told))
+    write_model(bar.model, replace(model, metadata=told))
     return bar

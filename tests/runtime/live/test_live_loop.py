@@ -1,4 +1,4 @@
-"""The loop from a read-out board that plays a device to its outputs."""
+"""The loop from a simulated read-out board to its outputs."""
 
 import threading
 import time
@@ -7,25 +7,26 @@ from functools import partial
 
 import numpy as np
 import pytest
-from defsense_fab.runtime.live.live_device import live_device
-from defsense_fab.runtime.live.live_loop import LiveLoop
-from defsense_fab.runtime.live.live_run import live_run, RunOptions
 
 from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.capture.readout.source import RecordingEnd
 from defsense_fab.core.errors import LiveError
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder
 from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.runtime.live.live_device import live_device
+from defsense_fab.runtime.live.live_loop import LiveLoop
+from defsense_fab.runtime.live.live_run import RunOptions, live_run
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
 from defsense_fab.twin.electronics.replayed_cords import CUT, ReplayedCords
-from tests.runtime.live.conftest import moved, NAMES
+from tests.runtime.live.conftest import NAMES, moved
+from tests.support.errors import raises
 
 SPEED = 4.0
 
 
 class Kept:
-    """An output that keeps what it is given."""
+    """An output that keeps its frames."""
 
     name, trouble, news = "kept", None, None
 
@@ -41,7 +42,7 @@ class Kept:
     def until(self, condition, seconds=60.0):
         with self._some:
             assert self._some.wait_for(lambda: any(condition(f) for f in self.frames), seconds), (
-                f"{len(self.frames)} frames, none as wanted"
+                f"{len(self.frames)} frames, none as expected"
             )
 
     def close(self):
@@ -60,10 +61,12 @@ def loop_of(live_bar, board, outputs, **more):
     device = live_device(live_bar.model)
     source = Reader(board, "twin", ReadoutSettings(channels=2, rate=100))
     decoder = LiveDecoder(device.model, None, device.trained_rest)
-    return LiveLoop(source, decoder, device.wired, device.reference, outputs=outputs, **more)
+    return LiveLoop(
+        source, decoder, device.board_channels, device.reference, outputs=outputs, **more
+    )
 
 
-def test_frames_reach_outputs_and_say_where_the_markers_are(live_bar):
+def test_frames_with_marker_positions_reach_outputs(live_bar):
     _, board, run, levels = board_of(live_bar)
     out = Kept()
     loop = loop_of(live_bar, board, [out])
@@ -82,25 +85,25 @@ def test_frames_reach_outputs_and_say_where_the_markers_are(live_bar):
     assert np.sqrt(np.mean(np.square(off))) < 1.5
     status = loop.status
     assert status.samples >= len(out.frames)
-    assert np.isfinite(status.decoded).all()
+    assert np.isfinite(status.output_latency).all()
 
 
-def test_a_cord_that_is_cut_is_told_while_the_loop_goes_on(live_bar):
+def test_cut_cord_is_reported_while_the_loop_continues(live_bar):
     cords, board, _, _ = board_of(live_bar)
     out = Kept()
     loop = loop_of(live_bar, board, [out])
     loop.start()
     out.until(lambda f: f.quality is not Quality.LOST)
     cords.add_fault(CUT, (0,))
-    out.until(lambda f: f.lost == "cord_1" and f.quality is Quality.FALLBACK)
+    out.until(lambda f: f.lost_channel == "cord_1" and f.quality is Quality.FALLBACK)
     cords.clear_faults()
     seen = len(out.frames)
-    out.until(lambda f: f.number > out.frames[seen - 1].number + 200 and f.lost is None)
+    out.until(lambda f: f.number > out.frames[seen - 1].number + 200 and f.lost_channel is None)
     loop.close()
 
 
 class Gone(ReadoutTwin):
-    """Its port goes away once, after some samples."""
+    """A board whose port disappears once, after some samples."""
 
     gone = False
 
@@ -111,7 +114,7 @@ class Gone(ReadoutTwin):
         return super().read(size)
 
 
-def test_a_port_that_goes_away_and_comes_back_is_followed(live_bar):
+def test_port_that_disappears_and_returns(live_bar):
     cords, _, _, _ = board_of(live_bar)
     out, Gone.gone = Kept(), False
     board = partial(Gone, cords, np.array([1500.0, 1000.0]), speed=SPEED, converter="ads1115")
@@ -126,18 +129,17 @@ def test_a_port_that_goes_away_and_comes_back_is_followed(live_bar):
     loop.close()
 
 
-def test_another_number_of_channels_is_refused_before_anything_runs(live_bar):
+def test_other_number_of_channels_is_refused(live_bar):
     device = live_device(live_bar.model)
     cords = ReplayedCords(("a",), np.array([0.0, 1.0]), np.full((2, 1), 1000.0))
     source = Reader(lambda: ReadoutTwin(cords), "twin", ReadoutSettings())
-    loop = LiveLoop(source, LiveDecoder(device.model), device.wired, device.reference)
-    with pytest.raises(LiveError, match="has 1 channels, and bar 2"):
+    loop = LiveLoop(source, LiveDecoder(device.model), device.board_channels, device.reference)
+    with raises(LiveError, "channels-differ", count=1, expected=2):
         loop.start()
 
 
-def test_a_recording_plays_again_and_its_end_is_told(live_bar, tmp_path):
-    from defsense_fab.runtime.live.raw_recording import RawRecording
-    from defsense_fab.runtime.live.run_folder import RunFolder
+def test_recording_is_played_to_its_end(live_bar, tmp_path):
+    from defsense_fab.runtime.live.run_files import RawRecording, RunFolder
 
     _, board, _, _ = board_of(live_bar, seconds=10.0)
     out, recording = Kept(), RawRecording(RunFolder(tmp_path / "live"), 2)
@@ -148,19 +150,19 @@ def test_a_recording_plays_again_and_its_end_is_told(live_bar, tmp_path):
     device = live_device(live_bar.model)
     run = live_run(device, RunOptions(f"replay:{recording.path}"))
     run.loop.start()
-    with pytest.raises(RecordingEnd, match="the recording is at its end"):
+    with pytest.raises(RecordingEnd):
         run.loop.wait(60.0)
     assert run.loop.status.samples > 100
     run.close()
 
 
-def test_a_session_plays_beside_what_its_cameras_saw(live_bar, tmp_path, monkeypatch):
+def test_session_is_played_with_its_tracks(live_bar, tmp_path, monkeypatch):
     from defsense_fab.runtime.live import session_play
 
     run, _ = live_bar.run(8.0, 3)
     device = live_device(live_bar.model)
     ids, rest = device.model.ids, device.model.rest_points
-    # Other orders of channels and markers, and one marker that the model does not know.
+    # Another order of channels and markers, and a marker that the model does not have.
     points = np.concatenate([run.points[:, ::-1], run.points[:, :1]], axis=1)
     points[200:260, 0] = np.nan
     recording = replace(
@@ -180,7 +182,7 @@ def test_a_session_plays_beside_what_its_cameras_saw(live_bar, tmp_path, monkeyp
         play = live_run(device, RunOptions(f"replay:{folder}"))
         monkeypatch.setattr(play.loop, "_outputs", (out,))
         play.loop.start()
-        with pytest.raises(RecordingEnd, match="the recording is at its end"):
+        with pytest.raises(RecordingEnd):
             play.loop.wait(60.0)
         play.close()
     known = [f for f in out.frames if f.quality is not Quality.LOST and f.time > 4]
@@ -189,31 +191,29 @@ def test_a_session_plays_beside_what_its_cameras_saw(live_bar, tmp_path, monkeyp
         at = np.argmin(abs(run.time - frame.time))
         own = np.where(np.isfinite(frame.tracks), run.points[at], np.nan)
         assert np.nanmax(np.abs(frame.tracks - own)) < 0.5
-        assert frame.off < 1.0
+        assert frame.tracking_error < 1.0
     blind = [f for f in known if run.time[205] < f.time < run.time[255]]
     assert blind
     assert all(np.isnan(f.tracks[-1]).all() for f in blind)
-    with pytest.raises(LiveError, match="run-7: was not processed; there are run-1"):
+    with raises(LiveError, "run-not-processed", run="run-7", runs=("run-1",)):
         live_run(device, RunOptions(f"replay:{tmp_path / 's' / 'run-7'}"))
 
 
-def test_what_cannot_be_opened_is_told(live_bar, tmp_path):
+def test_invalid_ports_are_refused(live_bar, tmp_path):
     device = live_device(live_bar.model)
-    for port, words in (
-        ("replay:/nowhere/board.csv", "no such recording"),
-        ("twin:speed=3", "write twin:unit=1"),
-        ("twin:minutes=900", "minutes are from 1 to 60"),
+    for port, code in (
+        ("replay:/nowhere/board.csv", "file-not-found"),
+        ("twin:speed=3", "twin-option-unknown"),
+        ("twin:minutes=900", "out-of-range"),
     ):
-        with pytest.raises(LiveError, match=words):
+        with raises(LiveError, code):
             live_run(device, RunOptions(port, keep=False))
 
 
-def test_a_full_disk_ends_the_recording_and_not_the_run(live_bar, tmp_path, monkeypatch):
-    from defsense_fab.runtime.live.raw_recording import RawRecording
-    from defsense_fab.runtime.live.run_folder import RunFolder
-
+def test_full_disk_ends_the_recording_but_not_the_run(live_bar, tmp_path, monkeypatch):
     from defsense_fab.capture.readout.recording import Recorder
     from defsense_fab.core.errors import StorageError
+    from defsense_fab.runtime.live.run_files import RawRecording, RunFolder
 
     recording = RawRecording(RunFolder(tmp_path / "live"), 2)
     _, board, _, _ = board_of(live_bar)
@@ -223,12 +223,12 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(live_bar, tmp_path, monk
     add = Recorder.add
 
     def full(recorder, item):
-        if recording.wait_until_begun(0):
-            raise StorageError(f"{recording.path}: No space left on device")
+        if recording.wait_until_started(0):
+            raise StorageError("the disk is full", code="disk-full", where=recording.path)
         add(recorder, item)
 
     monkeypatch.setattr(Recorder, "add", full)
     loop.start()
     out.until(lambda f: f.number > 50)
-    assert any("no longer recorded" in note for note in loop.status.notes)
+    assert "disk-full" in [note.code for note in loop.status.notes]
     loop.close()

@@ -11,22 +11,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from defsense_fab.runtime.live import live_run as live_run_module
-from defsense_fab.runtime.live.animations import Animations
-from defsense_fab.runtime.live.live_device import live_device
-from defsense_fab.runtime.live.live_run import live_run, RunOptions
-from defsense_fab.cli.terminal.live_lines import LiveLines
 
 from defsense_fab.capture.readout.recording import Recorder
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.cli.main import main
 from defsense_fab.cli.run.run import own_file, own_folder
-from defsense_fab.core.errors import StorageError
+from defsense_fab.cli.terminal.live_lines import LiveLines
+from defsense_fab.core.errors import ControlError, LiveError, StorageError
+from defsense_fab.runtime.live import live_run as live_run_module
+from defsense_fab.runtime.live.live_device import live_device
+from defsense_fab.runtime.live.live_run import RunOptions, live_run
+from defsense_fab.runtime.live.run_files import Animations
 from defsense_fab.runtime.recording.animation_recorder import AnimationRecorder
 from defsense_fab.sensing.serial_frames import Sample
 from defsense_fab.sensing.voltage_divider import Dividers
 from tests.runtime.live.conftest import R0
 from tests.runtime.live.test_live_loop import board_of
+from tests.support.errors import raises
 
 REFERENCE = np.array([1500.0, 1000.0])
 KNOWN = ["--rest", "1500,900", "--reference", "1500,1000"]
@@ -91,7 +92,7 @@ def test_an_animation_that_nowhere_can_be_written_is_an_error(
     device, tmp_path, capsys, monkeypatch
 ):
     def full(self, path=None):
-        raise StorageError(f"{path}: the disk is full; free some space and run again")
+        raise StorageError("the disk is full", code="disk-full", where=path)
 
     monkeypatch.setattr(AnimationRecorder, "finish", full)
     board, out = recorded(tmp_path / "board.csv", 2.0), tmp_path / "a.npz"
@@ -107,9 +108,9 @@ def test_an_animation_is_written_though_the_run_failed(device, tmp_path, capsys,
     from defsense_fab.core.errors import CaptureError
 
     def fail(self, seconds):
-        while self._all[0].run.animations.empty:
+        while self._all[0].run.animations.is_empty:
             time.sleep(0.01)
-        raise CaptureError("COM3: is gone")
+        raise CaptureError("is disconnected", code="port-disconnected", where="COM3")
 
     monkeypatch.setattr(LiveLines, "follow", fail)
     board, out = recorded(tmp_path / "board.csv", 60.0), tmp_path / "a.npz"
@@ -129,13 +130,13 @@ def test_a_second_ctrl_c_loses_nothing(device, tmp_path, capsys, monkeypatch, li
 
     def shown(self, new):
         show(self, new)
-        if not self._all[0].run.animations.empty:
+        if not self._all[0].run.animations.is_empty:
             over.append(self._all[0].run.recording)
             os.kill(os.getpid(), signal.SIGINT)
 
     def written(self):
         os.kill(os.getpid(), signal.SIGINT)
-        over.append(over[0]._over)  # the readings are closed before what is slow
+        over.append(over[0].is_closed)  # the readings are closed before what is slow
         return write(self)
 
     monkeypatch.setattr(LiveLines, "_show", shown)
@@ -179,46 +180,38 @@ def test_a_reader_that_leaves_is_no_error(device, tmp_path):
 def test_what_controls_cannot_be_names_their_file(device, tmp_path):
     (device / "live.toml").write_text('[controls]\nup = "nothing_such + 1"\n')
     board = recorded(tmp_path / "board.csv", 2.0)
-    from defsense_fab.core.errors import ControlError, LiveError
     from defsense_fab.runtime.outputs.live_file import read_live_file
 
     path = device / "live.toml"
     options = RunOptions(
         f"replay:{board}", controls=read_live_file(path).controls, live_file=path,
     )  # fmt: skip
-    with pytest.raises(ControlError, match=rf"^{path}: control 'up': "):
+    with raises(ControlError, "unknown-name", control="up"):
         live_run(live_device(device / "model.json", device), options)
     alone = tmp_path / "alone" / "model.json"
     alone.parent.mkdir()
     shutil.copy(device / "model.json", alone)
-    with pytest.raises(LiveError, match=rf"^{path}: \[controls\] need the poses"):
+    with raises(LiveError, "device-not-built"):
         live_run(live_device(alone), options)
 
 
 def test_a_recording_of_the_flag_is_the_button_s_too(device, tmp_path):
     """And the panel gets what it asks the loop for."""
-    from defsense_fab.runtime.live.live_run import follow, panel_actions
+    from defsense_fab.runtime.live.live_run import connect_panel, panel_actions
 
     board, out = recorded(tmp_path / "board.csv", 2.0), tmp_path / "a.npz"
     options = RunOptions(f"replay:{board}", reference=REFERENCE, rest=R0, animation=out)
     made = live_run(live_device(device / "model.json", device), options)
-    actions = panel_actions(made.loop._decoder, made.animations, None)
-    assert actions.recording()
-    assert "is being recorded" in _refused(made.animations, tmp_path / "b.npz")
+    actions = panel_actions(made.loop.decoder, made.animations, None)
+    assert actions.is_recording()
+    with raises(LiveError, "recording-active"):
+        made.animations.start(tmp_path / "b.npz")
     made.animations.discard()
-    assert not actions.recording()
-    follow(actions, made.loop)
+    assert not actions.is_recording()
+    connect_panel(actions, made.loop)
     assert actions.latency() == ""
     assert tuple(actions.notes()) == made.loop.status.notes
     made.close()
-
-
-def _refused(animations, path):
-    from defsense_fab.core.errors import LiveError
-
-    with pytest.raises(LiveError) as caught:
-        animations.start(path)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize(
