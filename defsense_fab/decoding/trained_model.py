@@ -150,7 +150,7 @@ class TrainedModel:
         faults: Limits that show when a channel has failed.
         poses: Signals (c,) at the extreme of each pose.
         pose_spread: Difference of the signals between repetitions of a pose, where it is known.
-        told: Metadata of the training in plain values: folds, hashes, versions, units.
+        metadata: Facts on the training in plain values: folds, hashes, versions, units.
     """
 
     SCHEMA: ClassVar[int] = 1
@@ -168,7 +168,7 @@ class TrainedModel:
     faults: FaultLimits | None = None
     poses: Mapping[str, Float] = field(default_factory=dict)
     pose_spread: Mapping[str, float] = field(default_factory=dict)
-    told: Mapping[str, Any] = field(default_factory=dict)
+    metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def correct(self, signals: Float) -> Float:
         """Return signals (..., c) without each channel's offset and gain."""

@@ -87,7 +87,7 @@ def _train(options: argparse.Namespace) -> int:
     path, result, notes = trained.path, trained.training, list(trained.notes)
     with results():
         if options.json:
-            told = {"model": str(path), "notes": notes, **result.model.told}
+            told = {"model": str(path), "notes": notes, **result.model.metadata}
             sys.stdout.write(json.dumps(told, indent=1) + "\n")
         else:
             _show(result, path, options, notes)
@@ -110,11 +110,11 @@ def _simulated(options: argparse.Namespace, device: Device) -> int:
     write_model(path, model)
     with results():
         if options.json:
-            told = {"model": str(path), "decoder": model.kind, **model.told}
+            told = {"model": str(path), "decoder": model.kind, **model.metadata}
             sys.stdout.write(json.dumps(told, indent=1) + "\n")
             return 0
         say([
-            f"{path}: {model.kind}, from {model.told['trained_on']}. Cords differ, and nothing of"
+            f"{path}: {model.kind}, from {model.metadata['trained_on']}. Cords differ, and nothing of"
             " this one was measured: expect errors of several times the prediction until it is"
             " trained.",
             f"Next:    defsense capture record {options.device} ..., then defsense train SESSION"

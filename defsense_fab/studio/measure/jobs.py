@@ -54,7 +54,7 @@ def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[st
     made = train_files(files, load_device(folder), TrainingOptions(), progress=progress)
     return {
         "path": str(made.path.resolve()),
-        "told": made.training.model.told,
+        "told": made.training.model.metadata,
         "notes": list(made.notes),
     }
 
@@ -69,7 +69,7 @@ def simulate(folder: Path, progress: Progress) -> dict[str, Any]:
     progress("train", 0.0, "the simulated states")
     path, model = choose_model_path(None, device, []), simulate_only(device)
     write_model(path, model)
-    return {"path": str(path.resolve()), "told": model.told, "notes": []}
+    return {"path": str(path.resolve()), "told": model.metadata, "notes": []}
 
 
 def evaluate(

@@ -208,10 +208,10 @@ def note_changed_cords(name: str, model: TrainedModel, dataset: Dataset) -> list
     Returns:
         A note for each changed channel of each session.
     """
-    trained = np.array([r for r in model.told.get("R0", {}).values() if None not in r], float)
+    trained = np.array([r for r in model.metadata.get("R0", {}).values() if None not in r], float)
     if trained.ndim != 2 or trained.shape[1] != len(model.channels) or (trained == 1).all():
         return []
-    units = model.told.get("units_trained", [])
+    units = model.metadata.get("units_trained", [])
     notes = []
     for session in dict.fromkeys(r.session for r in dataset.recordings):
         runs = [r for r in dataset.recordings if r.session == session]
@@ -258,7 +258,7 @@ def _test_starts(model: TrainedModel, r: Recording) -> list[float]:
     fingerprint = recording_fingerprint(r)
     return [
         np.inf if entry["after"] is None else r.time[0] + entry["after"]
-        for entry in model.told.get("held_out", ())
+        for entry in model.metadata.get("held_out", ())
         if is_same_recording(fingerprint, entry["fingerprint"])
     ]
 

@@ -119,7 +119,7 @@ def predict_model_error(
         The prediction; None if the model's training did not measure repeatability, because it was
         too short or of an older version.
     """
-    stated = model.told.get("repeatability")
+    stated = model.metadata.get("repeatability")
     if not stated:
         return None
     is_of_model = layout is not None and model.layout in ("", layout_hash(layout))

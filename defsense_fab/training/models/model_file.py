@@ -20,6 +20,9 @@ from ...decoding.trained_model import TrainedModel
 
 MODEL = "model.json"
 
+# Keys of the file that differ from the fields of `TrainedModel`.
+_JSON_KEYS = {"metadata": "told"}
+_FIELDS = {key: name for name, key in _JSON_KEYS.items()}
 _TAIL_BYTES = 100  # at a model's end, which contain its hash
 _ACTION = "Write such a file with defsense train"
 
@@ -34,7 +37,8 @@ def write_model(path: Path, model: TrainedModel) -> None:
     Raises:
         StorageError: If the file cannot be written.
     """
-    data = {"schema": model.SCHEMA, **typed_json.to_json(model)}
+    fields = typed_json.to_json(model)
+    data = {"schema": model.SCHEMA, **{_JSON_KEYS.get(k, k): v for k, v in fields.items()}}
     write_text(path, _serialize({**data, "sha256": _hash(data)}) + "\n")
 
 
@@ -89,7 +93,8 @@ def load_model(path: Path) -> TrainedModel:
             action="Take an unchanged copy, or train the model again",
         )
     try:
-        return typed_json.from_json(data, TrainedModel)
+        fields = {_FIELDS.get(key, key): value for key, value in data.items()}
+        return typed_json.from_json(fields, TrainedModel)
     except msgspec.ValidationError as error:
         raise TrainingError(
             f"is damaged ({error})",

@@ -41,8 +41,8 @@ def recalibrate_from(model: TrainedModel, folders: Sequence[Path]) -> Recalibrat
         "by": [str(folder) for folder in folders],
         **result.to_json(),
     }
-    metadata = {**model.told, "recalibrated": [*model.told.get("recalibrated", []), entry]}
-    return replace(result, model=replace(result.model, told=metadata))
+    metadata = {**model.metadata, "recalibrated": [*model.metadata.get("recalibrated", []), entry]}
+    return replace(result, model=replace(result.model, metadata=metadata))
 
 
 def _load_runs(model: TrainedModel, folder: Path) -> list[Recording]:

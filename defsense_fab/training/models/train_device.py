@@ -121,7 +121,7 @@ def train_dataset(
     """
     training = train(dataset, options, progress, prior)
     metadata = describe_training(training, dataset, options, prior)
-    return replace(training, model=replace(training.model, told=metadata))
+    return replace(training, model=replace(training.model, metadata=metadata))
 
 
 def simulate_only(device: Device) -> TrainedModel:
@@ -143,7 +143,7 @@ def simulate_only(device: Device) -> TrainedModel:
     ids = np.arange(len(markers))
     model = fit_simulated_model(device.name, layout_hash(layout), channels, ids, markers, prior)
     metadata = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
-    return replace(model, told=metadata)
+    return replace(model, metadata=metadata)
 
 
 def describe_training(

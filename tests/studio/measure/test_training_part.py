@@ -192,7 +192,7 @@ def test_a_model_of_the_simulation_is_made_in_a_process_and_work_is_cancelled(tr
     problem, result = ended[0]
     assert problem is None
     assert Path(result["path"]) == (folder / "model.json").resolve()
-    assert "simulated states" in load_model(folder / "model.json").told["trained_on"]
+    assert "simulated states" in load_model(folder / "model.json").metadata["trained_on"]
     over.clear()
     part.simulate()
     part.work.cancel()

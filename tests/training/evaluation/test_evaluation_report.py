@@ -156,7 +156,7 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
     r = unseen.recordings[0]
     begin = float(r.time[len(r.time) * 3 // 4])
     known = {"run": r.name, "fingerprint": recording_fingerprint(r), "after": begin - r.time[0]}
-    knowing = [(name, replace(model, told={"held_out": [known]}))]
+    knowing = [(name, replace(model, metadata={"held_out": [known]}))]
     held = evaluate_models(knowing, unseen)
     assert held.last_share == pytest.approx(0.25, abs=0.01)
     assert held.models[0].evaluation.frames.time.min() >= begin
@@ -172,7 +172,7 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
     assert again.models[0].evaluation.total.frames == held.models[0].evaluation.total.frames
     every = evaluate_models(knowing, unseen, 1.0)
     assert r.name in every.notes[0]
-    none = replace(model, told={"held_out": [{**known, "after": None}]})
+    none = replace(model, metadata={"held_out": [{**known, "after": None}]})
     with raises(TrainingError, "no-test-frames"):
         evaluate_models([(name, none)], unseen)
 
@@ -182,7 +182,7 @@ def test_what_was_predicted_stands_beside(models, unseen, tmp_path):
     name, model = models[0]
     repeats = {"at_once": 0.3, "drift": 0.05, "cameras": 0.04, "clocks": 0.02, "share": 0.6}
     result = evaluate_models(
-        [(name, replace(model, told={"repeatability": repeats})), models[1]], unseen
+        [(name, replace(model, metadata={"repeatability": repeats})), models[1]], unseen
     )
     assert result.models[1].predicted is None
     write_evaluation(tmp_path / "out", result)

@@ -30,7 +30,7 @@ def made(past: Past | None = None, centers: int = 3) -> TrainedModel:
     main = Branch((0, 1), past, decoder, limits, intervals)
     return TrainedModel(
         "toy", "hash", "kernel", ("top", "left"), np.arange(4), rng.normal(size=(4, 3)),
-        np.array([1.1, 1.0]), np.array([0.0, 0.01]), main, told={"folds": [0.1, 0.2]},
+        np.array([1.1, 1.0]), np.array([0.0, 0.01]), main, metadata={"folds": [0.1, 0.2]},
     )  # fmt: skip
 
 
@@ -48,7 +48,7 @@ def test_a_model_comes_back_as_it_was(tmp_path: Path, centers: int) -> None:
     np.testing.assert_array_equal(
         again.decode(time, s, time).points, model.decode(time, s, time).points
     )
-    assert again.told == {"folds": [0.1, 0.2]}
+    assert again.metadata == {"folds": [0.1, 0.2]}
     assert again.channels == ("top", "left")
 
 

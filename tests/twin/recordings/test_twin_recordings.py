@@ -262,7 +262,7 @@ def test_models_are_trained_on_simulated_sessions_and_recalibrated(small_bar, tm
     assert set(data["gain"]) == set(trained.channels)
     if data["enough"]:
         again = load_model(tmp_path / "recalibrated.json")
-        assert again.told["recalibrated"][0]["by"] == [str(second)]
+        assert again.metadata["recalibrated"][0]["by"] == [str(second)]
     else:
         assert data["model"] is None
         assert not (tmp_path / "recalibrated.json").exists()
