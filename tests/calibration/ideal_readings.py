@@ -8,12 +8,30 @@ from defsense_fab.core.response import JIG_RADII_MM
 GEOMETRY = Geometry()
 
 
-def readings(
-    response, seed=0, noise=0.001, rounds=1, specimens=("150", "200"), both=False, spread=0.0,
-    radii=JIG_RADII_MM, drift=0.0,
-):  # fmt: skip
-    """Of cords with this response (a function of strain), turned over for half of the readings if
-    `both`; `drift` is what all cords of a specimen gain per reading."""
+def make_readings(
+    response,
+    seed=0,
+    noise=0.001,
+    rounds=1,
+    specimens=("150", "200"),
+    both=False,
+    spread=0.0,
+    radii=JIG_RADII_MM,
+    drift=0.0,
+):
+    """Simulate the readings of cords.
+
+    Args:
+        response: Response as a function of strain.
+        seed: Seed of the noise and the pieces.
+        noise: Standard deviation of a reading.
+        rounds: Number of rounds.
+        specimens: Names of the specimens.
+        both: Whether specimens are turned over for half of the readings.
+        spread: Standard deviation of the pieces' gains.
+        radii: Radii of the jigs, mm.
+        drift: Relative increase of all cords of a specimen per reading.
+    """
     rng = np.random.default_rng(seed)
     pieces, rows = [], []
     for specimen in specimens:
@@ -34,15 +52,14 @@ def readings(
     return Readings(tuple(pieces), piece, strain, memory, radius, turn, ohm, where)
 
 
-def table(path, r, change=lambda row: row):
-    """A CSV of readings; `change` edits a row (a dict of texts) before it is written."""
+def write_table(path, readings, change=lambda row: row):
+    """Write readings as CSV; `change` edits each row, a dict of texts, before it is written."""
     names = ("specimen", "jig_radius", "channel", "resistance")
     lines = [",".join(names)]
-    for i in range(len(r.where)):
-        piece = r.pieces[r.piece[i]]
-        radius = "" if np.isnan(r.radius[i]) else f"{r.radius[i]:g}"
-        row = dict(zip(names, (piece.specimen, radius, piece.place, f"{r.resistance[i]:.2f}"),
-                       strict=True))  # fmt: skip
-        lines.append(",".join(change(row).values()))
+    for i in range(len(readings.where)):
+        piece = readings.pieces[readings.piece[i]]
+        radius = "" if np.isnan(readings.radius[i]) else f"{readings.radius[i]:g}"
+        cells = (piece.specimen, radius, piece.place, f"{readings.resistance[i]:.2f}")
+        lines.append(",".join(change(dict(zip(names, cells, strict=True))).values()))
     path.write_text("\n".join(lines) + "\n")
     return path

@@ -1,4 +1,4 @@
-"""Plain tables: what is read, and what is refused with its place."""
+"""Test reading plain tables, and the places that errors name."""
 
 import json
 
@@ -10,32 +10,32 @@ from defsense_fab.calibration.readings import Geometry
 from defsense_fab.calibration.readings_table import read_table
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError
-from tests.calibration.ideal_readings import GEOMETRY, readings, table
+from tests.calibration.ideal_readings import GEOMETRY, make_readings, write_table
 from tests.support.errors import raises
 
-GOOD = readings(lambda e: 2 * e)
+GOOD = make_readings(lambda e: 2 * e)
 AT_NINE = {"place": "a.csv:9"}
 
 
-def test_a_table_is_what_was_measured(tmp_path):
-    found, warnings = read_table(table(tmp_path / "a.csv", GOOD), GEOMETRY)
+def test_table_is_read(tmp_path):
+    result, warnings = read_table(write_table(tmp_path / "a.csv", GOOD), GEOMETRY)
     assert warnings == []
-    assert [p.name for p in found.pieces] == [p.name for p in GOOD.pieces]
-    assert found.strain == pytest.approx(GOOD.strain)
-    assert found.resistance == pytest.approx(GOOD.resistance, abs=0.005)
-    assert np.array_equal(found.radius, GOOD.radius, equal_nan=True)
-    assert found.where[0] == "a.csv:2"
+    assert [p.name for p in result.pieces] == [p.name for p in GOOD.pieces]
+    assert result.strain == pytest.approx(GOOD.strain)
+    assert result.resistance == pytest.approx(GOOD.resistance, abs=0.005)
+    assert np.array_equal(result.radius, GOOD.radius, equal_nan=True)
+    assert result.where[0] == "a.csv:2"
 
 
-def test_semicolons_decimal_commas_and_other_columns(tmp_path):
-    text = table(tmp_path / "a.csv", GOOD).read_text("utf-8").splitlines()
+def test_semicolons_decimal_commas_and_unknown_columns(tmp_path):
+    text = write_table(tmp_path / "a.csv", GOOD).read_text("utf-8").splitlines()
     lines = ["# measured on Tuesday", text[0].upper() + ",Note"] + [t + ",x" for t in text[1:]]
     path = tmp_path / "b.csv"
     path.write_text(
         "\ufeff" + "\n".join(t.replace(",", ";").replace(".", ",") for t in lines), encoding="utf-8"
     )
-    found, warnings = read_table(path, GEOMETRY)
-    assert found.resistance == pytest.approx(GOOD.resistance, abs=0.005)
+    result, warnings = read_table(path, GEOMETRY)
+    assert result.resistance == pytest.approx(GOOD.resistance, abs=0.005)
     (notice,) = warnings
     assert notice.code == "columns-unused"
     assert "note" in notice.text
@@ -47,15 +47,15 @@ def test_rounds_and_faces(tmp_path):
         "specimen,jig_radius,channel,resistance,face,round\n"
         "s,75,top,2000,b,2\ns,75,top,2100,a,2\ns,flat,top,2050,a,1\n"
     )
-    found, _ = read_table(path, GEOMETRY)
-    assert found.strain == pytest.approx([-5.5 / 82.5, 5.5 / 82.5, 0])
-    assert found.turn.tolist() == [2, 2, 1]
+    result, _ = read_table(path, GEOMETRY)
+    assert result.strain == pytest.approx([-5.5 / 82.5, 5.5 / 82.5, 0])
+    assert result.turn.tolist() == [2, 2, 1]
     path.write_text("specimen,jig_radius,channel,resistance\n" + 2 * "s,75,top,2000\n")
     assert read_table(path, GEOMETRY)[0].turn.tolist() == [0, 1]
 
 
 def set_to(line, **values):
-    """Edits the row that stands in this line of the file."""
+    """Return a change that sets cells of the row in a line of the file."""
     count = [1]
 
     def change(row):
@@ -66,7 +66,7 @@ def set_to(line, **values):
 
 
 def scaled(key, factor, only=lambda row: True):
-    """Edits a column of some rows."""
+    """Return a change that scales a column of some rows."""
 
     def change(row):
         if row[key] and only(row):
@@ -77,7 +77,7 @@ def scaled(key, factor, only=lambda row: True):
 
 
 @pytest.mark.parametrize(
-    ("change", "code", "data"),
+    ("change", "code", "facts"),
     [
         (set_to(9, resistance="OL"), "open-circuit", AT_NINE),
         (set_to(9, resistance="inf"), "open-circuit", AT_NINE),
@@ -103,13 +103,13 @@ def scaled(key, factor, only=lambda row: True):
         (lambda r: {**r, "more": "1"}, "too-many-cells", {"line": 2}),
     ],
 )  # fmt: skip
-def test_bad_tables(tmp_path, change, code, data):
-    with raises(CalibrationError, code, **data):
-        calibrate(read_table(table(tmp_path / "a.csv", GOOD, change), GEOMETRY)[0])
+def test_invalid_table_is_refused(tmp_path, change, code, facts):
+    with raises(CalibrationError, code, **facts):
+        calibrate(read_table(write_table(tmp_path / "a.csv", GOOD, change), GEOMETRY)[0])
 
 
 @pytest.mark.parametrize(
-    ("text", "code", "data"),
+    ("text", "code", "facts"),
     [
         ("", "empty-file", {}),
         ("specimen,jig_radius,channel,resistance\n", "no-rows", {}),
@@ -125,14 +125,14 @@ def test_bad_tables(tmp_path, change, code, data):
         ),
     ],
 )
-def test_bad_headers(tmp_path, text, code, data):
+def test_invalid_header_is_refused(tmp_path, text, code, facts):
     path = tmp_path / "a.csv"
     path.write_text(text)
-    with raises(CalibrationError, code, **data):
+    with raises(CalibrationError, code, **facts):
         read_table(path, GEOMETRY)
 
 
-def test_bad_geometry():
+def test_invalid_geometry_is_refused():
     for thickness, offset, code in (
         (1.5, 2, "offset-too-large"), (15, 7.5, "offset-too-large"),
         (-15, 2, "out-of-range"), (15, 0, "out-of-range"), (float("nan"), 2, "out-of-range"),
@@ -141,18 +141,18 @@ def test_bad_geometry():
             Geometry(thickness, offset)
 
 
-def test_the_command(tmp_path, capsys):
-    """What it writes is what device.toml takes; errors leave nothing behind."""
-    path, out = table(tmp_path / "a.csv", GOOD), tmp_path / "deep" / "response.json"
+def test_command_writes_the_response(tmp_path, capsys):
+    """The file can be used in device.toml; after an error no file is left."""
+    path, out = write_table(tmp_path / "a.csv", GOOD), tmp_path / "deep" / "response.json"
     assert main(["calibrate", "fit", str(path), "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == json.loads(out.read_text("utf-8"))
-    assert told["model"] == "line"
-    assert told["interval"][0] < told["k_res"] < told["interval"][1]
-    assert told["strain_range"] == pytest.approx([-5.5 / 82.5, 5.5 / 82.5])
-    assert abs(told["neutral_drift"]) < 0.006
+    data = json.loads(capsys.readouterr().out)
+    assert data == json.loads(out.read_text("utf-8"))
+    assert data["model"] == "line"
+    assert data["interval"][0] < data["k_res"] < data["interval"][1]
+    assert data["strain_range"] == pytest.approx([-5.5 / 82.5, 5.5 / 82.5])
+    assert abs(data["neutral_drift"]) < 0.006
     page = out.with_suffix(".html").read_text("utf-8")
-    assert f"{told['k_res']:.2f}" in page
+    assert f"{data['k_res']:.2f}" in page
     assert page.count("data:image/png") == 3
     bad, none = tmp_path / "bad.csv", tmp_path / "none.json"
     bad.write_text("specimen\n")
@@ -164,8 +164,8 @@ def test_the_command(tmp_path, capsys):
     assert "jig_radius" in error
 
 
-def test_places_that_the_result_must_not_go_to(tmp_path, capsys):
-    path = table(tmp_path / "a.csv", GOOD)
+def test_result_does_not_overwrite_sources_or_folders(tmp_path, capsys):
+    path = write_table(tmp_path / "a.csv", GOOD)
     text = path.read_text("utf-8")
     (tmp_path / "folder.json").mkdir()
     for out in ("a.csv", "x.html", "folder.json", ".", "no/"):
@@ -180,7 +180,7 @@ def test_places_that_the_result_must_not_go_to(tmp_path, capsys):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "b.html", "folder.json"]
 
 
-def test_rounds_are_whole_numbers(tmp_path):
+def test_round_that_is_not_a_whole_number_is_refused(tmp_path):
     path = tmp_path / "a.csv"
     for bad in ("nan", "1.5", "-1", "1e999"):
         path.write_text(f"specimen,jig_radius,channel,resistance,round\ns,75,top,2000,{bad}\n")

@@ -1,4 +1,4 @@
-"""Sessions: of twins, broken and edited ones, and what they are fitted to."""
+"""Test calibration sessions: simulated, damaged and edited ones, and their fits."""
 
 import json
 import os
@@ -6,35 +6,37 @@ import shutil
 
 import numpy as np
 import pytest
-from defsense_fab.calibration import session as sessions
-from defsense_fab.calibration.session import read_session
-from defsense_fab.twin.calibration_session import record_twin
 
+from defsense_fab.calibration import session as sessions
 from defsense_fab.calibration.calibrate import calibrate
-from defsense_fab.core.storage.session_manifest import Criterion
-from defsense_fab.calibration.protocol import fit_creep, check_settling
+from defsense_fab.calibration.protocol import check_settling, fit_creep
 from defsense_fab.calibration.readings import join_readings
+from defsense_fab.calibration.session import read_session
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.core.response import ResponseSpec
+from defsense_fab.core.storage.session_manifest import Criterion
 from defsense_fab.sensing.response import Response, build_response
+from defsense_fab.twin.calibration_session import record_twin
 from defsense_fab.twin.electronics.cords import CordTraits, CordTwins
-from tests.calibration.empty_session import begin, SPECIMEN
+from defsense_fab.workflow.calibrate.fit_response import fit_response
+from tests.calibration.new_session import SPECIMEN, create_session
+from tests.support.errors import raises
 
 #: Sessions of the coverage test.
 SESSIONS = int(os.environ.get("DEFSENSE_SESSIONS", "2"))
 
 
-def test_settling_follows_its_criterion():
+def test_settling_follows_the_criterion():
     time = np.arange(0.05, 30, 0.05)
     ohm = 2000 * (1 + 0.02 * np.exp(-time / 3))[:, None]
     c = Criterion(window=6, tolerance=0.0005, least=8, most=90)
     assert check_settling(time[:50], ohm[:50], c) is None
-    still = [check_settling(time[:n], ohm[:n], c).is_settled for n in range(130, len(time))]
-    first = time[130 + still.index(True)]
+    is_settled = [check_settling(time[:n], ohm[:n], c).is_settled for n in range(130, len(time))]
+    first = time[130 + is_settled.index(True)]
     # The halves' means differ by 0.02 exp(-t/3) (e - 1)^2: less than 0.0005 from 14.3 s on.
     assert first == pytest.approx(3 * np.log(40 * (np.e - 1) ** 2), abs=0.2)
-    assert all(still[still.index(True) :])
+    assert all(is_settled[is_settled.index(True) :])
     at = check_settling(time, ohm, c)
     assert at.ohm == pytest.approx([2000], rel=2e-5)
     assert not at.is_timed_out
@@ -42,17 +44,17 @@ def test_settling_follows_its_criterion():
     assert not check_settling(time, open_cord[: len(time)], c).is_settled
 
 
-def test_creep_is_found_again():
+def test_creep_is_recovered():
     time = np.arange(0.1, 40, 0.1)
     rng = np.random.default_rng(0)
-    found = fit_creep(time, 2000 + 30 * np.exp(-time / 7) + rng.normal(0, 1, len(time)))
-    assert (found.end, found.start) == pytest.approx((2000, 30), rel=0.05)
-    assert found.time == pytest.approx(7, rel=0.15)
+    result = fit_creep(time, 2000 + 30 * np.exp(-time / 7) + rng.normal(0, 1, len(time)))
+    assert (result.end, result.start) == pytest.approx((2000, 30), rel=0.05)
+    assert result.time == pytest.approx(7, rel=0.15)
     assert np.isnan(fit_creep(time, 2000 + rng.normal(0, 1, len(time))).time)
 
 
-def test_a_twin_cord_is_late_and_heals():
-    """It reads too high after a change, either way, and lags behind by its play."""
+def test_simulated_cord_lags_and_heals():
+    """Its resistance overshoots after a change, either way, and lags behind by its play."""
     traits = CordTraits(Response.line(2.0), noise=0, play=0.003, healing=0.1, time=8.0, spread=0)
     cords = CordTwins(traits, np.array([100.0]), np.random.default_rng(0))
     rest = cords.rest[0]
@@ -67,7 +69,8 @@ def test_a_twin_cord_is_late_and_heals():
     assert ohm[-1, 0] / rest - 1 == pytest.approx(0.003, abs=2e-4)
 
 
-def recover(tmp_path, seed, k=2.0, q=0.0, **traits):
+def calibrate_twins(tmp_path, seed, k=2.0, q=0.0, **traits):
+    """Calibrate on simulated specimens of two lengths."""
     spec = ResponseSpec("quadratic", {"k": k, "q": q}, (-0.1, 0.1))
     parts = []
     for n, length in enumerate((150.0, 200.0)):
@@ -80,27 +83,27 @@ def recover(tmp_path, seed, k=2.0, q=0.0, **traits):
 
 
 @pytest.mark.slow
-def test_twins_give_their_response_back(tmp_path):
-    """Both lengths, nine radii, both faces, as in Fig. 3; noise, hysteresis, relaxation, pieces
-    that differ."""
-    found = [recover(tmp_path, s, spread=0.03) for s in range(SESSIONS)]
-    held = sum(f.uncertainty.interval[0] <= 2 <= f.uncertainty.interval[1] for f in found)
-    assert held >= 0.93 * SESSIONS - 1
-    assert np.median([abs(f.k_res / 2 - 1) for f in found]) < 0.02
-    assert [f.response.model for f in found].count("line") >= 0.9 * SESSIONS
-    low, high = found[0].response.strain_range
+def test_simulated_sessions_reproduce_the_response(tmp_path):
+    """Both lengths, nine radii and both faces, as in Fig. 3, with noise, hysteresis, relaxation and
+    different pieces."""
+    result = [calibrate_twins(tmp_path, s, spread=0.03) for s in range(SESSIONS)]
+    covered = sum(f.uncertainty.interval[0] <= 2 <= f.uncertainty.interval[1] for f in result)
+    assert covered >= 0.93 * SESSIONS - 1
+    assert np.median([abs(f.k_res / 2 - 1) for f in result]) < 0.02
+    assert [f.response.model for f in result].count("line") >= 0.9 * SESSIONS
+    low, high = result[0].response.strain_range
     assert (low, high) == pytest.approx((-5.5 / 82.5, 5.5 / 82.5))
 
 
 @pytest.mark.slow
-def test_a_curved_twin_is_found_curved(tmp_path):
-    found = recover(tmp_path, 1, q=6.0)
-    assert found.response.model == "quadratic"
-    assert found.response.coefficients["q"] == pytest.approx(6, abs=1)
+def test_curved_response_is_recognized(tmp_path):
+    result = calibrate_twins(tmp_path, 1, q=6.0)
+    assert result.response.model == "quadratic"
+    assert result.response.coefficients["q"] == pytest.approx(6, abs=1)
 
 
-def test_a_session_in_two_runs_fits_like_one(tmp_path):
-    """The second run's clock begins anew: what pieces remember must not be thrown."""
+def test_session_in_two_runs_fits_like_one(tmp_path):
+    """The clock restarts in the second run, which must not affect the memory terms."""
     folder = tmp_path / "whole"
     record_twin(folder, CordTraits(Response.line(2.0)), seed=1, rounds=2)
     shutil.copytree(folder, tmp_path / "split")
@@ -110,13 +113,13 @@ def test_a_session_in_two_runs_fits_like_one(tmp_path):
     start = next(line for line in lines if '"start"' in line)
     first = int(lines[cut + 1].split(",")[1])
 
-    def again(line):
+    def restart_clock(line):
         cells = line.split(",")
         return (
             line if line[0] == "#" else ",".join([cells[0], str(int(cells[1]) - first), *cells[2:]])
         )
 
-    both = [*lines[:cut], start, *map(again, lines[cut:])]
+    both = [*lines[:cut], start, *map(restart_clock, lines[cut:])]
     (tmp_path / "split" / "frames.csv").write_text("\n".join(both) + "\n")
     whole, split = (read_session(tmp_path / name).readings for name in ("whole", "split"))
     assert split.memory == pytest.approx(whole.memory, abs=2e-3)
@@ -132,8 +135,8 @@ def test_a_session_in_two_runs_fits_like_one(tmp_path):
         ("specimen", None), ("rate", "x"), ("schema", 2), ("channels", ["a"]),
     ],
 )  # fmt: skip
-def test_edited_sessions(tmp_path, key, value):
-    session = begin(tmp_path / "s")
+def test_invalid_session_file_is_refused(tmp_path, key, value):
+    session = create_session(tmp_path / "s")
     path = session.folder / "session.json"
     path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | {key: value}))
     with pytest.raises(CalibrationError, match=r"session.json"):
@@ -147,108 +150,114 @@ def test_edited_sessions(tmp_path, key, value):
         '{"event": "hold", "step": "x"}',
     ],
 )
-def test_edited_frames(tmp_path, event):
-    session = begin(tmp_path / "s")
+def test_event_of_another_session_is_refused(tmp_path, event):
+    session = create_session(tmp_path / "s")
     head = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1,s2,s3\n"
     session.frames.write_text(f"{head}# {event}\n")
-    with pytest.raises(CalibrationError, match="does not belong"):
+    with raises(CalibrationError, "event-mismatch"):
         read_session(session.folder)
 
 
-def test_a_session_whose_start_was_lost_says_so(tmp_path):
-    """Its readings are not left out in silence."""
+def test_session_without_start_event_is_refused(tmp_path):
+    """Its readings are not silently skipped."""
     session = record_twin(
         tmp_path / "s", CordTraits(Response.line(2.0)), seed=1, radii=(75.0, 112.0, 200.0), rounds=1
     )
     lines = session.frames.read_text("utf-8").splitlines()
-    begins = next(n for n, line in enumerate(lines) if '"start"' in line)
-    session.frames.write_text("\n".join(lines[:begins] + lines[begins + 1 :]) + "\n")
-    with pytest.raises(CaptureError, match=r"frames\.csv: no event before frame 1 tells .*add it"):
+    start = next(n for n, line in enumerate(lines) if '"start"' in line)
+    session.frames.write_text("\n".join(lines[:start] + lines[start + 1 :]) + "\n")
+    with raises(CaptureError, "full-scale-unknown") as caught:
         read_session(session.folder)
-    with pytest.raises(CaptureError, match=r"frames\.csv: no event"):
+    assert caught.value.where == str(session.frames)
+    with raises(CaptureError, "full-scale-unknown"):
         sessions.unfinished_steps(session)
-    lines[begins] = '# {"event": "start", "full_scale": "a"}'
+    lines[start] = '# {"event": "start", "full_scale": "a"}'
     session.frames.write_text("\n".join(lines) + "\n")
-    with pytest.raises(CaptureError, match=r"frames\.csv:3: full_scale .* not 'a'"):
+    with raises(CaptureError, "full-scale-invalid"):
         read_session(session.folder)
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "says"),
+    ("name", "text", "code"),
     [
-        ("session.json", "{", "not valid JSON"),
-        ("session.json", "{}", "has schema None"),
-        ("session.json", None, "cannot be read"),
-        ("frames.csv", None, "nothing was recorded"),
-        ("frames.csv", "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1\n",
-         "no step was finished"),
+        ("session.json", "{", "not-json"),
+        ("session.json", "{}", "wrong-schema"),
+        ("session.json", None, "file-not-found"),
+        ("frames.csv", None, "nothing-recorded"),
+        (
+            "frames.csv",
+            "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1\n",
+            "no-step-finished",
+        ),
     ],
-)  # fmt: skip
-def test_broken_sessions(tmp_path, name, text, says):
-    begin(tmp_path / "s")
+)
+def test_damaged_session_is_refused(tmp_path, name, text, code):
+    create_session(tmp_path / "s")
     path = tmp_path / "s" / name
     path.unlink(missing_ok=True)
     if text is not None:
         path.write_text(text)
-    with pytest.raises(CalibrationError, match=says):
+    with raises(CalibrationError, code):
         read_session(tmp_path / "s")
 
 
-def test_the_commands(tmp_path, capsys):
-    """Sessions of twins, their fit, and a session that is finished already."""
+def test_commands(tmp_path, capsys):
+    """Simulated sessions, their fit, and options that are refused."""
     assert main(["calibrate", "twin", str(tmp_path), "--rounds", "1", "--seed", "3"]) == 0
     folders = [str(tmp_path / f"session-{n}") for n in (150, 200)]
     assert " ".join(folders) in capsys.readouterr().out
     out = tmp_path / "response.json"
     assert main(["calibrate", "fit", *folders, "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["k_res"] == pytest.approx(2, rel=0.06)
-    assert told["hysteresis"] == pytest.approx(0.003, abs=0.002)
-    assert 4 < told["creep"]["time"] < 16
-    assert told["raw_hash"]
+    data = json.loads(capsys.readouterr().out)
+    assert data["k_res"] == pytest.approx(2, rel=0.06)
+    assert data["hysteresis"] == pytest.approx(0.003, abs=0.002)
+    assert 4 < data["creep"]["time"] < 16
+    assert data["raw_hash"]
     (tmp_path / "specimen.json").write_text(json.dumps(SPECIMEN))
     record = ["calibrate", "record", "--port", "twin", "--specimen", str(tmp_path)]
     assert main([*record, "--out", folders[0], "--auto"]) == 2
-    assert "is finished; fit it" in capsys.readouterr().err
+    assert f"defsense calibrate fit {folders[0]}" in capsys.readouterr().err
     again = [*record, "--out", str(tmp_path / "new")]
     assert main([*again, "--auto", "--average", "1000"]) == 2
-    assert "does not take 'average 1000'" in capsys.readouterr().err
+    assert "'average 1000'" in capsys.readouterr().err
     assert not (tmp_path / "new" / "session.json").exists()
     assert main([*record, "--radii", "75,112", "--auto"]) == 2
-    assert "give 3 different ones" in capsys.readouterr().err
-    begin(tmp_path / "begun", rounds=1)
-    assert main([*record, "--out", str(tmp_path / "begun"), "--auto", "--rounds", "2"]) == 2
-    assert "was begun with rounds 1" in capsys.readouterr().err
+    assert "--radii" in capsys.readouterr().err
+    started = create_session(tmp_path / "started", rounds=1)
+    assert main([*record, "--out", str(tmp_path / "started"), "--auto", "--rounds", "2"]) == 2
+    assert "rounds = 1" in capsys.readouterr().err
+    with raises(CalibrationError, "session-differs", setting="rounds", value=1):
+        sessions.require_same_settings(started, {"rounds": 2})
     for bad in (["--seed", "-1"], ["--reference", "nan"], ["--longest", "inf"]):
         assert main([*again, "--auto", *bad]) == 2
-        assert "give a number from" in capsys.readouterr().err
+        assert bad[0] in capsys.readouterr().err
     assert main(["calibrate", "twin", str(tmp_path / "t"), "--lengths", "150,-20"]) == 2
     assert main(["calibrate", "twin", str(tmp_path), "--rounds", "1"]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert folders[0] in capsys.readouterr().err
     assert main([*record, "--radii", "80", "--auto"]) == 2
-    assert "80 is none of the specimen's jigs" in capsys.readouterr().err
+    assert "80" in capsys.readouterr().err
     assert main(record) == 2
-    assert "standard input is no terminal" in capsys.readouterr().err
+    assert "--auto" in capsys.readouterr().err
     assert main(["calibrate", "ports", "--port", "twin", "--seconds", "0.5", "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["ohm"]) == 3
     assert main(["calibrate", "reference", "--port", "twin", "--known", "2500", "--json"]) == 0
     assert 1500 < min(json.loads(capsys.readouterr().out)["reference"]) < 3500
     assert main(["calibrate", "ports", "--port", "twin:pace=3"]) == 2
-    assert "write twin:speed=20" in capsys.readouterr().err
+    assert "twin:speed=" in capsys.readouterr().err
 
 
-def test_a_source_that_is_given_twice_is_refused(tmp_path, capsys):
-    """By whatever path: its readings would count twice, and the interval be too narrow."""
+def test_source_that_is_given_twice_is_refused(tmp_path):
+    """Its readings would count twice, by whatever path, and the interval would be too narrow."""
     folder = tmp_path / "s"
     record_twin(folder, CordTraits(Response.line(2.0)), seed=1, radii=(75, 100, 250), rounds=1)
     (tmp_path / "link").symlink_to(folder)
     out = tmp_path / "r.json"
-    assert main(["calibrate", "fit", str(folder), str(tmp_path / "link"), "--out", str(out)]) == 2
-    assert "s: is given twice, and would count twice" in capsys.readouterr().err
+    with raises(CalibrationError, "duplicate-source"):
+        fit_response([folder, tmp_path / "link"], out=out)
     assert not out.exists()
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
-def test_no_time_to_look_is_refused(capsys, seconds):
+def test_invalid_duration_is_refused(capsys, seconds):
     assert main(["calibrate", "ports", "--port", "twin", "--seconds", seconds]) == 2
-    assert f"--seconds {seconds}: give a number from 0.1" in capsys.readouterr().err
+    assert "--seconds" in capsys.readouterr().err

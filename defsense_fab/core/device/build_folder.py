@@ -1,4 +1,4 @@
-"""The folder of a finished build, for those who use what it holds."""
+"""Folders of a device: the folder of its build, and the sources in its own folder."""
 
 from __future__ import annotations
 
@@ -11,61 +11,85 @@ from ..storage.session_manifest import FILE as SESSION
 from ..storage.session_manifest import OLD_FILE as OLD_SESSION
 from .device import Device
 
-# Which files of a device's folder are its own, and not results that lie beside it.
-
-#: In a folder of results of `defsense reproduce`.
+#: File in a folder with results of `defsense reproduce`.
 REPRODUCED = ".reproduce-lock"
-#: A folder with one of these holds a recorded session, or such results.
-_RESULTS = {SESSION, OLD_SESSION, REPRODUCED}
-#: What builds and studies leave beside `device.toml`.
-_LEFT = {"build", "study", "not-reached"}
+#: Action for build files that are missing or damaged.
+BUILD_AGAIN = "Build the device again"
+#: A folder with one of these files is a recorded session, or has results.
+_RESULT_MARKS = {SESSION, OLD_SESSION, REPRODUCED}
+#: Folders that builds and studies create next to `device.toml`.
+_RESULT_FOLDERS = {"build", "study", "not-reached"}
 
 
 def own_files(folder: Path, without: Path | None = None) -> Iterator[Path]:
-    """Files of a device's folder and of those in it, in a fixed order: not those of builds, studies
-    and experiments, of recorded sessions, hidden ones, and what Python compiled; not of a folder
-    that holds the one to go `without`."""
-    for where, inner, names in os.walk(folder, followlinks=True):
-        here = Path(where)
-        if not _RESULTS.isdisjoint(names):
-            inner.clear()
+    """Yield a device's own files, in a fixed order.
+
+    Results of builds, studies and experiments, recorded sessions, hidden files and compiled Python
+    files are omitted.
+
+    Args:
+        folder: Folder of the device.
+        without: A folder to omit, with the folders that contain it.
+    """
+    for current, folders, names in os.walk(folder, followlinks=True):
+        here = Path(current)
+        if not _RESULT_MARKS.isdisjoint(names):
+            folders.clear()
             continue
-        left = {"__pycache__", *(_LEFT if here == folder else ())}
-        inner[:] = sorted(
+        omitted = {"__pycache__", *(_RESULT_FOLDERS if here == folder else ())}
+        folders[:] = sorted(
             n
-            for n in inner
-            if n not in left and not n.startswith(".") and not _holds(here / n, here, without)
+            for n in folders
+            if n not in omitted and not n.startswith(".") and not _contains(here / n, here, without)
         )
         yield from (here / n for n in sorted(names) if not n.startswith("."))
 
 
 def refuse_outside(device: Device) -> None:
-    """Raises DeviceError for a device whose body does not go along with a copy of its folder."""
+    """Check that a copy of a device's folder includes its body.
+
+    Raises:
+        DeviceError: The body's file is outside of the folder.
+    """
     path = device.body.path.resolve()
     if not path.is_relative_to(device.source.resolve()):
         raise DeviceError(
-            f"{path}: lies outside of the device's folder, of which a copy is worked on; copy it"
-            f" into {device.source}"
+            "is outside of the device's folder, which is copied",
+            code="file-outside-folder",
+            where=path,
+            action=f"Copy it to {device.source}",
+            path=path,
         )
 
 
-def _holds(folder: Path, *others: Path | None) -> bool:
-    """Whether one of the others lies in it, as also where a link leads back."""
-    whole = folder.resolve()
-    return any(o is not None and o.resolve().is_relative_to(whole) for o in others)
-
-
-BUILD_AGAIN = "build the device again"
+def _contains(folder: Path, *others: Path | None) -> bool:
+    """Return whether a folder contains one of the others, as a link back to a parent does."""
+    resolved = folder.resolve()
+    return any(o is not None and o.resolve().is_relative_to(resolved) for o in others)
 
 
 def build_folder(device: Device) -> Path:
-    """Where the device's build is, whether it is there or not."""
+    """Return the folder of a device's build, which need not exist."""
     return device.source / "build"
 
 
-def finished_build(device: Device, *needed: str) -> Path:
-    """The folder of a build that has the files `needed`. Raises CaptureError where it has not."""
+def finished_build(device: Device, *required: str) -> Path:
+    """Return the folder of a build that has some files.
+
+    Args:
+        device: The device.
+        *required: Names of the files.
+
+    Raises:
+        CaptureError: A file is missing.
+    """
     folder = build_folder(device)
-    if not all((folder / name).exists() for name in needed):
-        raise CaptureError(f"{folder}: is not built; run 'defsense build {device.source}' first")
+    if not all((folder / name).exists() for name in required):
+        raise CaptureError(
+            "is not a finished build",
+            code="not-built",
+            where=folder,
+            action=f"Run 'defsense build {device.source}' first",
+            path=folder,
+        )
     return folder

@@ -1,5 +1,4 @@
-"""What a session says of itself, `session.json` in its folder: one format for sessions on the
-specimen and for those before cameras."""
+"""`session.json`: the description of a recording session, on a specimen or before cameras."""
 
 from __future__ import annotations
 
@@ -10,12 +9,24 @@ from typing import ClassVar
 from ..errors import CalibrationError, CaptureError
 from . import typed_json
 
+FILE = "session.json"
+#: Former description of capture sessions, which is still read.
+OLD_FILE = "session.toml"
+
 
 @dataclass(frozen=True)
 class Criterion:
-    """A reading has settled when the means over the last two halves of `window` s differ by less
-    than `tolerance` of the resistance, in every channel (or by less than three standard errors,
-    where noise hides that much), not before `least` s; after `most` s it is taken as it is."""
+    """When a reading has settled.
+
+    The means over the last two halves of a window differ by less than a tolerance in every channel,
+    or by less than three standard errors where noise hides that much.
+
+    Attributes:
+        window: Length of the window, s.
+        tolerance: Relative tolerance of the resistance.
+        least: Shortest time of a reading, s.
+        most: Time after which a reading is taken as it is, s.
+    """
 
     window: float = 6.0
     tolerance: float = 0.0005
@@ -31,16 +42,19 @@ class Criterion:
         )
 
 
-FILE = "session.json"
-#: Where capture sessions were described before; it is still read.
-OLD_FILE = "session.toml"
-
-
 @dataclass(frozen=True)
 class CaptureManifest:
-    """Of a session before cameras: the poses to show and for how many seconds; the channels' names
-    and reference resistors, ohm; when it was begun (ISO 8601); which built device it is of (`unit`)
-    and the hash of its cords' `layout`, empty where not known."""
+    """Description of a session before cameras.
+
+    Attributes:
+        device: Name of the device.
+        begun: Start of the session (ISO 8601).
+        channels: Names of the channels (c,).
+        reference: Reference resistors (c,), ohm.
+        steps: Poses to show, and for how long, s.
+        unit: Name of the built device; empty where it is not known.
+        layout: Hash of the layout of its cords; empty where it is not known.
+    """
 
     SCHEMA: ClassVar[int] = 1
 
@@ -55,7 +69,14 @@ class CaptureManifest:
 
 @dataclass(frozen=True)
 class SpecimenRecord:
-    """Name, length, thickness, and how far below its faces the outer cords lie, mm."""
+    """A bending specimen.
+
+    Attributes:
+        name: Name of the specimen.
+        length: Length, mm.
+        thickness: Thickness, mm.
+        offset: Distance of the outer cords from the faces, mm.
+    """
 
     name: str
     length: float
@@ -65,9 +86,19 @@ class SpecimenRecord:
 
 @dataclass(frozen=True)
 class CalibrationManifest:
-    """Of a session on the specimen: the steps (round, radius of the jig in mm or None for the flat
-    one, face), the seed of their order, reference resistors (ohm), when a reading has settled, the
-    read-out's rate (Hz) and conversions per sample (None: the read-out board's own)."""
+    """Description of a session on a specimen.
+
+    Attributes:
+        specimen: The specimen.
+        channels: Names of the channels (c,).
+        steps: Round, radius of the jig (mm, None for the flat jig) and face of each step.
+        seed: Seed of the order of the steps.
+        reference: Reference resistors (c,), ohm.
+        criterion: When a reading has settled.
+        rate: Samples per second, Hz.
+        average: Conversions per sample; None for the read-out board's own number.
+        begun: Start of the session (ISO 8601).
+    """
 
     SCHEMA: ClassVar[int] = 1
 
@@ -83,18 +114,26 @@ class CalibrationManifest:
 
 
 def manifest_path(folder: Path) -> Path | None:
-    """The file in a session's folder; None where there is no session."""
+    """Return the description in a session's folder; None where there is no session."""
     return next((p for p in (folder / FILE, folder / OLD_FILE) if p.exists()), None)
 
 
 def load_capture(folder: Path) -> CaptureManifest:
-    """Raises CaptureError."""
+    """Read the description of a session before cameras.
+
+    Raises:
+        CaptureError: The file cannot be read or is invalid.
+    """
     path = manifest_path(folder) or folder / FILE
-    remedy = "'defsense capture record' makes sessions"
-    return typed_json.load(path, CaptureManifest, remedy, CaptureError)
+    action = "Create sessions with 'defsense capture record'"
+    return typed_json.load(path, CaptureManifest, action, CaptureError)
 
 
 def load_calibration(folder: Path) -> CalibrationManifest:
-    """Raises CalibrationError."""
-    remedy = "'defsense calibrate record' makes sessions"
-    return typed_json.load(folder / FILE, CalibrationManifest, remedy, CalibrationError)
+    """Read the description of a session on a specimen.
+
+    Raises:
+        CalibrationError: The file cannot be read or is invalid.
+    """
+    action = "Create sessions with 'defsense calibrate record'"
+    return typed_json.load(folder / FILE, CalibrationManifest, action, CalibrationError)

@@ -1,6 +1,6 @@
-"""JSON files as typed records: every key is checked when a file is read, and its schema number.
+"""JSON files as typed records: reading checks every key, and the number of the schema.
 
-A record is a frozen dataclass with a class attribute `SCHEMA`; arrays stand as nested lists.
+A record is a frozen dataclass with a class attribute `SCHEMA`; arrays are nested lists in the file.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 
 from ..errors import DefsenseError, StorageError
-from .files import write_json
+from .files import unreadable_code, write_json
 
 
 class Record(Protocol):
-    """What can stand in a file of its own."""
+    """Dataclass that has a file of its own."""
 
     SCHEMA: ClassVar[int]
     __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -28,49 +28,98 @@ R = TypeVar("R", bound=Record)
 
 
 def to_json(record: object) -> Any:
-    """Plain values of a record, without its schema number."""
-    return msgspec.to_builtins(record, enc_hook=_plain)
+    """Return the plain values of a record, without the number of its schema."""
+    return msgspec.to_builtins(record, enc_hook=_encode)
 
 
 def from_json(data: object, kind: type[R]) -> R:
-    """The record of plain values. Raises msgspec.ValidationError with the place of what is not."""
-    return msgspec.convert(data, type=kind, dec_hook=_array)
+    """Create a record from plain values.
+
+    Args:
+        data: Plain values.
+        kind: Class of the record.
+
+    Returns:
+        The record.
+
+    Raises:
+        msgspec.ValidationError: A value is invalid; the error names its place.
+    """
+    return msgspec.convert(data, type=kind, dec_hook=_decode)
 
 
 def save(path: Path, record: Record) -> None:
-    """The record as JSON, whole or not at all. Raises StorageError."""
+    """Write a record as JSON, whole or not at all.
+
+    Args:
+        path: File to write.
+        record: The record.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
     write_json(path, {"schema": record.SCHEMA, **to_json(record)})
 
 
-def load(path: Path, kind: type[R], remedy: str, error: type[DefsenseError] = StorageError) -> R:
-    """What `save` wrote, or the same as TOML. Raises `error` with the `remedy` ("build the device
-    again") for a file that is missing, damaged, or of another schema."""
+def load(path: Path, kind: type[R], action: str, error: type[DefsenseError] = StorageError) -> R:
+    """Read a record that `save` wrote, or the same content as TOML.
+
+    Args:
+        path: File to read.
+        kind: Class of the record.
+        action: What the user can do about a file that is missing or damaged.
+        error: Class of the errors to raise.
+
+    Returns:
+        The record.
+
+    Raises:
+        DefsenseError: Of the class `error`: the file is missing, damaged, or has another schema.
+    """
     try:
         text = path.read_text(encoding="utf-8")
         data = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
     except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror}; {remedy}") from None
+        raise error(
+            f"cannot be read: {problem.strerror}",
+            code=unreadable_code(problem),
+            where=path,
+            action=action,
+            path=path,
+        ) from None
     except ValueError as problem:
         raise error(
-            f"{path}: is not valid {path.suffix[1:].upper()} ({problem}); {remedy}"
+            f"is not valid {path.suffix[1:].upper()} ({problem})",
+            code="not-toml" if path.suffix == ".toml" else "not-json",
+            where=path,
+            action=action,
+            path=path,
         ) from None
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != kind.SCHEMA:
-        raise error(f"{path}: has schema {schema}, and this version reads {kind.SCHEMA}; {remedy}")
+        raise error(
+            f"has the schema {schema!r}; this version reads {kind.SCHEMA}",
+            code="wrong-schema",
+            where=path,
+            action=action,
+            path=path,
+        )
     try:
         return from_json(data, kind)
     except msgspec.ValidationError as problem:
-        raise error(f"{path}: is damaged ({problem}); {remedy}") from None
+        raise error(
+            f"is damaged ({problem})", code="bad-record", where=path, action=action, path=path
+        ) from None
 
 
-def _plain(value: Any) -> Any:
+def _encode(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} has no form in JSON")
 
 
-def _array(kind: Any, value: Any) -> Any:
-    """Nested lists as the array that a field is annotated with."""
+def _decode(kind: Any, value: Any) -> Any:
+    """Convert nested lists to the array of a field's annotation."""
     if get_origin(kind) is not np.ndarray:
         raise TypeError(f"{kind} cannot be read from JSON")
     dtype = np.dtype(kind.__args__[1].__args__[0])

@@ -1,4 +1,4 @@
-"""Records in JSON: what was saved comes back, and the rest is refused with its place."""
+"""Test records in JSON: a round trip, and the places that errors name."""
 
 import json
 from dataclasses import dataclass
@@ -6,10 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from defsense_fab.core.storage import typed_json
 
 from defsense_fab.core.arrays import Float, Int
 from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.core.storage import typed_json
+from tests.support.errors import raises
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,11 @@ class Outer:
 GOOD = Outer("a", (Inner(np.array([[0.1, 1 / 3]]), np.array([4, 5])),), 2.0)
 
 
-def test_a_record_comes_back_to_the_last_bit(tmp_path):
+def test_record_is_restored_to_the_last_bit(tmp_path):
     typed_json.save(tmp_path / "r.json", GOOD)
-    found = typed_json.load(tmp_path / "r.json", Outer, "build again")
-    assert (found.name, found.size) == ("a", 2.0)
-    (inner,) = found.inner
+    record = typed_json.load(tmp_path / "r.json", Outer, "build again")
+    assert (record.name, record.size) == ("a", 2.0)
+    (inner,) = record.inner
     assert (inner.points == GOOD.inner[0].points).all()
     assert inner.points.dtype == float
     assert (inner.ids == GOOD.inner[0].ids).all()
@@ -42,31 +43,35 @@ def test_a_record_comes_back_to_the_last_bit(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("damage", "message"),
+    ("damage", "code", "place"),
     [
-        ({"schema": 2}, "has schema 2, and this version reads 3; build again"),
-        ({"name": 7}, r"is damaged \(Expected `str`, got `int` - at `\$.name`\); build again"),
-        (
-            {"inner": [{"points": [["x"]], "ids": []}]},
-            r"expected numb.*at `\$.inner\[0\].points`",
-        ),
-        ({"inner": [{"points": [[1], [2, 3]], "ids": []}]}, r"at `\$.inner\[0\].points`"),
-        ({"inner": [{"points": [], "ids": [1.5]}]}, r"at `\$.inner\[0\].ids`"),
-        ({"inner": [{"points": []}]}, "missing required field `ids`"),
+        ({"schema": 2}, "wrong-schema", "2"),
+        ({"name": 7}, "bad-record", "$.name"),
+        ({"inner": [{"points": [["x"]], "ids": []}]}, "bad-record", "$.inner[0].points"),
+        ({"inner": [{"points": [[1], [2, 3]], "ids": []}]}, "bad-record", "$.inner[0].points"),
+        ({"inner": [{"points": [], "ids": [1.5]}]}, "bad-record", "$.inner[0].ids"),
+        ({"inner": [{"points": []}]}, "bad-record", "`ids`"),
     ],
 )
-def test_what_is_no_record_is_refused(tmp_path, damage, message):
+def test_invalid_record_is_refused(tmp_path, damage, code, place):
     path = tmp_path / "r.json"
     typed_json.save(path, GOOD)
     path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | damage))
-    with pytest.raises(CaptureError, match=message):
+    with raises(CaptureError, code, path=path) as caught:
         typed_json.load(path, Outer, "build again", CaptureError)
+    assert place in caught.value.problem
+    assert caught.value.action == "build again"
 
 
-def test_files_that_are_none(tmp_path):
-    for text in ("", "{", "[]", "null"):
+def test_damaged_or_missing_file_is_refused(tmp_path):
+    for text, code in (
+        ("", "not-json"),
+        ("{", "not-json"),
+        ("[]", "wrong-schema"),
+        ("null", "wrong-schema"),
+    ):
         (tmp_path / "r.json").write_text(text)
-        with pytest.raises(StorageError, match="build again"):
+        with raises(StorageError, code):
             typed_json.load(tmp_path / "r.json", Outer, "build again")
-    with pytest.raises(StorageError, match="cannot be read"):
+    with raises(StorageError, "file-not-found"):
         typed_json.load(tmp_path / "none.json", Outer, "build again")
