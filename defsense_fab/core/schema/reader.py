@@ -167,6 +167,9 @@ class Reader:
             return None
         items, count = [], len(self.problems)
         for position, (item_type, item) in enumerate(zip(by_item, value, strict=True)):
+            if isinstance(item, str):  # which `_fits` has accepted
+                items.append(item)
+                continue
             items.append(self.read_value(item_type, item, (*at, position) if has_tables else at))
             if not has_tables and len(self.problems) > count:
                 return None  # one problem is enough for a list of plain values
