@@ -1,4 +1,4 @@
-"""The model of the camera against OpenCV's, and records that are none."""
+"""Test the camera model against OpenCV, and invalid records of cameras and tracks."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def camera(lens=LENSES[2], rotation=(0.3, -0.2, 0.1), translation=(10.0, -20, 30
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_projection_is_opencvs(lens):
+def test_projection_equals_opencv(lens):
     c, rng = camera(lens), np.random.default_rng(0)
     inside = np.column_stack([rng.uniform(-0.4, 0.4, (200, 2)), np.ones(200)])
     points = (inside * rng.uniform(200, 900, (200, 1)) - c.translation) @ c.rotation
@@ -45,7 +45,7 @@ def test_projection_is_opencvs(lens):
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.sampled_from(LENSES), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
-def test_derivatives_are_those_of_finite_differences(lens, x, y):
+def test_derivatives_equal_finite_differences(lens, x, y):
     lens, at, h = np.array(lens), np.array([x, y]), 1e-6
     _, J = distort(at, lens)
     both = [(distort(at + h * e, lens)[0] - distort(at - h * e, lens)[0]) for e in np.eye(2)]
@@ -53,7 +53,7 @@ def test_derivatives_are_those_of_finite_differences(lens, x, y):
     assert np.allclose(undistort(distort(at, lens)[0], lens), at, atol=1e-10)
 
 
-def test_what_is_behind_is_not_seen():
+def test_points_behind_the_camera_are_nan():
     c = camera()
     ahead = -c.rotation.T @ c.translation + 300 * c.rotation[2]
     behind = c.center - 300 * c.rotation[2]
@@ -63,7 +63,7 @@ def test_what_is_behind_is_not_seen():
     assert np.allclose(c.to_camera(c.center), 0, atol=1e-12)
 
 
-def test_pixels_that_no_ray_comes_to_are_none():
+def test_pixels_without_a_ray_are_nan():
     lens = np.array([-0.35, 0.0, 0.0, 0.0])  # its largest radius: 2/3 / sqrt(3 * 0.35)
     far = np.array([[0.3, 0.0], [0.9, 0.0], [0.0, 3.0]])
     plane = undistort(far, lens)
@@ -89,7 +89,7 @@ def test_pixels_that_no_ray_comes_to_are_none():
         ({"size": (0, 480)}, "image-too-small"),
     ],
 )
-def test_bad_cameras_are_refused(change, code):
+def test_invalid_camera_is_refused(change, code):
     with raises(CaptureError, code, camera="a") as caught:
         replace(camera(), **change)
     assert "\n" not in str(caught.value)
@@ -104,7 +104,7 @@ def test_bad_cameras_are_refused(change, code):
         *((n, "reserved-camera-name") for n in ("frames", "Log", "session", "NUL", "com1.left")),
     ],
 )  # fmt: skip
-def test_names_that_cannot_be_names_of_files_are_refused(name, code):
+def test_name_that_is_no_file_name_is_refused(name, code):
     with raises(CaptureError, code, camera=name) as caught:
         replace(camera(), name=name)
     assert "\n" not in str(caught.value)
@@ -117,7 +117,7 @@ def test_names_that_cannot_be_names_of_files_are_refused(name, code):
         ("a", "a-frames"), ("A-frames", "b", "a"),
     ],
 )  # fmt: skip
-def test_cameras_that_would_write_the_same_files_are_refused(names):
+def test_cameras_with_the_same_files_are_refused(names):
     for name in names:
         check_names([name])
     with raises(CaptureError, "camera-names-clash"):
@@ -125,7 +125,7 @@ def test_cameras_that_would_write_the_same_files_are_refused(names):
     check_names(["left", "left 2", "left.2", "left-frame"])
 
 
-def test_tracks_check_themselves():
+def test_invalid_tracks_are_refused():
     good = {
         "time": np.arange(3.0), "ids": np.array([4, 7]), "points": np.zeros((3, 2, 3)),
         "sigma": np.zeros((3, 2, 3)), "frame": np.arange(3),
@@ -134,13 +134,13 @@ def test_tracks_check_themselves():
     points[1, 0] = np.nan
     assert Tracks(**{**good, "points": points}).seen.tolist() == [[True] * 2, [False, True],
                                                                   [True] * 2]  # fmt: skip
-    partly = points.copy()
-    partly[0, 0, 1] = np.nan
+    partly_nan = points.copy()
+    partly_nan[0, 0, 1] = np.nan
     for bad, code in (
         ({"time": np.array([0, 2.0, 1])}, "times-not-increasing"),
         ({"time": np.array([0, 1, np.nan])}, "times-not-increasing"),
         ({"ids": np.array([1, 1])}, "duplicate-marker"),
-        ({"points": partly}, "point-partly-nan"),
+        ({"points": partly_nan}, "point-partly-nan"),
         ({"sigma": np.zeros((3, 2))}, "wrong-shape"),
     ):
         with raises(CaptureError, code):

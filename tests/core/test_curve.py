@@ -1,4 +1,4 @@
-"""Hermite curves and planes against closed forms."""
+"""Test planes, Hermite curves and sampled paths against closed forms."""
 
 from __future__ import annotations
 
@@ -21,14 +21,12 @@ from defsense_fab.core.curve import (
 )
 from defsense_fab.core.device.device import Sensor
 
-# Points along paths: on a circle, whose lengths are known, and on a polyline with a corner.
-
 RADIUS = 20.0
 
 
 @pytest.fixture
 def quarters():
-    """Three quarters of a circle in spans of different lengths."""
+    """Return three quarters of a circle in spans of different lengths."""
     angle = np.radians([0, 20, 60, 150, 270])
     points = RADIUS * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     step = np.gradient(angle)
@@ -37,7 +35,7 @@ def quarters():
 
 
 @pytest.mark.parametrize("spacing", [0.1, 0.25, 1.0])
-def test_neighbours_are_as_near_as_asked(quarters, spacing):
+def test_neighbors_are_within_the_spacing(quarters, spacing):
     points = quarters.sample(per_span_for_spacing(quarters, spacing))
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     assert step.max() <= 1.05 * spacing
@@ -45,7 +43,7 @@ def test_neighbours_are_as_near_as_asked(quarters, spacing):
 
 
 @pytest.mark.parametrize("sag", [0.004, 0.02])
-def test_chords_lie_as_near_to_the_curve_as_asked(quarters, sag):
+def test_chords_are_within_the_sag(quarters, sag):
     count = per_span_for_sag(quarters, sag)
     chords, fine = quarters.sample(count), quarters.sample(50 * count)
     a, b = (np.repeat(x, 50, axis=0) for x in (chords[:-1], chords[1:]))
@@ -54,7 +52,7 @@ def test_chords_lie_as_near_to_the_curve_as_asked(quarters, sag):
     assert 0.5 * sag < np.abs(away).max() <= sag
 
 
-def test_a_path_lies_in_its_plane_with_enough_points(quarters):
+def test_path_is_in_its_plane_and_has_enough_points(quarters):
     plane = Plane.from_normal(np.array([1.0, 2, 3]), np.array([1.0, 1, 1]), np.array([1.0, 0, 0]))
     path = sample_path(Sensor("c", plane, quarters, frozenset()))
     assert len(path) == 4 * per_span_for_signal(quarters) + 1 > MIN_PATH_SAMPLES
@@ -62,7 +60,7 @@ def test_a_path_lies_in_its_plane_with_enough_points(quarters):
     assert len(sample_path(Sensor("c", plane, quarters, frozenset()), 7)) == 29
 
 
-def test_lengths_and_even_points_of_a_polyline():
+def test_lengths_and_resampled_points_of_a_polyline():
     line = np.array([[0.0, 0, 0], [3, 0, 0], [3, 4, 0]])
     assert arc_lengths(line).tolist() == [0, 3, 7]
     assert arc_lengths(np.stack([line, 2 * line])).tolist() == [[0, 3, 7], [0, 6, 14]]
@@ -95,7 +93,7 @@ def test_plane_frames_are_right_handed():
     assert (plane.to_world(np.array([[3.0, 4.0]])) - 1) @ plane.normal == pytest.approx(0)
 
 
-def test_a_frame_made_from_its_own_axes_is_itself_to_the_last_digit():
+def test_frame_from_its_own_axes_is_equal_to_the_last_digit():
     rng = np.random.default_rng(0)
     for _ in range(2000):
         normal, x_axis = rng.normal(size=(2, 3)) * 10 ** rng.uniform(-3, 3, (2, 1))

@@ -1,4 +1,4 @@
-"""Chains of arcs against the curves they stand for."""
+"""Test curves that are fitted to strokes, and arcs that approximate curves."""
 
 from __future__ import annotations
 
@@ -10,58 +10,56 @@ from hypothesis import strategies as st
 from defsense_fab.core.curve import Hermite, catmull_rom
 from defsense_fab.core.curve_conversion import curve_to_arcs, fit_curve
 
-# Curves with few points through what a hand draws.
 
-
-def furthest(stroke, curve):
+def largest_distance(stroke, curve):
     line = curve.sample(400)
     return np.linalg.norm(stroke[:, None] - line, axis=2).min(1).max()
 
 
-def test_a_straight_stroke_takes_two_points():
+def test_straight_stroke_needs_two_points():
     curve = fit_curve(np.array([[0.0, 1.0], [3.0, 1.0], [50.0, 1.0]]), 0.1)
     np.testing.assert_allclose(curve.points, [[0, 1], [50, 1]])
 
 
-def test_a_wave_takes_as_few_points_as_keep_the_tolerance():
+def test_wave_gets_the_fewest_points_within_the_tolerance():
     x = np.linspace(0, 120, 241)
     stroke = np.stack([x, 8 * np.sin(x / 18)], axis=1)
     fine, rough = fit_curve(stroke, 0.3), fit_curve(stroke, 3.0)
-    assert furthest(stroke, fine) <= 0.31
+    assert largest_distance(stroke, fine) <= 0.31
     assert len(rough.points) < len(fine.points) <= 12
     np.testing.assert_array_equal(fine.tangents, catmull_rom(fine.points))
     np.testing.assert_array_equal(fine.points[[0, -1]], stroke[[0, -1]])
 
 
-def test_a_trembling_hand_is_smoothed():
+def test_trembling_stroke_is_smoothed():
     rng = np.random.default_rng(0)
     x = np.linspace(0, 100, 201)
     true = np.stack([x, 0.002 * x**2], axis=1)
     curve = fit_curve(true + rng.uniform(-0.3, 0.3, true.shape), 0.8)
     assert len(curve.points) <= 5
-    assert furthest(true, curve) < 0.6
+    assert largest_distance(true, curve) < 0.6
 
 
 @given(st.integers(2, 5), st.integers(0, 10**6))
-def test_a_curve_of_even_points_is_found_again(count, seed):
+def test_curve_with_even_points_is_recovered(count, seed):
     rng = np.random.default_rng(seed)
     turns = np.cumsum(rng.uniform(-0.4, 0.4, count - 1))
     steps = 20 * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     points = np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
     drawn = Hermite(points, catmull_rom(points))
-    found = fit_curve(drawn.sample(60), 0.5)
-    assert len(found.points) <= count + 2
-    assert furthest(drawn.sample(60), found) <= 0.52
+    fitted = fit_curve(drawn.sample(60), 0.5)
+    assert len(fitted.points) <= count + 2
+    assert largest_distance(drawn.sample(60), fitted) <= 0.52
 
 
 @pytest.mark.parametrize("stroke", [[[1.0, 2.0]], [[1.0, 2.0], [1.0, 2.0]]])
-def test_a_stroke_without_length_is_refused(stroke):
+def test_stroke_without_length_is_refused(stroke):
     with pytest.raises(ValueError, match="needs a length"):
         fit_curve(np.array(stroke), 0.5)
 
 
 def circle(arc):
-    """Centre and radius through three points, by the perpendicular bisectors."""
+    """Return center and radius of the circle through three points (perpendicular bisectors)."""
     a, m, b = arc
     lines = 2 * np.array([m - a, b - a])
     center = np.linalg.solve(lines, np.array([m @ m - a @ a, b @ b - a @ a]))
@@ -84,12 +82,12 @@ def test_arcs_join_smoothly_and_follow_the_curve(seed):
         cross = u[0] * v[1] - u[1] * v[0]
         assert abs(cross) < 1e-5 * np.linalg.norm(u) * np.linalg.norm(v)
     for p in curve.sample(50):
-        near = np.argsort(np.linalg.norm(chain[:, 1] - p, axis=1))[:6]
-        off = [abs(np.linalg.norm(p - circles[i][0]) - circles[i][1]) for i in near]
-        assert min(off) < 0.012
+        closest = np.argsort(np.linalg.norm(chain[:, 1] - p, axis=1))[:6]
+        distances = [abs(np.linalg.norm(p - circles[i][0]) - circles[i][1]) for i in closest]
+        assert min(distances) < 0.012
 
 
-def test_a_straight_path_is_straight():
+def test_straight_curve_has_straight_arcs():
     points = np.array([[0, 0], [10, 0], [30, 0.0]])
     chain = curve_to_arcs(Hermite(points, catmull_rom(points)), 0.01)
     assert np.abs(chain[:, :, 1]).max() < 1e-12

@@ -1,4 +1,4 @@
-"""Torn, shorted, stuck and loose cords, by their signals."""
+"""Test the detection of torn, shorted, stuck and loose cords."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def moving(seed: int = 0) -> Float:
     return np.stack([0.1 * np.sin(TIME), 0.08 * np.sin(2 * TIME)], axis=1) + noise
 
 
-def test_a_sound_device_has_no_faults() -> None:
+def test_intact_device_has_no_faults() -> None:
     assert find_faults(LIMITS, TIME, moving()) == []
 
 
 @pytest.mark.parametrize(
     ("kind", "value"), [("torn", np.inf), ("torn", np.nan), ("torn", 3.0), ("shorted", -0.98)]
 )
-def test_a_channel_beyond_any_strain(kind: str, value: float) -> None:
+def test_signal_beyond_any_strain(kind: str, value: float) -> None:
     signals = moving()
     signals[200:, 1] = value
     (fault,) = find_faults(LIMITS, TIME, signals)
@@ -34,34 +34,34 @@ def test_a_channel_beyond_any_strain(kind: str, value: float) -> None:
     assert fault.since == pytest.approx(TIME[200])
 
 
-def test_a_channel_that_stands_still_while_another_moves_is_stuck() -> None:
+def test_channel_that_is_constant_while_another_moves_is_stuck() -> None:
     signals = moving()
     signals[100:, 0] = signals[100, 0]
     (fault,) = find_faults(LIMITS, TIME, signals)
     assert (fault.channel, fault.kind) == (0, "stuck")
 
 
-def test_a_device_that_nobody_moves_is_not_stuck() -> None:
+def test_device_at_rest_is_not_stuck() -> None:
     assert find_faults(LIMITS, TIME, np.zeros((len(TIME), 2))) == []
 
 
-def test_a_loose_contact_jumps() -> None:
+def test_loose_contact_jumps() -> None:
     signals = moving()
     signals[150:, 1] += 0.1 * (np.arange(len(TIME) - 150) % 3 == 0)
     (fault,) = find_faults(LIMITS, TIME, signals)
     assert (fault.channel, fault.kind) == (1, "loose")
 
 
-def test_a_fault_that_is_over_is_none() -> None:
+def test_past_fault_is_not_reported() -> None:
     signals = moving()
     signals[50:100, 1] = np.inf
     assert find_faults(LIMITS, TIME, signals) == []
 
 
-def test_a_stuck_channel_stays_stuck_however_slowly_the_others_move() -> None:
+def test_stuck_channel_stays_stuck_while_others_move_slowly() -> None:
     signals = moving()
     signals[:, 1] = 0.004 * TIME + 1e-4 * np.sin(50 * TIME)
     signals[60:, 0] = signals[60, 0]
-    found = [find_faults(LIMITS, TIME[:k], signals[:k]) for k in range(240, 300)]
-    assert all(len(f) == 1 and f[0].kind == "stuck" for f in found)
-    assert all(f[0].since == pytest.approx(TIME[60]) for f in found)
+    faults = [find_faults(LIMITS, TIME[:k], signals[:k]) for k in range(240, 300)]
+    assert all(len(f) == 1 and f[0].kind == "stuck" for f in faults)
+    assert all(f[0].since == pytest.approx(TIME[60]) for f in faults)

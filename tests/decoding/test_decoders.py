@@ -1,4 +1,4 @@
-"""Every decoder by name: exact on what it can represent, honest about noise; contiguous folds."""
+"""Test every decoder by name: noise, accuracy, and cross-validation in contiguous folds."""
 
 import numpy as np
 import pytest
@@ -12,24 +12,24 @@ from defsense_fab.decoding.ridge import fit_ridge, quadratic_features
 
 
 def curved(count, rng, channels=2):
-    """Signals along a bent path and outputs that are smooth but not affine in them."""
+    """Return random signals, and outputs that are smooth but not affine in them."""
     s = 0.05 * rng.uniform(-1, 1, (count, channels))
     x, y = 20 * s[:, 0], 20 * s[:, 1]
     return s, np.stack([3 * x + x * y, np.sin(2 * x) - y, y**2], axis=1)
 
 
 @pytest.mark.parametrize("kind", DECODERS)
-def test_noise_variance_is_that_of_sampled_noise(kind):
+def test_noise_variance_equals_that_of_sampled_noise(kind):
     rng = np.random.default_rng(0)
     signals, outputs = curved(60, rng)
     decoder = fit_decoder(kind, signals, outputs, 5e-4)
     some = signals[:5]
     noisy = some + rng.normal(0, 5e-4, (4000, 5, 2))
-    found = decoder(noisy.reshape(-1, 2)).reshape(4000, 5, 3).var(0)
-    assert found == pytest.approx(decoder.noise_variance(some, 5e-4), rel=0.15, abs=1e-7)
+    result = decoder(noisy.reshape(-1, 2)).reshape(4000, 5, 3).var(0)
+    assert result == pytest.approx(decoder.noise_variance(some, 5e-4), rel=0.15, abs=1e-7)
 
 
-def test_richer_decoders_do_better_on_curved_maps():
+def test_flexible_decoders_are_better_on_curved_maps():
     rng = np.random.default_rng(1)
     signals, outputs = curved(80, rng)
     unseen, truth = curved(200, rng)
@@ -41,8 +41,8 @@ def test_richer_decoders_do_better_on_curved_maps():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_width_and_weight_are_those_of_a_librarys_search(seed):
-    """Over states as the decoder is shown them, with contiguous folds."""
+def test_width_and_weight_equal_those_of_scikit_learn(seed):
+    """Its search uses the decoder's training samples and contiguous folds."""
     rng = np.random.default_rng(seed)
     signals, outputs = curved(21, rng, channels=2)
     noise = np.array([0.002, 0.005])
@@ -57,56 +57,56 @@ def test_width_and_weight_are_those_of_a_librarys_search(seed):
         scoring="neg_mean_squared_error",
         cv=folds,
     ).fit(decoder.trained / decoder.scale, np.repeat(outputs, 5, axis=0) - outputs.mean(0))
-    found = {"gamma": decoder.gamma, "alpha": decoder.alpha}
-    assert search.best_params_ == pytest.approx(found)
+    result = {"gamma": decoder.gamma, "alpha": decoder.alpha}
+    assert search.best_params_ == pytest.approx(result)
     spread = decoder.trained.reshape(21, 5, 2).std(1)
     assert spread == pytest.approx(np.broadcast_to(noise * np.sqrt(4 / 5), (21, 2)))
 
 
-def test_the_kernel_decoder_is_the_librarys():
+def test_kernel_decoder_equals_scikit_learn():
     rng = np.random.default_rng(2)
     signals, outputs = curved(40, rng)
     decoder = fit_decoder("kernel", signals, outputs, 0.0)
     peer = KernelRidge(kernel="rbf", gamma=decoder.gamma, alpha=decoder.alpha)
     peer.fit(decoder.trained / decoder.scale, np.repeat(outputs, 5, axis=0) - outputs.mean(0))
-    there, _ = curved(30, rng)
-    expected = peer.predict(there / decoder.scale) + outputs.mean(0)
-    assert decoder(there) == pytest.approx(expected, abs=1e-9)
-    again = fit_decoder("kernel", signals, outputs, 0.0, decoder)
-    assert again(there) == pytest.approx(decoder(there), abs=1e-9)
+    other_signals, _ = curved(30, rng)
+    expected = peer.predict(other_signals / decoder.scale) + outputs.mean(0)
+    assert decoder(other_signals) == pytest.approx(expected, abs=1e-9)
+    refitted = fit_decoder("kernel", signals, outputs, 0.0, decoder)
+    assert refitted(other_signals) == pytest.approx(decoder(other_signals), abs=1e-9)
 
 
-def test_folds_are_runs_of_neighbours():
+def test_folds_are_runs_of_neighbors():
     folds = contiguous_folds(13)
     assert len(folds) == 5
     assert np.concatenate([test for _, test in folds]).tolist() == list(range(13))
-    for seen, test in folds:
+    for train, test in folds:
         assert (np.diff(test) == 1).all()
-        assert set(seen) | set(test) == set(range(13))
-        assert not set(seen) & set(test)
+        assert set(train) | set(test) == set(range(13))
+        assert not set(train) & set(test)
 
 
 @pytest.mark.parametrize(("channels", "states"), [(3, 3), (4, 3), (3, 2), (6, 5), (3, 8)])
 def test_expected_error_where_features_outnumber_states(channels, states):
-    """Between nothing and the outputs' own size, and that of the decoder which is fitted."""
+    """It is between zero and the outputs' own size, and equals that of the fitted decoder."""
     rng = np.random.default_rng(0)
     features = quadratic_features(channels)
     for _ in range(50):
         signals = np.concatenate(
             [np.zeros((1, channels)), 0.05 * rng.normal(size=(states - 1, channels))]
         )
-        signals[:, -1] = signals[:, 0]  # and two cords that tell the same
+        signals[:, -1] = signals[:, 0]  # two cords have the same signal
         outputs = rng.normal(size=(states, 4))
         outputs -= outputs.mean(0)
-        found = float(expected_square(features, signals, outputs, 0.002))
+        result = float(expected_square(features, signals, outputs, 0.002))
         decoder = fit_ridge(features, signals, outputs, 0.002)
         expected = ((decoder(signals) - outputs) ** 2).sum()
         expected += decoder.noise_variance(signals, 0.002).sum()
-        assert 0 <= found <= (outputs**2).sum() * (1 + 1e-12)
-        assert found == pytest.approx(expected, rel=1e-2, abs=1e-6)
+        assert 0 <= result <= (outputs**2).sum() * (1 + 1e-12)
+        assert result == pytest.approx(expected, rel=1e-2, abs=1e-6)
 
 
-def test_one_state_is_answered_by_every_decoder():
+def test_every_decoder_fits_a_single_state():
     for kind in DECODERS:
         decoder = fit_decoder(kind, np.array([[0.01, 0.0]]), np.array([[1.0, 2.0]]), 0.002)
         assert decoder(np.array([[0.01, 0.0]])) == pytest.approx(np.array([[1.0, 2.0]]))

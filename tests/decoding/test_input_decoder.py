@@ -1,4 +1,4 @@
-"""Features of trained decoders: slopes, noise, roughness."""
+"""Test decoders of trained models: features, single samples, and the shared memory."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from defsense_fab.decoding.input_decoder import (
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.training.regression.simulated_decoder import fit_memory
 
-# A map behind a memory that all channels share.
 
-
-def static(channels: int = 2) -> InputDecoder:
+def static_decoder(channels: int = 2) -> InputDecoder:
     rng = np.random.default_rng(0)
     features = InputFeatures(
         channels, all_products(channels), np.zeros((0, channels)), np.ones(channels)
@@ -27,15 +25,15 @@ def static(channels: int = 2) -> InputDecoder:
 def shared_memory() -> SharedMemory:
     return SharedMemory(
         np.array([1.1, 0.9]), np.array([0.01, -0.02]), np.array([-0.2, 0.1]), np.array([-0.05]),
-        static(),
+        static_decoder(),
     )  # fmt: skip
 
 
-def test_ideal_signals_are_signals_without_memory_offset_and_gain() -> None:
+def test_ideal_signals_have_no_memory_offset_and_gain() -> None:
     s, h1, h2, q = np.random.default_rng(1).normal(size=(4, 5, 2))
-    found = shared_memory().ideal_signals(np.concatenate([s, h1, h2, q], axis=1))
+    result = shared_memory().ideal_signals(np.concatenate([s, h1, h2, q], axis=1))
     expected = (s - 0.2 * h1 + 0.1 * h2 - 0.05 * q - [0.01, -0.02]) / [1.1, 0.9]
-    np.testing.assert_allclose(found, expected)
+    np.testing.assert_allclose(result, expected)
 
 
 def test_shared_memory_decodes_one_sample_like_many() -> None:
@@ -45,8 +43,8 @@ def test_shared_memory_decodes_one_sample_like_many() -> None:
     )
 
 
-def test_a_dozen_numbers_are_found_from_sixty_pictures() -> None:
-    """Cords that tear with any change and heal: what the memory of work undoes."""
+def test_memory_is_fitted_to_sixty_frames() -> None:
+    """The resistance rises with any change and heals, which the memory of work compensates."""
     rng = np.random.default_rng(2)
     time = np.arange(0, 120, 1 / 60)
     ideal = 0.1 * np.stack([np.sin(0.9 * time), np.sin(1.3 * time + 1)], axis=1)
@@ -55,31 +53,31 @@ def test_a_dozen_numbers_are_found_from_sixty_pictures() -> None:
         step = np.abs(ideal[k] - ideal[k - 1])
         added[k] = added[k - 1] * np.exp(-1 / 60 / 8.0) + 0.15 * step
     signals = np.array([1.15, 0.9]) * (ideal + added) + 5e-4 * rng.normal(size=ideal.shape)
-    past, decoder = Past((2.0,), (8.0,)), static()
+    past, decoder = Past((2.0,), (8.0,)), static_decoder()
     z = past(time, signals)
     points = decoder(ideal).reshape(-1, 2, 3)
-    few = np.arange(60) * 60
-    known = np.ones((len(time), 2), bool)
-    known[few[::3], 0] = False
-    found = fit_memory(decoder, past, z[few], points[few], known[few])
-    plain = fit_memory(decoder, Past(), signals[few], points[few], known[few])
-    off = (found(z).reshape(points.shape) - points)[4000:]
+    frames = np.arange(60) * 60
+    is_known = np.ones((len(time), 2), bool)
+    is_known[frames[::3], 0] = False
+    result = fit_memory(decoder, past, z[frames], points[frames], is_known[frames])
+    plain = fit_memory(decoder, Past(), signals[frames], points[frames], is_known[frames])
+    error = (result(z).reshape(points.shape) - points)[4000:]
     before = (plain(signals).reshape(points.shape) - points)[4000:]
-    assert np.sqrt((off**2).mean()) < 0.4 * np.sqrt((before**2).mean())
-    np.testing.assert_allclose(found.gain, [1.15, 0.9], rtol=0.1)
-    again = fit_memory(decoder, past, z[few], points[few], known[few], found)
-    np.testing.assert_allclose(again.gain, found.gain, rtol=1e-3)
+    assert np.sqrt((error**2).mean()) < 0.4 * np.sqrt((before**2).mean())
+    np.testing.assert_allclose(result.gain, [1.15, 0.9], rtol=0.1)
+    again = fit_memory(decoder, past, z[frames], points[frames], is_known[frames], result)
+    np.testing.assert_allclose(again.gain, result.gain, rtol=1e-3)
 
 
-def made() -> InputDecoder:
+def make_decoder() -> InputDecoder:
     rng = np.random.default_rng(0)
     features = InputFeatures(5, all_products(3), rng.normal(size=(4, 3)), rng.uniform(0.5, 2, 3))
     weights = rng.normal(size=(features.count, 6))
     return InputDecoder(features, weights, rng.normal(size=6))
 
 
-def test_slopes_are_those_of_finite_differences() -> None:
-    f = made().features
+def test_slopes_equal_finite_differences() -> None:
+    f = make_decoder().features
     z = np.random.default_rng(1).normal(size=(7, 5))
     step = 1e-6
     for k in range(5):
@@ -88,16 +86,16 @@ def test_slopes_are_those_of_finite_differences() -> None:
         np.testing.assert_allclose(f.slopes(z)[:, :, k], expected, atol=1e-8)
 
 
-def test_one_sample_is_decoded_as_many_are() -> None:
-    decoder = made()
+def test_one_sample_is_decoded_like_many() -> None:
+    decoder = make_decoder()
     z = np.random.default_rng(1).normal(size=(7, 5))
     one = np.array([decoder.decode_sample(row) for row in z])
     np.testing.assert_allclose(one, decoder(z), rtol=1e-12, atol=1e-12)
 
 
 def test_roughness_is_the_norm_of_the_radial_functions() -> None:
-    """Of one center it is its weight squared by its width squared; of two that coincide, that of
-    their sum."""
+    """For one center it is the squared weight over the squared width; for two that coincide, that
+    of their sum."""
     two = InputFeatures(1, np.zeros((0, 2), int), np.zeros((2, 1)), np.array([0.5]))
     w = np.array([0.0, 2.0, -2.0])
     assert w @ two.roughness() @ w == 0

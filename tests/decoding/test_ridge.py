@@ -1,4 +1,4 @@
-"""The decoders against scikit-learn, their noise model against sampling, and the floor."""
+"""Test ridge decoders against scikit-learn, their noise against sampling, and error measures."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_every_decoder_of_a_device_has_features():
     assert set(FEATURES) == set(DECODERS)
 
 
-def test_same_as_sklearn(data):
+def test_weights_equal_scikit_learn(data):
     S, O = data  # noqa: E741
     sigma = np.sqrt(0.3 / len(S))
     ours, theirs = fit_ridge(affine_features(3), S, O, sigma), Ridge(alpha=0.3).fit(S, O)
@@ -35,7 +35,7 @@ def test_same_as_sklearn(data):
     assert ours.constant == pytest.approx(theirs.intercept_, abs=1e-12)
 
 
-def test_quadratic_features_are_those_of_sklearn(data):
+def test_quadratic_features_equal_scikit_learn(data):
     S, _ = data
     ours, theirs = (
         quadratic_features(3)(S),
@@ -44,7 +44,7 @@ def test_quadratic_features_are_those_of_sklearn(data):
     assert np.sort(ours, axis=1) == pytest.approx(np.sort(theirs, axis=1))
 
 
-def test_slopes_by_finite_differences(features, data):
+def test_slopes_equal_finite_differences(features, data):
     S, h = data[0], 1e-6
     slopes = features.slopes(S)
     for c in range(3):
@@ -62,13 +62,13 @@ def test_expected_error_under_noise_matches_sampling(features, data):
     )
     expected = ((decoder(S) - O) ** 2).sum() + decoder.noise_variance(S, sigma).sum()
     assert sampled == pytest.approx(expected, rel=0.02)
-    centred = O - O.mean(0)
-    many = expected_square(features, np.stack([S, 2 * S, S]), centred, sigma)
+    centered = O - O.mean(0)
+    many = expected_square(features, np.stack([S, 2 * S, S]), centered, sigma)
     assert many[[0, 2]] == pytest.approx(expected)
     assert many[1] < expected
 
 
-def test_no_other_map_expects_less(features, data):
+def test_no_other_map_has_a_lower_expected_error(features, data):
     S, O = data  # noqa: E741
     best = fit_ridge(features, S, O, 0.1)
     rng = np.random.default_rng(3)
@@ -82,7 +82,7 @@ def test_no_other_map_expects_less(features, data):
         assert error(other) > error(best)
 
 
-def test_floor_is_reached_by_the_leading_directions_and_by_nothing_better(data):
+def test_error_floor_is_reached_by_the_leading_directions_only(data):
     _, O = data  # noqa: E741
     low = affine_error_floor(O, 3)
     u = np.linalg.svd(O - O.mean(0))[0][:, :3]
@@ -95,7 +95,7 @@ def test_floor_is_reached_by_the_leading_directions_and_by_nothing_better(data):
         assert np.sqrt((error**2).sum() / len(O)) >= low
 
 
-def test_measures_by_hand():
+def test_error_measures_of_a_small_case():
     truth = np.zeros((2, 2, 3))
     guess = truth.copy()
     guess[1, 0] = [3, 4, 0]

@@ -1,4 +1,4 @@
-"""Memories of signals against closed forms, and sample by sample."""
+"""Test interpolation between samples, and memories of signals against closed forms."""
 
 from __future__ import annotations
 
@@ -7,24 +7,22 @@ import pytest
 
 from defsense_fab.decoding.signal_history import Past, PastStream, interpolate_at
 
-# Values between samples.
 
-
-def test_times_that_files_round_are_the_samples_own() -> None:
+def test_rounded_times_match_the_samples() -> None:
     time = np.arange(5) / 30
     values = np.array([[1.0], [5.0], [np.nan], [7.0], [2.0]])
-    found = interpolate_at(np.round(time, 6), time, values)
-    np.testing.assert_array_equal(found, values)
+    values_at = interpolate_at(np.round(time, 6), time, values)
+    np.testing.assert_array_equal(values_at, values)
     between = interpolate_at(np.array([1 / 60, 0.05, -1e-3, 4 / 30 + 1e-3]), time, values)
     np.testing.assert_allclose(between[:, 0], [3.0, np.nan, np.nan, np.nan])
 
 
-def test_nothing_is_told_in_gaps() -> None:
-    found = interpolate_at(np.array([0.5, 0.02]), np.array([0.0, 0.04, 1.0]), np.ones((3, 1)))
-    np.testing.assert_array_equal(found[:, 0], [np.nan, 1.0])
+def test_values_in_long_gaps_are_nan() -> None:
+    values_at = interpolate_at(np.array([0.5, 0.02]), np.array([0.0, 0.04, 1.0]), np.ones((3, 1)))
+    np.testing.assert_array_equal(values_at[:, 0], [np.nan, 1.0])
 
 
-def test_a_step_decays_with_the_time_constant() -> None:
+def test_step_decays_with_the_time_constant() -> None:
     time = np.concatenate([[0.0, 1.0], 1.001 + np.arange(0, 5, 0.01)])
     step = np.where(time > 1.0005, 0.1, 0.0)[:, None]
     z = Past(moved=(2.0,))(time, step)
@@ -32,13 +30,13 @@ def test_a_step_decays_with_the_time_constant() -> None:
     np.testing.assert_allclose(z[2:, 1], expected[2:], rtol=1e-3)
 
 
-def test_a_slope_lags_by_the_slope_times_the_time_constant() -> None:
+def test_slope_lags_by_the_slope_times_the_time_constant() -> None:
     time = np.linspace(0, 30, 200)
     z = Past(moved=(1.5,))(time, 0.02 * time[:, None])
     assert z[-1, 1] == pytest.approx(0.03, rel=1e-6)
 
 
-def test_the_rate_of_sampling_does_not_matter() -> None:
+def test_sampling_rate_does_not_matter() -> None:
     coarse = np.arange(0, 10, 0.1)
     fine = np.arange(0, 9.9 + 1e-9, 0.01)
     signal = np.random.default_rng(0).normal(size=(len(coarse), 2)).cumsum(0)
@@ -47,7 +45,7 @@ def test_the_rate_of_sampling_does_not_matter() -> None:
     np.testing.assert_allclose(past(coarse, signal), past(fine, between)[::10], atol=1e-9)
 
 
-def test_work_grows_with_the_way_in_either_direction() -> None:
+def test_work_increases_with_the_distance_in_either_direction() -> None:
     time = np.arange(0, 20, 1 / 60)
     up = np.clip(time - 5, 0, 1)[:, None]
     q = Past(worked=(1000.0,))(time, np.concatenate([up, -up], axis=1))[:, 2:]
@@ -55,7 +53,7 @@ def test_work_grows_with_the_way_in_either_direction() -> None:
     assert q[-1, 0] == pytest.approx(1.0, rel=0.02)
 
 
-def test_a_stream_says_what_the_whole_says() -> None:
+def test_stream_equals_the_whole_recording() -> None:
     rng = np.random.default_rng(1)
     time = np.sort(rng.uniform(0, 20, 300))
     signals = rng.normal(size=(300, 3)).cumsum(0) * 0.01
@@ -68,12 +66,12 @@ def test_a_stream_says_what_the_whole_says() -> None:
     assert np.isfinite(one[110:]).all()
 
 
-def test_without_a_past_the_signals_are_all() -> None:
+def test_inputs_without_memories_are_the_signals() -> None:
     signals = np.random.default_rng(0).normal(size=(5, 2))
     np.testing.assert_array_equal(Past()(np.arange(5.0), signals), signals)
 
 
-def test_a_run_that_begins_without_samples_has_memories_from_its_first_on() -> None:
+def test_memories_start_at_the_first_valid_sample() -> None:
     time = np.arange(200) / 60
     signals = 0.1 * np.sin(time)[:, None]
     late = signals.copy()
@@ -84,17 +82,17 @@ def test_a_run_that_begins_without_samples_has_memories_from_its_first_on() -> N
     np.testing.assert_allclose(z[5:], Past((0.5,), (2.0,))(time[5:], signals[5:]))
 
 
-def test_samples_that_are_none_and_samples_that_are_missing_are_one_gap() -> None:
+def test_nan_samples_equal_missing_samples() -> None:
     time = np.arange(600) / 60
     signals = 0.01 * time[:, None]
     gone = signals.copy()
     gone[100:400] = np.nan
     past = Past((1.0,), (2.0,))
-    kept = np.r_[:100, 400:600]
-    np.testing.assert_allclose(past(time, gone)[kept], past(time[kept], signals[kept]))
+    valid = np.r_[:100, 400:600]
+    np.testing.assert_allclose(past(time, gone)[valid], past(time[valid], signals[valid]))
 
 
-def test_a_stream_that_is_rescaled_goes_on_as_if_it_had_been_so_from_the_first() -> None:
+def test_rescaled_stream_continues_as_if_scaled_from_the_start() -> None:
     rng = np.random.default_rng(4)
     time = np.cumsum(rng.uniform(0.005, 0.03, 600))
     signals = 0.1 * np.sin(np.outer(time, [1.0, 1.7]))

@@ -1,4 +1,4 @@
-"""Compiles the sketches for the ATmega328P at 16 MHz, the simulated board and the golden check."""
+"""Compile the sketches for the ATmega328P at 16 MHz, the simulated board and the golden check."""
 
 import shutil
 import subprocess
@@ -22,7 +22,7 @@ C = ["avr-gcc", "-c", "-std=gnu11", *COMMON]
 CXX = [
     *("avr-g++", "-c", "-std=gnu++11", *COMMON),
     *("-fpermissive", "-fno-exceptions", "-fno-threadsafe-statics"),
-    "-DDECIMAL_DIG=__DECIMAL_DIG__",  # WString.cpp wants it, and this compiler's float.h lacks it
+    "-DDECIMAL_DIG=__DECIMAL_DIG__",  # for WString.cpp; missing in this compiler's float.h
 ]
 LINK = [
     *("avr-gcc", "-mmcu=atmega328p", "-w", "-Os", "-g", "-flto", "-fuse-linker-plugin"),
@@ -31,8 +31,8 @@ LINK = [
 STRICT = ["-Wall", "-Wextra", "-Werror"]
 HOST_C = ["gcc", "-std=gnu11", "-O2", *STRICT]
 
-# What must be there, and the Debian package that brings it.
-NEEDED = {
+# Required programs and files, and the Debian packages that have them.
+REQUIRED = {
     "avr-gcc": "gcc-avr",
     "gcc": "gcc",
     "/usr/lib/avr/include/avr/io.h": "avr-libc",
@@ -43,14 +43,14 @@ NEEDED = {
 
 
 class BuildError(Exception):
-    """A compiler's message, or the packages that are missing."""
+    """Error with a compiler's message, or with the missing packages."""
 
 
 def missing_packages() -> list[str]:
-    """The Debian packages without which nothing here compiles."""
+    """Return the missing Debian packages."""
     return [
         package
-        for thing, package in NEEDED.items()
+        for thing, package in REQUIRED.items()
         if not (Path(thing).exists() if thing.startswith("/") else shutil.which(thing))
     ]
 
@@ -69,7 +69,7 @@ def _prepare(folder: Path) -> None:
 
 
 def _compile(sources: list[Path], flags: list[str], folder: Path) -> list[str]:
-    """Object files of C, C++ and .ino sources."""
+    """Compile C, C++ and .ino sources, and return their object files."""
     folder.mkdir(exist_ok=True)
 
     def one(source: Path) -> str:
@@ -88,7 +88,7 @@ def _sources(folder: Path) -> list[Path]:
 
 
 def build_sketch(name: str, folder: Path) -> Path:
-    """Compiles the example called name as the Arduino IDE would and returns the .elf file."""
+    """Compile an example as the Arduino IDE does, and return the .elf file."""
     _prepare(folder)
     objects = folder / f"{name}.objects"
     core, wire = ARDUINO / "cores/arduino", ARDUINO / "libraries/Wire/src"
@@ -111,7 +111,7 @@ def build_sketch(name: str, folder: Path) -> Path:
 
 
 def build_board(folder: Path) -> Path:
-    """Compiles the simulated board and returns the program."""
+    """Compile the simulated board, and return the program."""
     _prepare(folder)
     board = folder / "board"
     libraries = ["-lsimavr", "-lelf", "-lutil", "-lm"]
@@ -120,7 +120,7 @@ def build_board(folder: Path) -> Path:
 
 
 def build_golden(folder: Path) -> Path:
-    """Compiles the check of the golden frames and returns the program."""
+    """Compile the check of the golden frames, and return the program."""
     _prepare(folder)
     golden = folder / "golden"
     frames = LIBRARY / "src"

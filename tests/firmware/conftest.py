@@ -11,7 +11,7 @@ from tests.firmware import build
 
 @pytest.fixture(scope="session")
 def built(tmp_path_factory):
-    """Folder with board, golden, divider.elf and ads1115.elf."""
+    """Return the folder with board, golden, divider.elf and ads1115.elf."""
     if missing := build.missing_packages():
         pytest.skip(f"not installed: {' '.join(missing)}")
     folder = tmp_path_factory.mktemp("firmware")
@@ -23,8 +23,7 @@ def built(tmp_path_factory):
 
 
 class Board:
-    """A running board; `port` is its serial port, `conversions` what it read, once it is
-    stopped."""
+    """A running board; `port` is its serial port."""
 
     def __init__(self, folder, log, sketch, *options):
         self._log = log
@@ -43,7 +42,7 @@ class Board:
         self._process.stdout.close()
 
     def conversions(self):
-        """By channel (ADS1115 inputs from 0, too): cycles and counts in their order."""
+        """Return cycles and counts of each channel in order, after the board has stopped."""
         out = defaultdict(list)
         for line in self._log.read_text("utf-8").splitlines():
             cycle, channel, count = map(int, line.split())
@@ -54,7 +53,7 @@ class Board:
 
 @pytest.fixture
 def board(built, tmp_path):
-    """board(sketch, *options) starts one; all are stopped at the end."""
+    """Return a function that starts a board; all boards are stopped at the end."""
     boards = []
 
     def start(sketch="divider", *options):
@@ -67,7 +66,7 @@ def board(built, tmp_path):
 
 
 def collect(reader, seconds):
-    """Samples and events of a reader for so long, or until it has no more."""
+    """Collect samples and events of a reader for a time in s."""
     out, end = [], time.monotonic() + seconds
     while time.monotonic() < end:
         out += reader.drain()

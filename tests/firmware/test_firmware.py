@@ -1,4 +1,4 @@
-"""The firmware as it runs on a board, read by the host's own code over a pseudo-terminal."""
+"""Test the firmware on a simulated board, read by the host over a pseudo-terminal."""
 
 import os
 import subprocess
@@ -7,15 +7,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-from defsense_fab.workflow.doctor import boards
 
 from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
-from tests.support.errors import raises
+from defsense_fab.workflow.doctor import boards
 from tests.firmware.build import FIRMWARE
 from tests.firmware.conftest import collect
+from tests.support.errors import raises
 
 #: Simulated seconds of the long runs.
 SECONDS = int(os.environ.get("DEFSENSE_FIRMWARE_SECONDS", "6"))
@@ -38,8 +38,8 @@ def test_golden_frames_in_c(built):
         ("ads1115", ReadoutSettings(channels=16, average=1, rate=75), ("--ads", "4")),
     ],
 )
-def test_every_sample_is_what_the_converter_read(board, sketch, settings, options):
-    """No bad frame, no sample lost, and every sum that of the conversions that were fed in."""
+def test_samples_equal_the_conversions(board, sketch, settings, options):
+    """No frame is bad, no sample lost, and every sum is that of the simulated conversions."""
     running = board(sketch, "--fast", "--seconds", SECONDS, *options)
     reader = Reader(partial(open_port, running.port), "board", settings)
     info = reader.start()
@@ -52,8 +52,8 @@ def test_every_sample_is_what_the_converter_read(board, sketch, settings, option
     assert (info.channels, info.averages, info.rate) == (
         settings.channels, settings.average, settings.rate,
     )  # fmt: skip
-    # What came during the greeting was still taken with other settings; the rate comes last: what
-    # came before the first step of its length, more on a busy machine, is of another rate.
+    # Samples during the greeting have other settings. The rate is set last, so samples before the
+    # first interval of its length have another rate; on a busy machine there are more of them.
     samples = [
         i.sample
         for i in items
@@ -63,7 +63,7 @@ def test_every_sample_is_what_the_converter_read(board, sketch, settings, option
     steps = np.diff([s.micros for s in samples])
     begin = int(np.argmax(np.abs(steps - 1e6 / settings.rate) < 100))
     samples = samples[begin + 2 :]
-    assert statistics.bad <= 1  # the line in which the reader came in
+    assert statistics.bad <= 1  # the frame that was cut when the reader started
     assert len(samples) > 0.7 * SECONDS * settings.rate
     assert (np.diff([s.counter for s in samples]) == 1).all()
     assert not any(s.late for s in samples)
@@ -79,7 +79,7 @@ def test_every_sample_is_what_the_converter_read(board, sketch, settings, option
         assert (total[last] - total[first] == sums[:, channel]).all()
 
 
-def test_the_host_sets_the_board_up(board):
+def test_host_configures_the_board(board):
     running = board("divider")
     reader = Reader(partial(open_port, running.port), "board", ReadoutSettings(2, 8, 40, 100))
     with reader:
@@ -100,30 +100,34 @@ def test_the_host_sets_the_board_up(board):
     assert len(latest.sample.sums) == 2
 
 
-def test_doctor_tells_the_board_and_its_firmware(board):
-    told = boards.ask(board("divider").port)
-    assert told.startswith("firmware 1.0 (protocol 1), ")
-    assert "the microcontroller's converter" in told
+def test_doctor_describes_the_board_and_its_firmware(board):
+    description = boards.ask(board("divider").port)
+    assert "1.0" in description
+    assert "protocol 1" in description
+    assert "microcontroller" in description
 
 
-def test_a_board_that_cannot_do_what_is_asked(board):
+def test_unsupported_channel_count_is_refused(board):
     running = board("divider")
     reader = Reader(partial(open_port, running.port), "board", ReadoutSettings(channels=16))
     with raises(CaptureError, "board-command-refused"):
         reader.start()
 
 
-def test_no_converter_answers(board):
+def test_missing_converter_is_reported(board):
     running = board("ads1115")
     with raises(CaptureError, "converter-not-found"):
         Reader(partial(open_port, running.port), "board").start()
 
 
 @pytest.mark.slow
-def test_a_chip_that_falls_silent_is_not_read(board):
+def test_channels_of_a_silent_chip_are_nan(board):
     running = board("ads1115", "--ads", "2", "--stop-chip", "3")
     with Reader(partial(open_port, running.port), "board", ReadoutSettings(channels=8)) as reader:
-        last, end = np.zeros(8), time.monotonic() + 30  # a busy machine's board is behind its time
+        last, end = (
+            np.zeros(8),
+            time.monotonic() + 30,
+        )  # the simulated board is slow on a busy machine
         while not np.isnan(last[:4]).all() and time.monotonic() < end:
             found = [i.sample.counts for i in collect(reader, 0.5) if isinstance(i, StampedSample)]
             last = found[-1] if found else last
@@ -132,8 +136,8 @@ def test_a_chip_that_falls_silent_is_not_read(board):
 
 
 @pytest.mark.slow
-def test_unplugged_and_plugged_in_again(board, tmp_path):
-    """The port goes away and comes back by its name; samples go on and the gap is marked."""
+def test_board_is_unplugged_and_plugged_in_again(board, tmp_path):
+    """The port disappears and returns under its name; samples continue and the gap is marked."""
     link = tmp_path / "port"
     first = board("divider")
     link.symlink_to(first.port)

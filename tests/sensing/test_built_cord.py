@@ -1,4 +1,4 @@
-"""Cords as they are built in: bonded, held with pre-stretch, diluted by what does not sense."""
+"""Test built cords: bonded, held with prestretch, and diluted by cord that is not stretched."""
 
 from dataclasses import replace
 
@@ -33,13 +33,13 @@ def response(request):
 
 
 def ohm(response, rest, strain, per_mm=14.5):
-    """Of `rest` mm of loose cord at a strain of its own."""
+    """Return the resistance of `rest` mm of loose cord at a strain."""
     return per_mm * rest * (1 + float(response(np.array(strain))))
 
 
 @pytest.mark.parametrize("p", [0.0, 0.05, 0.2])
-def test_a_held_cord_is_a_loose_one_stretched_twice(response, p):
-    """From loose to laid to bent: resistances of the cord's own strains, and none below zero."""
+def test_held_cord_equals_a_loose_one_stretched_twice(response, p):
+    """Resistances follow from the cord's own strain, which is never negative."""
     reading = CordReading(response, 14.5, 0.002, 1.0)
     cord, loose = BuiltCord(PATH, 30.0, p), 100 / (1 + p)
     rest = ohm(response, loose, p) + 14.5 * 30
@@ -50,8 +50,8 @@ def test_a_held_cord_is_a_loose_one_stretched_twice(response, p):
         assert reading.signals(cord, bent)[0] == pytest.approx(now / rest - 1, abs=1e-12)
 
 
-def test_the_slack_goes_on_along_the_tangent_where_a_cord_will_be_stretched(response):
-    """Above its own zero strain the same, and without a kink there."""
+def test_taut_response_continues_along_its_tangent(response):
+    """It equals the held response above zero strain, and has no kink there."""
     e, start = np.linspace(-0.3, 0.4, 71), 1 / 1.1 - 1
     taut, real = taut_response(response, 0.1), held_response(response, 0.1)
     assert taut(e[e > start]) == pytest.approx(real(e[e > start]), abs=1e-12)
@@ -61,8 +61,8 @@ def test_the_slack_goes_on_along_the_tangent_where_a_cord_will_be_stretched(resp
     assert real(below) == pytest.approx(real(np.array(start)) * np.ones(len(below)))
 
 
-def test_a_bonded_cord_follows_local_strain(response):
-    """Half of it stretched, half pressed: a held one of the same length sees nothing."""
+def test_bonded_cord_follows_local_strain(response):
+    """Half of it is stretched, half compressed; a held cord of equal length has no signal."""
     x = PATH[:, 0]
     moved = PATH.copy()
     moved[:, 0] = np.where(x <= 50, 1.04 * x, 52 + 0.96 * (x - 50))
@@ -86,22 +86,22 @@ def test_free_ends_dilute_and_short_cords_are_noisy():
 
 
 @pytest.mark.parametrize("least", [0.03, 0.0, -0.002, -0.01, -0.1, -0.4])
-def test_needed_prestretch_keeps_the_cord_taut_though_it_is_not_laid_exactly(least):
+def test_required_prestretch_keeps_the_cord_taut(least):
     p, spare = required_prestretch(least), 2 * PRESTRETCH_SPREAD
     assert (1 + p - spare) * (1 + 1.1 * min(least, 0.0)) - 1 >= -1e-9
     assert 0 <= p - spare <= 1 / (1 + 1.1 * min(least, 0.0)) - 1 + 0.01
     assert 100 * p == pytest.approx(round(100 * p))
 
 
-def test_another_slope_below_zero(response):
+def test_scaled_response_below_zero(response):
     other = scale_response(response, 1.1, 0.5)
     e = np.linspace(-0.2, 0.3, 51)
     expected = 1.1 * response(e) * np.where(e < 0, 0.5, 1.0)
     assert other(e) == pytest.approx(expected, abs=1e-12)
 
 
-def test_steps_of_converters_by_chance():
-    """Uniform rounding of dithered conversions in a matched divider, 5000 cords."""
+def test_quantization_noise_by_sampling():
+    """Conversions with dither are rounded in a matched divider, for 5000 cords."""
     rng = np.random.default_rng(0)
     true = rng.uniform(900, 1100, 5000)
     share = true / (true + 1000)

@@ -49,7 +49,7 @@ def wavy(n):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("field", [bend, twist])
-def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
+def test_signals_of_exact_fields_converge_with_the_expected_rates(bar, field):
     """Exact nodal displacements on real meshes against quadrature of the exact curve, for 30
     paths: h^3 in the displacement, at least h^2 in the signal, a derivative's mean."""
     rng = np.random.default_rng(0)
@@ -67,18 +67,20 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
         locator = PointLocator(quadratic)
         u = (field(quadratic.nodes) - quadratic.nodes)[None]
         found = locator.displacement(locator.find(paths.reshape(-1, 3)), u).reshape(paths.shape)
-        got = cord_signals(paths, (paths + found)[None], Response.line(1.0))[0]
+        result = cord_signals(paths, (paths + found)[None], Response.line(1.0))[0]
         off = np.sqrt(((field(paths) - paths - found) ** 2).sum(-1).mean())
         sizes.append(np.cbrt(mesh.volumes.mean()))
-        errors.append([off, np.sqrt(((got - exact) ** 2).sum() / (exact**2).sum())])
+        errors.append([off, np.sqrt(((result - exact) ** 2).sum() / (exact**2).sum())])
         if edge_length <= 6:
-            assert np.abs(got / exact - 1)[np.abs(exact) > 0.1 * np.abs(exact).max()].max() < 1e-3
+            assert (
+                np.abs(result / exact - 1)[np.abs(exact) > 0.1 * np.abs(exact).max()].max() < 1e-3
+            )
     displacement, signal = np.polyfit(np.log(sizes), np.log(errors), 1)[0]
     assert displacement > 2.7
     assert signal > 2.0
 
 
-def test_straight_cords_cannot_tell_the_sense_of_a_twist():
+def test_straight_cords_do_not_distinguish_the_sense_of_a_twist():
     path = np.stack([np.linspace(2, 148, 200), np.full(200, 6.0), np.full(200, 3.0)], axis=1)
     left, right = cord_signals(
         path, np.stack([twist(path, 0.7), twist(path, -0.7)]), Response.line(2.0)
@@ -116,7 +118,7 @@ def test_gradient_by_finite_differences():
             assert analytic[0, p, d] == pytest.approx((high - low)[0] / (2 * h), abs=1e-8)
 
 
-def test_relative_change_is_by_channel_and_keeps_what_is_not_known():
+def test_relative_change_by_channel_keeps_nan_and_inf():
     resistance = np.array([[110.0, 180.0], [np.nan, np.inf]])
     change = relative_change(resistance, np.array([100.0, 200.0]))
     assert change == pytest.approx(np.array([[0.1, -0.1], [np.nan, np.inf]]), nan_ok=True)
@@ -151,15 +153,15 @@ def test_slope_is_the_derivative(response):
     assert (response.slope(e) >= 0).all()
 
 
-def test_loops_see_the_same(response):
+def test_compiled_response_is_equal(response):
     e = np.linspace(-0.2, 0.2, 81) + 1e-4
     where = response.breaks, response.origins, response.pieces
-    got = np.array([evaluate_response(x, *where) for x in e])
-    assert got[:, 0] == pytest.approx(response(e), abs=1e-15)
-    assert got[:, 1] == pytest.approx(response.slope(e), abs=1e-15)
+    result = np.array([evaluate_response(x, *where) for x in e])
+    assert result[:, 0] == pytest.approx(response(e), abs=1e-15)
+    assert result[:, 1] == pytest.approx(response.slope(e), abs=1e-15)
 
 
-def test_values():
+def test_values_of_each_model():
     e = np.array([-0.05, 0.05])
     assert build_response(SPECS["line"])(e) == pytest.approx(1.8 * e)
     assert build_response(SPECS["two-slopes"])(e) == pytest.approx([-0.07, 0.11])
@@ -170,15 +172,15 @@ def test_values():
     )
 
 
-def test_a_quadratic_goes_on_along_its_tangent():
-    """By itself this one would fall below -11 %."""
+def test_quadratic_continues_along_its_tangent():
+    """Without the tangent it would decrease below -11 %."""
     response = build_response(SPECS["quadratic"])
     edge = np.array(-0.067)
     assert response(edge - 0.3) == pytest.approx(response(edge) - 0.3 * response.slope(edge))
 
 
 def test_signal_is_the_mean_response():
-    """Over the rest length: one third of the cord is stretched by 4 %, the rest pressed by 2 %."""
+    """One third of the cord is stretched by 4 %, the rest is compressed by 2 %."""
     rest = np.array([[0.0, 0, 0], [10, 0, 0], [30, 0, 0]])
     moved = np.array([[0.0, 0, 0], [10.4, 0, 0], [30, 0, 0]])
     moved[2, 0] = 10.4 + 19.6
@@ -201,21 +203,21 @@ def test_signal_is_the_mean_response():
         ("piecewise", {"strains": [0, 1], "changes": [0, 1, 2]}, "lists-differ"),
     ],
 )
-def test_bad_responses(model, coefficients, code):
+def test_invalid_response_is_refused(model, coefficients, code):
     with raises(CalibrationError, code):
         ResponseSpec(model, coefficients)
 
 
 @pytest.mark.parametrize("coefficients", [{"k": 2.0, "q": 5.0}, {"k": 2.0, "q": 5.0, "c": 1.0}])
-def test_a_curve_has_rest_in_its_range(coefficients):
-    """It goes on straight from the range's ends, and would not be 0 at rest."""
+def test_polynomial_needs_rest_in_its_range(coefficients):
+    """It is linear beyond the range's ends, and would not be 0 at rest."""
     model = "cubic" if "c" in coefficients else "quadratic"
     with raises(CalibrationError, "rest-outside-range"):
         ResponseSpec(model, coefficients, (0.021, 0.067))
     assert build_response(ResponseSpec(model, coefficients, (0.0, 0.067)))(np.zeros(1)) == 0
 
 
-def test_files(tmp_path):
+def test_response_files(tmp_path):
     path = tmp_path / "response.json"
     for spec in SPECS.values():
         path.write_text(json.dumps({"schema": 1, **spec.to_json()}))
@@ -235,6 +237,6 @@ def test_files(tmp_path):
         read_response(tmp_path / "none.json")
 
 
-def test_a_line_has_one_slope():
+def test_only_a_line_has_a_linear_slope():
     assert Response.line(2.0).linear_slope == 2.0
     assert build_response(SPECS["two-slopes"]).linear_slope is None

@@ -1,4 +1,4 @@
-"""Frames: the golden bytes that the firmware's C is tested with, and damage of every kind."""
+"""Test frames with the golden bytes of the firmware's tests, and with every kind of damage."""
 
 import os
 import random
@@ -14,12 +14,12 @@ LINES = [
     for line in GOLDEN.read_text("utf-8").splitlines()
     if line and not line.startswith("#")
 ]
-#: Faults of the campaign.
+#: Number of damaged frames.
 FAULTS = int(os.environ.get("DEFSENSE_FAULTS", "3000"))
 
 
 @pytest.mark.parametrize(("name", "payload", "frame"), LINES, ids=[n for n, *_ in LINES])
-def test_golden(name, payload, frame):
+def test_golden_frames(name, payload, frame):
     frame = bytes.fromhex(frame)
     message = decode(frame[:-1])
     assert type(message) is {"sample": Sample, "info": Info, "text": Text}[name.split("_")[0]]
@@ -57,8 +57,8 @@ def damage(rng, frame, kind):
 
 
 @pytest.mark.parametrize("channels", [1, 3, 16])
-def test_no_damage_is_taken_for_data(channels):
-    """And two frames after a fault all is well again."""
+def test_damaged_frames_are_never_accepted(channels):
+    """Two frames after a fault all samples arrive again."""
     rng = random.Random(channels)
     sent = samples(rng, 3 * FAULTS, channels)
     hit = set(rng.sample(range(len(sent)), FAULTS))
@@ -67,30 +67,30 @@ def test_no_damage_is_taken_for_data(channels):
         damage(rng, encode(s), rng.choice(kinds)) if i in hit else encode(s)
         for i, s in enumerate(sent)
     )
-    stream, got = Stream(), []
+    stream, received = Stream(), []
     while data:
         size = rng.randrange(1, 200)
-        got += stream.feed(data[:size])
+        received += stream.feed(data[:size])
         data = data[size:]
-    assert set(got) <= set(sent)
-    assert [s.counter for s in got] == sorted({s.counter for s in got})
-    there = {s.counter for s in got}
+    assert set(received) <= set(sent)
+    assert [s.counter for s in received] == sorted({s.counter for s in received})
+    there = {s.counter for s in received}
     for i in range(2, len(sent) - 1):
         if not {i, i - 1, i - 2} & hit:
             assert i in there, "a frame was lost two frames after the last fault"
-    # Up to the first sample that needed a witness, what is missing was counted as lost.
-    assert stream.lost == got[-1].counter - got[0].counter + 1 - len(got)
+    # Until the first unconfirmed sample, all missing samples were counted as lost.
+    assert stream.lost == received[-1].counter - received[0].counter + 1 - len(received)
     assert stream.bad > 0.9 * len(hit) - 10
 
 
-def test_noise_is_nothing():
+def test_noise_contains_no_messages():
     rng = random.Random(0)
     stream = Stream()
     assert stream.feed(rng.randbytes(200_000)) == []
     assert stream.bad > 500
 
 
-def test_a_restarted_board_needs_a_witness():
+def test_restarted_board_needs_a_second_sample():
     stream = Stream()
     one, two = ([Sample(n, 0, False, False, 1, (5,)) for n in range(a, a + 3)] for a in (5000, 0))
     assert stream.feed(b"".join(map(encode, one))) == one
@@ -99,7 +99,7 @@ def test_a_restarted_board_needs_a_witness():
     assert stream.restarts == 1
 
 
-def test_what_a_board_never_sends_is_refused():
+def test_messages_that_boards_never_send_are_refused():
     good = Sample(1, 2, True, False, 16, (100, 200))
     assert decode(encode(good)[:-1]) == good
     for bad in (
@@ -114,6 +114,6 @@ def test_what_a_board_never_sends_is_refused():
     assert decode(b"") is None
 
 
-def test_another_protocol_is_known_by_its_number():
+def test_other_protocol_is_recognized_by_its_number():
     info = Info(2, (9, 9), 0, 3, 16, 50, 0, 8, 1024)
     assert decode(encode(info)[:-1]).protocol == 2

@@ -1,4 +1,4 @@
-"""Voltage dividers: counts and ohms, resolution, and the tables that the firmware's page prints."""
+"""Test voltage dividers: counts, resolution, and the table of the firmware's page."""
 
 import re
 
@@ -13,7 +13,7 @@ from tests.support.places import FIRMWARE
 PAGE = FIRMWARE / "README.md"
 
 
-def test_counts_and_ohms_are_each_others_inverse():
+def test_counts_and_resistances_are_inverse():
     d = Dividers(np.array([1000.0, 2200, 10000]), 1024)
     ohm = np.array([[500.0, 2200, 8000], [30, 9000, 40000]])
     assert d.resistance(d.counts(ohm)) == pytest.approx(ohm)
@@ -22,12 +22,12 @@ def test_counts_and_ohms_are_each_others_inverse():
 
 def test_ends_of_the_range():
     d = Dividers(np.full(4, 1000.0), 1024)
-    found = d.resistance(np.array([0, 1023.5, 512, np.nan]))
-    assert found == pytest.approx([0, np.inf, 1000, np.nan], nan_ok=True)
+    resistance = d.resistance(np.array([0, 1023.5, 512, np.nan]))
+    assert resistance == pytest.approx([0, np.inf, 1000, np.nan], nan_ok=True)
 
 
 def test_resolution_is_the_derivative():
-    """FACTS of electronics: 14 ohm a count for 2.1 kohm with 10 kohm on 10 bits."""
+    """The resolution is 14 ohm per count for 2.1 kohm with 10 kohm and 10 bits."""
     d = Dividers(np.array([10_000.0]), 1024)
     assert d.resolution(2100.0)[0] == pytest.approx(14.3, abs=0.05)
     step = d.resistance(d.counts(np.array([2100.0])) + 0.5) - d.resistance(
@@ -36,7 +36,7 @@ def test_resolution_is_the_derivative():
     assert d.resolution(2100.0) == pytest.approx(step, rel=1e-3)
 
 
-def test_the_best_reference_is_the_cord_itself():
+def test_best_reference_equals_the_cord():
     refs = np.geomspace(500, 10_000, 200)
     finest = refs[[Dividers(np.array([r]), 1024).resolution(2200.0)[0] for r in refs].index(
         min(Dividers(np.array([r]), 1024).resolution(2200.0)[0] for r in refs))]  # fmt: skip
@@ -45,7 +45,7 @@ def test_the_best_reference_is_the_cord_itself():
     assert choose_reference(2000, 2600) == 2200
 
 
-def test_the_page_prints_what_is_computed():
+def test_table_of_the_page_is_computed():
     rows = [
         [cell.strip() for cell in line.strip("| \n").split("|")]
         for line in PAGE.read_text("utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""States that cover what poses span."""
+"""Test the default states of a device."""
 
 from dataclasses import replace
 
@@ -17,48 +17,48 @@ def turn(name, x=0.0, y=0.0, z=0.0, region="tip", translation=FREE, fixed=("base
 UP, DOWN, TWIST = turn("up", y=-30), turn("down", y=30), turn("twist", x=45)
 
 
-def test_pairs_that_are_not_opposite_are_mixed_whole_and_half():
-    found = default_states([UP, DOWN, TWIST])
-    assert not found.given
-    assert found.ramp == DEFAULT_RAMP
-    assert {tuple(sorted(m.items())) for m in found.mixtures} == {
+def test_pairs_that_are_not_opposite_are_mixed_fully_and_half():
+    states = default_states([UP, DOWN, TWIST])
+    assert not states.given
+    assert states.ramp == DEFAULT_RAMP
+    assert {tuple(sorted(m.items())) for m in states.mixtures} == {
         (("twist", w), (pose, w)) if pose > "twist" else ((pose, w), ("twist", w))
         for pose in ("up", "down")
         for w in (0.5, 1.0)
     }
-    assert len(found.held_out) == 4
-    assert not [m for m in found.held_out if m in found.mixtures]
+    assert len(states.held_out) == 4
+    assert not [m for m in states.held_out if m in states.mixtures]
 
 
-def test_three_poses_that_go_together_are_held_out_at_once():
-    found = default_states([UP, TWIST, turn("sway", z=30)])
-    assert {"up": 0.7, "twist": 0.7, "sway": 0.7} in found.held_out
-    assert len(found.held_out) == 2 * 3 + 1
+def test_three_poses_that_can_mix_are_held_out_at_once():
+    states = default_states([UP, TWIST, turn("sway", z=30)])
+    assert {"up": 0.7, "twist": 0.7, "sway": 0.7} in states.held_out
+    assert len(states.held_out) == 2 * 3 + 1
 
 
-def test_where_nothing_goes_together_amplitudes_are_held_out():
+def test_amplitudes_are_held_out_where_no_poses_can_mix():
     assert default_states([UP, DOWN]).held_out == ({"up": 0.875}, {"down": 0.875})
     assert default_states([UP], (1.0,)).held_out == ({"up": 0.5},)
     assert default_states([UP, DOWN]).mixtures == ()
 
 
-def test_poses_that_do_not_agree_are_not_mixed():
+def test_poses_that_cannot_mix_are_not_mixed():
     pulled = turn("pull", translation=[10, 0, 0])
     other = turn("other", x=20, region="base", fixed=("tip",))
     aside = Pose("aside", UP.fixed, (replace(UP.handles[0], about=np.array([75.0, 0, 0])),))
     assert default_states([UP, aside]).mixtures == ()
-    assert default_states([aside, pulled]).mixtures  # what turns nothing turns about no point
-    assert default_states([UP, pulled]).mixtures  # free in one, moved on from there by the other
+    assert default_states([aside, pulled]).mixtures  # a handle that does not rotate has no pivot
+    assert default_states([UP, pulled]).mixtures  # free in one pose, moved by the other
     assert default_states([UP, other]).mixtures == ()
     assert default_states([pulled, turn("push", translation=[-10, 0, 0])]).mixtures == ()
     assert default_states([pulled, turn("lift", translation=[0, 0, 10])]).mixtures
 
 
-def test_many_poses_stay_few_states_that_have_each_pose():
+def test_states_of_many_poses_are_limited_but_include_each_pose():
     poses = [turn(f"p{k}", x=np.cos(k) * 30, y=np.sin(k) * 30, region=f"r{k}") for k in range(12)]
-    found = default_states(poses)
-    assert len(found.mixtures) == 30
-    assert {name for m in found.mixtures for name in m} == {p.name for p in poses}
+    states = default_states(poses)
+    assert len(states.mixtures) == 30
+    assert {name for m in states.mixtures for name in m} == {p.name for p in poses}
 
 
 def test_opposite_loads_are_not_mixed():
@@ -80,9 +80,9 @@ def test_opposite_loads_are_not_mixed():
         assert default_states([a, UP]).mixtures
 
 
-def test_no_state_is_beyond_the_largest_fraction():
-    found = default_states([UP, TWIST], (0.25, 0.5))
-    assert {w for m in (*found.mixtures, *found.held_out) for w in m.values()} == {0.25, 0.5}
+def test_no_state_exceeds_the_largest_fraction():
+    states = default_states([UP, TWIST], (0.25, 0.5))
+    assert {w for m in (*states.mixtures, *states.held_out) for w in m.values()} == {0.25, 0.5}
     for ramp in ((0.0005,), (0.1, 0.1004), (0.999, 1.0)):
         ((amplitude,),) = [m.values() for m in default_states([UP], ramp).held_out]
         assert 0 < amplitude < ramp[-1]

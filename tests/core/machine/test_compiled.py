@@ -1,4 +1,4 @@
-"""Machine code that is kept is the code of the sources as they are."""
+"""Test that cached machine code is that of the current sources."""
 
 import importlib
 import re
@@ -52,7 +52,7 @@ def kernels(tmp_path):
 
 
 def run(folder):
-    """The value, and whether its machine code was there."""
+    """Return the value, and whether its machine code was cached."""
     paths = f"import sys; sys.path[:0] = [{str(folder.parent)!r}, {str(PACKAGE.parent)!r}]; "
     done = subprocess.run(
         [sys.executable, "-B", "-c", paths + SHOW], capture_output=True, text=True, check=True
@@ -62,7 +62,7 @@ def run(folder):
 
 
 @pytest.mark.slow
-def test_an_edit_in_another_file_is_seen(kernels):
+def test_edit_in_another_file_has_an_effect(kernels):
     assert run(kernels) == (22, False)
     assert run(kernels) == (22, True)
     (kernels / "callee.py").write_text(CALLEE.replace("x + step", "x - step"))
@@ -70,14 +70,14 @@ def test_an_edit_in_another_file_is_seen(kernels):
     (kernels / "constants.py").write_text("STEP = 100\n")
     assert run(kernels) == (-198, False)
     assert run(kernels) == (-198, True)
-    # What earlier states left is gone.
-    kept = sorted(p.name.split("-")[0] for p in (kernels / "__pycache__").glob("*-*"))
-    assert kept == ["callee", "caller"]
+    # Folders of earlier states are removed.
+    cached = sorted(p.name.split("-")[0] for p in (kernels / "__pycache__").glob("*-*"))
+    assert cached == ["callee", "caller"]
 
 
 @pytest.mark.slow
-def test_whether_code_is_kept_is_known_before_it_is_used(kernels):
-    def asked(then):
+def test_is_compiled_is_known_before_the_first_call(kernels):
+    def run_code(then):
         code = f"import sys; sys.path[:0] = [{str(kernels.parent)!r}, {str(PACKAGE.parent)!r}]; "
         done = subprocess.run(
             [sys.executable, "-B", "-c", code + ASK + then], capture_output=True, text=True,
@@ -85,25 +85,25 @@ def test_whether_code_is_kept_is_known_before_it_is_used(kernels):
         )  # fmt: skip
         return done.stdout.split()
 
-    assert asked("print(is_compiled(c)); c.twice(1); print(is_compiled(c))") == ["False", "True"]
-    assert asked("print(is_compiled(c))") == ["True"]
+    assert run_code("print(is_compiled(c)); c.twice(1); print(is_compiled(c))") == ["False", "True"]
+    assert run_code("print(is_compiled(c))") == ["True"]
     (kernels / "constants.py").write_text("STEP = 100\n")
-    assert asked("print(is_compiled(c))") == ["False"]
+    assert run_code("print(is_compiled(c))") == ["False"]
 
 
 @pytest.mark.parametrize("path", USERS, ids=lambda p: p.stem)
-def test_the_key_covers_all_that_a_module_uses(path):
-    """Every object of another module of the package that a module with compiled functions knows."""
+def test_key_covers_all_modules_in_use(path):
+    """Every object of the package in a module with compiled functions comes from its sources."""
     name = "defsense_fab." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
     module = importlib.import_module(name)
-    known = {getattr(x, "__module__", None) or "" for x in vars(module).values()} - {name}
-    used = {n for n in known if n.startswith("defsense_fab.")}
+    modules = {getattr(x, "__module__", None) or "" for x in vars(module).values()} - {name}
+    used = {n for n in modules if n.startswith("defsense_fab.")}
     files = {Path(sys.modules[n].__file__) for n in used}
     assert files
     assert files <= source_files(path)
 
 
-def test_nothing_is_compiled_past_the_key():
+def test_numba_is_used_only_by_compiled():
     assert len(USERS) > 10
     for path in PACKAGE.rglob("*.py"):
         if path != PACKAGE / "core" / "machine" / "compiled.py":

@@ -1,4 +1,4 @@
-"""Each library of an extra, where it is missing: one line says for what, and what to type."""
+"""Test the error for each optional library that is missing."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tests.support.errors import raises
 from tests.support.places import ROOT
 
 PACKAGE = ROOT / "defsense_fab"
-#: Modules of what the extras bring, where they are not called as their distribution.
+#: Modules of distributions with other names.
 _MODULES = {"python-rtmidi": "rtmidi", "usd-core": "pxr"}
-#: Imports that are not guarded where they stand, and why that is right.
-_ELSEWHERE = {
+#: Imports that are guarded elsewhere, and where.
+_GUARDED_ELSEWHERE = {
     "runtime/recording/usd_animation.py": "require_usd is called before",
     "runtime/outputs/lsl_output.py": "live_file guards the import of this module",
     "runtime/outputs/websocket_output.py": "live_file guards the import of this module",
@@ -27,23 +27,23 @@ _ELSEWHERE = {
     "runtime/view/upload_limit.py": "drawn on a page that serve_page has opened",
     "studio/measure/recording_screen.py": "drawn on a page that serve_page has opened",
     "studio/optimise/watched_search.py": "drawn on a page that serve_page has opened",
-    "runtime/outputs/midi_ports.py": "tells by `missing` itself, which of two packages brings it",
+    "runtime/outputs/midi_ports.py": "describes itself which of two packages has it",
     "workflow/study/runs/cluster.py": "called once `connected` has imported it",
     "workflow/study/results/study_table.py": "writes CSV without it",
-    "workflow/doctor/programs.py": "in a process of its own, whose end is told",
+    "workflow/doctor/programs.py": "in another process, whose end is reported",
 }
 
 
 def _extras():
-    told = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    groups = told["project"]["optional-dependencies"]
-    brought = [t for name, ts in groups.items() if name not in ("dev", "all") for t in ts]
-    names = {t.partition(">")[0].partition("[")[0].strip() for t in brought}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    groups = project["project"]["optional-dependencies"]
+    requirements = [t for name, ts in groups.items() if name not in ("dev", "all") for t in ts]
+    names = {t.partition(">")[0].partition("[")[0].strip() for t in requirements}
     return {_MODULES.get(n, n) for n in names - {"defsense-fab"}} | {"evdev"}
 
 
 def _imports(tree, guarded=False):
-    """Top-level names of modules, and whether they stand in `with optional(...)`."""
+    """Yield top-level names of modules, and whether they are in `with optional(...)`."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
             continue
@@ -66,7 +66,7 @@ def test_every_import_of_an_extra_is_guarded():
             if name in extras:
                 place = path.relative_to(PACKAGE).as_posix()
                 (guarded if within else unguarded).add(place)
-    assert unguarded == set(_ELSEWHERE)
+    assert unguarded == set(_GUARDED_ELSEWHERE)
     assert len(guarded) >= 8
 
 
@@ -89,9 +89,9 @@ def _dataset(path):
 
 
 def _xdf(path):
-    from defsense_fab.training.recordings.xdf_dataset import _read
+    from defsense_fab.training.recordings.xdf_dataset import _read_streams
 
-    _read(path / "a.xdf")
+    _read_streams(path / "a.xdf")
 
 
 def _usd(path):
@@ -125,7 +125,7 @@ def _cluster(path):
         ("distributed", "cluster", _cluster),
     ],
 )
-def test_its_absence_is_told_in_one_line(library, extra, use, tmp_path, monkeypatch):
+def test_missing_library_is_one_line(library, extra, use, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     monkeypatch.delitem(sys.modules, f"{library}.parquet", raising=False)
     requirement = f"defsense-fab[{extra}]"
@@ -135,7 +135,7 @@ def test_its_absence_is_told_in_one_line(library, extra, use, tmp_path, monkeypa
     assert "\n" not in str(caught.value)
 
 
-def test_a_library_that_is_there_and_does_not_load_is_not_called_absent():
+def test_library_that_cannot_be_loaded_is_not_called_missing():
     with (
         raises(CaptureError, "library-broken", package="rtmidi") as caught,
         optional(CaptureError, "midi", "live", "rtmidi"),
@@ -144,7 +144,7 @@ def test_a_library_that_is_there_and_does_not_load_is_not_called_absent():
     assert "libasound.so.2: no such file" in str(caught.value)
 
 
-def test_a_command_that_is_typed_arrives_whole(monkeypatch):
+def test_command_is_quoted_for_the_shell(monkeypatch):
     monkeypatch.setattr(optional_libraries.sys, "executable", "/home/a b/python")
     words = shlex.split(pip_install("numpy>=2", "evdev"))
     assert words == ["/home/a b/python", "-m", "pip", "install", "numpy>=2", "evdev"]

@@ -1,4 +1,4 @@
-"""Files that are only added to: by several threads, and read with what went wrong left out."""
+"""Test logs that are appended to by several threads, and read without damaged lines."""
 
 import threading
 
@@ -7,7 +7,7 @@ from defsense_fab.core.storage.append_log import AppendLog, LogLines
 from tests.support.errors import raises
 
 
-def test_lines_of_several_threads_stay_whole(tmp_path):
+def test_lines_of_several_threads_are_not_mixed(tmp_path):
     path = tmp_path / "log"
     with AppendLog(path, "head") as log:
         threads = [
@@ -27,18 +27,18 @@ def test_lines_of_several_threads_stay_whole(tmp_path):
     assert lines.skipped == 0
 
 
-def test_what_was_cut_or_damaged_is_left_out_and_counted(tmp_path):
+def test_cut_and_damaged_lines_are_skipped_and_counted(tmp_path):
     path = tmp_path / "log"
     path.write_bytes(b"one\r\n\ntw~\nth\0\0ree\nf\xffour\nfive\nsi")
     lines = LogLines(path)
-    for _ in range(2):  # counted anew each time
+    for _ in range(2):  # the counts start again each time
         assert list(lines) == [(1, "one"), (2, ""), (6, "five")]
         assert (lines.cut, lines.damaged, lines.skipped) == (2, 2, 4)
     with raises(CaptureError, "file-not-found", path=tmp_path / "none"):
         list(LogLines(tmp_path / "none"))
 
 
-def test_a_log_goes_on_after_a_line_that_was_cut(tmp_path):
+def test_log_continues_after_a_cut_line(tmp_path):
     path = tmp_path / "log"
     path.write_bytes(b"head\none\ntw")
     with AppendLog(path, "head") as log:
@@ -46,7 +46,7 @@ def test_a_log_goes_on_after_a_line_that_was_cut(tmp_path):
     assert path.read_bytes() == b"head\none\ntw~\nthree\nfour\n"
 
 
-def test_what_is_another_file_is_left_as_it_is(tmp_path):
+def test_other_file_is_refused_and_unchanged(tmp_path):
     path = tmp_path / "log"
     for text in ("mine\n", "headlong\n", "he\n"):
         path.write_text(text)
@@ -57,7 +57,7 @@ def test_what_is_another_file_is_left_as_it_is(tmp_path):
         AppendLog(tmp_path / "none" / "log")
 
 
-def test_a_closed_log_refuses(tmp_path):
+def test_closed_log_refuses_lines(tmp_path):
     log = AppendLog(tmp_path / "log")
     log.close()
     log.close()

@@ -1,4 +1,4 @@
-"""Names that Windows refuses, in the repository and of what people call things."""
+"""Test names of files for every system: in the repository, and from users."""
 
 import subprocess
 
@@ -17,10 +17,10 @@ from defsense_fab.workflow.build.export import export_name
 from tests.support.errors import raises
 from tests.support.places import BAR, ROOT
 
-_LONGEST_PATH = 200  # characters within the repository: Windows has 260 in all
+_MAX_PATH_LENGTH = 200  # characters within the repository: Windows has 260 in all
 
 
-def test_no_tracked_file_breaks_a_rule():
+def test_tracked_files_have_valid_names():
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
     paths = [p for p in listed.stdout.decode().split("\0") if p]
     assert len(paths) > 1000
@@ -28,7 +28,7 @@ def test_no_tracked_file_breaks_a_rule():
     assert {name: name_problem(name) for name in names if name_problem(name)} == {}
     places = {"/".join(p.split("/")[: k + 1]) for p in paths for k in range(p.count("/") + 1)}
     assert len({fold_name(p) for p in places}) == len(places)
-    assert max(map(len, paths)) <= _LONGEST_PATH
+    assert max(map(len, paths)) <= _MAX_PATH_LENGTH
     modes = subprocess.run(["git", "ls-files", "-s"], cwd=ROOT, capture_output=True, check=True)
     assert b"\n120000 " not in b"\n" + modes.stdout  # links are text files there
 
@@ -51,21 +51,21 @@ def test_no_tracked_file_breaks_a_rule():
         ("ü" * 300 + ".stl", "ü" * 30),
     ],
 )
-def test_names_from_elsewhere_are_made_safe(name, safe):
+def test_safe_name(name, safe):
     assert safe_name(name) == safe
 
 
 @pytest.mark.parametrize("name", ["CON", "lpt1.d", "a:b", "end.", "x" * 130])
-def test_folders_that_not_every_system_can_have_are_refused(name, tmp_path):
+def test_folder_with_invalid_name_is_refused(name, tmp_path):
     with raises(StorageError, "bad-file-name", name=name):
         check_folder_name(tmp_path / name)
     with raises(StorageError, "bad-file-name", name=name):
         check_folder_name(tmp_path / name / "below")
     (tmp_path / name).mkdir()
-    check_folder_name(tmp_path / name / "below")  # it is there: that system can have it
+    check_folder_name(tmp_path / name / "below")  # an existing parent is not checked
 
 
-def test_names_of_a_device_make_no_file_that_windows_refuses(tmp_path):
+def test_files_named_after_a_device_are_valid_on_windows(tmp_path):
     text = (BAR / "device.toml").read_text(encoding="utf-8")
     (tmp_path / "bar.py").write_bytes((BAR / "bar.py").read_bytes())
     odd = text.replace('name = "bar"', 'name = "NUL"').replace("bend_up", "con")
@@ -87,7 +87,7 @@ def test_names_of_a_device_make_no_file_that_windows_refuses(tmp_path):
         ("x" * 61, "name-invalid"),
     ],
 )
-def test_poses_that_would_share_a_file_are_refused(new, code, tmp_path):
+def test_poses_with_the_same_file_are_refused(new, code, tmp_path):
     text = (BAR / "device.toml").read_text(encoding="utf-8")
     (tmp_path / "bar.py").write_bytes((BAR / "bar.py").read_bytes())
     assert load_device(BAR).poses[0].name == "bend_up"

@@ -1,4 +1,4 @@
-"""Folders that are written whole or not at all."""
+"""Test folders that are written whole or not at all, and locks of files."""
 
 from __future__ import annotations
 
@@ -11,13 +11,10 @@ import pytest
 
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.storage.files import check_folder, file_lock, replace_folder, unused_path
-
-from ...support.errors import raises
-
-# One holder of a lock at a time, whatever the order of opening, locking and leaving.
+from tests.support.errors import raises
 
 
-def test_a_second_holder_is_refused_until_the_first_leaves(tmp_path):
+def test_second_holder_is_refused_until_the_first_releases(tmp_path):
     path = tmp_path / "lock"
     path.write_text("kept")
     with file_lock(path, "busy here"), raises(StorageError, "file-in-use", path=path):
@@ -26,19 +23,19 @@ def test_a_second_holder_is_refused_until_the_first_leaves(tmp_path):
         assert path.read_text("utf-8") == "kept"
 
 
-def test_a_lock_that_is_left_between_opening_and_locking_has_one_holder(tmp_path, monkeypatch):
-    """The second opens the file, the first leaves, the second locks what it opened: a third must
-    not come in by a new file of the same name."""
+def test_lock_released_between_opening_and_locking_has_one_holder(tmp_path, monkeypatch):
+    """The second opens the file, the first releases it, then the second locks it: a third must not
+    lock a new file of the same name."""
     path, flock = tmp_path / "lock", fcntl.flock
     first = contextlib.ExitStack()
     first.enter_context(file_lock(path, "busy"))
 
-    def leave_then_lock(file, how):
+    def release_then_lock(file, how):
         first.close()
         flock(file, how)
 
     with monkeypatch.context() as patch:
-        patch.setattr(fcntl, "flock", leave_then_lock)
+        patch.setattr(fcntl, "flock", release_then_lock)
         second = file_lock(path, "busy")
         second.__enter__()
     with raises(StorageError, "file-in-use", path=path):
@@ -46,7 +43,7 @@ def test_a_lock_that_is_left_between_opening_and_locking_has_one_holder(tmp_path
     second.__exit__(None, None, None)
 
 
-def test_a_process_that_dies_leaves_no_lock(tmp_path):
+def test_killed_process_leaves_no_lock(tmp_path):
     code = (
         "import os, sys\nfrom pathlib import Path\n"
         "from defsense_fab.core.storage.files import file_lock\n"
@@ -58,7 +55,7 @@ def test_a_process_that_dies_leaves_no_lock(tmp_path):
         assert path.exists()
 
 
-def test_a_place_where_no_file_can_be_is_named(tmp_path):
+def test_error_names_a_path_that_cannot_exist(tmp_path):
     (tmp_path / "file").write_text("")
     with raises(StorageError, "not-a-folder", path=tmp_path / "file" / "lock"):
         file_lock(tmp_path / "file" / "lock", "busy").__enter__()
@@ -68,7 +65,7 @@ def names(folder):
     return sorted(p.name for p in folder.iterdir())
 
 
-def test_a_folder_is_there_at_the_end_only(tmp_path):
+def test_folder_appears_only_at_the_end(tmp_path):
     out = tmp_path / "a" / "out"
     with replace_folder(out) as new:
         (new / "x").write_text("1")
@@ -77,14 +74,14 @@ def test_a_folder_is_there_at_the_end_only(tmp_path):
     assert names(out.parent) == ["out"]
 
 
-@pytest.mark.parametrize("over", [False, True])
-def test_an_error_leaves_all_as_it_was(tmp_path, over):
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_error_leaves_the_folder_unchanged(tmp_path, overwrite):
     out = tmp_path / "out"
     out.mkdir()
     (out / "before").write_text("1")
 
     def fail():
-        with replace_folder(out, overwrite=over) as new:
+        with replace_folder(out, overwrite=overwrite) as new:
             (new / "x").write_text("1")
             raise ValueError("stop")
 
@@ -94,7 +91,7 @@ def test_an_error_leaves_all_as_it_was(tmp_path, over):
     assert names(out) == ["before"]
 
 
-def test_what_is_there_is_replaced_where_that_is_asked_for(tmp_path):
+def test_existing_folder_is_replaced_only_on_request(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     with replace_folder(out) as new:  # an empty one
@@ -112,7 +109,7 @@ def test_what_is_there_is_replaced_where_that_is_asked_for(tmp_path):
     assert names(out) == ["y"]
 
 
-def test_a_refusal_of_the_system_is_one_line(tmp_path):
+def test_refusal_of_the_system_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError) as caught, replace_folder(tmp_path / "file/x"):
         pass
@@ -120,7 +117,7 @@ def test_a_refusal_of_the_system_is_one_line(tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_a_name_that_is_taken_gets_a_number(tmp_path):
+def test_existing_name_gets_a_number(tmp_path):
     path = tmp_path / "x.mid"
     assert unused_path(path) == path
     path.write_text("")
@@ -128,7 +125,7 @@ def test_a_name_that_is_taken_gets_a_number(tmp_path):
     assert unused_path(path) == tmp_path / "x-3.mid"
 
 
-def test_a_folder_that_cannot_be_is_told_before_it_is_made(tmp_path):
+def test_impossible_folder_is_refused_before_it_is_created(tmp_path):
     check_folder(tmp_path / "new" / "within")
     assert not (tmp_path / "new").exists()
     (tmp_path / "file").write_text("")
