@@ -125,15 +125,15 @@ def arap():
         def frame(solver=solver, places=places, hard=hard):
             solver.solve(places, hard, TimeBudget(None))
 
-        solver.most = 1
+        solver.max_rounds = 1
         ours = timed(frame)
         one, eleven = (timed(partial(libigl, rounds), 9) for rounds in (1, 11))
         theirs = [(b - a) / 10 for a, b in zip(one, eleven, strict=True)]
-        solver.most = 20
+        solver.max_rounds = 20
         solver.reset()
         after = solver.solve(places, hard, TimeBudget(None))[0].copy()
         their_shape = libigl(20)[net.order]
-        solver.most = 3000
+        solver.max_rounds = 3000
         exact, _ = solver.solve(places, hard, TimeBudget(None))
         print(f"| {len(vertices):,} | {ours[0]:.2f} ({ours[1]:.2f}) | {theirs[0]:.2f}"
               f" ({theirs[1]:.2f}) | {theirs[0] / ours[0]:.1f} | {ours_setup:.2f} |"
@@ -154,7 +154,7 @@ def motion():
             make_surface(basis, markers, np.full(MARKERS, 0.1), mode, np.inf) for _ in range(2)
         )
         if mode == "arap":
-            live._solver.most, converged._solver.most = 2, 500
+            live._solver.max_rounds, converged._solver.max_rounds = 2, 500
         for hertz in (1.0, 0.08):  # of swings to and fro, by 0.5 rad and 0.7 rad
             live.reset()
             off, moved, step = [], [], []
@@ -189,7 +189,7 @@ def frames():
             surface = make_surface(basis, markers, np.full(MARKERS, 0.1), mode)
             setup = time.perf_counter() - begun
             if mode == "arap":
-                surface._solver.most = 2
+                surface._solver.max_rounds = 2
             phases = iter(np.sin(np.arange(1000) * 0.05))
 
             def frame(budget, surface=surface, markers=markers, phases=phases):

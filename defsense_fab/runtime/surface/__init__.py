@@ -1,1 +1,1 @@
-"""Markers in, a whole deforming surface out, many times a second."""
+"""Solve the moving surface of the device from its markers, in real time."""

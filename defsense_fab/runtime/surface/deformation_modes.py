@@ -1,9 +1,13 @@
-"""Modes of deformation in which rotations and strains are apart, so that states can be mixed.
+"""Modes of deformation with separate rotations and strains, and the markers as functions of them.
 
-As rotation-strain coordinates (J. Huang et al., "Interactive shape interpolation through
-controllable dynamic deformation", IEEE TVCG 17 (2011)), here on the half edges of a surface: a
-state is each vertex' rotation vector, and its edges with that rotation taken out. Mixed linearly,
-rotated again and integrated, a simulated state comes back exactly, and turns add up as turns.
+A state is each vertex' rotation vector, and its half edges with that rotation removed. Mixed
+linearly, rotated again and integrated, simulated states are reproduced exactly, and rotations add
+up as rotations. `MarkerMap` approximates the resulting marker positions by polynomials, which a fit
+can evaluate often.
+
+References:
+    J. Huang et al., "Interactive shape interpolation through controllable dynamic deformation",
+    IEEE TVCG 17 (2011).
 """
 
 from __future__ import annotations
@@ -21,19 +25,23 @@ from ...core.machine.copying import copy_row
 from .elastic_net import ElasticNet, rotate_edges
 from .surface_mesh import Attachment
 
-# Marker positions as a polynomial of the modes' coordinates: what a fit has to evaluate often.
-
-_LEADING = 3  # modes with terms up to the fifth degree
-_MEETING = 4  # modes of which two may meet any other in a term of the third
-_RANGE = 1.2  # of the largest coordinate that a state has: how far samples go
-_SAMPLES = 2.0  # for each term
+_QUINTIC_MODES = 3  # leading modes with terms up to the fifth degree
+_CUBIC_MODES = 4  # modes of which two may be combined with any other in a cubic term
+_SAMPLE_RANGE = 1.2  # of the largest coordinate of a state
+_SAMPLES_PER_TERM = 2.0
 _SEED = 3
 
 
 @dataclass(frozen=True)
 class MarkerMap:
-    """Terms are products of up to five coordinates, `factors` (t, 5), where k stands for 1;
-    `values` (t, m, 3) mm. It is good for coordinates up to `limits` (k,), either way."""
+    """Marker positions as a polynomial of the modes' coordinates.
+
+    Attributes:
+        modes: Number of modes k.
+        limits: Largest coordinates for which it is valid, in both directions (k,).
+        factors: Terms as products of up to five coordinates (t, 5); the index k stands for 1.
+        values: Coefficients of the terms (t, m, 3), mm.
+    """
 
     modes: int
     limits: Float
@@ -42,12 +50,12 @@ class MarkerMap:
 
     @classmethod
     def of(cls, basis: RotationStrain, attachment: Attachment) -> MarkerMap:
-        """Fitted to surfaces at the states and at random coordinates around them."""
+        """Fit the polynomial to surfaces at the states and at random coordinates around them."""
         k = basis.modes
         factors = _terms(k)
-        limits = _RANGE * np.abs(basis.coordinates).max(axis=0)
+        limits = _SAMPLE_RANGE * np.abs(basis.coordinates).max(axis=0)
         random = np.random.default_rng(_SEED).uniform(
-            -1.0, 1.0, (int(_SAMPLES * len(factors)), k)
+            -1.0, 1.0, (int(_SAMPLES_PER_TERM * len(factors)), k)
         )  # fmt: skip
         samples = np.concatenate([np.zeros((1, k)), basis.coordinates, limits * random])
         markers = np.empty((len(samples), *attachment.offset.shape))
@@ -59,8 +67,8 @@ class MarkerMap:
         flat, *_ = np.linalg.lstsq(terms, markers.reshape(len(samples), -1), rcond=1e-12)
         return cls(k, limits, factors, flat.reshape(len(factors), *markers.shape[1:]))
 
-    def at(self, q: Float) -> tuple[Float, Float]:
-        """Markers (m, 3) mm, and their derivatives (m, 3, k), at coordinates q (k,)."""
+    def evaluate(self, q: Float) -> tuple[Float, Float]:
+        """Return markers (m, 3), mm, and their derivatives (m, 3, k) at coordinates q (k,)."""
         a = np.append(q, 1.0)[self.factors]
         width = a.shape[1]
         before, after = np.ones((len(a), width + 1)), np.ones((len(a), width + 1))
@@ -71,47 +79,54 @@ class MarkerMap:
         for j in range(width):
             slopes[rows, self.factors[:, j]] += before[:, j] * after[:, j + 1]
         both = np.concatenate([before[:, -1:], slopes[:, :-1]], axis=1)
-        found = (both.T @ self.values.reshape(len(self.factors), -1)).reshape(
+        markers = (both.T @ self.values.reshape(len(self.factors), -1)).reshape(
             self.modes + 1, *self.values.shape[1:]
         )
-        return found[0], np.moveaxis(found[1:], 0, 2)
+        return markers[0], np.moveaxis(markers[1:], 0, 2)
 
 
 def _terms(k: int) -> Int:
-    """(t, 5) coordinates that are multiplied, in rising order, each product once."""
-    few = range(min(k, _LEADING))
-    found = {
+    """Return the coordinates of each product (t, 5), sorted, each product once."""
+    leading = range(min(k, _QUINTIC_MODES))
+    terms = {
         (),
         *((i,) for i in range(k)),
         *combinations_with_replacement(range(k), 2),
         *(
             tuple(sorted((*pair, i)))
-            for pair in combinations_with_replacement(range(min(k, _MEETING)), 2)
+            for pair in combinations_with_replacement(range(min(k, _CUBIC_MODES)), 2)
             for i in range(k)
         ),
-        *combinations_with_replacement(few, 4),
-        *combinations_with_replacement(few, 5),
+        *combinations_with_replacement(leading, 4),
+        *combinations_with_replacement(leading, 5),
     }
-    return np.array([(*term, *(k,) * (5 - len(term))) for term in sorted(found)])
+    return np.array([(*term, *(k,) * (5 - len(term))) for term in sorted(terms)])
 
 
-_MODES = 16  # at most
-_SMALLEST = 1e-3  # of the largest amplitude
+_MAX_MODES = 16
+_MIN_AMPLITUDE = 1e-3  # of the largest
 
 
 @dataclass(frozen=True)
 class RotationStrain:
-    """`turns` (k, n, 3) rad and `stretches` (k, h, 3) mm of k modes, whose coordinates have unit
-    standard deviation over the simulated states. `coordinates` (s, k) are those of the states."""
+    """Modes in rotation-strain coordinates.
+
+    Attributes:
+        net: Half edges of the surface.
+        turns: Rotation vectors of the k modes (k, n, 3), rad.
+        stretches: Their changes of unrotated edges (k, h, 3), mm, in single precision: reading them
+            takes most of the time.
+        coordinates: Coordinates of the simulated states (s, k), with unit standard deviation.
+    """
 
     net: ElasticNet
     turns: Float
-    stretches: Any  # single precision: reading them is what takes the time
+    stretches: Any
     coordinates: Float
 
     @classmethod
     def of(cls, net: ElasticNet, states: Float) -> RotationStrain:
-        """Of s states with vertices (s, n, 3) mm."""
+        """Compute the modes of s states with vertices (s, n, 3), mm."""
         turns, stretches = np.empty(states.shape), np.empty((len(states), *net.edges.shape))
         for s, x in enumerate(states):
             rotations = net.rotations(x)
@@ -119,7 +134,7 @@ class RotationStrain:
             edges = x[net.ends] - x[net.tails]
             turned_back = rotations.reshape(-1, 3, 3)[net.tails]
             stretches[s] = np.einsum("hji,hj->hi", turned_back, edges) - net.edges
-        # Both in mm: a turn moves the edges around a vertex.
+        # Both in mm: a rotation moves the edges around a vertex.
         lever = np.bincount(
             net.tails, np.abs(net.weights) * (net.edges**2).sum(axis=1), len(net.rest)
         )
@@ -133,28 +148,32 @@ class RotationStrain:
         )
         values, vectors = np.linalg.eigh(features @ features.T)
         values, vectors = values[::-1], vectors[:, ::-1]
-        kept = np.flatnonzero(values > _SMALLEST**2 * values[0])[:_MODES]
-        mixed = vectors[:, kept] / math.sqrt(len(states))  # of states, at unit coordinates
+        modes = np.flatnonzero(values > _MIN_AMPLITUDE**2 * values[0])[:_MAX_MODES]
+        mixed = vectors[:, modes] / math.sqrt(len(states))  # of the states, at unit coordinates
         return cls(
             net, np.einsum("sk,snd->knd", mixed, turns),
             np.einsum("sk,shd->khd", mixed, stretches).astype(np.float32),
-            vectors[:, kept] * math.sqrt(len(states)),
+            vectors[:, modes] * math.sqrt(len(states)),
         )  # fmt: skip
 
     @property
     def modes(self) -> int:
-        """Their number k."""
+        """Number of modes k."""
         return len(self.turns)
 
     def frames(self, q: Float) -> tuple[Float, Float]:
-        """Rotations (n, 9) and unrotated edges (h, 3) mm at coordinates q (k,)."""
+        """Return rotations (n, 9) and unrotated edges (h, 3), mm, at coordinates q (k,)."""
         turned = (q @ self.turns.reshape(self.modes, -1)).reshape(-1, 3)
         strained = q.astype(np.float32) @ self.stretches.reshape(self.modes, -1)
         return _rotations(turned), self.net.edges + strained.reshape(-1, 3)
 
     def surface(self, q: Float, before: Float) -> tuple[Float, Float, Float]:
-        """Vertices (n, 3) mm, rotations (n, 9), unrotated edges (h, 3) mm at coordinates q (k,);
-        `before` (n, 3) is where a surface of which nothing is fixed was."""
+        """Return vertices (n, 3), mm, rotations (n, 9) and unrotated edges (h, 3), mm.
+
+        Args:
+            q: Coordinates (k,).
+            before: Former vertices (n, 3), mm, near which a surface without fixed vertices stays.
+        """
         rotations, edges = self.frames(q)
         net, right = self.net, np.zeros((3, len(before)))
         rotate_edges(net.ptr, net.ends, net.weights, edges, rotations, right)
@@ -162,7 +181,7 @@ class RotationStrain:
 
 
 def _rotation_vectors(ptr: Int, ends: Int, rotations: Float) -> Float:
-    """(n, 3) rad of rotations (n, 9), of those half turns apart the ones nearest to neighbours'."""
+    """Return rotation vectors (n, 3), rad, consistent between neighbors, of rotations (n, 9)."""
     vectors = np.empty((len(rotations), 3))
     _logarithms(rotations, vectors)
     _unwind(ptr, ends, vectors)
@@ -173,7 +192,7 @@ def _rotation_vectors(ptr: Int, ends: Int, rotations: Float) -> Float:
 def _logarithms(rotations: Float, out: Float) -> None:
     for k in range(len(rotations)):
         r = rotations[k]
-        # The quaternion by its largest entry, which stays accurate up to half a turn.
+        # The quaternion by its largest entry is accurate up to half a turn.
         trace = r[0] + r[4] + r[8]
         if trace > 0.0:
             w, x, y, z = 1.0 + trace, r[7] - r[5], r[2] - r[6], r[3] - r[1]
@@ -192,26 +211,29 @@ def _logarithms(rotations: Float, out: Float) -> None:
 
 @compiled()
 def _unwind(ptr: Int, ends: Int, vectors: Float) -> None:
-    """Turns of more than pi: vertex by vertex outwards from the smallest turn, each takes the
-    vector nearest to that of the neighbour that it is reached from."""
+    """Extend rotation vectors beyond pi.
+
+    Vertex by vertex outwards from the smallest rotation, each takes the vector nearest to that of
+    the neighbor that it is reached from.
+    """
     n = len(vectors)
-    seen, queue = np.zeros(n, np.bool_), np.empty(n, np.int64)
-    while not seen.all():
-        start, least = -1, np.inf
+    visited, queue = np.zeros(n, np.bool_), np.empty(n, np.int64)
+    while not visited.all():
+        start, smallest = -1, np.inf
         for i in range(n):
             size = (vectors[i] ** 2).sum()
-            if not seen[i] and size < least:
-                start, least = i, size
+            if not visited[i] and size < smallest:
+                start, smallest = i, size
         queue[0], first, last = start, 0, 1
-        seen[start] = True
+        visited[start] = True
         while first < last:
             i = queue[first]
             first += 1
             for p in range(ptr[i], ptr[i + 1]):
                 j = ends[p]
-                if seen[j]:
+                if visited[j]:
                     continue
-                seen[j] = True
+                visited[j] = True
                 queue[last] = j
                 last += 1
                 angle = math.sqrt((vectors[j] ** 2).sum())
@@ -223,7 +245,7 @@ def _unwind(ptr: Int, ends: Int, vectors: Float) -> None:
 
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def _rotations(vectors: Float) -> Float:
-    """(n, 9) of rotation vectors (n, 3) rad, by Rodrigues' formula."""
+    """Return rotations (n, 9) of rotation vectors (n, 3), rad, by Rodrigues' formula."""
     out = np.empty((len(vectors), 9))
     for k in range(len(vectors)):
         x, y, z = vectors[k, 0], vectors[k, 1], vectors[k, 2]

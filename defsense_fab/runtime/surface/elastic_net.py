@@ -1,4 +1,12 @@
-"""A surface's half edges and its Laplacian, factored once: what every mode of solving shares."""
+"""The half edges of a surface and its factored Laplacian, and the local step of ARAP.
+
+The energy of spokes is sum_i sum_j w_ij |(x_j - x_i) - R_i c_ij|^2 over the half edges (i, j), with
+cotangent weights w and edges at rest c. It is libigl's ARAP_ENERGY_TYPE_SPOKES. Each half edge has
+its own c: where a vertex is strained, it is not the edge of the undeformed body.
+
+References:
+    O. Sorkine, M. Alexa, "As-rigid-as-possible surface modeling", SGP 2007.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +23,21 @@ from .rotation import LANES, nearest_of_many, nearest_rotation
 from .sparse_factor import SparseFactor, elimination_order
 from .surface_mesh import laplacian, vertex_areas
 
-# The local half of as-rigid-as-possible: each vertex' rotation, and what it asks of its edges.
-#
-# O. Sorkine, M. Alexa, "As-rigid-as-possible surface modeling", SGP 2007: the energy of spokes,
-# sum_i sum_j w_ij |(x_j - x_i) - R_i c_ij|^2 over the half edges (i, j), of cotangent weights w and
-# edges at rest c. It is the one that libigl names ARAP_ENERGY_TYPE_SPOKES. Each half edge has its c:
-# where a vertex is strained, it is not the edge of the undeformed body.
-
 
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def rotate_edges(
     ptr: Int, ends: Int, weights: Float, edges: Float, rotations: Float, right: Float
 ) -> None:  # fmt: skip
-    """Add what edges (h, 3), turned by `rotations` (n, 9) of the vertices that they start from, ask
-    of the Laplacian to `right` (3, n)."""
+    """Add the divergence of rotated edges to the right side of the Laplacian.
+
+    Args:
+        ptr: Start of each vertex' half edges (n + 1,).
+        ends: Vertices that the half edges lead to (h,).
+        weights: Cotangent weights (h,).
+        edges: Edges before the rotation (h, 3), mm.
+        rotations: Rotations of the vertices that the edges start from (n, 9).
+        right: Right side (3, n) that is added to.
+    """
     bx, by, bz = right[0], right[1], right[2]
     for i in range(len(ptr) - 1):
         r = rotations[i]
@@ -54,12 +63,20 @@ def rotate_edges(
 def fit_rotations(
     ptr: Int, ends: Int, weights: Float, edges: Float, x: Float, rotations: Float, right: Float
 ) -> None:  # fmt: skip
-    """Of vertices x (n, 3): half edges of vertex i are `ptr[i]` to `ptr[i + 1]` and go to `ends`,
-    `edges` (h, 3) at rest. `rotations` (n, 9) are replaced, and kept where edges fix none; what
-    they ask of the Laplacian of x is added to `right` (3, n)."""
+    """Fit the rotation of each vertex, and add the rotated edges to the right side.
+
+    Args:
+        ptr: Start of each vertex' half edges (n + 1,).
+        ends: Vertices that the half edges lead to (h,).
+        weights: Cotangent weights (h,).
+        edges: Edges before the rotation (h, 3), mm.
+        x: Vertices (n, 3), mm.
+        rotations: Rotations (n, 9), replaced, but kept where the edges determine none.
+        right: Right side (3, n) of the Laplacian that is added to.
+    """
     n = len(ptr) - 1
-    entries, settled = np.zeros(9 * LANES), np.zeros(LANES)
-    kept = np.zeros(9 * LANES)
+    entries, converged = np.zeros(9 * LANES), np.zeros(LANES)
+    original = np.zeros(9 * LANES)
     for first in range(0, n, LANES):
         count = min(LANES, n - first)
         for lane in range(count):
@@ -83,17 +100,17 @@ def fit_rotations(
             entries[3 * LANES + lane], entries[4 * LANES + lane] = d, e
             entries[5 * LANES + lane], entries[6 * LANES + lane] = f, g
             entries[7 * LANES + lane], entries[8 * LANES + lane] = h, k
-        copy_row(entries, kept)
-        nearest_of_many(entries, settled)
+        copy_row(entries, original)
+        nearest_of_many(entries, converged)
         for lane in range(count):
             i = first + lane
-            if settled[lane] > 0.0:
+            if converged[lane] > 0.0:
                 for q in range(9):
                     rotations[i, q] = entries[q * LANES + lane]
             else:
-                m = kept[lane::LANES]
-                found, r = nearest_rotation(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8])
-                if found:
+                m = original[lane::LANES]
+                exists, r = nearest_rotation(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8])
+                if exists:
                     for q in range(9):
                         rotations[i, q] = r[q]
     rotate_edges(ptr, ends, weights, edges, rotations, right)
@@ -101,7 +118,7 @@ def fit_rotations(
 
 @compiled(fastmath=True)
 def energy(ptr: Int, ends: Int, weights: Float, edges: Float, x: Float, rotations: Float) -> float:
-    """Of the spokes, in mm^2: weights have no unit."""
+    """Return the energy of the spokes, mm^2: weights have no unit."""
     total = 0.0
     for i in range(len(ptr) - 1):
         r = rotations[i]
@@ -115,16 +132,27 @@ def energy(ptr: Int, ends: Int, weights: Float, edges: Float, x: Float, rotation
     return total
 
 
-_GROUND = 1e-6  # of the slowest mode, of a surface of which nothing is fixed
+_GROUND_STIFFNESS = 1e-6  # of the slowest mode, for surfaces without fixed vertices
 
 
 @dataclass(frozen=True)
 class ElasticNet:
-    """`rest` (n, 3) mm and all else in the factor's order, which has vertex `order[k]` of the
-    caller at place k; `triangles` (f, 3); half edges of vertex i are `ptr[i]` to `ptr[i + 1]`, go
-    to `ends`, with cotangent `weights`, `edges` (h, 3) at rest; `area` (n,) mm^2; `fixed` (n,);
-    `held` (3, n) is what fixed vertices add to the right side, `ground` (n,) what keeps a surface
-    of which nothing is fixed from drifting: it is kept where it was."""
+    """The half edges of a surface, and its factored Laplacian, in the order of the factor.
+
+    Attributes:
+        order: Vertex of the caller at each position (n,).
+        rest: Vertices at rest (n, 3), mm.
+        triangles: Triangles (f, 3).
+        ptr: Start of each vertex' half edges (n + 1,).
+        ends: Vertices that the half edges lead to (h,).
+        weights: Cotangent weights (h,).
+        edges: Half edges at rest (h, 3), mm.
+        area: Areas of the vertices (n,), mm^2.
+        fixed: Whether vertices are fixed (n,).
+        held: Contribution of fixed vertices to the right side (3, n).
+        ground: Stiffness that keeps a surface without fixed vertices where it was (n,).
+        factor: Factor of the Laplacian.
+    """
 
     order: Int
     rest: Float
@@ -141,22 +169,22 @@ class ElasticNet:
 
     @classmethod
     def of(cls, vertices: Float, triangles: Int, fixed: Bool) -> ElasticNet:
-        """Of a surface at rest."""
+        """Set up the net of a surface at rest."""
         matrix = laplacian(vertices, triangles)
         area = vertex_areas(vertices, triangles)
         ground = np.zeros(len(vertices))
         if not fixed.any():
             slowest = np.pi**2 / float((np.ptp(vertices, axis=0) ** 2).sum())
-            ground = _GROUND * slowest * area
+            ground = _GROUND_STIFFNESS * slowest * area
         free = diags_array((~fixed).astype(float))
-        kept = csr_array(
+        system = csr_array(
             free @ matrix @ free + diags_array(ground) + diags_array(fixed.astype(float))
         )
         ptr, ends = (a.astype(np.int64) for a in (matrix.indptr, matrix.indices))
-        factor = SparseFactor.of(kept, elimination_order(vertices, ptr, ends))
+        factor = SparseFactor.of(system, elimination_order(vertices, ptr, ends))
         order = factor.order
-        place = np.empty_like(order)
-        place[order] = np.arange(len(order))
+        position = np.empty_like(order)
+        position[order] = np.arange(len(order))
         rest, fixed = np.ascontiguousarray(vertices[order]), fixed[order]
         matrix = csr_array(matrix[order][:, order])
         between = (diags_array(matrix.diagonal()) - matrix).tocsr()
@@ -166,29 +194,43 @@ class ElasticNet:
         tails = np.repeat(np.arange(len(order)), np.diff(ptr))
         held = np.where(fixed, rest.T, (between @ np.where(fixed[:, None], rest, 0.0)).T)
         return cls(
-            order, rest, place[triangles], ptr, ends, between.data.copy(), rest[ends] - rest[tails],
-            area[order], fixed, held, ground[order], factor,
-        )  # fmt: skip
+            order,
+            rest,
+            position[triangles],
+            ptr,
+            ends,
+            between.data.copy(),
+            rest[ends] - rest[tails],
+            area[order],
+            fixed,
+            held,
+            ground[order],
+            factor,
+        )
 
     @cached_property
     def tails(self) -> Int:
-        """(h,) the vertex that each half edge starts from."""
+        """Vertices that the half edges start from (h,)."""
         return np.repeat(np.arange(len(self.rest)), np.diff(self.ptr))
 
     def rotations(self, x: Float, edges: Float | None = None) -> Float:
-        """(n, 9) row by row, of vertices x (n, 3), from edges (h, 3) before the rotation."""
+        """Return rotations (n, 9), row by row, from edges (h, 3) to vertices x (n, 3)."""
         out = self.no_rotations()
         c = self.edges if edges is None else edges
         fit_rotations(self.ptr, self.ends, self.weights, c, x, out, np.zeros((3, len(x))))
         return out
 
     def no_rotations(self) -> Float:
-        """(n, 9)."""
+        """Return identities (n, 9)."""
         return np.tile(np.eye(3).ravel(), (len(self.rest), 1))
 
     def integrate(self, right: Float, before: Float) -> Float:
-        """Vertices (n, 3) mm whose Laplacian is nearest to `right` (3, n), which is overwritten;
-        `before` (n, 3) is where they were."""
+        """Return the vertices (n, 3), mm, whose Laplacian is nearest to a right side.
+
+        Args:
+            right: Right side (3, n), overwritten.
+            before: Former vertices (n, 3), mm.
+        """
         right[:, self.fixed] = 0.0
         right += self.held
         if not self.fixed.any():
@@ -197,7 +239,7 @@ class ElasticNet:
         return np.ascontiguousarray(right.T)
 
     def responses(self, loads: Float) -> Float:
-        """(n, k) of loads (n, k) on free vertices, columns by themselves."""
+        """Return the responses (n, k) to loads (n, k) on free vertices, column by column."""
         out = np.array(loads.T, float, order="C")
         out[:, self.fixed] = 0.0
         padded = np.zeros((-(-len(out) // 3) * 3, out.shape[1]))
@@ -208,6 +250,6 @@ class ElasticNet:
         return np.ascontiguousarray(padded[: len(out)].T)
 
     def energy(self, x: Float, rotations: Float, edges: Float | None = None) -> float:
-        """Of the spokes, mm^2."""
+        """Return the energy of the spokes, mm^2."""
         c = self.edges if edges is None else edges
         return float(energy(self.ptr, self.ends, self.weights, c, x, rotations))

@@ -1,103 +1,127 @@
-"""A device's surface in real time: what the live loop calls."""
+"""Solve a device's surface in real time, for the live loop."""
 
 from __future__ import annotations
 
 import time
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
 from ...core.arrays import Float
 from .elastic_net import ElasticNet
 from .surface_mesh import Attachment, Cage, SurfaceBasis
-from .surface_solvers import ArapSolver, ModeSolver, TimeBudget
+from .surface_solvers import ArapSolver, ModeSolver, Solver, TimeBudget
 
+#: How a surface is solved: see `make_surface`.
 Mode = Literal["default", "arap", "basis"]
 
-#: Seconds that a frame should take at most: larger meshes get a cage.
+#: Time that a frame should take, s; larger meshes get a cage.
 FRAME = 0.008
-#: Vertices: smaller meshes are solved as they are, without a trial.
-_SMALL = 2_000
-#: Vertices: larger ones get a cage, without a trial.
-_LARGE = 15_000
-#: Vertices of a cage.
+#: Number of vertices of a cage.
 CAGE = 4_000
-_TRIALS = 5  # frames
-
-
-class Solver(Protocol):
-    """What a mode is solved by."""
-
-    rounds: int
-
-    @property
-    def name(self) -> str: ...
-
-    def reset(self) -> None: ...
-
-    def solve(self, markers: Float, sd: Float, budget: TimeBudget) -> tuple[Float, Float]: ...
+_MAX_UNTIMED_VERTICES = 2_000  # such meshes are solved directly, without a trial
+_MAX_DIRECT_VERTICES = 15_000  # larger meshes get a cage, without a trial
+_TRIAL_FRAMES = 5
 
 
 class LiveSurface:
-    """Markers to a surface, warm-started from frame to frame; one at a time. `choice` tells in
-    words what it is solved by; `rounds` how many rounds the last frame took."""
+    """A surface that follows the markers of a device; created by `make_surface`.
+
+    Args:
+        solver: The solver.
+        net: Half edges of the solved surface.
+        sd: Typical standard deviations of the markers (m,), mm.
+        description: How the surface is solved.
+        cage: The cage that is solved instead of the surface, or None.
+
+    Attributes:
+        description: How the surface is solved.
+    """
 
     def __init__(
-        self, solver: Solver, net: ElasticNet, sd: Float, description: str, cage: Cage | None = None
+        self,
+        solver: Solver,
+        net: ElasticNet,
+        sd: Float,
+        description: str,
+        cage: Cage | None = None,
     ) -> None:
         self.description = description
         self._solver, self._sd, self._cage = solver, sd, cage
-        self._place = np.empty_like(net.order)
-        self._place[net.order] = np.arange(len(net.order))
+        self._position = np.empty_like(net.order)
+        self._position[net.order] = np.arange(len(net.order))
 
     def __call__(
         self, markers: Float, sd: Float | None = None, budget: float | None = None
     ) -> Float:
-        """Vertices (v, 3) mm of markers (m, 3) mm, NaN: not seen, with standard deviations (m,) mm,
-        those of the set-up where not given, in about `budget` seconds: it bounds the rounds."""
+        """Return the vertices of a frame (v, 3), mm, starting from those of the last.
+
+        Args:
+            markers: Marker positions (m, 3), mm; NaN for invisible markers.
+            sd: Their standard deviations (m,), mm; by default the typical ones.
+            budget: Approximate time, s, which bounds the iterations.
+
+        Raises:
+            ValueError: The shapes do not fit the markers.
+        """
         clock = TimeBudget(budget)
-        known = self._sd if sd is None else np.asarray(sd, float)
-        if markers.shape != (len(self._sd), 3) or known.shape != self._sd.shape:
-            raise ValueError(f"surface: there must be {len(self._sd)} markers, (m, 3), and sd (m,)")
-        seen = np.isfinite(markers).all(axis=1) & ~np.isnan(known)
+        used_sd = self._sd if sd is None else np.asarray(sd, float)
+        if markers.shape != (len(self._sd), 3) or used_sd.shape != self._sd.shape:
+            m = len(self._sd)
+            raise ValueError(f"surface: markers must have shape ({m}, 3), and sd ({m},)")
+        visible = np.isfinite(markers).all(axis=1) & ~np.isnan(used_sd)
         x, rotations = self._solver.solve(
-            np.where(seen[:, None], markers, 0.0), np.where(seen, known, np.inf), clock
+            np.where(visible[:, None], markers, 0.0), np.where(visible, used_sd, np.inf), clock
         )
-        x = x[self._place]
-        return x if self._cage is None else self._cage.surface(x, rotations[self._place])
+        x = x[self._position]
+        return x if self._cage is None else self._cage.surface(x, rotations[self._position])
 
     @property
     def rounds(self) -> int:
-        """Of the last frame."""
+        """Number of iterations of the last frame."""
         return self._solver.rounds
 
     def reset(self) -> None:
-        """Begin at rest: the next frame has nothing to do with the last."""
+        """Start from rest, so that the next frame does not depend on the last."""
         self._solver.reset()
 
 
 def make_surface(
-    basis: SurfaceBasis, marker_rest: Float, sd: Float, mode: Mode = "default",
+    basis: SurfaceBasis,
+    marker_rest: Float,
+    sd: Float,
+    mode: Mode = "default",
     frame: float = FRAME,
-) -> LiveSurface:  # fmt: skip
-    """Of markers at rest (m, 3) mm, with typical standard deviations (m,) mm. "default": modes of
-    the simulated states and beyond them as rigid as possible, "basis": the modes alone, "arap": as
-    rigid as possible without them, which is what a basis without states gets. A mesh that this
-    machine does not solve in `frame` seconds is moved by a coarser cage."""
+) -> LiveSurface:
+    """Set up the solver of a surface.
+
+    Args:
+        basis: The surface with its simulated states.
+        marker_rest: Markers at rest (m, 3), mm.
+        sd: Their typical standard deviations (m,), mm.
+        mode: "default" for modes of the simulated states, and beyond them as rigid as possible;
+            "basis" for the modes alone; "arap" for as rigid as possible without modes, which is
+            also used without states.
+        frame: Time for a frame, s; a mesh that takes longer on this machine is moved by a coarser
+            cage.
+
+    Raises:
+        ValueError: The shapes of the markers are wrong.
+    """
     marker_rest, sd = np.asarray(marker_rest, float), np.asarray(sd, float)
     if marker_rest.ndim != 2 or marker_rest.shape[1] != 3 or sd.shape != marker_rest.shape[:1]:
-        raise ValueError("surface: markers must have shape (m, 3), sd (m,)")
+        raise ValueError("surface: marker_rest must have shape (m, 3), and sd (m,)")
     count = len(basis.vertices)
-    if count <= _LARGE:
-        surface = _solved(basis, marker_rest, sd, mode, None)
-        taken = _seconds(surface, marker_rest) if count > _SMALL else 0.0
-        if taken <= frame:
+    if count <= _MAX_DIRECT_VERTICES:
+        surface = _with_solver(basis, marker_rest, sd, mode, None)
+        seconds = _frame_seconds(surface, marker_rest) if count > _MAX_UNTIMED_VERTICES else 0.0
+        if seconds <= frame:
             return surface
     cage = Cage.of(basis, CAGE)
-    return _solved(cage.basis, marker_rest, sd, mode, cage)
+    return _with_solver(cage.basis, marker_rest, sd, mode, cage)
 
 
-def _solved(
+def _with_solver(
     basis: SurfaceBasis, markers: Float, sd: Float, mode: Mode, cage: Cage | None
 ) -> LiveSurface:
     net = ElasticNet.of(basis.vertices, basis.triangles, basis.fixed)
@@ -108,17 +132,22 @@ def _solved(
     else:
         states = (basis.vertices + basis.states)[:, net.order]
         solver = ModeSolver(net, states, attachment, basis.size, beyond=mode == "default")
-    whole = "" if cage is None else f" a cage of {len(net.rest):,} vertices, which carries"
-    every = len(net.rest) if cage is None else len(cage.corners)
-    return LiveSurface(solver, net, sd, f"{solver.name};{whole} {every:,} vertices", cage)
+    if cage is None:
+        description = f"{solver.name}; {len(net.rest):,} vertices"
+    else:
+        description = (
+            f"{solver.name}; a cage of {len(net.rest):,} vertices, which carries"
+            f" {len(cage.corners):,} vertices"
+        )
+    return LiveSurface(solver, net, sd, description, cage)
 
 
-def _seconds(surface: LiveSurface, markers: Float) -> float:
-    """A frame takes with two rounds, on this machine, once all is compiled: the least of a few."""
-    taken = []
-    for _ in range(_TRIALS):
-        begun = time.perf_counter()
+def _frame_seconds(surface: LiveSurface, markers: Float) -> float:
+    """Measure the time of a frame with two iterations, s: the shortest of a few, once compiled."""
+    seconds = []
+    for _ in range(_TRIAL_FRAMES):
+        started_at = time.perf_counter()
         surface(markers, budget=0.0)
-        taken.append(time.perf_counter() - begun)
+        seconds.append(time.perf_counter() - started_at)
     surface.reset()
-    return min(taken)
+    return min(seconds)

@@ -1,9 +1,11 @@
-"""The rotation nearest to a 3 x 3 matrix, in closed form but for one root.
+"""Find the rotation nearest to a 3 x 3 matrix, in closed form except for one root.
 
-F. L. Markley, "Attitude determination using vector observations: a fast optimal matrix algorithm",
-J. Astronautical Sciences 41 (1993): of B = R S the sum lambda of the singular values, the smallest
-counted negative where det B < 0, is the largest root of a quartic; R follows from it without
-eigenvectors. Never a reflection.
+Of B = R S, the sum lambda of the singular values, the smallest counted negative if det B < 0, is
+the largest root of a quartic. R follows from it without eigenvectors, and is never a reflection.
+
+References:
+    F. L. Markley, "Attitude determination using vector observations: a fast optimal matrix
+    algorithm", J. Astronautical Sciences 41 (1993).
 """
 
 from __future__ import annotations
@@ -16,28 +18,40 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
 
-# Where a body of which nothing is fixed stands as a whole.
-
 
 def rigid_fit(points: Float, onto: Float, weights: Float) -> tuple[Float, Float]:
-    """Rotation (3, 3) and shift (3,) mm with the least squares of `points` (m, 3) moved `onto`
-    (m, 3), by weights (m,) (W. Kabsch, Acta Cryst. A 32 (1976))."""
+    """Align points rigidly with others, by weighted least squares.
+
+    Args:
+        points: Points to move (m, 3), mm.
+        onto: Points to move them onto (m, 3), mm.
+        weights: Weights (m,).
+
+    Returns:
+        Rotation (3, 3) and shift (3,), mm.
+
+    References:
+        W. Kabsch, Acta Cryst. A 32 (1976).
+    """
     w = weights / weights.sum()
     a, b = w @ points, w @ onto
     rotation = nearest_rotations(((onto - b).T @ ((points - a) * w[:, None]))[None])[0]
     return rotation, b - rotation @ a
 
 
-_ROUNDS = 60  # of Newton's method; most take one to five
-_TINY = 1e-9  # of the largest value that the denominator can have: no rotation is nearest
+_MAX_NEWTON_STEPS = 60  # most matrices need one to five
+_MIN_DENOMINATOR = 1e-9  # of its largest value; denominator it no rotation is nearest
 
 
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def nearest_rotation(
     a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float, i: float
 ) -> tuple[bool, Any]:
-    """Whether there is one, and the rotation R, row by row, with the largest trace of R^T B, of
-    B = [[a, b, c], [d, e, f], [g, h, i]]."""
+    """Find the rotation R with the largest trace of R^T B, B = [[a, b, c], [d, e, f], [g, h, i]].
+
+    Returns:
+        Whether there is one, and R row by row.
+    """
     norm = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
     zero = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     if norm < 1e-200:
@@ -52,22 +66,22 @@ def nearest_rotation(
     square = ca * ca + cb * cb + cc * cc + cd * cd + ce * ce + cf * cf
     square += cg * cg + ch * ch + ci * ci
     p1, p0 = -8.0 * det, 1.0 - 4.0 * square
-    # lambda^2 = 1 + 2 (s2 s3 + s3 s1 + s1 s2): it starts with that of a flat B.
+    # lambda^2 = 1 + 2 (s2 s3 + s3 s1 + s1 s2); the start is that of a flat B.
     root = math.sqrt(1.0 + 2.0 * math.sqrt(square))
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_NEWTON_STEPS):
         r2 = root * root
         slope = 4.0 * root * (r2 - 1.0) + p1
         if slope <= 0.0:
             break
         step = ((r2 - 2.0) * r2 + p1 * root + p0) / slope
         root -= step
-        if abs(step) < 1e-9:  # squared by the last step
+        if abs(step) < 1e-9:  # the last step squares the error
             break
     half = 0.5 * (root * root + 1.0)
-    below = 0.5 * (root * root - 1.0) * root - det
-    if below < _TINY:
+    denominator = 0.5 * (root * root - 1.0) * root - det
+    if denominator < _MIN_DENOMINATOR:
         return False, zero
-    z = 1.0 / below
+    z = 1.0 / denominator
     # B B^T, which is symmetric.
     xx, xy, xz = a * a + b * b + c * c, a * d + b * e + c * f, a * g + b * h + c * i
     yy, yz, zz = d * d + e * e + f * f, d * g + e * h + f * i, g * g + h * h + i * i
@@ -86,7 +100,7 @@ def nearest_rotation(
 
 @compiled()
 def nearest_rotations(matrices: Float) -> Float:
-    """(m, 3, 3) of matrices (m, 3, 3); the identity where none is nearest."""
+    """Return the nearest rotations (m, 3, 3) of matrices (m, 3, 3); identities where none exist."""
     out = np.empty_like(matrices)
     for k in range(len(matrices)):
         b = matrices[k]
@@ -98,15 +112,19 @@ def nearest_rotations(matrices: Float) -> Float:
     return out
 
 
-#: Matrices that are taken at once, each entry of them side by side.
+#: Number of matrices that are processed together, with corresponding entries side by side.
 LANES = 16
-_STEPS = 6  # of Newton's method: what has not converged then is left to `nearest_rotation`
+_FIXED_NEWTON_STEPS = 6  # matrices that need more are left to `nearest_rotation`
 
 
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def nearest_of_many(entries: Float, settled: Float) -> None:
-    """Replace `entries` (9 LANES,) of matrices B by those of their rotations, as `nearest_rotation`
-    finds them, where `settled` (LANES,) becomes 1, and by something else where it becomes 0."""
+def nearest_of_many(entries: Float, converged: Float) -> None:
+    """Replace matrices by their nearest rotations, as of `nearest_rotation`.
+
+    Args:
+        entries: Entries of the matrices (9 LANES,), replaced.
+        converged: Set to 1 for each matrix whose rotation was found, else to 0 (LANES,).
+    """
     for k in range(LANES):
         a, b, c = entries[k], entries[LANES + k], entries[2 * LANES + k]
         d, e, f = entries[3 * LANES + k], entries[4 * LANES + k], entries[5 * LANES + k]
@@ -122,15 +140,17 @@ def nearest_of_many(entries: Float, settled: Float) -> None:
         square += cg * cg + ch * ch + ci * ci
         p1, p0 = -8.0 * det, 1.0 - 4.0 * square
         root, step = math.sqrt(1.0 + 2.0 * math.sqrt(square)), 0.0
-        for _ in range(_STEPS):
+        for _ in range(_FIXED_NEWTON_STEPS):
             r2 = root * root
             slope = 4.0 * root * (r2 - 1.0) + p1
             step = ((r2 - 2.0) * r2 + p1 * root + p0) / (slope + 1e-300)
             root -= step
         half = 0.5 * (root * root + 1.0)
-        below = 0.5 * (root * root - 1.0) * root - det
-        z = 1.0 / (below + 1e-300)
-        settled[k] = 1.0 if (abs(step) < 1e-9) & (below > _TINY) & (norm > 1e-200) else 0.0
+        denominator = 0.5 * (root * root - 1.0) * root - det
+        z = 1.0 / (denominator + 1e-300)
+        converged[k] = (
+            1.0 if (abs(step) < 1e-9) & (denominator > _MIN_DENOMINATOR) & (norm > 1e-200) else 0.0
+        )
         xx, xy, xz = a * a + b * b + c * c, a * d + b * e + c * f, a * g + b * h + c * i
         yy, yz, zz = d * d + e * e + f * f, d * g + e * h + f * i, g * g + h * h + i * i
         entries[k] = (half * a + root * ca - xx * a - xy * d - xz * g) * z

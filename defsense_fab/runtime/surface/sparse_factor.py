@@ -1,7 +1,8 @@
-"""A sparse symmetric matrix, factored once, and solved for three right sides many times.
+"""Factor a sparse symmetric matrix once, and solve for three right sides many times.
 
-SuperLU makes the factor L D L^T; columns of L with nearly the same rows are stored as one dense
-block (supernodes), so that a solve reads its memory in order and in one go.
+SuperLU computes the factor L D L^T. Columns of L with nearly the same rows are stored as one dense
+block (supernode), so that a solve reads its memory sequentially. `elimination_order` orders the
+vertices of a mesh by nested dissection, which keeps the factor sparse.
 """
 
 from __future__ import annotations
@@ -16,33 +17,43 @@ from scipy.sparse.linalg import splu
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
 
-# An order of elimination for meshes: nested dissection by coordinates.
-#
-# A. George, "Nested dissection of a regular finite element mesh", SIAM J. Numer. Anal. 10 (1973): the
-# vertices that part a set in halves come last, each half is ordered in the same way. Cuts are planes
-# across the set's longest extents, of which that with the smallest separator is taken.
-
-_LEAF = 24  # vertices; smaller sets stay as they are
+_MAX_LEAF_SIZE = 24  # vertices; smaller sets are not cut
 
 
-def elimination_order(points: Float, ptr: Int, neighbours: Int) -> Int:
-    """(n,) vertices in their order, of `points` (n, 3) with the symmetric graph `ptr` (n + 1,),
-    `neighbours`."""
+def elimination_order(points: Float, ptr: Int, neighbors: Int) -> Int:
+    """Order the vertices of a mesh for elimination, by nested dissection.
+
+    The vertices that separate a set into halves come last; each half is ordered in the same way.
+    Cuts are planes across the two longest extents of a set, of which the one with the smaller
+    separator is taken.
+
+    Args:
+        points: Positions of the vertices (n, 3).
+        ptr: Start of each vertex' neighbors (n + 1,).
+        neighbors: Neighbors of all vertices; the graph is symmetric.
+
+    Returns:
+        The vertices (n,) in their order.
+
+    References:
+        A. George, "Nested dissection of a regular finite element mesh", SIAM J. Numer. Anal. 10
+        (1973).
+    """
     order = np.empty(len(points), np.int64)
     side = np.zeros(len(points), np.int8)
-    todo = [(np.arange(len(points)), 0)]
-    while todo:
-        inside, first = todo.pop()
-        if len(inside) <= _LEAF:
+    pending = [(np.arange(len(points)), 0)]
+    while pending:
+        inside, first = pending.pop()
+        if len(inside) <= _MAX_LEAF_SIZE:
             order[first : first + len(inside)] = inside
             continue
-        low, high, separator = _cut(points, inside, ptr, neighbours, side)
+        low, high, separator = _cut(points, inside, ptr, neighbors, side)
         order[first + len(low) + len(high) : first + len(inside)] = separator
-        todo += [(low, first), (high, first + len(low))]
+        pending += [(low, first), (high, first + len(low))]
     return order
 
 
-def _cut(points: Float, inside: Int, ptr: Int, neighbours: Int, side: Any) -> tuple[Int, Int, Int]:
+def _cut(points: Float, inside: Int, ptr: Int, neighbors: Int, side: Any) -> tuple[Int, Int, Int]:
     x = points[inside] - points[inside].mean(axis=0)
     _, axes = np.linalg.eigh(x.T @ x)
     best: tuple[Int, Int, Int] | None = None
@@ -52,43 +63,50 @@ def _cut(points: Float, inside: Int, ptr: Int, neighbours: Int, side: Any) -> tu
         half = len(inside) // 2
         low, high = inside[sorted_[:half]], inside[sorted_[half:]]
         side[low], side[high] = 1, 2
-        edge = _touches(low, ptr, neighbours, side, 2)
-        other = _touches(high, ptr, neighbours, side, 1)
+        edge = _touches(low, ptr, neighbors, side, 2)
+        other = _touches(high, ptr, neighbors, side, 1)
         if edge.sum() <= other.sum():
-            found = low[~edge], high, low[edge]
+            parts = low[~edge], high, low[edge]
         else:
-            found = low, high[~other], high[other]
-        if best is None or len(found[2]) < len(best[2]):
-            best = found
+            parts = low, high[~other], high[other]
+        if best is None or len(parts[2]) < len(best[2]):
+            best = parts
     side[inside] = 0
     assert best is not None
     return best
 
 
 @compiled()
-def _touches(vertices: Int, ptr: Int, neighbours: Int, side: Any, of: int) -> Any:
-    """(k,) which of these have a neighbour on a side."""
+def _touches(vertices: Int, ptr: Int, neighbors: Int, side: Any, other: int) -> Any:
+    """Return which of the vertices (k,) have a neighbor on the other side."""
     out = np.zeros(len(vertices), np.bool_)
     for k in range(len(vertices)):
         v = vertices[k]
         for p in range(ptr[v], ptr[v + 1]):
-            if side[neighbours[p]] == of:
+            if side[neighbors[p]] == other:
                 out[k] = True
                 break
     return out
 
 
-_PADDING = 0.3  # of a block's entries that may be zeros
-_SLACK = 16  # zeros that a small block may have besides
-_WIDEST = 64  # columns of a block
+_MAX_ZERO_SHARE = 0.3  # of a block's entries
+_FREE_ZEROS = 16  # additional zeros that a small block may store
+_MAX_BLOCK_COLUMNS = 64
 
 
 @dataclass(frozen=True)
 class SparseFactor:
-    """`order` (n,) is the row of the matrix that stands at each place of a right side; blocks of
-    columns begin at `start` (k + 1,), their rows below are `rows` from `row_at` (k + 1,) on, their
-    entries `values` from `value_at` (k + 1,) on, column by column, each from the block's first row
-    on; `inverse` (n,) of the diagonal D."""
+    """The factor L D L^T of a matrix, in blocks of columns.
+
+    Attributes:
+        order: Row of the matrix at each position of a right side (n,).
+        start: First column of each of k blocks, and n (k + 1,).
+        row_at: Start of each block's rows below the block in `rows` (k + 1,).
+        rows: Rows below the blocks.
+        value_at: Start of each block's entries in `values` (k + 1,).
+        values: Entries, column by column, each column from the block's first row on.
+        inverse: Inverse of the diagonal D (n,).
+    """
 
     order: Int
     start: Int
@@ -100,23 +118,23 @@ class SparseFactor:
 
     @classmethod
     def of(cls, matrix: csr_array, order: Int) -> SparseFactor:
-        """Of a symmetric positive definite matrix (n, n), eliminated about in this order (n,)."""
+        """Factor a symmetric positive definite matrix (n, n), approximately in an `order` (n,)."""
         permuted = matrix[order][:, order].tocsc()
         lu = splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0,
                   options={"SymmetricMode": True})  # fmt: skip
         lower = (lu.L - eye_array(len(order), format="csc")).tocsc()
         lower.eliminate_zeros()
         lower.sort_indices()
-        place = np.empty(len(order), np.int64)
-        place[lu.perm_c] = order
+        position = np.empty(len(order), np.int64)
+        position[lu.perm_c] = order
         ptr, rows, values = lower.indptr.astype(np.int64), lower.indices, lower.data
         start = _blocks(ptr, rows)
         row_at, packed_rows, value_at, packed = _pack(ptr, rows, values, start)
         inverse = 1.0 / lu.U.diagonal()
-        return cls(place, start, row_at, packed_rows, value_at, packed, inverse)
+        return cls(position, start, row_at, packed_rows, value_at, packed, inverse)
 
     def solve(self, right: Float) -> None:
-        """In place, of right sides (3, n), whose entries stand in the factor's order."""
+        """Solve in place for three right sides (3, n), permuted to the factor's order."""
         _solve(
             self.start, self.row_at, self.rows, self.value_at, self.values, self.inverse, right
         )  # fmt: skip
@@ -124,18 +142,20 @@ class SparseFactor:
 
 @compiled()
 def _blocks(ptr: Int, rows: Int) -> Int:
-    """(k + 1,) where blocks of columns begin: a column joins the one before, whose first row it is,
-    while the zeros that have to be stored are few."""
+    """Return the first column of each block, and n (k + 1,).
+
+    A column joins the one before, whose first row it is, while few zeros have to be stored.
+    """
     n = len(ptr) - 1
     start = np.empty(n + 1, np.int64)
     start[0], count = 0, 1
     for j in range(1, n):
         first, width = start[count - 1], j + 1 - start[count - 1]
-        if ptr[j] > ptr[j - 1] and rows[ptr[j - 1]] == j and width <= _WIDEST:
-            full, have = width * (ptr[j + 1] - ptr[j]), 0
+        if ptr[j] > ptr[j - 1] and rows[ptr[j - 1]] == j and width <= _MAX_BLOCK_COLUMNS:
+            entries, nonzeros = width * (ptr[j + 1] - ptr[j]), 0
             for p in range(ptr[first], ptr[j + 1]):
-                have += rows[p] > j
-            if full - have <= _PADDING * full + _SLACK:
+                nonzeros += rows[p] > j
+            if entries - nonzeros <= _MAX_ZERO_SHARE * entries + _FREE_ZEROS:
                 continue
         start[count] = j
         count += 1
@@ -155,7 +175,7 @@ def _pack(ptr: Int, rows: Int, values: Float, start: Int) -> tuple[Int, Int, Int
     for s in range(blocks):
         first, end = start[s], start[s + 1]
         width = end - first
-        # Columns of a block have no rows that its last one has not: it is an ancestor of all.
+        # The last column of a block has all rows of the others: it is an ancestor of them.
         packed_rows[row_at[s] : row_at[s + 1]] = rows[ptr[end - 1] : ptr[end]]
         height = width + row_at[s + 1] - row_at[s]
         for j in range(first, end):
@@ -184,9 +204,9 @@ def _solve(
     b0, b1, b2 = below[0], below[1], below[2]
     for s in range(blocks):
         a, width, at = start[s], start[s + 1] - start[s], value_at[s]
-        # Views, whose indices count from 0: these loops are what is done at once.
-        own, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
-        height = len(own)
+        # Views with indices from 0 let these loops be vectorized.
+        below_rows, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
+        height = len(below_rows)
         b0[:height] = 0.0
         b1[:height] = 0.0
         b2[:height] = 0.0
@@ -204,15 +224,15 @@ def _solve(
                 b2[p] += column[p] * t2
             at += width + height
         for p in range(height):
-            x[own[p]] -= b0[p]
-            y[own[p]] -= b1[p]
-            z[own[p]] -= b2[p]
+            x[below_rows[p]] -= b0[p]
+            y[below_rows[p]] -= b1[p]
+            z[below_rows[p]] -= b2[p]
     for s in range(blocks - 1, -1, -1):
         a, width, at = start[s], start[s + 1] - start[s], value_at[s + 1]
-        own, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
-        height = len(own)
+        below_rows, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
+        height = len(below_rows)
         for p in range(height):
-            b0[p], b1[p], b2[p] = x[own[p]], y[own[p]], z[own[p]]
+            b0[p], b1[p], b2[p] = x[below_rows[p]], y[below_rows[p]], z[below_rows[p]]
         for j in range(width - 1, -1, -1):
             t0, t1, t2 = 0.0, 0.0, 0.0
             column = values[at - height : at]

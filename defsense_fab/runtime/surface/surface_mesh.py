@@ -1,4 +1,4 @@
-"""What is known of a surface before it moves: its shape at rest, and simulated states."""
+"""A surface at rest with its simulated states, the markers attached to it, and a coarser cage."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ from ...core.arrays import Bool, Float, Int
 from ...core.machine.compiled import compiled
 from .rotation import nearest_rotations
 
-# A coarse surface that carries a fine one along.
-
 
 @dataclass(frozen=True)
 class Cage:
-    """The coarse surface as a `basis` of its own; each of v fine vertices follows three of the
-    cage's `corners` (v, 3) by `weights` (v, 3): it stands at `away` (v, 3, 3) mm from them at rest,
-    and turns with each (linear blend skinning)."""
+    """A coarse surface that carries a fine one, by linear blend skinning.
+
+    Attributes:
+        basis: The coarse surface with its states.
+        corners: Coarse vertices that each fine vertex follows (v, 3).
+        weights: Their weights (v, 3).
+        offsets: Offsets of each fine vertex from them at rest (v, 3, 3), mm.
+    """
 
     basis: SurfaceBasis
     corners: Int
     weights: Float
-    away: Float
+    offsets: Float
 
     @classmethod
     def of(cls, fine: SurfaceBasis, count: int) -> Cage:
-        """Of about `count` vertices."""
+        """Build a cage of about `count` vertices for a fine surface."""
         vertices, triangles = decimated(fine.vertices, fine.triangles, count)
         below, shares = nearest_points(vertices, fine.vertices, fine.triangles)
         states = np.einsum("ck,sckd->scd", shares, fine.states[:, below])
@@ -38,35 +41,37 @@ class Cage:
         return cls(basis, corners, weights, fine.vertices[:, None] - vertices[corners])
 
     def surface(self, x: Float, rotations: Float) -> Float:
-        """Fine vertices (v, 3) mm, of the cage's (c, 3) and their rotations (c, 9)."""
+        """Return fine vertices (v, 3), mm, for the cage's vertices (c, 3) and rotations (c, 9)."""
         out = np.empty((len(self.corners), 3))
-        _carry(self.corners, self.weights, self.away, x, rotations, out)
+        _carry(self.corners, self.weights, self.offsets, x, rotations, out)
         return out
 
 
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def _carry(
-    corners: Int, weights: Float, away: Float, x: Float, rotations: Float, out: Float
+    corners: Int, weights: Float, offsets: Float, x: Float, rotations: Float, out: Float
 ) -> None:
     for v in range(len(corners)):
         s0, s1, s2 = 0.0, 0.0, 0.0
         for k in range(3):
             i, w = corners[v, k], weights[v, k]
             r = rotations[i]
-            a0, a1, a2 = away[v, k, 0], away[v, k, 1], away[v, k, 2]
+            a0, a1, a2 = offsets[v, k, 0], offsets[v, k, 1], offsets[v, k, 2]
             s0 += w * (x[i, 0] + r[0] * a0 + r[1] * a1 + r[2] * a2)
             s1 += w * (x[i, 1] + r[3] * a0 + r[4] * a1 + r[5] * a2)
             s2 += w * (x[i, 2] + r[6] * a0 + r[7] * a1 + r[8] * a2)
         out[v, 0], out[v, 1], out[v, 2] = s0, s1, s2
 
 
-# Where markers sit on the surface, and how they move with it.
-
-
 @dataclass(frozen=True)
 class Attachment:
-    """Each of m markers follows three vertices `corners` (m, 3) by `weights` (m, 3), and stands
-    off their surface by `offset` (m, 3) mm at rest, which turns with it."""
+    """Where m markers sit on a surface, and how they move with it.
+
+    Attributes:
+        corners: Vertices that each marker follows (m, 3).
+        weights: Their weights (m, 3).
+        offset: Offset of each marker from the surface at rest (m, 3), mm; it rotates with it.
+    """
 
     corners: Int
     weights: Float
@@ -74,42 +79,44 @@ class Attachment:
 
     @classmethod
     def of(cls, markers: Float, vertices: Float, triangles: Int) -> Attachment:
-        """Of markers (m, 3) mm, to the nearest points of a surface at rest."""
+        """Attach markers (m, 3), mm, to the nearest points of a surface at rest."""
         corners, weights = nearest_points(markers, vertices, triangles)
         on = np.einsum("mk,mkd->md", weights, vertices[corners])
         return cls(corners, weights, markers - on)
 
     def matrix(self, count: int) -> csr_array:
-        """(m, count): places on the surface of `count` vertices."""
+        """Return the weights as a matrix (m, count), for a surface of `count` vertices."""
         rows = np.repeat(np.arange(len(self.corners)), 3)
         shape = (len(self.corners), count)
         return csr_array((self.weights.ravel(), (rows, self.corners.ravel())), shape=shape)
 
     def on_surface(self, x: Float) -> Float:
-        """(m, 3) mm below the markers, of vertices x (v, 3)."""
+        """Return the points on the surface below the markers (m, 3), mm, for vertices x (v, 3)."""
         return np.asarray(np.einsum("mk,mkd->md", self.weights, x[self.corners]))
 
     def stand_off(self, rotations: Float) -> Float:
-        """(m, 3) mm from the surface to the markers, of the vertices' rotations (v, 9)."""
+        """Return the rotated offsets of the markers (m, 3), mm, by vertex rotations (v, 9)."""
         mean = np.einsum("mk,mkd->md", self.weights, rotations[self.corners])
         turned = nearest_rotations(mean.reshape(-1, 3, 3))
         return np.asarray(np.einsum("mij,mj->mi", turned, self.offset))
 
 
-# What libigl computes of a triangle surface: Laplacian, areas, nearest points, fewer triangles.
-
-_STEEPEST = 1e3  # cotangents beyond are those of triangles without area
+_MAX_COTANGENT = 1e3  # larger ones belong to triangles without area
 
 
 def laplacian(vertices: Float, triangles: Int) -> csr_array:
-    """The cotangent Laplacian (v, v), positive semidefinite, without unit."""
+    """Return the cotangent Laplacian (v, v), positive semidefinite and without unit."""
     matrix = csr_array(-igl.cotmatrix(vertices, triangles.astype(np.int64)))
     matrix.sum_duplicates()
     off = matrix.tocoo()
-    apart = off.row != off.col
-    weights = np.clip(np.nan_to_num(-off.data[apart], nan=0.0), -_STEEPEST, _STEEPEST)
-    weights[weights == 0.0] = 1e-12  # right-angled grids: an edge stays a neighbour
-    between = csr_array((weights, (off.row[apart], off.col[apart])), shape=matrix.shape)
+    is_off_diagonal = off.row != off.col
+    weights = np.clip(
+        np.nan_to_num(-off.data[is_off_diagonal], nan=0.0), -_MAX_COTANGENT, _MAX_COTANGENT
+    )
+    weights[weights == 0.0] = 1e-12  # edges of right-angled grids stay connected
+    between = csr_array(
+        (weights, (off.row[is_off_diagonal], off.col[is_off_diagonal])), shape=matrix.shape
+    )
     diagonal = csr_array((between.sum(axis=1), (np.arange(len(vertices)),) * 2), shape=matrix.shape)
     out = csr_array(diagonal - between)
     out.sort_indices()
@@ -117,7 +124,7 @@ def laplacian(vertices: Float, triangles: Int) -> csr_array:
 
 
 def vertex_areas(vertices: Float, triangles: Int) -> Float:
-    """A third of the triangles around each, (v,) mm^2."""
+    """Return a third of the area of the triangles around each vertex (v,), mm^2."""
     corners = vertices[triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(cross, axis=1) / 6
@@ -125,7 +132,7 @@ def vertex_areas(vertices: Float, triangles: Int) -> Float:
 
 
 def nearest_points(points: Float, vertices: Float, triangles: Int) -> tuple[Int, Float]:
-    """The triangle's vertices (p, 3) and weights (p, 3) of the nearest point to each (p, 3)."""
+    """Return the triangles (p, 3) and weights (p, 3) of the nearest points to points (p, 3)."""
     triangles = np.ascontiguousarray(triangles, np.int64)
     _, face, at = igl.point_mesh_squared_distance(
         np.ascontiguousarray(points), np.ascontiguousarray(vertices), triangles
@@ -147,7 +154,7 @@ def _barycentric(at: Float, a: Float, b: Float, c: Float) -> Float:
 
 
 def decimated(vertices: Float, triangles: Int, count: int) -> tuple[Float, Int]:
-    """About `count` vertices, by collapsing the shortest edges to their middles: even meshes."""
+    """Return a mesh of about `count` vertices, by collapsing the shortest edges."""
     coarse, faces = igl.decimate(
         np.asfortranarray(vertices), np.asfortranarray(triangles, np.int32), 2 * count
     )[:2]
@@ -157,9 +164,17 @@ def decimated(vertices: Float, triangles: Int, count: int) -> tuple[Float, Int]:
 
 @dataclass(frozen=True)
 class SurfaceBasis:
-    """`vertices` (v, 3) mm at rest and `triangles` (f, 3), each vertex in one at least;
-    displacements of simulated `states` (s, v, 3) mm, which may be none; `fixed` (v,) vertices that
-    no state moves."""
+    """A surface at rest, and its simulated states.
+
+    Attributes:
+        vertices: Vertices at rest (v, 3), mm, each in a triangle.
+        triangles: Triangles (f, 3).
+        states: Displacements in the simulated states (s, v, 3), mm; s may be 0.
+        fixed: Which vertices no state moves (v,).
+
+    Raises:
+        ValueError: The arrays do not fit each other.
+    """
 
     vertices: Float
     triangles: Int
@@ -183,7 +198,7 @@ class SurfaceBasis:
 
     @classmethod
     def at_rest(cls, vertices: Float, triangles: Int) -> SurfaceBasis:
-        """Without states: nothing is known of how it deforms."""
+        """Return a surface without simulated states."""
         count = len(vertices)
         return cls(
             np.asarray(vertices, float), np.asarray(triangles, np.int64), np.zeros((0, count, 3)),

@@ -1,4 +1,4 @@
-"""A small bar with its fields by formula, a model of it, and a read-out board that plays it."""
+"""A small bar with fields by formula, and a model of it."""
 
 import shutil
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from tests.twin.conftest import small_bar as small_bar_fixture
 small_bar = small_bar_fixture
 R0 = np.array([1500.0, 900.0])
 NAMES = ("cord_1", "cord_2")
-SHARE = 0.3  # of the formulas' quarter circle and turn
+SHARE = 0.3  # of the quarter circle and the turn of the formulas
 
 
 def moved(points, bend, twist):
-    """Displacements (m, 3) mm."""
+    """Return displacements (m, 3), mm."""
     return bent(points, SHARE * bend) + twisted(points, SHARE * twist)
 
 
 def signals(levels):
-    """(t, 2) of levels (t, 2) of bend and twist."""
+    """Return signals (t, 2) at levels (t, 2) of bend and twist."""
     return np.stack(
         [0.12 * levels[:, 0] + 0.03 * levels[:, 1], 0.1 * levels[:, 1] - 0.02 * levels[:, 0]],
         axis=1,
@@ -45,7 +45,7 @@ class LiveBar:
     rest_points: np.ndarray
 
     def run(self, seconds, seed, rate=60.0):
-        """A recording that begins with three seconds of rest, and its levels (n, 2)."""
+        """Return a recording that starts with three seconds of rest, and its levels (n, 2)."""
         rng = np.random.default_rng(seed)
         time = np.arange(0.0, seconds, 1 / rate)
         levels = np.abs(walk(time, 2, rng)) * np.clip((time - 3) / 2, 0, 1)[:, None]
@@ -81,6 +81,6 @@ def live_bar(small_bar, tmp_path_factory):
     model = train(dataset, TrainingOptions(decoder="quadratic", memory=False)).model
     from dataclasses import replace
 
-    told = {"provenance": dict(dataset.provenance), "R0": {"run-1": R0.tolist()}}
-    write_model(bar.model, replace(model, metadata=told))
+    metadata = {"provenance": dict(dataset.provenance), "R0": {"run-1": R0.tolist()}}
+    write_model(bar.model, replace(model, told=metadata))
     return bar

@@ -1,4 +1,4 @@
-"""Surfaces of known shape and motion for the tests of this folder."""
+"""Surfaces of known shape and motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tests.support.grid import grid_of_tets
 
 
 def bar(cells: tuple[int, int, int] = (20, 4, 4), size=(150.0, 30.0, 30.0)):
-    """Vertices and triangles of a box along x, its base at x = 0."""
+    """Return vertices and triangles of a box along x with its base at x = 0."""
     axes = [
         np.linspace(0, s, c + 1) - (s / 2 if k else 0)
         for k, (s, c) in enumerate(zip(size, cells, strict=True))
@@ -44,7 +44,7 @@ def bent(x: np.ndarray, bend: float, twist: float, length: float = 150.0) -> np.
 
 
 def spread(vertices: np.ndarray, triangles: np.ndarray, count: int, seed: int = 0) -> np.ndarray:
-    """Points (count, 3) on triangles, between vertices, far from each other."""
+    """Return points (count, 3) inside triangles, far from each other."""
     rng = np.random.default_rng(seed)
     corners = vertices[triangles[rng.choice(len(triangles), 20 * count)]]
     points = np.einsum("pk,pkd->pd", rng.dirichlet(np.ones(3), len(corners)), corners)

@@ -1,4 +1,4 @@
-"""The nearest rotation against singular values, among flat, reflected and vanishing matrices."""
+"""Nearest rotations against singular values, for flat, reflected and zero matrices, too."""
 
 import numpy as np
 import pytest
@@ -23,6 +23,6 @@ def test_agrees_with_singular_values(values):
     assert np.allclose(np.linalg.det(found), 1.0)
 
 
-def test_without_a_nearest_one_it_is_the_identity():
+def test_identity_if_no_rotation_is_nearest():
     matrices = np.stack([np.zeros((3, 3)), np.diag([1.0, 0.0, 0.0]), np.diag([-1.0, -1.0, -1.0])])
     assert np.array_equal(nearest_rotations(matrices), np.stack([np.eye(3)] * 3))

@@ -1,4 +1,4 @@
-"""The factor with its own triangular solves against dense algebra, and the order of elimination."""
+"""The factor against dense algebra, and the elimination order."""
 
 import numpy as np
 from scipy.sparse import csr_array, eye_array
@@ -8,7 +8,7 @@ from defsense_fab.runtime.surface.surface_mesh import laplacian
 from tests.runtime.surface import meshes
 
 
-def test_solves_as_a_dense_matrix_does():
+def test_solution_is_that_of_a_dense_matrix():
     vertices, triangles = meshes.ball()
     matrix = csr_array(laplacian(vertices, triangles) + 0.01 * eye_array(len(vertices)))
     order = elimination_order(vertices, matrix.indptr.astype(int), matrix.indices.astype(int))
@@ -21,7 +21,7 @@ def test_solves_as_a_dense_matrix_does():
     assert np.abs(found - expected[:, factor.order]).max() < 1e-10 * np.abs(expected).max()
 
 
-def test_dissection_leaves_less_to_fill_in_than_the_given_order():
+def test_dissection_reduces_fill_in():
     vertices, triangles = meshes.ball(4)
     matrix = csr_array(laplacian(vertices, triangles) + 0.01 * eye_array(len(vertices)))
     order = elimination_order(vertices, matrix.indptr.astype(int), matrix.indices.astype(int))

@@ -1,4 +1,4 @@
-"""As-rigid-as-possible surfaces against libigl's, and what soft and missing markers do."""
+"""As-rigid-as-possible surfaces against libigl, with soft and missing markers."""
 
 import igl
 import numpy as np
@@ -11,15 +11,15 @@ from tests.runtime.surface import meshes
 
 
 def solver_of(vertices, triangles, markers, fixed=None, still=1e-10, most=20_000):
-    held = np.zeros(len(vertices), bool) if fixed is None else fixed
-    net = ElasticNet.of(vertices, triangles, held)
+    is_fixed = np.zeros(len(vertices), bool) if fixed is None else fixed
+    net = ElasticNet.of(vertices, triangles, is_fixed)
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     attachment = Attachment.of(markers, net.rest, net.triangles)
     return ArapSolver(net, attachment, size, still, most), net
 
 
 def libigl(vertices, triangles, which, places):
-    """Its rotations are of single precision: it stops 1e-7 to 2e-5 of the size off the minimum."""
+    """Solve with libigl, whose single precision leaves errors of 1e-7 to 2e-5 of the size."""
     data = igl.ARAPData()
     data.energy = igl.ARAP_ENERGY_TYPE_SPOKES
     data.max_iter = 200
@@ -28,7 +28,7 @@ def libigl(vertices, triangles, which, places):
 
 
 def polished(vertices, triangles, which, x, rounds=50):
-    """Further rounds from x in double precision, by singular values and a dense Laplacian."""
+    """Iterate further from x in double precision, by singular values and a dense Laplacian."""
     laplacian = -igl.cotmatrix(vertices, triangles).toarray()
     weights = -laplacian * (1 - np.eye(len(vertices)))
     free = np.setdiff1d(np.arange(len(vertices)), which)
@@ -50,7 +50,7 @@ def polished(vertices, triangles, which, x, rounds=50):
     [meshes.bar((8, 2, 2)), meshes.ball(2), meshes.ring(24, 10)],
     ids=["bar", "ball", "ring"],
 )
-def test_converges_to_the_shape_and_energy_of_libigl(vertices, triangles):
+def test_shape_and_energy_are_those_of_libigl(vertices, triangles):
     which = np.unique(
         [np.abs(vertices - p).sum(axis=1).argmin() for p in meshes.spread(vertices, triangles, 24)]
     )
@@ -68,7 +68,7 @@ def test_converges_to_the_shape_and_energy_of_libigl(vertices, triangles):
     assert net.energy(x, rotations) == pytest.approx(energies[1], rel=1e-9)
 
 
-def test_hard_markers_are_met_and_fixed_vertices_stay():
+def test_hard_markers_are_reached_and_fixed_vertices_stay():
     vertices, triangles = meshes.bar()
     markers, base = meshes.spread(vertices, triangles, 15), vertices[:, 0] < 1.0
     markers = markers[markers[:, 0] > 12.0]
@@ -80,7 +80,7 @@ def test_hard_markers_are_met_and_fixed_vertices_stay():
     assert np.array_equal(x[net.fixed], net.rest[net.fixed])
 
 
-def test_a_rigid_motion_is_found_exactly_and_markers_off_the_surface_turn_with_it():
+def test_rigid_motion_is_exact_also_for_markers_off_the_surface():
     vertices, triangles = meshes.ball()
     markers = 1.05 * meshes.spread(vertices, triangles, 12)
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
@@ -89,7 +89,7 @@ def test_a_rigid_motion_is_found_exactly_and_markers_off_the_surface_turn_with_i
     assert np.abs(x - (net.rest @ turn.T + [5.0, 6.0, 7.0])).max() < 1e-5
 
 
-def test_a_marker_with_infinite_deviation_says_nothing_and_a_soft_one_little():
+def test_markers_count_by_their_deviation():
     vertices, triangles = meshes.bar((10, 3, 3))
     markers, base = meshes.spread(vertices, triangles, 10), vertices[:, 0] < 1.0
     markers = markers[markers[:, 0] > 20.0]
