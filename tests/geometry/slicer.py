@@ -1,4 +1,4 @@
-"""What an independent slicer says of exported parts."""
+"""Check exported parts with an independent slicer."""
 
 import shutil
 import subprocess
@@ -14,12 +14,12 @@ def accept(folder):
     paths = sorted(folder.glob("*.stl"))
     assert paths
     for path in paths:
-        said = subprocess.run(
+        output = subprocess.run(
             ["prusa-slicer", "--info", str(path)], capture_output=True, text=True, check=True
         ).stdout
-        assert "manifold = yes" in said
-        assert "open_edges" not in said
-        assert "facets_reversed" not in said
+        assert "manifold = yes" in output
+        assert "open_edges" not in output
+        assert "facets_reversed" not in output
 
 
 def slice_(path, folder):
@@ -28,10 +28,10 @@ def slice_(path, folder):
         pytest.skip("prusa-slicer is not installed")
     out = folder / f"{path.stem}.gcode"
     # Seams that hide in corners would be three quarters of the time.
-    done = subprocess.run(
+    process = subprocess.run(
         ["prusa-slicer", "-g", "--dont-arrange", "--bed-shape", "0x0,220x0,220x220,0x220",
          "--seam-position", "rear", "--output", str(out), str(path)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     assert out.stat().st_size > 10_000

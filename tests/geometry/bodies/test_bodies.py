@@ -1,4 +1,4 @@
-"""Bodies: what is repaired, and what is refused."""
+"""Bodies that are repaired, and bodies that are refused."""
 
 import numpy as np
 import pytest
@@ -29,15 +29,15 @@ def test_soup_and_small_holes_and_turned_faces_are_repaired(bar):
     faces = faces[1:].copy()
     faces[10] = faces[10][::-1]
     soup = vertices[faces].reshape(-1, 3)
-    v, f, done = repair_mesh(soup, np.arange(len(soup)).reshape(-1, 3), "x.stl")
+    v, f, sentences = repair_mesh(soup, np.arange(len(soup)).reshape(-1, 3), "x.stl")
     assert Surface(v, f).volume == pytest.approx(bar.volume, rel=1e-9)
-    assert len(done) == 3  # vertices merged, a hole closed, faces turned
+    assert len(sentences) == 3  # vertices merged, a hole closed, faces turned
 
 
 def test_inside_out_is_turned(bar):
-    v, f, done = repair_mesh(bar.vertices, bar.faces[:, ::-1], "x")
+    v, f, sentences = repair_mesh(bar.vertices, bar.faces[:, ::-1], "x")
     assert Surface(v, f).volume == pytest.approx(135000)
-    assert len(done) == 1
+    assert len(sentences) == 1
 
 
 def test_a_wide_hole_is_refused_with_its_place(bar):
@@ -129,10 +129,10 @@ def test_a_broken_file_is_one_line(tmp_path):
             {"line": 2, "exception": "ValueError", "message": "too short"},
         ),
         ("x = ", "script-raises", {"line": 1, "exception": "SyntaxError"}),
-        ("\nimport no_such.thing", "missing-library", {"line": 2, "module": "no_such"}),
+        ("\nimport no_such.thing", "library-missing", {"line": 2, "module": "no_such"}),
         (
             "raise ImportError('libGL.so.1: no such file', name='OCP.OCP')",
-            "missing-library",
+            "library-broken",
             {"line": 1, "module": "OCP.OCP"},
         ),
         ("import sys\nsys.exit(3)", "script-exits", {"line": 2}),

@@ -6,7 +6,7 @@ from tests.support.body_fuzz import built, mutated, outcome
 
 
 @pytest.mark.slow
-def test_damaged_files_are_refused_in_a_line_or_read(tmp_path):
+def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
     files = mutated(60, 7)[::15]
     for k, (name, content) in enumerate(files):
         folder = tmp_path / str(k)

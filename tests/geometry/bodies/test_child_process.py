@@ -1,4 +1,4 @@
-"""Scripts and the mesher in processes of their own: modules, limits, Ctrl-C, crashes."""
+"""Scripts and the mesher in child processes: modules, limits, Ctrl-C, crashes."""
 
 import importlib
 import os
@@ -40,8 +40,8 @@ def gone(pids, seconds=10):
 
 
 def running(pid):
-    said = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
-    return bool(said.stdout.strip()) and not said.stdout.startswith("Z")
+    listing = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
+    return bool(listing.stdout.strip()) and not listing.stdout.startswith("Z")
 
 
 def appears(file, seconds=60):
@@ -60,7 +60,7 @@ def interrupts():
     signal.signal(signal.SIGINT, before)
 
 
-def test_two_devices_have_helpers_of_one_name(tmp_path):
+def test_two_devices_may_have_helpers_of_one_name(tmp_path):
     for name, size in (("a", 20), ("b", 40)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "body.py").write_text(BOX)
@@ -70,7 +70,7 @@ def test_two_devices_have_helpers_of_one_name(tmp_path):
     assert "helper" not in sys.modules
 
 
-def test_what_a_script_does_to_its_process_stays_there(tmp_path, capsys):
+def test_effects_of_a_script_stay_in_its_process(tmp_path, capsys):
     (tmp_path / "body.py").write_text(
         "import os, sys\nimport build123d as bd\n"
         "os.environ['MARK'] = '1'; os.chdir('/'); sys.path.clear(); print('said')\n"
@@ -84,7 +84,7 @@ def test_what_a_script_does_to_its_process_stays_there(tmp_path, capsys):
     assert capsys.readouterr() == ("", "said\n")
 
 
-def test_a_script_that_never_ends_is_stopped_with_all_that_it_started(tmp_path):
+def test_endless_script_is_stopped_with_its_processes(tmp_path):
     (tmp_path / "body.py").write_text(SLEEPER)
     file = tmp_path / "pids"
     spec = BodySpec("script", tmp_path / "body.py", {"file": str(file)}, time_limit=3)
@@ -93,7 +93,7 @@ def test_a_script_that_never_ends_is_stopped_with_all_that_it_started(tmp_path):
     assert gone(appears(file, 1))
 
 
-def test_ctrl_c_stops_a_script_and_all_that_it_started(tmp_path, interrupts):
+def test_ctrl_c_stops_a_script_with_its_processes(tmp_path, interrupts):
     (tmp_path / "body.py").write_text(SLEEPER)
     file = tmp_path / "pids"
 
@@ -107,7 +107,7 @@ def test_ctrl_c_stops_a_script_and_all_that_it_started(tmp_path, interrupts):
     assert gone(appears(file))
 
 
-def test_a_caller_that_is_killed_takes_its_script_along(tmp_path):
+def test_script_ends_with_its_killed_caller(tmp_path):
     (tmp_path / "body.py").write_text(SLEEPER)
     file = tmp_path / "pids"
     code = (
@@ -126,7 +126,7 @@ def test_a_caller_that_is_killed_takes_its_script_along(tmp_path):
     ("end", "returncode"),
     [("os.kill(os.getpid(), 11)", -11), ("os._exit(3)", 3), ("os.kill(os.getpid(), 9)", -9)],
 )
-def test_a_script_that_ends_its_process_is_one_line(tmp_path, end, returncode):
+def test_crash_of_a_script_is_reported_in_one_line(tmp_path, end, returncode):
     (tmp_path / "body.py").write_text(f"import os\ndef body():\n    print('before')\n    {end}\n")
     with raises(BodyError, "process-ended-early", returncode=returncode) as caught:
         load_body(BodySpec("script", tmp_path / "body.py"))
@@ -141,7 +141,7 @@ def test_a_script_finds_nothing_on_standard_input(tmp_path):
         load_body(BodySpec("script", tmp_path / "body.py"))
 
 
-def test_parameters_are_plain(tmp_path):
+def test_parameters_are_converted_to_json(tmp_path):
     import datetime
 
     import numpy as np
@@ -163,17 +163,17 @@ def test_the_mesher_is_stopped_at_its_limit(bar):
 
 def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    found = []
+    pids_found = []
 
     def interrupt():
         deadline = time.monotonic() + 30
-        while not found and time.monotonic() < deadline:
-            said = subprocess.run(
+        while not pids_found and time.monotonic() < deadline:
+            listing = subprocess.run(
                 ["ps", "-ww", "-eo", "pid=,args="], capture_output=True, text=True
             )
-            found.extend(
+            pids_found.extend(
                 int(line.split()[0])
-                for line in said.stdout.splitlines()
+                for line in listing.stdout.splitlines()
                 if str(tmp_path) in line and "meshers" in line
             )
         time.sleep(1)
@@ -184,6 +184,6 @@ def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         tetrahedralize(bar, 1.5)
     assert time.monotonic() - begin < 30
-    assert found
-    assert gone(found)
+    assert pids_found
+    assert gone(pids_found)
     assert list(Path(tmp_path).iterdir()) == []

@@ -1,4 +1,4 @@
-"""Connector bays, and the wires' ways to them or out of the skin."""
+"""Connector bays, and the wires' routes to them or out of the skin."""
 
 from dataclasses import replace
 
@@ -58,19 +58,19 @@ def body():
 
 
 @pytest.fixture(scope="module")
-def made(body):
+def part_set(body):
     return make_parts(body.surface, CORDS, rules(replace(WIRES, bay=body.bay)), solid=body.solid)
 
 
-def leads(made):
-    found = [(c, e.lead) for c in made.channels for e in c.ends if e.lead]
+def leads(part_set):
+    found = [(c, e.lead) for c in part_set.channels for e in c.ends if e.lead]
     assert found
     return found
 
 
-def test_every_wire_reaches_the_bay(made, body):
-    assert [e.wire for c in made.channels for e in c.ends] == ["bay"] * 6
-    for channel, lead in leads(made):
+def test_every_wire_reaches_the_bay(part_set, body):
+    assert [e.wire for c in part_set.channels for e in c.ends] == ["bay"] * 6
+    for channel, lead in leads(part_set):
         end = lead.whole[-1]
         local = (end - body.bay.origin) @ body.bay.axes
         assert (np.abs(local[:2]) < [7, 3.5]).all()
@@ -84,24 +84,24 @@ def test_every_wire_reaches_the_bay(made, body):
         assert (lead.drop is not None) == (channel.name == "above")
 
 
-def test_bends_hold_the_wires(made):
+def test_bends_hold_the_wires(part_set):
     """At least 45 degrees before anything else, and no bend tighter than two diameters."""
-    for _, lead in leads(made):
+    for _, lead in leads(part_set):
         first = np.abs(lead.way.moves[: HEADINGS // 8])
         assert (first == 1).all()
         assert bend_radius(lead.inside).min() == pytest.approx(2.6, rel=0.01)
 
 
-def test_leads_keep_their_walls(made, body):
+def test_leads_keep_their_walls(part_set, body):
     whole = body.surface
     # Facets of the bay's walls do not count: the wire ends there.
     corners = whole.vertices[whole.faces]
     local = np.abs((corners - body.bay.origin) @ body.bay.axes)
     skin = whole.faces[~((local[:, :, 0] < 7.01) & (local[:, :, 1] < 3.51)).all(axis=1)]
-    for channel, lead in leads(made):
+    for channel, lead in leads(part_set):
         square = igl.point_mesh_squared_distance(lead.whole, whole.vertices, skin)[0]
         assert np.sqrt(square).min() > 0.65 + 0.8 - 0.03
-        for other in made.channels:
+        for other in part_set.channels:
             if other is not channel:
                 for points, radius in other.hollows(2.2, rules(WIRES).pockets):
                     gap = np.linalg.norm(lead.whole[:, None] - points[None], axis=2).min()
@@ -112,20 +112,20 @@ def test_leads_keep_their_walls(made, body):
             assert gap > 0.65 + 1.1 + 0.8 - 0.05
 
 
-def test_wires_lie_in_air_and_can_be_laid_in(made, tmp_path):
+def test_wires_lie_in_air_and_can_be_inserted(part_set, tmp_path):
     """Measured on what the STL files hold, closed and with the halves apart."""
     import trimesh
 
-    assert sum(len(made.channels[c].leads) for cut in made.cuts for c in cut.cords) >= 6
+    assert sum(len(part_set.channels[c].leads) for cut in part_set.cuts for c in cut.cords) >= 6
     parts = []
-    for part in made.parts:
+    for part in part_set.parts:
         write_stl(part.surface, tmp_path / "part.stl")
         mesh = trimesh.load(tmp_path / "part.stl", force="mesh")
         assert mesh.is_watertight
         parts.append((np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)))
-    for cut in made.cuts:
+    for cut in part_set.cuts:
         for c in cut.cords:
-            for lead in made.channels[c].leads:
+            for lead in part_set.channels[c].leads:
                 for lift in (0.0, 0.5, 3.0, 12.0):
                     for side, sign in zip(cut.sides, (-1, 1), strict=True):
                         for i in side:
@@ -136,15 +136,15 @@ def test_wires_lie_in_air_and_can_be_laid_in(made, tmp_path):
                             assert np.sqrt(square).min() > 0.55
 
 
-def test_both_kernels_cut_the_same_leads(made):
-    assert not [w for w in made.warnings if "STEP" in w]
-    for part in made.parts:
+def test_both_kernels_cut_the_same_leads(part_set):
+    assert not [w for w in part_set.warnings if "STEP" in w]
+    for part in part_set.parts:
         assert occ.volume(part.solid) == pytest.approx(part.volume, rel=1e-3)
 
 
-def test_without_a_bay_wires_leave_beside_the_mouth(bar):
-    made = make_parts(bar, CORDS[:2], rules(WIRES))
-    found = [(c, e) for c in made.channels for e in c.ends]
+def test_without_a_bay_wires_leave_next_to_the_mouth(bar):
+    part_set = make_parts(bar, CORDS[:2], rules(WIRES))
+    found = [(c, e) for c in part_set.channels for e in c.ends]
     assert [e.wire for _, e in found] == ["bend"] * 4
     for _, end in found:
         assert end.pocket == pytest.approx(7 + WIRES.room(0.8))
@@ -154,30 +154,30 @@ def test_without_a_bay_wires_leave_beside_the_mouth(bar):
         assert np.linalg.norm(end.lead.exit - end.mouth) > 1.4 + 0.53 + 0.8 + 0.65
 
 
-def test_a_wire_that_has_no_way_says_why_and_leaves_by_its_mouth(bar):
-    far = place_bay(replace(BAY, at=np.array([75.0, 0, -15])), bar)
+def test_wire_without_a_route_states_why_and_leaves_by_its_mouth(bar):
+    far_bay = place_bay(replace(BAY, at=np.array([75.0, 0, -15])), bar)
     body = triangle_kernel.to_surface(
-        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [far])
+        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [far_bay])
     )
     under = cord("under", [0, 0, 0], [[2, -11], [10, -11], [75, -3], [140, -11], [148, -11]],
                  (0, 1, 0))  # fmt: skip
-    made = make_parts(body, [under], rules(replace(WIRES, bay=far, relief=False)))
-    assert [e.wire for e in made.channels[0].ends] == ["bay", "bay"]
+    part_set = make_parts(body, [under], rules(replace(WIRES, bay=far_bay, relief=False)))
+    assert [e.wire for e in part_set.channels[0].ends] == ["bay", "bay"]
     away = cord("away", [0, 0, -9], [[100, -13], [100, -9], [100, 0], [100, 9], [100, 13]])
-    made = make_parts(body, [away], rules(replace(WIRES, bay=far, relief=False)))
-    for end, which in zip(made.channels[0].ends, ("start", "end"), strict=True):
+    part_set = make_parts(body, [away], rules(replace(WIRES, bay=far_bay, relief=False)))
+    for end, which in zip(part_set.channels[0].ends, ("start", "end"), strict=True):
         assert end.wire == "mouth"
         assert end.pocket == 7.0
         assert end.unled
-        assert any("cord away" in w and which in w and end.unled in w for w in made.warnings)
+        assert any("cord away" in w and which in w and end.unled in w for w in part_set.warnings)
 
 
 def test_a_cord_that_ends_in_the_bay_needs_no_lead(body):
     ends = [[9, 0], [16, 0], [60, 2], [140, 0], [148, 0]]
-    made = make_parts(
+    part_set = make_parts(
         body.surface, [cord("c", [0, 0, 0], ends)], rules(replace(WIRES, bay=body.bay))
     )
-    start, end = made.channels[0].ends
+    start, end = part_set.channels[0].ends
     assert start.wire == "bay"
     assert start.lead is None
     assert start.pocket == 7.0
@@ -185,12 +185,12 @@ def test_a_cord_that_ends_in_the_bay_needs_no_lead(body):
     assert end.lead is not None
 
 
-def test_a_bend_keeps_off_its_own_cord(bar):
+def test_bends_keep_away_from_their_own_cord(bar):
     """Mouths 6 mm apart on one face: the bends go to the outer sides."""
     leg = [[2, 3], [6, 3], [10, 3], [14, 3], [18, 3.3], [24, 5.2], [30, 7], [36, 8], [42, 6]]
     points = [[x, -y] for x, y in leg] + [[44.5, 0]] + [[x, y] for x, y in leg[::-1]]
-    made = make_parts(bar, [cord("loop", [0, 0, 0], points)], rules(WIRES))
-    for end, twin in zip(made.channels[0].ends, made.channels[0].ends[::-1], strict=True):
+    part_set = make_parts(bar, [cord("loop", [0, 0, 0], points)], rules(WIRES))
+    for end, twin in zip(part_set.channels[0].ends, part_set.channels[0].ends[::-1], strict=True):
         assert end.wire == "bend"
         other = twin.mouth - np.linspace(0, twin.pocket, 50)[:, None] * twin.out
         gap = np.linalg.norm(end.lead.inside[:, None] - other[None], axis=2).min()
@@ -198,15 +198,17 @@ def test_a_bend_keeps_off_its_own_cord(bar):
 
 
 def test_seats_keep_out_of_the_bay(bar):
-    wide = place_bay(BaySpec(np.array([75.0, 0, 15]), (24.0, 24.0, 6.0)), bar)
+    wide_bay = place_bay(BaySpec(np.array([75.0, 0, 15]), (24.0, 24.0, 6.0)), bar)
     body = triangle_kernel.to_surface(
-        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [wide])
+        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [wide_bay])
     )
-    asked = replace(rules(replace(WIRES, bay=wide)), seats=20)
-    made = make_parts(body, [cord("c", [0, 0, -8], [[2, 0], [10, 0], [60, 0], [148, 0]])], asked)
-    assert len(made.seats) > 10
-    for seat in made.seats:
-        beside = np.abs((seat.center - wide.origin) @ wide.axes)
+    requested_rules = replace(rules(replace(WIRES, bay=wide_bay)), seats=20)
+    part_set = make_parts(
+        body, [cord("c", [0, 0, -8], [[2, 0], [10, 0], [60, 0], [148, 0]])], requested_rules
+    )
+    assert len(part_set.seats) > 10
+    for seat in part_set.seats:
+        beside = np.abs((seat.center - wide_bay.origin) @ wide_bay.axes)
         assert (beside[:2] > 12).any() or beside[2] > 8
 
 
@@ -222,11 +224,11 @@ def test_a_bay_opens_square_to_the_face_however_the_body_lies(seed):
     vertices = np.asarray(box.vertices) @ turn.T
     body = Surface(np.ascontiguousarray(vertices), np.asarray(box.faces, np.int64))
     # 12 mm from two edges, so that the other faces lie within the opening's reach.
-    made = place_bay(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
-    assert made.axes[:, 2] == pytest.approx(turn[:, 2], abs=1e-9)
+    part_set = place_bay(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
+    assert part_set.axes[:, 2] == pytest.approx(turn[:, 2], abs=1e-9)
 
 
-def test_what_lies_over_or_behind_a_bay_is_seen():
+def test_obstacles_over_or_behind_a_bay_are_detected():
     import trimesh
 
     from defsense_fab.core.mesh import Surface
@@ -266,7 +268,7 @@ def test_a_bay_without_room_is_refused(bar, at, size, code):
         place_bay(BaySpec(np.array(at, float), size), bar)
 
 
-def test_a_round_skin_is_refused_where_it_falls_away():
+def test_bay_in_a_strongly_curved_skin_is_refused():
     import trimesh
 
     from defsense_fab.core.mesh import Surface
@@ -281,15 +283,15 @@ def test_a_round_skin_is_refused_where_it_falls_away():
     assert 36 * 5 < cap < 36 * 6  # its floor lies 5 mm under the lowest skin of its opening
 
 
-def test_bodies_of_either_kind_get_their_bay(tmp_path):
+def test_cad_and_mesh_bodies_get_their_bay(tmp_path):
     script = tmp_path / "box.py"
     script.write_text("import build123d as bd\ndef body():\n    return bd.Box(40, 30, 20)\n")
     spec = BodySpec("script", script, bay=BaySpec(np.array([0.0, 0, 10]), (14.0, 7.0, 8.0)))
     cad = load_body(spec)
     write_stl(load_body(replace(spec, bay=None)).surface, tmp_path / "box.stl")
     mesh = load_body(replace(spec, kind="mesh", path=tmp_path / "box.stl"))
-    for made in (cad, mesh):
-        assert made.volume == pytest.approx(40 * 30 * 20 - 14 * 7 * 8, rel=1e-6)
-        assert made.surface.volume == pytest.approx(made.volume, rel=1e-6)
-        assert made.bay is not None
+    for part_set in (cad, mesh):
+        assert part_set.volume == pytest.approx(40 * 30 * 20 - 14 * 7 * 8, rel=1e-6)
+        assert part_set.surface.volume == pytest.approx(part_set.volume, rel=1e-6)
+        assert part_set.bay is not None
     assert occ.volume(cad.solid) == pytest.approx(cad.volume)

@@ -1,5 +1,4 @@
-"""Facets of the same points are the same, however they were ordered and whatever diagonals they
-had."""
+"""Facets of the same points do not depend on their order and diagonals."""
 
 import build123d as bd
 import numpy as np
@@ -53,16 +52,16 @@ def test_order_and_diagonals_do_not_matter(seed):
     shuffle = rng.permutation(len(surface.vertices))
     where = np.argsort(shuffle)
     faces = where[faces][rng.permutation(len(faces))]
-    vertices, found = canonicalize(surface.vertices[shuffle], np.roll(faces, 1, axis=1))
+    vertices, faces_out = canonicalize(surface.vertices[shuffle], np.roll(faces, 1, axis=1))
     np.testing.assert_array_equal(vertices, surface.vertices)
-    np.testing.assert_array_equal(found, surface.faces)
+    np.testing.assert_array_equal(faces_out, surface.faces)
 
 
 def test_facets_of_a_sharp_or_uneven_body_stay():
     """A tetrahedron in random position has no four points of a smooth face on a circle."""
     corners = np.random.default_rng(0).normal(size=(4, 3))
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    vertices, found = canonicalize(corners, faces)
+    vertices, faces_out = canonicalize(corners, faces)
     assert vertices.shape == (4, 3)
-    sides = {frozenset(f) for f in found.tolist()}
+    sides = {frozenset(f) for f in faces_out.tolist()}
     assert sides == {frozenset(range(4)) - {k} for k in range(4)}

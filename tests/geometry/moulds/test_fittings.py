@@ -23,8 +23,8 @@ def test_a_screw_of_10_mm_holds_pieces_of_any_height(height):
 
     def holes(piece, at, radius):
         """How many round holes of the radius there are in the piece at a height."""
-        found = piece.slice(at).to_polygons()
-        areas = [abs(float(m3.CrossSection([p[::-1]]).area())) for p in found]
+        outlines = piece.slice(at).to_polygons()
+        areas = [abs(float(m3.CrossSection([p[::-1]]).area())) for p in outlines]
         return sum(a == pytest.approx(np.pi * radius**2, rel=0.02) for a in areas)
 
     heights = np.arange(0.05, height, 0.1)
@@ -37,7 +37,7 @@ def test_a_screw_of_10_mm_holds_pieces_of_any_height(height):
     assert holes(joint.below, -6.9, 1.25) == joint.screws
 
 
-def test_no_screw_goes_through_what_is_cast():
+def test_no_screw_crosses_the_cast():
     """Over the seats, between the heights at which a piece is looked at, and below."""
     for z in (15.0, -5.0):
         slab = m3.Manifold.cube([70, 50, 0.5], True).translate([0, 0, z])
@@ -46,7 +46,7 @@ def test_no_screw_goes_through_what_is_cast():
 
 @pytest.mark.parametrize("edge", np.arange(-21.0, 10.0, 2.5))
 @pytest.mark.parametrize("z", [15.0, -5.0])
-def test_screws_find_places_where_they_leave_a_wall_to_what_is_cast(edge, z):
+def test_screws_leave_a_wall_to_the_cast(edge, z):
     slab = m3.Manifold.cube([100, 50, 0.5]).translate([edge, -25, z])
     joint = join_pieces(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1)
     assert joint.screws >= 1

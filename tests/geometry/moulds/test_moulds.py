@@ -1,4 +1,4 @@
-"""Moulds: closed, open without undercut, and they hold what they are to hold."""
+"""Moulds are closed, open without undercut, and hold their parts."""
 
 from dataclasses import replace
 
@@ -36,15 +36,17 @@ def slanted():
 
 
 @pytest.fixture(scope="module")
-def made(bar):
+def part_set(bar):
     return make_parts(bar, slanted(), RULES)
 
 
 @pytest.fixture(scope="module")
-def moulds(made):
-    told = []
-    out = make_moulds(made, MouldRules(shrinkage=SHRINKAGE), lambda done, what: told.append(what))
-    assert told == [f"mould of {p.name}" for p in made.parts]
+def moulds(part_set):
+    messages = []
+    out = make_moulds(
+        part_set, MouldRules(shrinkage=SHRINKAGE), lambda result, what: messages.append(what)
+    )
+    assert messages == [f"mould of {p.name}" for p in part_set.parts]
     return out
 
 
@@ -60,8 +62,8 @@ def inside(surface, points):
     return np.asarray(igl.fast_winding_number(surface.vertices, surface.faces, points)) > 0.5
 
 
-def test_every_part_has_a_mould_of_few_closed_pieces(made, moulds):
-    assert [m.part for m in moulds] == [p.name for p in made.parts]
+def test_every_part_has_a_mould_of_few_closed_pieces(part_set, moulds):
+    assert [m.part for m in moulds] == [p.name for p in part_set.parts]
     assert all(2 <= len(m.pieces) <= 4 for m in moulds)
     assert min(len(m.pieces) for m in moulds) == 2  # one face: a cup and its lid
     for mould in moulds:
@@ -74,18 +76,18 @@ def test_every_part_has_a_mould_of_few_closed_pieces(made, moulds):
 
 
 def test_checks_of_sound_moulds_hold(moulds):
-    """What the guide prints beside its limit."""
+    """The guide prints these values next to their limits."""
     for check in (c for m in moulds for c in m.checks):
         assert check.holds, check
         if "keys" in check.name:
             assert not check.note
 
 
-def test_the_cavity_is_the_part_less_its_shrinkage(made, moulds):
+def test_the_cavity_is_the_part_less_its_shrinkage(part_set, moulds):
     """By points of the block, of which each is in one piece, in the cavity, or in the play between
     pieces: kernels and construction are out of it."""
     rng = np.random.default_rng(5)
-    for part, mould in list(zip(made.parts, moulds, strict=True))[:2]:
+    for part, mould in list(zip(part_set.parts, moulds, strict=True))[:2]:
         assert mould.cavity * (1 - SHRINKAGE) ** 3 == pytest.approx(part.volume, rel=1e-3)
         solids = [enlarged(part), *(p.surface for p in mould.pieces)]
         low = np.min([s.bounds[0] for s in solids], axis=0)
@@ -100,10 +102,10 @@ def test_the_cavity_is_the_part_less_its_shrinkage(made, moulds):
         assert (owners > 0).mean() * box == pytest.approx(whole, rel=0.04)
 
 
-def test_pieces_come_off_without_passing_through_the_part(made, moulds):
+def test_pieces_come_off_without_passing_through_the_part(part_set, moulds):
     """Rays from each piece's surface along its way meet the part nowhere."""
     rng = np.random.default_rng(6)
-    for part, mould in zip(made.parts, moulds, strict=True):
+    for part, mould in zip(part_set.parts, moulds, strict=True):
         cast = enlarged(part)
         assert mould.strain == 0
         for piece in mould.pieces:
@@ -118,13 +120,13 @@ def test_pieces_come_off_without_passing_through_the_part(made, moulds):
                 assert len(met) < 2 or np.ptp(met) < 0.6 or len(met) % 2 == 1
 
 
-def test_a_piece_that_locks_is_found(made, moulds):
-    """The check itself: along another way the same pieces do not come off."""
+def test_a_piece_that_locks_is_found(part_set, moulds):
+    """The check fails if the pieces come off in another direction."""
     from defsense_fab.geometry.kernels import triangle_kernel
 
     mould = moulds[0]
     solids = [triangle_kernel.to_manifold(p.surface, p.name) for p in mould.pieces]
-    cast = triangle_kernel.to_manifold(enlarged(made.parts[0]), "part")
+    cast = triangle_kernel.to_manifold(enlarged(part_set.parts[0]), "part")
     across = axes_from_normal(mould.pieces[0].opens)[:, 0]
     with pytest.raises(FabricationError) as caught:
         check_opening(
@@ -133,8 +135,8 @@ def test_a_piece_that_locks_is_found(made, moulds):
     assert caught.value.code in ("mould-pieces-lock", "mould-does-not-open")
 
 
-def test_one_pours_at_the_top_and_air_leaves_there(made, moulds):
-    for part, mould in zip(made.parts, moulds, strict=True):
+def test_pouring_hole_and_vents_are_at_the_top(part_set, moulds):
+    for part, mould in zip(part_set.parts, moulds, strict=True):
         top = (enlarged(part).vertices @ mould.up).max()
         for hole in (mould.pour, *mould.vents):
             assert hole @ mould.up == pytest.approx(top, abs=0.01)
@@ -163,8 +165,8 @@ def over_the_middle():
 
 @pytest.mark.slow
 def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
-    made = make_parts(ball_with_holes([]), over_the_middle(), replace(RULES, pockets=None))
-    low, high = make_moulds(made, MouldRules())
+    part_set = make_parts(ball_with_holes([]), over_the_middle(), replace(RULES, pockets=None))
+    low, high = make_moulds(part_set, MouldRules())
     assert [p.name for p in low.pieces] == [
         "mould-1-bottom-lid", "mould-1-bottom-cup-1", "mould-1-bottom-cup-2",
     ]  # fmt: skip
@@ -176,10 +178,10 @@ def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
 
 
 @pytest.mark.slow
-def test_holes_that_no_mould_leaves_are_refused_with_their_place():
+def test_holes_that_cannot_be_cast_are_refused_with_their_place():
     across = [([1, 0, 0], (0, y, -2)) for y in (-10, 10)]
     body = ball_with_holes(across + [([0, 1, 0], (x, 0, -14)) for x in (-8, 8)])
-    made = make_parts(body, over_the_middle(), replace(RULES, pockets=None))
+    part_set = make_parts(body, over_the_middle(), replace(RULES, pockets=None))
     with raises(FabricationError, "undercut-too-deep", part="1-bottom") as caught:
-        check_openings(made, MouldRules())
+        check_openings(part_set, MouldRules())
     assert len(caught.value.data["at"]) == 3

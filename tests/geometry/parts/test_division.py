@@ -1,18 +1,22 @@
-"""The order in which a body is divided, and in which it is therefore put together."""
+"""The order in which a body is divided, and in which it is therefore assembled."""
+
+import math
 
 import pytest
 
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.parts.division import plan_division
+from defsense_fab.geometry.parts import division
+from defsense_fab.geometry.parts.division import cut_orders, plan_division
+from defsense_fab.optimize.limits import thin_parts
 from tests.geometry.parts.cords import cord
 
 ALONG = [[2, 0], [50, 0], [100, 0], [148, 0]]
 
 
 @pytest.mark.parametrize("through", [True, False])
-def test_a_short_cord_is_laid_in_one_joint_and_a_long_one_in_two(bar, through):
+def test_short_cord_lies_in_one_joint_and_long_one_in_two(bar, through):
     """30 mm across the bar, through the upper one of two planes of 150 mm along it."""
     cords = [
         cord("high", [0, 0, 1], [0, 10, 1], [1, 0, 0], ALONG),
@@ -24,8 +28,24 @@ def test_a_short_cord_is_laid_in_one_joint_and_a_long_one_in_two(bar, through):
     body = triangle_kernel.to_manifold(bar, "bar")
 
     def parts_and_joints(across):
-        found = plan_division(body, channels, 1.1, 1.0, 0.15, False, through, across)
-        return len(found.leaves), [sum(k in c.cords for c in found.cuts) for k in range(3)]
+        planned = plan_division(body, channels, 1.1, 1.0, 0.15, False, through, across)
+        return len(planned.leaves), [sum(k in c.cords for c in planned.cuts) for k in range(3)]
 
     assert parts_and_joints(0.0) == (5, [1, 1, 2])
     assert parts_and_joints(34.0) == (5, [2, 1, 1])
+
+
+@pytest.mark.parametrize("planes", range(1, 8))
+def test_all_orders_of_few_planes_and_one_of_many(planes):
+    orders = cut_orders(planes)
+    assert orders[0] == tuple(range(planes))
+    assert {tuple(sorted(o)) for o in orders} == {tuple(range(planes))}
+    assert len(orders) == len(set(orders)) == (math.factorial(planes) if planes <= 4 else 1)
+
+
+def test_planes_of_short_cords_are_cut_first_among_many():
+    assert cut_orders(6, [4, 1]) == [(0, 1, 2, 3, 4, 5), (4, 1, 0, 2, 3, 5)]
+
+
+def test_optimizer_and_fabrication_compare_the_same_orders():
+    assert thin_parts.cut_orders is division.cut_orders is cut_orders

@@ -1,4 +1,4 @@
-"""Parts as they are exported: volumes, sockets, grooves, numbers, and what is refused."""
+"""Parts as they are exported: volumes, sockets, grooves, numbers and refusals."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def crossing():
 
 
 @pytest.fixture(scope="module")
-def made(bar):
+def part_set(bar):
     import build123d as bd
 
     solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
@@ -48,11 +48,11 @@ def made(bar):
 
 
 @pytest.fixture(scope="module")
-def exported(made, tmp_path_factory):
-    """What the STL files hold."""
+def exported(part_set, tmp_path_factory):
+    """Surfaces as read from the STL files."""
     folder = tmp_path_factory.mktemp("stl")
     out = []
-    for part in made.parts:
+    for part in part_set.parts:
         write_stl(part.surface, folder / f"{part.name}.stl")
         mesh = trimesh.load(folder / f"{part.name}.stl", force="mesh")
         out.append(Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)))
@@ -64,16 +64,18 @@ def distance(surface, points):
     return np.sqrt(square)
 
 
-def test_exported_parts_and_what_was_cut_out_add_up(made, exported):
-    assert len(made.parts) >= 5
+def test_exported_parts_and_removed_volume_add_up(part_set, exported):
+    assert len(part_set.parts) >= 5
     total = sum(triangle_kernel.to_manifold(s, "part").volume() for s in exported)
-    assert total + made.cut_out == pytest.approx(135000, rel=1e-5)
-    channels = triangle_kernel.union([c.solid for c in made.channels])
+    assert total + part_set.cut_out == pytest.approx(135000, rel=1e-5)
+    channels = triangle_kernel.union([c.solid for c in part_set.channels])
     body = triangle_kernel.to_manifold(Surface(*trimesh_box([[0, -15, -15], [150, 15, 15]])), "bar")
-    sockets = sum(2 * np.pi * p.socket**2 / 4 * p.depth for p in made.pins)
-    flats = sum(s.size**2 * 0.3 for s in made.seats)
+    sockets = sum(2 * np.pi * p.socket**2 / 4 * p.depth for p in part_set.pins)
+    flats = sum(s.size**2 * 0.3 for s in part_set.seats)
     least = float((body ^ channels).volume()) + sockets + flats
-    assert least < made.cut_out < least + 60 * (len(made.parts) + len(made.seats))  # the numbers
+    assert (
+        least < part_set.cut_out < least + 60 * (len(part_set.parts) + len(part_set.seats))
+    )  # the numbers
 
 
 def trimesh_box(bounds):
@@ -81,7 +83,7 @@ def trimesh_box(bounds):
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
 
 
-def test_exported_parts_share_nothing(exported):
+def test_exported_parts_do_not_overlap(exported):
     """Mating faces that are rounded to single precision do not pass through each other."""
     solids = [triangle_kernel.to_manifold(s, "part") for s in exported]
     for i, a in enumerate(solids):
@@ -89,20 +91,20 @@ def test_exported_parts_share_nothing(exported):
             assert (a ^ b).volume() < 1e-3
 
 
-def test_both_kernels_agree(made):
-    assert not [w for w in made.warnings if "STEP" in w]
-    for part in made.parts:
+def test_both_kernels_agree(part_set):
+    assert not [w for w in part_set.warnings if "STEP" in w]
+    for part in part_set.parts:
         assert occ.volume(part.solid) == pytest.approx(part.volume, rel=1e-3)
         assert occ.centroid(part.solid) == pytest.approx(part.center, abs=0.01)
 
 
-def test_cords_lie_in_air_closed_and_with_the_halves_apart(made, exported):
-    for channel in made.channels:
+def test_cords_lie_in_air_closed_and_with_the_halves_apart(part_set, exported):
+    for channel in part_set.channels:
         for surface in exported:
             assert distance(surface, channel.inside).min() >= 1.0
-    for cut in made.cuts:
+    for cut in part_set.cuts:
         for c in cut.cords:
-            line = made.channels[c].inside
+            line = part_set.channels[c].inside
             for gap in (0.5, 2.0, 10.0):
                 for side, sign in zip(cut.sides, (-1, 1), strict=True):
                     for i in side:
@@ -113,10 +115,10 @@ def test_cords_lie_in_air_closed_and_with_the_halves_apart(made, exported):
                         assert distance(solid, moved).min() >= 0.99
 
 
-def test_sockets_leave_the_clearance_and_pins_touch_nothing(made, exported):
-    assert len(made.pins) >= 2 * len(made.cuts)
-    for pin in made.pins:
-        contact = made.contacts[pin.contact]
+def test_sockets_leave_the_clearance_and_pins_touch_nothing(part_set, exported):
+    assert len(part_set.pins) >= 2 * len(part_set.cuts)
+    for pin in part_set.pins:
+        contact = part_set.contacts[pin.contact]
         assert pin.socket == pytest.approx(pin.diameter + 0.2)
         for i, sign in ((contact.lower, -1), (contact.upper, 1)):
             middle = pin.center + sign * pin.depth / 2 * pin.axis
@@ -138,9 +140,9 @@ def axes_of(normal):
     return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
-def test_no_part_fits_turned_round_or_in_another_place(made):
+def test_no_part_fits_turned_round_or_in_another_place(part_set):
     faces = {}
-    for pin in made.pins:
+    for pin in part_set.pins:
         faces.setdefault(pin.contact, []).append(pin)
     pairs = [f for f in faces.values() if len(f) == 2]
     assert len(pairs) >= 4
@@ -150,10 +152,10 @@ def test_no_part_fits_turned_round_or_in_another_place(made):
     assert np.diff(apart).min() >= 0.99
 
 
-def test_every_part_is_numbered_readably(made, exported):
-    assert sorted(m.part for m in made.labels) == list(range(len(made.parts)))
-    for mark in made.labels:
-        contact = made.contacts[mark.contact]
+def test_every_part_is_numbered_readably(part_set, exported):
+    assert sorted(m.part for m in part_set.labels) == list(range(len(part_set.parts)))
+    for mark in part_set.labels:
+        contact = part_set.contacts[mark.contact]
         outward = contact.plane.normal * (1 if mark.part == contact.lower else -1)
         axes = mark.tools[0].axes
         assert axes[:, 2] == pytest.approx(outward)
@@ -176,8 +178,8 @@ def test_digits_look_like_digits():
     assert [filled(*at) for at in spots] == [True] * 5 + [False] * 2
 
 
-def test_joints_of_cord_and_wire_have_pockets(made, exported):
-    for channel in made.channels:
+def test_joints_of_cord_and_wire_have_pockets(part_set, exported):
+    for channel in part_set.channels:
         for end in channel.ends:
             assert end.pocket == 7.0, end.reason
             middle = end.mouth - 4 * end.out
@@ -187,36 +189,36 @@ def test_joints_of_cord_and_wire_have_pockets(made, exported):
             assert min(distance(s, beyond[None])[0] for s in exported) < 1.15
 
 
-def test_a_short_cord_has_no_pockets_and_says_why(bar):
+def test_short_cord_has_no_pockets_and_states_why(bar):
     points = [[-13, 0], [-10, 0], [-4, 0], [4, 0], [10, 0], [13, 0]]
     long = replace(RULES, pockets=Pockets(2.8, 10.0))
-    made = make_parts(bar, [cord("c", [1, 0, 0], [75, 0, 0], [0, 1, 0], points)], long)
-    assert [e.pocket for e in made.channels[0].ends] == [0, 0]
-    assert made.channels[0].ends[0].reason
+    part_set = make_parts(bar, [cord("c", [1, 0, 0], [75, 0, 0], [0, 1, 0], points)], long)
+    assert [e.pocket for e in part_set.channels[0].ends] == [0, 0]
+    assert part_set.channels[0].ends[0].reason
 
 
-def test_marker_seats_are_flat_shallow_and_clear_of_cords(made, bar, exported):
-    assert [s.number for s in made.seats] == [1, 2, 3, 4, 5, 6]
-    assert not [w for w in made.warnings if "marker seats" in w]
-    for seat in made.seats:
+def test_marker_seats_are_flat_shallow_and_clear_of_cords(part_set, bar, exported):
+    assert [s.number for s in part_set.seats] == [1, 2, 3, 4, 5, 6]
+    assert not [w for w in part_set.warnings if "marker seats" in w]
+    for seat in part_set.seats:
         assert distance(bar, seat.center[None])[0] == pytest.approx(0.3, abs=1e-6)
         corner = seat.center + seat.axes[:, :2] @ np.array([0.45, 0.45]) * seat.size
         assert min(distance(s, corner[None])[0] for s in exported) < 1e-4
-        for c in made.channels:
+        for c in part_set.channels:
             assert np.linalg.norm(c.inside - seat.center, axis=1).min() > 1.1 + 1.2
-    centers = np.array([s.center for s in made.seats])
+    centers = np.array([s.center for s in part_set.seats])
     gaps = np.linalg.norm(centers[:, None] - centers[None], axis=2)[~np.eye(6, dtype=bool)]
     assert gaps.min() > 15
 
 
-def test_seats_keep_off_joints_while_there_is_room(bar):
-    made = make_parts(bar, crossing()[:1], replace(RULES, seats=8))
-    assert len(made.seats) == 8
-    for seat in made.seats:  # the plane is z = 4; a seat's corner lies 7.4 mm from its middle
+def test_seats_avoid_joints_while_there_is_room(bar):
+    part_set = make_parts(bar, crossing()[:1], replace(RULES, seats=8))
+    assert len(part_set.seats) == 8
+    for seat in part_set.seats:  # the plane is z = 4; a seat's corner lies 7.4 mm from its middle
         assert abs(seat.center[2] - 4) > 7.3
 
 
-def test_sockets_do_not_step_through_a_thin_gap():
+def test_sockets_do_not_pass_through_a_thin_gap():
     """A slot 0.3 mm high, 2 to 4 mm below the face: distances that are sampled have no sign."""
     block = triangle_kernel.to_manifold(Surface(*trimesh_box([[0, 0, 0], [60, 30, 30]])), "block")
     plane = Plane.from_normal(np.array([0, 0, 15.0]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
@@ -235,9 +237,9 @@ def test_sockets_do_not_step_through_a_thin_gap():
 
 
 def test_more_seats_than_there_is_room_for(bar):
-    made = make_parts(bar, crossing()[:1], replace(RULES, seats=40, tag=18.0))
-    assert 0 < len(made.seats) < 40
-    assert any(f"{len(made.seats)} of 40" in w for w in made.warnings)
+    part_set = make_parts(bar, crossing()[:1], replace(RULES, seats=40, tag=18.0))
+    assert 0 < len(part_set.seats) < 40
+    assert any(f"{len(part_set.seats)} of 40" in w for w in part_set.warnings)
 
 
 def test_a_limited_cut_takes_off_only_a_lid(bar):
@@ -246,11 +248,11 @@ def test_a_limited_cut_takes_off_only_a_lid(bar):
     solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
     points = [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
     across = cord("c", [0, 0, 1], [75, 0, 5], [0, 1, 0], points)
-    made = make_parts(bar, [across], replace(RULES, limit=True), solid=solid)
-    assert len(made.parts) == 2
-    sizes = sorted(p.volume for p in made.parts)
+    part_set = make_parts(bar, [across], replace(RULES, limit=True), solid=solid)
+    assert len(part_set.parts) == 2
+    sizes = sorted(p.volume for p in part_set.parts)
     assert sizes[0] < 30 * 10 * 30  # 10 mm high, as wide as the bar, less than 30 mm long
-    assert all(p.solid is not None for p in made.parts)
+    assert all(p.solid is not None for p in part_set.parts)
     whole = make_parts(bar, [across], RULES)
     assert min(p.volume for p in whole.parts) > 40000
 
@@ -262,21 +264,21 @@ def horseshoe():
     return triangle_kernel.to_surface(triangle_kernel.union(solids))
 
 
-def test_what_no_cord_touches_is_not_cut_off():
+def test_pieces_without_cords_are_not_cut_off():
     """A plane across both legs, with a cord through one of them: the other stays whole."""
     body = horseshoe()
     points = [[0, 2], [0, 6], [0, 15], [0, 20], [0, 25], [0, 28]]
     sensor = cord("c", [1, 0, 0], [60, 5, 0], [0, 1, 0], points)
-    made = make_parts(body, [sensor], replace(RULES, pockets=None))
-    assert len(made.parts) == 2
-    assert min(p.volume for p in made.parts) == pytest.approx(40 * 10 * 30, rel=0.05)
+    part_set = make_parts(body, [sensor], replace(RULES, pockets=None))
+    assert len(part_set.parts) == 2
+    assert min(p.volume for p in part_set.parts) == pytest.approx(40 * 10 * 30, rel=0.05)
 
 
-def test_what_is_written_is_closed_when_read_again(bar, tmp_path):
+def test_written_parts_are_closed_when_read_again(bar, tmp_path):
     """Oblique ends put near-duplicate vertices where tube, pocket and chamfer meet."""
     points = [[2, -4], [10, -3], [50, 2], [100, -3], [140, 2], [148, 4]]
-    made = make_parts(bar, [cord("c", [0, 0.1, 1], [0, 0, 0], [1, 0, 0], points)], RULES)
-    for part in made.parts:
+    part_set = make_parts(bar, [cord("c", [0, 0.1, 1], [0, 0, 0], [1, 0, 0], points)], RULES)
+    for part in part_set.parts:
         write_stl(part.surface, tmp_path / "part.stl")
         mesh = trimesh.load(tmp_path / "part.stl", force="mesh")
         edges = np.sort(mesh.edges, axis=1)
@@ -289,8 +291,8 @@ def test_what_is_written_is_closed_when_read_again(bar, tmp_path):
 def test_a_lid_has_play_in_its_recess(bar):
     points = [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
     across = cord("c", [0, 0, 1], [75, 0, 5], [0, 1, 0], points)
-    made = make_parts(bar, [across], replace(RULES, limit=True))
-    rest, lid = (triangle_kernel.to_manifold(p.surface, p.name) for p in made.parts)
+    part_set = make_parts(bar, [across], replace(RULES, limit=True))
+    rest, lid = (triangle_kernel.to_manifold(p.surface, p.name) for p in part_set.parts)
     assert lid.volume() < rest.volume()
     for way in ([0.09, 0, 0], [-0.09, 0, 0]):
         assert (rest ^ lid.translate(way)).volume() < 1e-3
@@ -305,10 +307,10 @@ def test_a_lid_under_a_roof_is_not_cut_out():
     )
     points = [[-18, 0], [-14, 0], [-5, 0], [5, 0], [14, 0], [18, 0]]
     sensor = cord("c", [0, 0, 1], [60, 20, 14], [0, 1, 0], points)
-    made = make_parts(
+    part_set = make_parts(
         triangle_kernel.to_surface(jaw), [sensor], replace(RULES, limit=True, pockets=None)
     )
-    surfaces = [[made.parts[i].surface for i in side] for side in made.cuts[0].sides]
+    surfaces = [[part_set.parts[i].surface for i in side] for side in part_set.cuts[0].sides]
     low, high = (
         triangle_kernel.union([triangle_kernel.to_manifold(s, "p") for s in side])
         for side in surfaces
@@ -317,13 +319,13 @@ def test_a_lid_under_a_roof_is_not_cut_out():
         assert (low ^ high.translate([0, 0, lift])).volume() < 0.01
 
 
-def test_pockets_side_by_side_keep_their_wall(bar):
+def test_neighboring_pockets_keep_their_wall(bar):
     straight = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]
     for apart, length in ((3.4, 0.0), (3.8, 7.0)):
         sensors = [cord(f"c{y:g}", [0, 0, 1], [0, y, 0], [1, 0, 0], straight)
                    for y in (-apart / 2, apart / 2)]  # fmt: skip
-        made = make_parts(bar, sensors, RULES)
-        assert {e.pocket for c in made.channels for e in c.ends} == {length}
+        part_set = make_parts(bar, sensors, RULES)
+        assert {e.pocket for c in part_set.channels for e in c.ends} == {length}
 
 
 def test_a_wide_curve_is_followed_closely():
@@ -332,9 +334,9 @@ def test_a_wide_curve_is_followed_closely():
     points = np.array([[2, 105], [60, 105], [150, 105], [208, 105]], float)
     tangents = np.array([[60, 0], [60, 300], [60, -300], [60, 0]], float)
     plane = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
-    made = make_parts(body, [Sensor("c", plane, Hermite(points, tangents))], RULES)
+    part_set = make_parts(body, [Sensor("c", plane, Hermite(points, tangents))], RULES)
     path = plane.to_world(Hermite(points, tangents).sample(3000))
-    assert min(distance(p.surface, path).min() for p in made.parts) >= 1.09
+    assert min(distance(p.surface, path).min() for p in part_set.parts) >= 1.09
 
 
 def test_a_hollow_body_and_a_body_in_pieces_are_refused(bar):
@@ -350,13 +352,13 @@ def test_a_hollow_body_and_a_body_in_pieces_are_refused(bar):
         )
 
 
-def test_no_seats_unless_asked_for_and_thin_bodies_take_them(bar):
+def test_seats_are_optional_and_fit_thin_bodies(bar):
     straight = [cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0], STRAIGHT)]
     assert make_parts(bar, straight, RULES).seats == ()
     plate = Surface(*trimesh_box([[0, -30, -2.75], [150, 30, 2.75]]))
     across = [cord("c", [0, 0, 1], [0, 20, 0], [1, 0, 0], STRAIGHT)]
-    made = make_parts(plate, across, replace(RULES, seats=4, pockets=None))
-    assert len(made.seats) == 4
+    part_set = make_parts(plate, across, replace(RULES, seats=4, pockets=None))
+    assert len(part_set.seats) == 4
     small = make_parts(bar, straight, replace(RULES, seats=2, tag=5.0))
     assert len(small.seats) == 2
 
@@ -380,7 +382,7 @@ def test_parts_are_named_by_where_they_lie():
     assert len(set(part_names(np.random.default_rng(0).random((30, 3)) * 40, bounds))) == 30
 
 
-def test_left_and_top_are_those_of_who_sees_the_body_standing():
+def test_left_and_top_are_those_of_the_viewer():
     """With y up and z to the viewer; and of a long body that is seen from its side, along -x."""
     bounds = np.array([[0, 0, 0], [40, 100, 30.0]])
     assert part_names([[20, 80, 15], [20, 20, 15]], bounds, Y_UP) == ["2-top", "1-bottom"]
@@ -415,20 +417,20 @@ STRAIGHT = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]
          "channel-cuts-part", {"cords": ["b"]}),
     ],
 )  # fmt: skip
-def test_what_cannot_be_made_is_refused_with_cord_and_place(bar, sensors, code, data):
+def test_impossible_cords_are_refused_with_their_place(bar, sensors, code, data):
     with pytest.raises(FabricationError) as caught:
         make_parts(bar, sensors, RULES)
     assert code in (None, caught.value.code)
     assert {name: caught.value.data.get(name) for name in data} == data
 
 
-def test_a_channel_that_opens_into_another_joint_is_told(bar):
+def test_channels_that_open_into_another_joint_are_reported(bar):
     """Two planes along the bar that cross at a small angle in the middle."""
     tilt = np.radians(4)
     steep = cord("b", [-np.sin(tilt), 0, np.cos(tilt)], [75, -3, 0], [1, 0, 0],
                  [[-73, 0], [-60, 0], [0, 0], [60, 0], [73, 0]])  # fmt: skip
     flat = cord("a", [0, 0, 1], [0, 3, 0], [1, 0, 0], STRAIGHT)
-    made = make_parts(bar, [flat, steep], RULES)
-    told = [w for w in made.warnings if "'a'" in w and "'b'" in w]
+    part_set = make_parts(bar, [flat, steep], RULES)
+    told = [w for w in part_set.warnings if "'a'" in w and "'b'" in w]
     assert told
     assert "mm near (" in told[0]

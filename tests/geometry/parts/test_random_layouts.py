@@ -38,8 +38,8 @@ def body(name):
     spec = found.body
     if "bay" in name:
         spec = replace(spec, bay=BaySpec(np.zeros(3), (20.0, 10.0, 6.0)))
-    made = load_body(spec)
-    return found, made.surface, made.bay
+    part_set = load_body(spec)
+    return found, part_set.surface, part_set.bay
 
 
 @cache
@@ -62,33 +62,33 @@ def parts(name, seed):
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("seed", range(COUNT))
 def test_a_random_layout_is_made_well_or_refused(name, seed, tmp_path):
-    made = parts(name, seed)
-    if isinstance(made, str):
-        assert re.search(r"cords? 'c\d'|\d-[a-z-]+|plane", made)
-        assert re.search(r"near \(|lies .* mm from", made)
+    part_set = parts(name, seed)
+    if isinstance(part_set, str):
+        assert re.search(r"cords? 'c\d'|\d-[a-z-]+|plane", part_set)
+        assert re.search(r"near \(|lies .* mm from", part_set)
         return
-    for check in made.checks:
+    for check in part_set.checks:
         assert np.isfinite(check.value)
-    assert all(p.diameter >= 3 and p.length >= 4 for p in made.pins)
+    assert all(p.diameter >= 3 and p.length >= 4 for p in part_set.pins)
     total = 0.0
-    for part in made.parts:
+    for part in part_set.parts:
         solid = triangle_kernel.to_manifold(lay_flat(part.surface, part.down), part.name)
         total += solid.volume()
         write_stl(part.surface, tmp_path / f"{part.name}.stl")
-    assert total + made.cut_out == pytest.approx(body(name)[1].volume, rel=1e-4)
+    assert total + part_set.cut_out == pytest.approx(body(name)[1].volume, rel=1e-4)
     slicer.accept(tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BODIES)
-def test_what_keeps_the_limits_is_made(name):
+def test_layouts_within_the_limits_are_made(name):
     """Measured on sixteen layouts a body: 11, 5 and 10 keep the limits, and all these are made."""
     device, surface, _ = body(name)
-    kept = [
+    valid_seeds = [
         seed
         for seed in range(COUNT)
         if not verify(layout(name, seed), surface, layout_limits(device)).violations
     ]
-    made = [seed for seed in kept if not isinstance(parts(name, seed), str)]
-    assert len(kept) >= max(1, COUNT // 4)
-    assert len(made) >= 0.75 * len(kept)
+    part_set = [seed for seed in valid_seeds if not isinstance(parts(name, seed), str)]
+    assert len(valid_seeds) >= max(1, COUNT // 4)
+    assert len(part_set) >= 0.75 * len(valid_seeds)

@@ -34,7 +34,7 @@ def test_no_two_overlap_and_all_lie_on_their_plate(seed):
     )
 
 
-def test_pieces_that_were_one_plate_fill_one_plate_again():
+def test_pieces_of_a_divided_plate_fill_one_plate():
     """Plates cut up by guillotine: the areas' bound is reached, or missed by one plate in all."""
     rng = np.random.default_rng(1)
     more = 0
@@ -51,15 +51,15 @@ def test_pieces_that_were_one_plate_fill_one_plate_again():
             )
         sizes = {str(k): (w, d) for k, (_, _, w, d) in enumerate(whole)}
         assert count_least_plates(sizes, (200.0, 200.0)) == 1
-        found = 1 + max(p.plate for p in pack(sizes, (200.0, 200.0)).values())
-        assert found <= 2
-        more += found - 1
+        plates = 1 + max(p.plate for p in pack(sizes, (200.0, 200.0)).values())
+        assert plates <= 2
+        more += plates - 1
     assert more < 20
     thirds = {str(k): (66.0, 99.0) for k in range(12)}
     assert 1 + max(p.plate for p in pack(thirds, (200.0, 200.0)).values()) == 2
 
 
-def test_the_least_number_of_plates_knows_what_cannot_lie_side_by_side():
+def test_lower_bound_counts_rectangles_that_exclude_each_other():
     bed = (200.0, 160.0)
     for size in ((120.0, 110.0), (110.0, 120.0), (150.0, 130.0), (190.0, 81.0)):
         wide = {str(k): size for k in range(5)}

@@ -36,7 +36,7 @@ def test_a_part_lies_on_its_face_and_takes_the_least_rectangle(seed):
     assert flat.bounds[0] == pytest.approx([-40, -15, 0])
 
 
-def test_a_face_in_a_hollow_is_no_foot():
+def test_faces_in_hollows_are_not_stood_on():
     """An L lies on its outer sides, never on the inner one that is asked for."""
     import trimesh
 
@@ -86,7 +86,7 @@ def test_plates_hold_all_parts_side_by_side():
     assert max(plate for plate, _ in boxes) > 0
 
 
-def test_a_part_that_fills_the_bed_has_a_plate_of_its_own():
+def test_part_that_fills_the_bed_gets_a_separate_plate():
     down = np.array([0, 0, -1.0])
     sizes = {"a": [205, 110, 5], "b": [215, 30, 5], "c": [50, 50, 5]}
     parts = {n: lay_flat(box_surface([0, 0, 0], s), down) for n, s in sizes.items()}
@@ -94,7 +94,7 @@ def test_a_part_that_fills_the_bed_has_a_plate_of_its_own():
     assert plates["b"] not in (plates["a"], plates["c"])
 
 
-def test_no_fewer_plates_are_asked_for_than_there_are():
+def test_lower_bound_of_plates_is_reached():
     """A part that fills its plate, up to the edge, asks for this one alone."""
     down = np.array([0, 0, -1.0])
     for sizes, count in (

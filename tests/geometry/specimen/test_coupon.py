@@ -1,4 +1,4 @@
-"""The fit coupon as a printer gets it: measured on the exported facets."""
+"""The fit coupon, measured on the exported facets."""
 
 import json
 
@@ -15,22 +15,22 @@ from tests.geometry import slicer
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("coupon")
-    wanted = ["--clearances", "0.3,0.1,0.2"]
-    assert main(["calibrate", "coupon", str(out), *wanted]) == 0
+    options = ["--clearances", "0.3,0.1,0.2"]
+    assert main(["calibrate", "coupon", str(out), *options]) == 0
     return out
 
 
 def circles(points, count):
-    """Middles along x and radii of circles through the points of a section, which are told apart by
-    the gaps between them."""
+    """Middles along x and radii of circles through the points of a section, which are reported
+    apart by the gaps between them."""
     points = points[np.argsort(points[:, 0])]
     breaks = np.argsort(np.diff(points[:, 0]))[-(count - 1) :] + 1
-    found = []
+    circles_found = []
     for part in np.split(points, np.sort(breaks)):
         A = np.column_stack([part, np.ones(len(part))])
         a, b, c = np.linalg.lstsq(A, (part**2).sum(1), rcond=None)[0]
-        found.append((a / 2, np.sqrt(c + (a / 2) ** 2 + (b / 2) ** 2)))
-    return np.array(found).T
+        circles_found.append((a / 2, np.sqrt(c + (a / 2) ** 2 + (b / 2) ** 2)))
+    return np.array(circles_found).T
 
 
 def grooves_of(mesh):
@@ -77,7 +77,7 @@ def test_a_cord_passes_between_two_plates(folder):
         assert sum((cord ^ half).volume() for half in closed) > 1
 
 
-def test_a_slicer_takes_both(folder):
+def test_slicer_accepts_both(folder):
     slicer.accept(folder)
 
 
@@ -92,7 +92,7 @@ def test_a_slicer_takes_both(folder):
         (",".join(str(n / 100) for n in range(25)), "does not fit the bed of fdm-tpu"),
     ],
 )
-def test_what_cannot_be_made_is_refused(tmp_path, capsys, text, message):
+def test_impossible_requests_are_refused(tmp_path, capsys, text, message):
     out = tmp_path / "out"
     assert main(["calibrate", "coupon", str(out), f"--clearances={text}"]) == 2
     assert message in capsys.readouterr().err

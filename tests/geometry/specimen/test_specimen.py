@@ -1,4 +1,4 @@
-"""The specimen and its jigs as a printer gets them: measured on the exported facets."""
+"""The specimen and its jigs, measured on the exported facets."""
 
 import json
 
@@ -38,7 +38,7 @@ def load(folder, name):
     return mesh
 
 
-def test_halves_are_as_large_as_asked_for(folder):
+def test_halves_have_the_requested_size(folder):
     left, right = (load(folder, f"specimen-{side}") for side in ("left", "right"))
     assert left.extents == pytest.approx([150, 15, 10 + 4], abs=WITHIN)  # pins stand up
     assert right.extents == pytest.approx([150, 15, 10], abs=WITHIN)
@@ -100,7 +100,7 @@ def overlap(a, b):
     return (one ^ other).volume()
 
 
-def test_strains_are_those_of_the_paper(folder):
+def test_strains_equal_those_of_the_paper(folder):
     """METHOD: 6.7 % at a radius of 75 mm and 2.1 % at 250 mm, 5.5 mm off the neutral plane."""
     data = json.loads((folder / "specimen.json").read_text("utf-8"))
     strains = {j["radius"]: j["strains"] for j in data["jigs"]}
@@ -122,24 +122,24 @@ def no_parts(monkeypatch):
 
 @pytest.mark.parametrize("process", read_rows("printers.csv"))
 @pytest.mark.parametrize("cord", read_rows("cords.csv"))
-def test_what_was_not_chosen_brings_no_warning(no_parts, tmp_path, process, cord):
+def test_defaults_cause_no_warnings(no_parts, tmp_path, process, cord):
     """The paper's offset of 2 mm, on its printer above all."""
-    found = write_specimen(tmp_path, process=process, cord=cord)
-    assert found["warnings"] == []
-    skin = found["offset"] - found["channel_diameter"] / 2
+    record = write_specimen(tmp_path, process=process, cord=cord)
+    assert record["warnings"] == []
+    skin = record["offset"] - record["channel_diameter"] / 2
     assert skin >= 2 * float(read_rows("printers.csv")[process]["line"]) - 1e-6
-    assert found["offset"] == 2 or process not in ("fdm-tpu", "polyjet")
+    assert record["offset"] == 2 or process not in ("fdm-tpu", "polyjet")
 
 
-def test_a_skin_that_is_too_thin_is_told_with_an_offset_that_is_not(no_parts, tmp_path):
-    told = write_specimen(tmp_path, offset=1.7)["warnings"]
-    assert len(told) == 1
-    assert "skin of 0.60 mm, less than the 0.80 mm of two lines of fdm-tpu" in told[0]
-    assert "--offset 1.9 leaves them" in told[0]
+def test_thin_skin_is_reported_with_a_sufficient_offset(no_parts, tmp_path):
+    warnings = write_specimen(tmp_path, offset=1.7)["warnings"]
+    assert len(warnings) == 1
+    assert "skin of 0.60 mm, less than the 0.80 mm of two lines of fdm-tpu" in warnings[0]
+    assert "--offset 1.9 leaves them" in warnings[0]
     assert write_specimen(tmp_path, offset=1.9)["warnings"] == []
 
 
-def test_a_slicer_takes_all_parts(folder):
+def test_slicer_accepts_all_parts(folder):
     slicer.accept(folder)
 
 
@@ -157,14 +157,14 @@ def test_a_slicer_takes_all_parts(folder):
         (["--process", "cnc"], "unknown process 'cnc'; there are fdm-tpu"),
     ],
 )
-def test_what_cannot_be_made_is_refused(tmp_path, capsys, arguments, message):
+def test_impossible_requests_are_refused(tmp_path, capsys, arguments, message):
     out = tmp_path / "out"
     assert main(["calibrate", "specimen", str(out), *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
 
 
-def test_the_smallest_suggestions_work():
+def test_suggested_minimum_works():
     with raises(FabricationError, "thickness-too-small") as caught:
         Specimen(thickness=12.0)
     assert caught.value.data["least"] == pytest.approx(12.4)

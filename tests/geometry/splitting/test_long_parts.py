@@ -1,4 +1,4 @@
-"""Parts longer than the bed, in pieces."""
+"""Parts longer than the bed are cut in pieces."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ WAVE = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]
 
 
 @pytest.fixture(scope="module")
-def made(bar):
+def part_set(bar):
     import build123d as bd
 
     solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
@@ -36,11 +36,11 @@ def made(bar):
 
 
 @pytest.fixture(scope="module")
-def split(made):
-    return split_long_parts(made, BED, RULES)
+def split(part_set):
+    return split_long_parts(part_set, BED, RULES)
 
 
-def test_pieces_fit_the_bed_are_closed_and_add_up(made, split):
+def test_pieces_fit_the_bed_are_closed_and_add_up(part_set, split):
     after = split.made
     assert [p.name for p in after.parts] == ["1-bottom-a", "1-bottom-b", "2-top-a", "2-top-b"]
     for part in after.parts:
@@ -54,17 +54,17 @@ def test_pieces_fit_the_bed_are_closed_and_add_up(made, split):
     dowels = [p for p in after.pins if len(after.cuts[after.contacts[p.contact].cut].cords) == 0]
     assert len(dowels) == 4
     sockets = sum(2 * np.pi * d.socket**2 / 4 * d.depth for d in dowels)
-    gone = sum(p.volume for p in made.parts) - sum(p.volume for p in after.parts)
+    gone = sum(p.volume for p in part_set.parts) - sum(p.volume for p in after.parts)
     assert gone == pytest.approx(sockets, rel=0.01)
 
 
-def test_two_dowels_of_different_thickness_join_what_was_cut_first(split):
-    made = split.made
-    assert [c.sides for c in made.cuts] == [((0, 1), (2, 3)), ((0,), (1,)), ((2,), (3,))]
+def test_two_dowels_of_different_thickness_join_the_pieces(split):
+    part_set = split.made
+    assert [c.sides for c in part_set.cuts] == [((0, 1), (2, 3)), ((0,), (1,)), ((2,), (3,))]
     for k in (1, 2):  # cuts are closed in the opposite order: these before that of the cord
-        own = [p for p in made.pins if made.contacts[p.contact].cut == k]
+        own = [p for p in part_set.pins if part_set.contacts[p.contact].cut == k]
         assert sorted(p.diameter for p in own)[0] < sorted(p.diameter for p in own)[1]
-        halves = [made.parts[i] for side in made.cuts[k].sides for i in side]
+        halves = [part_set.parts[i] for side in part_set.cuts[k].sides for i in side]
         for pin in own:  # a rod through the joint is in no solid
             line = pin.center + np.linspace(-0.95, 0.95, 9)[:, None] * pin.depth * pin.axis
             for half in halves:
@@ -74,13 +74,13 @@ def test_two_dowels_of_different_thickness_join_what_was_cut_first(split):
     assert "1-bottom-a and 1-bottom-b" in split.notes[0]
 
 
-def test_no_pin_pocket_or_number_is_cut_and_the_groove_goes_on(made, split):
+def test_cut_spares_pins_pockets_and_numbers_and_continues_the_groove(part_set, split):
     after = split.made
     for cut in after.cuts[1:]:
         normal, height = cut.plane.normal, cut.plane.origin @ cut.plane.normal
-        for pin in made.pins:
+        for pin in part_set.pins:
             assert abs(pin.center @ normal - height) > pin.socket / 2 + 1
-        for channel in made.channels:
+        for channel in part_set.channels:
             for end in channel.ends:
                 assert abs(end.mouth @ normal - height) > end.pocket + 1
     channel = after.channels[0]
@@ -90,23 +90,23 @@ def test_no_pin_pocket_or_number_is_cut_and_the_groove_goes_on(made, split):
         assert common.volume() < 0.02
 
 
-def test_what_a_cut_spoils_is_told(made, split):
-    """Where every place cuts something, the maker is to look at it."""
+def test_spoiled_features_are_reported(part_set, split):
+    """If every place cuts something, the note names it."""
     along = np.array([1.0, 0, 0])
     for height, spoilt in ((11.0, "an end of cord flat"), (75.0, "a number")):
-        assert find_spoiled(made, 0, height, along) == [spoilt]
-        note = cut_across(made, 0, along, height, RULES).note
+        assert find_spoiled(part_set, 0, height, along) == [spoilt]
+        note = cut_across(part_set, 0, along, height, RULES).note
         assert spoilt in note
         assert not any(spoilt in note for note in split.notes)
 
 
-def test_a_face_of_a_joint_is_that_of_the_piece_that_has_it(made):
-    """A part cut along its joint's face; glue is reckoned by these."""
-    after = cut_across(made, 0, np.array([0, 0, 1.0]), -6.0, RULES).made
-    assert sum(c.area for c in after.contacts[:-1]) == pytest.approx(made.contacts[0].area)
+def test_joint_faces_belong_to_the_right_piece(part_set):
+    """Cut a part along its joint's face; the amount of glue depends on these areas."""
+    after = cut_across(part_set, 0, np.array([0, 0, 1.0]), -6.0, RULES).made
+    assert sum(c.area for c in after.contacts[:-1]) == pytest.approx(part_set.contacts[0].area)
 
 
-def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
+def test_checks_describe_the_pieces_and_fail_for_wrong_ones(part_set, split):
     after = split.made
     values = {c.name: c.value for c in after.checks}
     assert all(c.holds for c in after.checks)
@@ -115,10 +115,10 @@ def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
     assert values["wall around the dowels of 1-bottom"] > 0.7
     assert 1.0 < values["room around cord flat where 1-bottom is cut across"] < 1.15
 
-    whole, halves = made.parts[0], after.parts[:2]
+    whole, halves = part_set.parts[0], after.parts[:2]
     plane = after.cuts[1].plane
     dowels = [p for p in after.pins if after.contacts[p.contact].cut == 1]
-    beside = [replace(d, center=d.center - 40 * made.cuts[0].plane.normal) for d in dowels]
+    beside = [replace(d, center=d.center - 40 * part_set.cuts[0].plane.normal) for d in dowels]
     with raises(FabricationError, "wall-too-thin", part="1-bottom"):
         piece_checks.check_dowel_walls(whole, beside, RULES)
     with raises(FabricationError, "overlaps-solid"):
@@ -133,34 +133,34 @@ def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
     plugged = triangle_kernel.to_manifold(halves[0].surface, "") + plug
     plugged = replace(halves[0], surface=triangle_kernel.to_surface(plugged))
     with raises(FabricationError, "channel-blocked", what="cord flat"):
-        piece_checks.check_crossings(made, whole, [plugged, halves[1]], plane, RULES)
+        piece_checks.check_crossings(part_set, whole, [plugged, halves[1]], plane, RULES)
 
 
-def test_every_pin_and_number_belongs_to_the_piece_it_is_in(split):
-    made = split.made
-    for pin in made.pins:
-        contact = made.contacts[pin.contact]
+def test_every_pin_and_number_belongs_to_its_piece(split):
+    part_set = split.made
+    for pin in part_set.pins:
+        contact = part_set.contacts[pin.contact]
         for i, way in ((contact.lower, -1.0), (contact.upper, 1.0)):
-            low, high = made.parts[i].surface.bounds
+            low, high = part_set.parts[i].surface.bounds
             tip = pin.center + 0.5 * way * pin.axis
             assert (tip > low - 1e-3).all()
             assert (tip < high + 1e-3).all()
-    for label in made.labels:
-        low, high = made.parts[label.part].surface.bounds
+    for label in part_set.labels:
+        low, high = part_set.parts[label.part].surface.bounds
         assert (label.center > low - 1).all()
         assert (label.center < high + 1).all()
 
 
-def test_what_fits_is_left_as_it_is_and_what_is_too_wide_is_refused(made):
-    same = split_long_parts(made, (220.0, 220.0, 250.0), RULES)
-    assert same.made is made
+def test_fitting_parts_are_unchanged_and_wide_parts_are_refused(part_set):
+    same = split_long_parts(part_set, (220.0, 220.0, 250.0), RULES)
+    assert same.made is part_set
     assert not same.notes
     with raises(FabricationError, "part-too-large", part="1-bottom") as caught:
-        split_long_parts(made, (25.0, 25.0, 100.0), RULES)
+        split_long_parts(part_set, (25.0, 25.0, 100.0), RULES)
     assert caught.value.data["size"] == pytest.approx((150, 30, 19), abs=0.5)
     thin = replace(RULES, wall=14.0)
     with raises(FabricationError, "part-too-large", part="1-bottom", reason="no-dowel-room"):
-        split_long_parts(made, BED, thin)
+        split_long_parts(part_set, BED, thin)
 
 
 @pytest.fixture(scope="module")
@@ -176,23 +176,23 @@ def test_a_part_too_high_that_cannot_be_cut_lies_on_another_side(standing):
     no_room = replace(RULES, wall=14.0)
     low = (100.0, 100.0, 60.0)
     assert not any(fits_bed(lay_flat(p.surface, p.down), low) for p in standing.parts)
-    done = split_long_parts(standing, low, no_room)
-    assert [p.name for p in done.made.parts] == tall
-    for before, after in zip(standing.parts, done.made.parts, strict=True):
+    result = split_long_parts(standing, low, no_room)
+    assert [p.name for p in result.made.parts] == tall
+    for before, after in zip(standing.parts, result.made.parts, strict=True):
         assert fits_bed(lay_flat(after.surface, after.down), low)
         assert after.surface is before.surface
-    assert len(done.notes) == len(tall)
-    assert all(name in note for name, note in zip(tall, done.notes, strict=True))
+    assert len(result.notes) == len(tall)
+    assert all(name in note for name, note in zip(tall, result.notes, strict=True))
     with raises(FabricationError, "part-too-large", reason="cross-section-too-large") as caught:
         split_long_parts(standing, (31.0, 31.0, 40.0), no_room)
     assert caught.value.data["size"] == pytest.approx((30, 30, 75), abs=0.5)
 
 
-def test_warnings_are_those_of_the_pieces(made):
-    """Not those of the part that was cut; a piece without a number is told."""
+def test_warnings_describe_the_pieces(part_set):
+    """Not those of the part that was cut; a piece without a number is reported."""
     old = "1-bottom has no face large enough for its number: write the number on it"
     bare = replace(
-        made, labels=tuple(m for m in made.labels if m.part == 1), warnings=(old, "else")
+        part_set, labels=tuple(m for m in part_set.labels if m.part == 1), warnings=(old, "else")
     )
     told = split_long_parts(bare, BED, RULES).made.warnings
     assert old not in told

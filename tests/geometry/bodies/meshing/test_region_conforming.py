@@ -38,24 +38,24 @@ def crossings(mesh, shape):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_regions_end_where_they_say(mesh, name):
+def test_regions_end_at_their_borders(mesh, name):
     shape = SHAPES[name]
-    made = conform_to_regions(mesh, [shape])
+    conformed = conform_to_regions(mesh, [shape])
     assert crossings(mesh, shape) > 10
     # A ball or rod as thin as a tet leaves no room to move to; flat borders nearly always do.
-    left = 0.15 if name in ("box", "half_space") else 0.5
-    assert crossings(made, shape) < left * crossings(mesh, shape)
-    before, after = (m.boundary() for m in (mesh, made))
+    allowed_share = 0.15 if name in ("box", "half_space") else 0.5
+    assert crossings(conformed, shape) < allowed_share * crossings(mesh, shape)
+    before, after = (m.boundary() for m in (mesh, conformed))
     assert after.volume == pytest.approx(before.volume, rel=1e-4)
     low, high = mesh.nodes.min(0), mesh.nodes.max(0)
-    assert (made.nodes >= low - 1e-9).all()
-    assert (made.nodes <= high + 1e-9).all()
-    assert tet_quality(made.nodes[made.tets]).min() > min(
+    assert (conformed.nodes >= low - 1e-9).all()
+    assert (conformed.nodes <= high + 1e-9).all()
+    assert tet_quality(conformed.nodes[conformed.tets]).min() > min(
         0.19, 0.79 * tet_quality(mesh.nodes[mesh.tets]).min()
     )
 
 
-def test_a_region_that_fits_already_moves_nothing(mesh):
+def test_matching_region_moves_nothing(mesh):
     whole = Box(np.full(3, -1e3), np.full(3, 1e3))
     assert (conform_to_regions(mesh, [whole]).nodes == mesh.nodes).all()
     assert (conform_to_regions(mesh, []).nodes == mesh.nodes).all()
@@ -63,18 +63,21 @@ def test_a_region_that_fits_already_moves_nothing(mesh):
 
 def test_the_order_of_the_shapes_does_not_matter(mesh):
     """Two borders less than an edge apart want the same nodes."""
-    near = [SHAPES["box"], Box(np.array([-1, -16, -16]), np.array([36.0, 16, 16])),
+    close_shapes = [SHAPES["box"], Box(np.array([-1, -16, -16]), np.array([36.0, 16, 16])),
             Sphere(np.array([30.0, 0, 0]), 11.0)]  # fmt: skip
-    one, other = conform_to_regions(mesh, near), conform_to_regions(mesh, near[::-1])
+    one, other = (
+        conform_to_regions(mesh, close_shapes),
+        conform_to_regions(mesh, close_shapes[::-1]),
+    )
     assert one.digest == other.digest
-    assert (one.nodes != conform_to_regions(mesh, near[:1]).nodes).any()
+    assert (one.nodes != conform_to_regions(mesh, close_shapes[:1]).nodes).any()
 
 
 def test_a_slab_inside_a_face_does_not_bend_the_body():
     """A thin region about a flat face, as a plane of symmetry asks for: creases stay."""
     mesh = structured_bar([0, -15, -15], [150, 15, 15], (15, 3, 3))
     slab = Box(np.array([-1, -15.2, -16]), np.array([151, -14.8, 16]))
-    made = conform_to_regions(mesh, [slab])
-    assert made.boundary().volume == pytest.approx(mesh.boundary().volume, rel=1e-9)
+    conformed = conform_to_regions(mesh, [slab])
+    assert conformed.boundary().volume == pytest.approx(mesh.boundary().volume, rel=1e-9)
     flat = np.abs(mesh.nodes[:, 1] + 15) < 1e-9
-    assert (made.nodes[flat] == mesh.nodes[flat]).all()
+    assert (conformed.nodes[flat] == mesh.nodes[flat]).all()

@@ -1,4 +1,4 @@
-"""Fine surfaces become simple within what is told; CAD and coarse ones are left alone."""
+"""Fine surfaces are simplified within the tolerance; CAD and coarse ones are unchanged."""
 
 import numpy as np
 import pytest
@@ -31,9 +31,9 @@ def surface(mesh):
     return Surface(np.array(mesh.vertices), np.array(mesh.faces, np.int64))
 
 
-def closed(made):
+def closed(simplified):
     """Whether every edge belongs to two triangles, once in each direction."""
-    return trimesh.Trimesh(made.vertices, made.faces, process=False).is_watertight
+    return trimesh.Trimesh(simplified.vertices, simplified.faces, process=False).is_watertight
 
 
 def away(points, other):
@@ -53,60 +53,64 @@ def furthest(a, b):
 @pytest.fixture(scope="module")
 def bean():
     """A bent, bumpy body of 20,480 triangles, 100 mm long."""
-    made = surface(trimesh.creation.icosphere(5))
-    v = made.vertices * [50, 16, 16] * (1 + 0.01 * np.sin(12 * made.vertices).sum(1, keepdims=True))
+    simplified = surface(trimesh.creation.icosphere(5))
+    v = (
+        simplified.vertices
+        * [50, 16, 16]
+        * (1 + 0.01 * np.sin(12 * simplified.vertices).sum(1, keepdims=True))
+    )
     v[:, 2] += v[:, 0] ** 2 / 120
-    return Surface(v, made.faces)
+    return Surface(v, simplified.faces)
 
 
-def test_a_fine_surface_is_simplified_within_what_is_told(bean):
+def test_fine_surface_is_simplified_within_the_tolerance(bean):
     assert is_fine(bean, 6.0)
-    made = simplify_surface(bean, 6.0)
-    assert len(made.surface.faces) < 0.6 * len(bean.faces)
-    assert closed(made.surface)
-    assert 0 < made.deviation <= made.tolerance == pytest.approx(0.3)
-    assert furthest(made.surface, bean) <= 1.05 * made.deviation
+    simplified = simplify_surface(bean, 6.0)
+    assert len(simplified.surface.faces) < 0.6 * len(bean.faces)
+    assert closed(simplified.surface)
+    assert 0 < simplified.deviation <= simplified.tolerance == pytest.approx(0.3)
+    assert furthest(simplified.surface, bean) <= 1.05 * simplified.deviation
 
 
 @pytest.mark.slow
-def test_the_mesh_of_a_fine_body_has_laid_triangles_and_is_repeatable(bean):
-    made = tetrahedralize(bean, 6.0)
-    assert made.way == "Netgen on remeshed triangles"
-    assert made.mesher == NETGEN
-    assert made.repeatable
-    assert made.surface.of == len(bean.faces)
-    assert made.surface.deviation <= made.surface.tolerance
-    found = measure_quality(made.mesh, bean)
-    assert found.min_dihedral > 5
-    assert abs(found.volume_change) < 2e-3
-    assert furthest(made.mesh.boundary(), bean) < 0.2 * 6.0
-    assert tetrahedralize(bean, 6.0).mesh.digest == made.mesh.digest
+def test_mesh_of_a_fine_body_is_remeshed_and_repeatable(bean):
+    simplified = tetrahedralize(bean, 6.0)
+    assert simplified.way == "Netgen on remeshed triangles"
+    assert simplified.mesher == NETGEN
+    assert simplified.repeatable
+    assert simplified.surface.of == len(bean.faces)
+    assert simplified.surface.deviation <= simplified.surface.tolerance
+    measured = measure_quality(simplified.mesh, bean)
+    assert measured.min_dihedral > 5
+    assert abs(measured.volume_change) < 2e-3
+    assert furthest(simplified.mesh.boundary(), bean) < 0.2 * 6.0
+    assert tetrahedralize(bean, 6.0).mesh.digest == simplified.mesh.digest
 
 
-def test_triangles_laid_afresh_are_even_and_lie_on_the_surface(bean):
-    laid = remesh_surface(bean, 6.0)
-    assert closed(laid)
-    corners = laid.vertices[laid.faces]
+def test_remeshed_triangles_are_even_and_lie_on_the_surface(bean):
+    remeshed = remesh_surface(bean, 6.0)
+    assert closed(remeshed)
+    corners = remeshed.vertices[remeshed.faces]
     sides = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2)
     area = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
     assert np.median(area / (sides**2).mean(1) * 2 / np.sqrt(3)) > 0.8  # 1: equilateral
     assert sides.max() < 2.2 * 6.0
-    assert away(laid.vertices, bean).max() < 1e-4
+    assert away(remeshed.vertices, bean).max() < 1e-4
 
 
-def test_a_coarse_surface_is_split_edges_without_gaps():
+def test_coarse_surface_is_split_without_gaps():
     ball = surface(trimesh.creation.icosphere(1, 30))
     v, f = _split_edges(ball.vertices, ball.faces, 5.0)
-    made = Surface(v, f)
-    assert closed(made)
-    assert made.volume == pytest.approx(ball.volume)
+    simplified = Surface(v, f)
+    assert closed(simplified)
+    assert simplified.volume == pytest.approx(ball.volume)
     corners = v[f]
     assert np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max() <= 5.0
 
 
-def test_sharp_edges_and_long_triangles_are_no_fine_surface():
+def test_surfaces_with_sharp_edges_are_not_fine():
     box = trimesh.creation.box((40, 30, 20))
     assert is_creased(surface(box))
     fine = surface(box.subdivide_to_size(0.6).process(validate=True))
@@ -116,29 +120,29 @@ def test_sharp_edges_and_long_triangles_are_no_fine_surface():
     assert simplify_surface(fine, 8.0).surface is fine
 
 
-def test_noise_is_no_sharp_edge(bean):
+def test_noise_is_not_a_sharp_edge(bean):
     rng = np.random.default_rng(3)
     rough = Surface(bean.vertices + rng.normal(scale=0.05, size=bean.vertices.shape), bean.faces)
     assert not is_creased(rough)
     assert is_fine(rough, 6.0)
 
 
-def test_a_grid_of_distances_gives_a_closed_surface_of_a_holed_one(bean):
+def test_grid_of_distances_closes_a_surface_with_holes(bean):
     holed = Surface(bean.vertices, bean.faces[300:])
-    made = remesh_on_grid(holed, 6.0)
-    assert closed(made)
-    assert made.volume == pytest.approx(bean.volume, rel=0.02)
+    simplified = remesh_on_grid(holed, 6.0)
+    assert closed(simplified)
+    assert simplified.volume == pytest.approx(bean.volume, rel=0.02)
 
 
-def test_what_is_long_runs_in_a_process_of_its_own_and_is_stopped_in_time(bean):
-    told = []
-    watch = RunMonitor(60.0, told.append, "laid afresh", 1.0, "nothing")
-    laid = remesh_in_time(bean, 6.0, watch)
+def test_long_work_runs_in_a_child_process_and_is_stopped_in_time(bean):
+    messages = []
+    watch = RunMonitor(60.0, messages.append, "laid afresh", 1.0, "nothing")
+    remeshed = remesh_in_time(bean, 6.0, watch)
     here = remesh_surface(bean, 6.0)
-    assert (laid.vertices == here.vertices).all()
-    assert (laid.faces == here.faces).all()
+    assert (remeshed.vertices == here.vertices).all()
+    assert (remeshed.faces == here.faces).all()
     with raises(MeshingError, "time-limit-exceeded"):
-        simplify_in_time(bean, 6.0, RunMonitor(0.05, told.append, "own", 1.0, "nothing"))
+        simplify_in_time(bean, 6.0, RunMonitor(0.05, messages.append, "own", 1.0, "nothing"))
 
 
 def test_pairs_name_both_triangles():

@@ -1,4 +1,4 @@
-"""Meshes of bodies: the same every time, true to the surface, and kept where they cannot be."""
+"""Meshes of bodies: repeatable and true to the surface."""
 
 import os
 import subprocess
@@ -42,8 +42,8 @@ def ball(radius, rounds=4):
     """A sphere of 20 * 4^rounds facets, whose corners lie on it."""
     import trimesh
 
-    made = trimesh.creation.icosphere(rounds, radius)
-    return Surface(np.array(made.vertices), np.array(made.faces, np.int64))
+    result = trimesh.creation.icosphere(rounds, radius)
+    return Surface(np.array(result.vertices), np.array(result.faces, np.int64))
 
 
 @pytest.fixture(scope="module")
@@ -70,18 +70,18 @@ print(tetrahedralize(blob, 9.0).mesh.digest)
 
 @pytest.mark.slow
 def test_another_processor_makes_the_same_mesh(blob):
-    made = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", _DIGEST],
         env={**os.environ, "OPENBLAS_CORETYPE": "Nehalem", "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert made.stdout.split() == [tetrahedralize(blob, 9.0).mesh.digest]
+    assert result.stdout.split() == [tetrahedralize(blob, 9.0).mesh.digest]
 
 
 @pytest.mark.parametrize("how", ["killed", "told"])
-def test_a_mesh_made_for_want_of_memory_is_kept_with_the_device(monkeypatch, how):
+def test_mesh_after_a_lack_of_memory_is_not_repeatable(monkeypatch, how):
     """Another machine has more, and would make another mesh."""
 
     def short(monitor):
@@ -93,21 +93,21 @@ def test_a_mesh_made_for_want_of_memory_is_kept_with_the_device(monkeypatch, how
 
     first, *others = plan_methods(ball(10.0, 2), 4.0)
     monkeypatch.setattr(tetrahedra, "ways", lambda *_: [replace(first, make=short), *others])
-    found = tetrahedralize(ball(10.0, 2), 4.0)
-    assert len(found.tried) == 1
-    assert not found.repeatable
+    measured = tetrahedralize(ball(10.0, 2), 4.0)
+    assert len(measured.tried) == 1
+    assert not measured.repeatable
 
 
 def test_a_curved_body_keeps_its_volume_and_shape(blob):
-    made = tetrahedralize(blob, 7.0)
-    found = measure_quality(made.mesh, blob)
-    assert abs(found.volume_change) < 0.004
-    assert found.boundary_deviation < 0.1 * 7.0
-    assert found.min_dihedral > 10
+    result = tetrahedralize(blob, 7.0)
+    measured = measure_quality(result.mesh, blob)
+    assert abs(measured.volume_change) < 0.004
+    assert measured.boundary_deviation < 0.1 * 7.0
+    assert measured.min_dihedral > 10
 
 
 @pytest.mark.parametrize("edge_length", [4.0, 7.0])
-def test_edges_are_as_long_as_they_should_be(bar, edge_length):
+def test_edges_have_the_requested_length(bar, edge_length):
     mesh = tetrahedralize(bar, edge_length).mesh
     ends = mesh.tets[:, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]].reshape(-1, 2)
     pairs = np.unique(np.sort(ends, axis=1), axis=0)
@@ -132,7 +132,7 @@ def test_the_boundary_of_a_coarse_ball_is_fitted():
     np.testing.assert_allclose(fitted.nodes[inside], raw.nodes[inside], rtol=0, atol=1e-9)
 
 
-def test_the_second_run_of_a_way_has_what_the_first_left(bar):
+def test_second_run_of_a_method_has_the_remaining_time(bar):
     task = {"edge_length": 20.0, "points": np.zeros((0, 3)), "edges": []}
     watch = RunMonitor(60.0, print, "Netgen", 1.0, "nothing", time.monotonic() - 61.0)
     with raises(MeshingError, "time-limit-exceeded", limit=60.0):
@@ -149,12 +149,12 @@ def test_no_tet_turns_over_while_the_boundary_is_fitted(seed):
     """Also where the surface is far off and crumpled."""
     rng = np.random.default_rng(seed)
     surface = ball(10.0, 2)
-    far = Surface(
+    crumpled = Surface(
         surface.vertices * rng.uniform(0.5, 1.6, (len(surface.vertices), 1)), surface.faces
     )
     middle = np.append(surface.vertices, np.zeros((1, 3)), axis=0)
     tets = np.column_stack([surface.faces, np.full(len(surface.faces), len(middle) - 1)])
-    mesh = fit_boundary(make_mesh(middle, tets), far)
+    mesh = fit_boundary(make_mesh(middle, tets), crumpled)
     assert mesh.volumes.min() > 0
 
 
@@ -174,31 +174,31 @@ def only(monkeypatch, mesher):
 
 
 @pytest.mark.slow
-def test_what_netgen_cannot_mesh_goes_to_ftetwild(bar, monkeypatch):
+def test_ftetwild_is_used_if_netgen_fails(bar, monkeypatch):
     only(monkeypatch, FTETWILD)
-    said = []
-    made = tetrahedralize(bar, 14.0, said.append)
-    assert made.mesher == FTETWILD
-    assert not made.repeatable
-    assert len(made.tried) == 1
-    assert any(made.tried[0] in line for line in said)
-    assert made.mesh.volumes.sum() == pytest.approx(bar.volume, rel=5e-3)
+    lines = []
+    result = tetrahedralize(bar, 14.0, lines.append)
+    assert result.mesher == FTETWILD
+    assert not result.repeatable
+    assert len(result.tried) == 1
+    assert any(result.tried[0] in line for line in lines)
+    assert result.mesh.volumes.sum() == pytest.approx(bar.volume, rel=5e-3)
 
 
-def test_when_every_way_fails_all_of_them_are_told(blob, monkeypatch):
+def test_failure_of_all_methods_reports_each(blob, monkeypatch):
     only(monkeypatch, "none")
     with raises(MeshingError, "no-mesh") as caught:
         tetrahedralize(blob, 9.0)
     tried = caught.value.data["tried"]
     assert len(tried) == len(plan_methods(blob, 9.0))
-    for way, reason in zip(plan_methods(blob, 9.0), tried, strict=True):
-        assert way.name in reason
+    for method, reason in zip(plan_methods(blob, 9.0), tried, strict=True):
+        assert method.name in reason
         assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("error", [RuntimeError("bad\nfacet"), ValueError("x"), MemoryError()])
-def test_what_a_library_raises_leads_to_the_next_way(bar, monkeypatch, error):
+def test_errors_of_libraries_lead_to_the_next_method(bar, monkeypatch, error):
     planned = plan_methods(bar, 14.0)
 
     def fail(monitor):
@@ -206,18 +206,18 @@ def test_what_a_library_raises_leads_to_the_next_way(bar, monkeypatch, error):
 
     first = replace(planned[0], make=fail)
     monkeypatch.setattr(tetrahedra, "ways", lambda *_: [first, *planned])
-    made = tetrahedralize(bar, 14.0)
-    assert made.mesher == planned[0].mesher
-    assert len(made.tried) == 1
-    assert "\n" not in made.tried[0]
+    result = tetrahedralize(bar, 14.0)
+    assert result.mesher == planned[0].mesher
+    assert len(result.tried) == 1
+    assert "\n" not in result.tried[0]
 
 
-def test_a_time_limit_is_kept_and_told(blob):
+def test_time_limit_is_kept_and_reported(blob):
     with raises(MeshingError, "no-mesh", limit=1e-3, out_of_time=True):
         tetrahedralize(blob, 9.0, time_limit=1e-3)
 
 
-def test_a_mesh_after_one_that_was_stopped_may_be_another_elsewhere(bar, monkeypatch):
+def test_mesh_after_a_stopped_method_is_not_repeatable(bar, monkeypatch):
     """How far a mesher comes within a time depends on the machine."""
 
     def planned(surface, edge_length):
@@ -225,15 +225,15 @@ def test_a_mesh_after_one_that_was_stopped_may_be_another_elsewhere(bar, monkeyp
         return [replace(first, share=1e-9), first]
 
     monkeypatch.setattr(tetrahedra, "ways", planned)
-    made = tetrahedralize(bar, 14.0)
-    assert made.stopped
-    assert not made.repeatable
-    assert made.is_outgrown(MeshSpec.time_limit + 1)
-    assert not made.is_outgrown(MeshSpec.time_limit)
-    assert len(made.tried) == 1
+    result = tetrahedralize(bar, 14.0)
+    assert result.stopped
+    assert not result.repeatable
+    assert result.is_outgrown(MeshSpec.time_limit + 1)
+    assert not result.is_outgrown(MeshSpec.time_limit)
+    assert len(result.tried) == 1
 
 
-def test_a_netgen_that_cannot_be_imported_is_told(bar, monkeypatch, tmp_path):
+def test_netgen_that_cannot_be_imported_is_reported(bar, monkeypatch, tmp_path):
     """Not replaced: the mesh would be another one than elsewhere."""
     (tmp_path / "netgen").mkdir()
     (tmp_path / "netgen" / "__init__.py").write_text("raise ImportError('libGLU.so.1 is missing')")
@@ -242,7 +242,7 @@ def test_a_netgen_that_cannot_be_imported_is_told(bar, monkeypatch, tmp_path):
         tetrahedralize(bar, 14.0)
 
 
-def test_ftetwild_that_is_not_installed_is_told(bar, monkeypatch, tmp_path):
+def test_ftetwild_that_is_not_installed_is_reported(bar, monkeypatch, tmp_path):
     """As on Macs with Intel."""
     (tmp_path / "pytetwild.py").write_text("raise ImportError('no wheel')")
     monkeypatch.syspath_prepend(tmp_path)
@@ -252,9 +252,9 @@ def test_ftetwild_that_is_not_installed_is_told(bar, monkeypatch, tmp_path):
         run_mesher(FTETWILD, bar, task, watch)
 
 
-def test_a_mesh_that_is_not_sound_is_refused(bar, monkeypatch):
-    made = tetrahedralize(bar, 12.0)
-    assert made.mesher == NETGEN
+def test_unsound_mesh_is_refused(bar, monkeypatch):
+    result = tetrahedralize(bar, 12.0)
+    assert result.mesher == NETGEN
     monkeypatch.setattr(mesh_quality, "MIN_DIHEDRAL_DEG", 60.0)
     with raises(MeshingError, "tet-too-flat"):
-        mesh_quality.check_mesh(made.mesh, bar, 12.0)
+        mesh_quality.check_mesh(result.mesh, bar, 12.0)

@@ -1,4 +1,4 @@
-"""Crossing triangles: found as another program finds them, and told from those that touch."""
+"""Crossing triangles are distinguished from those that touch."""
 
 import itertools
 
@@ -16,8 +16,8 @@ def by_vtk(v, f):
     low, high = v[f].min(1), v[f].max(1)
     found = set()
     for i, j in itertools.combinations(range(len(f)), 2):
-        apart = (low[i] > high[j]).any() or (low[j] > high[i]).any()
-        if not apart and not set(f[i]) & set(f[j]):
+        is_apart = (low[i] > high[j]).any() or (low[j] > high[i]).any()
+        if not is_apart and not set(f[i]) & set(f[j]):
             corners = [p.tolist() for p in (*v[f[i]], *v[f[j]])]
             if vtkTriangle.TrianglesIntersect(*corners):
                 found.add((i, j))
@@ -25,7 +25,7 @@ def by_vtk(v, f):
 
 
 @pytest.mark.parametrize("shake", [0.5, 5.0])
-def test_pairs_are_those_that_another_program_finds(shake):
+def test_crossing_pairs_equal_those_of_vtk(shake):
     v, f = creature(2)
     v = v + np.random.default_rng(3).normal(size=v.shape) * shake
     pairs = find_crossing_pairs(v, f)

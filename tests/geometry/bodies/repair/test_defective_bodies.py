@@ -1,4 +1,4 @@
-"""Organic bodies with defects: repaired to what was meant, measured by other means."""
+"""Organic bodies with defects are repaired, as measured by other means."""
 
 import re
 
@@ -37,10 +37,12 @@ def sound(v, f):
     assert set(np.round(winding)) == {0, 1}
 
 
-def told_move(done):
+def reported_move(sentences):
     """The largest of the distances that were told."""
     return max(
-        float(x) for line in done for x in re.findall(r"moved (?:at most )?([\d.e-]+) mm", line)
+        float(x)
+        for line in sentences
+        for x in re.findall(r"moved (?:at most )?([\d.e-]+) mm", line)
     )
 
 
@@ -51,42 +53,42 @@ def told_move(done):
 )  # fmt: skip
 def test_defects_are_repaired(name):
     body = BODIES[name](DETAIL.get(name, 3), 2)
-    v, f, done = repair_mesh(body.vertices, body.faces, name, fill_cavities=True)
+    v, f, sentences = repair_mesh(body.vertices, body.faces, name, fill_cavities=True)
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
-    assert done
+    assert sentences
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
-def test_crossings_move_the_surface_no_further_than_is_told(seed):
+def test_repaired_crossings_move_the_surface_no_farther_than_reported(seed):
     body = BODIES["crossings"](3, seed)
-    v, f, done = repair_mesh(body.vertices, body.faces, "x")
+    v, f, sentences = repair_mesh(body.vertices, body.faces, "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
-    told = told_move(done)
-    assert sampled_distance((v, f), (body.vertices, body.faces), 5000) <= 1.05 * told
-    assert told < 0.01 * np.linalg.norm(np.ptp(v, axis=0))
-    place = re.search(r"in \d places?: \((.*?)\)", " ".join(done))[1]
+    reported = reported_move(sentences)
+    assert sampled_distance((v, f), (body.vertices, body.faces), 5000) <= 1.05 * reported
+    assert reported < 0.01 * np.linalg.norm(np.ptp(v, axis=0))
+    place = re.search(r"in \d places?: \((.*?)\)", " ".join(sentences))[1]
     at = np.array([float(x) for x in place.split(",")])
     assert np.linalg.norm(body.vertices - at, axis=1).min() < 10
 
 
 @pytest.mark.slow
-def test_everything_at_once():
+def test_all_defects_at_once():
     body = BODIES["everything"](3, 0)
     v, f, _ = repair_mesh(body.vertices, body.faces, "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
 
 
-def test_a_missing_triangle_is_told_as_a_hole_with_its_place():
-    v, f, done = repair_mesh(BOX.vertices, BOX.faces[1:], "box")
+def test_missing_triangle_is_reported_as_a_hole_with_its_place():
+    v, f, sentences = repair_mesh(BOX.vertices, BOX.faces[1:], "box")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8000)
-    assert len(done) == 1
-    assert "3 edges" in done[0]
-    assert "near (" in done[0]
+    assert len(sentences) == 1
+    assert "3 edges" in sentences[0]
+    assert "near (" in sentences[0]
 
 
 def shell(size, at, inward):
@@ -101,27 +103,27 @@ def together(*meshes):
     return np.concatenate([v for v, _ in meshes]), np.concatenate(faces)
 
 
-def test_a_cavity_is_told_as_one_and_filled_where_it_is_to_be():
+def test_cavity_is_refused_or_filled():
     v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
     with raises(BodyError, "closed-cavity") as caught:
         repair_mesh(v, f, "box")
     assert caught.value.data["volume"] == pytest.approx(120)
     assert caught.value.data["at"] == pytest.approx([20, 10, 5])
-    v, f, done = repair_mesh(v, f, "box", fill_cavities=True)
+    v, f, sentences = repair_mesh(v, f, "box", fill_cavities=True)
     assert volume_of(v, f) == pytest.approx(8000)
-    assert len(done) == 1
-    assert "120 mm3" in done[0]
-    assert "(20, 10, 5)" in done[0]
+    assert len(sentences) == 1
+    assert "120 mm3" in sentences[0]
+    assert "(20, 10, 5)" in sentences[0]
 
 
-def test_a_cavity_of_a_body_that_is_inside_out_is_one():
+def test_cavity_of_an_inside_out_body_is_detected():
     v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
     with raises(BodyError, "closed-cavity") as caught:
         repair_mesh(v, f[:, ::-1], "box")
     assert caught.value.data["volume"] == pytest.approx(120)
 
 
-def test_pieces_are_told_with_sizes_and_places_and_crumbs_dropped():
+def test_pieces_are_reported_with_places_and_crumbs_dropped():
     other = shell([4, 4, 4], np.array([80.0, 0, 0]), False)
     v, f = together((BOX.vertices, BOX.faces), other)
     with raises(BodyError, "separate-pieces", count=2) as caught:
@@ -129,40 +131,40 @@ def test_pieces_are_told_with_sizes_and_places_and_crumbs_dropped():
     assert caught.value.data["volumes"] == pytest.approx([8000, 64])
     np.testing.assert_allclose(caught.value.data["places"], [[20, 10, 5], [80, 0, 0]], atol=1e-9)
     crumb = shell([1, 1, 1], np.array([80.0, 0, 0]), False)
-    v, f, done = repair_mesh(*together((BOX.vertices, BOX.faces), crumb), "x")
+    v, f, sentences = repair_mesh(*together((BOX.vertices, BOX.faces), crumb), "x")
     assert volume_of(v, f) == pytest.approx(8000)
-    assert len(done) == 1
-    assert "1 mm3" in done[0]
-    assert "(80, 0, 0)" in done[0]
+    assert len(sentences) == 1
+    assert "1 mm3" in sentences[0]
+    assert "(80, 0, 0)" in sentences[0]
 
 
 def test_boxes_that_overlap_are_united():
     other = shell([20, 10, 6], np.array([40.0, 10, 5]), False)  # half of it outside
-    v, f, done = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
+    v, f, sentences = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8600)
-    assert "2 shells" in done[0]
-    assert "600 mm3" in done[0]
+    assert "2 shells" in sentences[0]
+    assert "600 mm3" in sentences[0]
 
 
-def test_a_box_on_a_larger_one_is_one_body():
+def test_box_on_a_larger_one_is_united_with_it():
     other = shell([10, 10, 6], np.array([20.0, 10, 13]), False)
-    v, f, done = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
+    v, f, sentences = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8600)
-    assert "2 shells" in done[0]
+    assert "2 shells" in sentences[0]
 
 
-def test_boxes_that_share_a_wall_are_one():
+def test_boxes_that_share_a_wall_are_united():
     """Of each, a face is inside of the other's outline: an inner wall once they are merged."""
     a, b = box_surface([0, 0, 0], [10, 10, 10]), box_surface([10, 0, 0], [25, 10, 10])
-    v, f, done = repair_mesh(*together((a.vertices, a.faces), (b.vertices, b.faces)), "x")
+    v, f, sentences = repair_mesh(*together((a.vertices, a.faces), (b.vertices, b.faces)), "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(2500)
-    assert any("2 triangles" in line or "4 triangles" in line for line in done)
+    assert any("2 triangles" in line or "4 triangles" in line for line in sentences)
 
 
-def test_a_body_that_touches_itself_at_an_edge_is_drawn_apart():
+def test_body_that_touches_itself_at_an_edge_is_separated():
     """A ring of cubes, of which the first and the last have one edge in common."""
     cubes = {(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 2), (0, 1)} - {(1, 1)}
     v, f, faces = [], [], {}
@@ -175,16 +177,16 @@ def test_a_body_that_touches_itself_at_an_edge_is_drawn_apart():
     for corners in walls.values():
         f.append([len(v), len(v) + 1, len(v) + 2])
         v += corners[0].tolist()
-    v, f, done = repair_mesh(np.array(v), np.array(f), "ring")
+    v, f, sentences = repair_mesh(np.array(v), np.array(f), "ring")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(1000 * len(cubes), rel=0.01)
-    assert told_move(done) < 0.03
+    assert reported_move(sentences) < 0.03
 
 
-def test_a_body_in_order_is_left_as_it_is():
+def test_sound_body_is_unchanged():
     v, f = creature(3)
-    got_v, got_f, done = repair_mesh(v, f, "x")
-    assert done == []
+    got_v, got_f, sentences = repair_mesh(v, f, "x")
+    assert sentences == []
     order = np.lexsort(v.T[::-1])
     assert (got_v == v[order]).all()
     assert len(got_f) == len(f)

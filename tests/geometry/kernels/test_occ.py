@@ -19,7 +19,7 @@ def corner(size):
 
 
 @pytest.mark.parametrize(("chip", "counts"), [(0.45, False), (0.9, True)])
-def test_a_crumb_is_no_part(chip, counts):
+def test_crumbs_are_not_parts(chip, counts):
     """A cut around the corner leaves a chip of it, 0.1 or 0.7 mm^3 large."""
     around = corner(2) - corner(chip)
     expected = 20**3 - around.volume
@@ -27,5 +27,5 @@ def test_a_crumb_is_no_part(chip, counts):
         with raises(FabricationError, "cannot-divide-solid"):
             occ.carve_and_split(BODY.wrapped, [around.wrapped], [HALF], 2, expected)
         return
-    made = occ.carve_and_split(BODY.wrapped, [around.wrapped], [HALF], 2, expected)
-    assert sorted(map(occ.volume, made)) == pytest.approx([4000 - 8, 4000])
+    solids = occ.carve_and_split(BODY.wrapped, [around.wrapped], [HALF], 2, expected)
+    assert sorted(map(occ.volume, solids)) == pytest.approx([4000 - 8, 4000])

@@ -1,4 +1,4 @@
-"""Which way up a body is, and from where it is seen."""
+"""Detected orientation of bodies."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_figures_stand_in_either_convention(body):
     ],
     ids=["lying", "tall", "flat", "egg", "cube"],
 )
-def test_up_is_z_where_nothing_says_otherwise(body):
+def test_up_is_z_by_default(body):
     assert (viewing_axes(body) == Z_UP).all()
 
 

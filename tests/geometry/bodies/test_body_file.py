@@ -1,4 +1,4 @@
-"""Files of bodies that came from anywhere: known by their content, read apart."""
+"""Body files are detected from their content and read in a child process."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def ply(surface):
     return (head + "\n".join(rows) + "\n").encode()
 
 
-def test_kinds_are_known_by_content(tmp_path):
+def test_formats_are_detected_from_content(tmp_path):
     write_stl(BOX, tmp_path / "box.stl")
     assert detect_format((tmp_path / "box.stl").read_bytes()) == ".stl"
     assert detect_format(b"solid x\nfacet normal 0 0 1\n") == ".stl"
@@ -46,7 +46,7 @@ def test_kinds_are_known_by_content(tmp_path):
         assert detect_format(other) is None, other
 
 
-def test_meshes_are_read_whatever_materials_they_name(tmp_path):
+def test_material_files_are_not_read(tmp_path):
     """A material is a file that the mesh names: /dev/zero never ends."""
     path = tmp_path / "box.obj"
     path.write_bytes(obj(BOX, "mtllib /dev/zero\nusemtl all\n"))
@@ -57,11 +57,11 @@ def test_meshes_are_read_whatever_materials_they_name(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_foreign_mesh_is_read_in_its_own_unit_and_a_broken_one_refused(tmp_path):
+def test_file_of_unknown_unit_is_read_and_broken_one_refused(tmp_path):
     path = tmp_path / "box.obj"
     path.write_bytes(obj(BOX))
-    found = read_body_file(path)
-    assert found.surface.volume == pytest.approx(8000)
+    body = read_body_file(path)
+    assert body.surface.volume == pytest.approx(8000)
     path.write_bytes(obj(BOX).replace(b"f 1", b"f 999", 1))
     with pytest.raises(BodyError) as caught:
         read_body_file(path)

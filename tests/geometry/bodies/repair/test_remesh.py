@@ -1,4 +1,4 @@
-"""How far a repair moved the surface: told no smaller than it is."""
+"""The reported displacement of a repair is not too small."""
 
 import numpy as np
 import pytest
@@ -11,20 +11,20 @@ BOX = box_surface([0, 0, 0], [40, 20, 10])
 
 
 @pytest.mark.parametrize("by", [0.02, 1.5])
-def test_a_dent_and_a_bump_are_as_deep_as_they_are(by):
+def test_displacement_equals_the_depth_of_a_dent_or_bump(by):
     v, f = creature(3)
     size = float(np.linalg.norm(np.ptp(v, axis=0)))
     k = int(v[:, 1].argmax())
     for sign in (-1, 1):
         other = v.copy()
         other[k] += sign * by * np.array([0, 1.0, 0])
-        far = max(sampled_distance((other, f), (v, f)), sampled_distance((v, f), (other, f)))
-        assert measure_displacement((v, f), (other, f), size) == pytest.approx(far, rel=0.05)
-        assert 0.8 * by < far < 1.001 * by
+        distance = max(sampled_distance((other, f), (v, f)), sampled_distance((v, f), (other, f)))
+        assert measure_displacement((v, f), (other, f), size) == pytest.approx(distance, rel=0.05)
+        assert 0.8 * by < distance < 1.001 * by
     assert measure_displacement((v, f), (v, f), size) == 0
 
 
-def test_what_is_buried_does_not_count_and_what_is_inside_out_does():
+def test_buried_triangles_do_not_count_but_inside_out_ones_do():
     size = 50.0
     inner = box_surface([10, 5, 2], [20, 10, 6])
     before = (

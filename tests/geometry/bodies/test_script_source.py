@@ -1,4 +1,4 @@
-"""A body's script as text: its parameters, and what would run with it; nothing of it runs here."""
+"""Body scripts as text: their parameters, and the files that run with them."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ def script(tmp_path):
     return path
 
 
-def test_parameters_have_kinds_bounds_and_units_without_a_run(script, tmp_path):
-    found = {p.name: p for p in read_parameters(script, {"free": 7, "length": 40})}
-    kinds = {name: p.kind for name, p in found.items()}
+def test_parameters_are_read_without_running_the_script(script, tmp_path):
+    source = {p.name: p for p in read_parameters(script, {"free": 7, "length": 40})}
+    kinds = {name: p.kind for name, p in source.items()}
     assert kinds == {
         "length": "number", "width": "number", "count": "whole", "wall": "whole",
         "hollow": "switch", "shape": "choice", "end": "choice", "title": "text", "points": "other",
         "lean": "number", "free": "number",
     }  # fmt: skip
     assert not (tmp_path / "ran").exists()
-    assert found["length"].bounds(40) == (10, 300)
-    assert found["length"].bounds(500) == (10, 500)  # what the device says can be shown
-    assert found["width"].bounds(30) == pytest.approx((6, 90))
-    assert found["count"].bounds(4) == (0, 12)
-    assert found["lean"].bounds(-5) == pytest.approx((-15, -1))
-    assert found["free"].bounds(7) == pytest.approx((1.4, 21))
-    assert found["end"].choices == ("flat", "domed")
-    assert [found[n].unit for n in ("length", "count", "wall", "lean")] == [
+    assert source["length"].bounds(40) == (10, 300)
+    assert source["length"].bounds(500) == (10, 500)  # what the device says can be shown
+    assert source["width"].bounds(30) == pytest.approx((6, 90))
+    assert source["count"].bounds(4) == (0, 12)
+    assert source["lean"].bounds(-5) == pytest.approx((-15, -1))
+    assert source["free"].bounds(7) == pytest.approx((1.4, 21))
+    assert source["end"].choices == ("flat", "domed")
+    assert [source[n].unit for n in ("length", "count", "wall", "lean")] == [
         "mm",
         "",
         "layers",
@@ -71,7 +71,7 @@ def test_parameters_have_kinds_bounds_and_units_without_a_run(script, tmp_path):
         ("x = 1\0", ["file-unreadable", "script-syntax"]),
     ],
 )
-def test_scripts_that_say_nothing_are_refused_with_their_line(tmp_path, text, codes):
+def test_unreadable_scripts_are_refused_with_their_line(tmp_path, text, codes):
     path = tmp_path / "shape.py"
     path.write_text(text)
     with pytest.raises(BodyError) as caught:
@@ -81,7 +81,7 @@ def test_scripts_that_say_nothing_are_refused_with_their_line(tmp_path, text, co
         assert caught.value.data["line"] == 1
 
 
-def test_what_may_run_with_a_script_belongs_to_its_text(tmp_path):
+def test_files_that_may_run_with_a_script_belong_to_it(tmp_path):
     path = tmp_path / "shape.py"
     path.write_text("import parts.lid\nfrom sub import tool\nimport numpy\n")
     for name, text in {
@@ -90,8 +90,8 @@ def test_what_may_run_with_a_script_belongs_to_its_text(tmp_path):
     }.items():  # fmt: skip
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    found = read_script(path)
-    names = [name for name, _ in found.files]
+    source = read_script(path)
+    names = [name for name, _ in source.files]
     # json.py is imported by libraries, before their own.
     assert names == [
         "shape.py", "json.py", "parts/__init__.py", "parts/lid.py", "parts/rim.py", "sub/tool.py",
@@ -108,6 +108,6 @@ def test_what_may_run_with_a_script_belongs_to_its_text(tmp_path):
     assert read_script(path).digest != before
 
 
-def test_a_script_that_is_gone_is_told(tmp_path):
+def test_missing_script_is_reported(tmp_path):
     with raises(BodyError, "file-unreadable"):
         read_script(tmp_path / "none.py")

@@ -1,4 +1,4 @@
-"""Regions that hold nothing of a body are known from its surface."""
+"""Regions that hold nothing of a body are detected from its surface."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ V = np.array
 
 
 @pytest.mark.parametrize(
-    ("shape", "held"),
+    ("shape", "is_held"),
     [
         (Box(V([140.0, -9, -9]), V([160.0, 9, 9])), True),
         (Box(V([240.0, -9, -9]), V([251.0, 9, 9])), False),
@@ -22,11 +22,11 @@ V = np.array
         (Cylinder(V([30.0, 90, 0]), V([30.0, 190, 0]), 0.5), False),
     ],
 )
-def test_what_a_region_holds(bar, shape, held):
-    assert holds_body(shape, bar) == held
+def test_holds_body(bar, shape, is_held):
+    assert holds_body(shape, bar) == is_held
 
 
-def test_places_are_told_in_words(bar):
+def test_places_are_described(bar):
     assert "(0, -15, -15)" in describe_extent(bar)
     text = describe_region(HalfSpace(V([0, 0, 12.0]), V([0, 0, -1.0])))
     assert "(0, 0, 12)" in text

@@ -1,17 +1,22 @@
-"""The same parts give the same files, at any time and however many were written before."""
+"""Written files: the same parts give the same bytes, and a full disk is a system error."""
 
 from __future__ import annotations
+
+import errno
+from pathlib import Path
 
 import build123d as bd
 import numpy as np
 import pytest
+import trimesh
 
+from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import occ, triangle_kernel
-from defsense_fab.geometry.printing.export import write_3mf
+from defsense_fab.geometry.printing.export import write_3mf, write_stl
 from tests.conftest import box_surface
 
 
-def test_step_files_know_neither_the_time_nor_what_was_written_before(tmp_path):
+def test_step_files_depend_on_neither_time_nor_earlier_files(tmp_path):
     solid = occ.solids_of(bd.Box(1, 2, 3))[0]
     one, again, whole = (tmp_path / name for name in ("one.step", "again.step", "whole.step"))
     occ.write_step(solid, one, "x")
@@ -32,13 +37,13 @@ def test_step_files_know_neither_the_time_nor_what_was_written_before(tmp_path):
     ["Würfel", "日本-é", "😀ä", "日" * 30, "я" * 40, *("a" * n + "ééé日" for n in range(56, 66))],
     ids=range(15),
 )
-def test_names_in_step_files_are_read_as_they_were_given(tmp_path, name):
+def test_names_in_step_files_round_trip(tmp_path, name):
     path = tmp_path / "named.step"
     solids = {f"{name}-{k}": occ.solids_of(bd.Box(1, 2, k))[0] for k in (1, 2)}
     occ.write_assembly(solids, path, name)
     assert path.read_bytes().isascii()
-    found = bd.import_step(path)
-    assert [found.label, *(c.label for c in found.children)] == [name, f"{name}-1", f"{name}-2"]
+    shape = bd.import_step(path)
+    assert [shape.label, *(c.label for c in shape.children)] == [name, f"{name}-1", f"{name}-2"]
 
 
 @pytest.mark.parametrize("away", [0.0, 8000.0])
@@ -56,3 +61,25 @@ def test_3mf_files_have_no_random_numbers(tmp_path):
         for path in files:
             write_3mf(boxes, path, "box", together)
         assert files[0].read_bytes() == files[1].read_bytes()
+
+
+FULL = Path("/dev/full")
+BOX = trimesh.creation.box((10, 20, 30))
+SURFACE = Surface(BOX.vertices, BOX.faces)
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="no /dev/full here")
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda: write_stl(SURFACE, FULL),
+        lambda: write_3mf({"box": SURFACE}, FULL, "box"),
+        lambda: occ.write_step(bd.Box(10, 20, 30).solid().wrapped, FULL, "box"),
+        lambda: occ.write_assembly({"box": bd.Box(1, 2, 3).solid().wrapped}, FULL, "box"),
+    ],
+    ids=["stl", "3mf", "step", "assembly"],
+)
+def test_full_disk_is_a_system_error(write):
+    with pytest.raises(OSError) as caught:
+        write()
+    assert caught.value.errno == errno.ENOSPC

@@ -1,4 +1,4 @@
-"""Files of meshes: every kind, its unit, and what names other files, claims too much, or lies."""
+"""Mesh files: formats, units, and files that name other files or claim too much."""
 
 import json
 import struct
@@ -56,27 +56,27 @@ def glb(surface):
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def test_off_is_read_whatever_its_name(tmp_path):
+def test_off_is_read_despite_another_suffix(tmp_path):
     path = tmp_path / "box.obj"
     path.write_bytes(b"# by hand\n" + off(BOX))
     assert detect_format(path.read_bytes()) == ".off"
-    surface, told, _ = read_mesh(path, 2.0, SIZES)
+    surface, notes, _ = read_mesh(path, 2.0, SIZES)
     assert surface.volume == pytest.approx(8 * 8000)
-    assert len(told) == 1
-    assert "OFF" in told[0]
+    assert len(notes) == 1
+    assert "OFF" in notes[0]
 
 
-def test_glb_comes_in_mm_with_z_upwards(tmp_path):
+def test_glb_is_converted_to_mm_with_z_up(tmp_path):
     path = tmp_path / "box.glb"
     path.write_bytes(glb(BOX))
-    surface, told, _ = read_mesh(path, 1.0, SIZES)
+    surface, notes, _ = read_mesh(path, 1.0, SIZES)
     assert surface.bounds == pytest.approx(BOX.bounds, abs=1e-5)
     assert surface.volume == pytest.approx(8000)
-    assert len(told) == 1
+    assert len(notes) == 1
     assert read_mesh(path, 2.0, SIZES)[0].volume == pytest.approx(8 * 8000)
 
 
-def test_gltf_that_names_other_files_is_told_so(tmp_path):
+def test_gltf_that_names_other_files_is_refused(tmp_path):
     path = tmp_path / "box.gltf"
     path.write_bytes(gltf(BOX, "/dev/zero")[0])
     with raises(BodyError, "names-another-file"):
@@ -84,7 +84,7 @@ def test_gltf_that_names_other_files_is_told_so(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["msh", "vtu", "mesh"])
-def test_of_tetrahedra_the_boundary_is_taken(kind, tmp_path):
+def test_boundary_of_tetrahedra_is_read(kind, tmp_path):
     """Of two that share a face, one turned inside out."""
     points = np.array([[0, 0, 0], [30, 0, 0], [0, 30, 0], [0, 0, 30], [30, 30, 30]], float)
     tets = np.array([[0, 1, 2, 3], [4, 1, 2, 3]])
@@ -106,7 +106,7 @@ def test_a_damaged_vtu_does_not_end_the_program(tmp_path):
 
 
 @pytest.mark.parametrize("what", ["stl", "ply", "off"])
-def test_billions_of_triangles_that_are_not_there_are_refused(what, tmp_path):
+def test_false_counts_of_triangles_are_refused(what, tmp_path):
     path = tmp_path / f"a.{what}"
     content = {
         "stl": b"\0" * 80 + struct.pack("<I", 2**32 - 1) + b"\0" * 500,
@@ -121,7 +121,7 @@ def test_billions_of_triangles_that_are_not_there_are_refused(what, tmp_path):
     assert caught.value.code in ("file-invalid", "file-too-large", "no-triangles")
 
 
-def test_step_and_mesh_are_told_apart(tmp_path):
+def test_step_and_mesh_are_distinguished(tmp_path):
     (tmp_path / "a.stl").write_bytes(b"ISO-10303-21;\nHEADER;\nENDSEC;\n")
     with raises(BodyError, "wrong-file-format", suffix=".step"):
         read_mesh(tmp_path / "a.stl", 1.0, SIZES)
