@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration import session as sessions
-from ..calibration.protocol import settled
+from ..calibration.protocol import check_settling
 from ..calibration.readings import Geometry
 from ..calibration.session import CalibrationSession
 from ..capture.readout.recording import Recorder
@@ -61,7 +61,7 @@ def record_twin(
     geometry = geometry or Geometry()
     rng = np.random.default_rng(seed)
     twin = SpecimenTwin(traits, rng, length, geometry.thickness, geometry.offset, misplaced)
-    session = sessions.create(
+    session = sessions.create_session(
         folder,
         name=f"{length:g}",
         geometry=geometry,
@@ -87,10 +87,10 @@ def record_twin(
             while True:
                 time, ohm = board.measure(CHECK_INTERVAL_S)
                 times, ohms = np.append(times, time), np.append(ohms, ohm, axis=0)
-                hold = settled(times - times[0], ohms, session.criterion)
-                if hold is not None and (hold.still or hold.over):
+                hold = check_settling(times - times[0], ohms, session.criterion)
+                if hold is not None and (hold.is_settled or hold.is_timed_out):
                     break
-            board.note("point", step=n, settled=hold.still)
+            board.note("point", step=n, settled=hold.is_settled)
     return session
 
 

@@ -28,7 +28,7 @@ def unknown_camera_kind(kind: str) -> CaptureError:
         code="unknown-camera-kind",
         where="twin",
         action=f"Use one of {', '.join(CAMERA_KINDS)}",
-        kind=kind,
+        camera_kind=kind,
     )
 
 

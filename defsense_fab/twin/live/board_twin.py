@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...capture.cameras.image_sources import Images
+from ...capture.cameras.image_sources import ImageSource
 from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float
 from ...core.camera import Camera
@@ -70,12 +70,12 @@ class BoardTwin:
         """Distance of each camera from the first one, mm."""
         return [float(np.linalg.norm(c.center - self.cameras[0].center)) for c in self.cameras]
 
-    def alone(self, name: str) -> Images:
+    def alone(self, name: str) -> ImageSource:
         """Return the images of one camera to which the board is shown."""
         k, camera = self._find_camera(name)
         return self._film(camera, self._show_to_one(camera, 1 + k), 1 + k)
 
-    def together(self, *, again: bool = False) -> Callable[[str], Images]:
+    def together(self, *, again: bool = False) -> Callable[[str], ImageSource]:
         """Return a function that opens cameras by name; the board is shown to all at once.
 
         Args:
@@ -84,7 +84,7 @@ class BoardTwin:
         number = 200 if again else 100
         scene_at = self.show_to_all(again=again)
 
-        def open_camera(name: str) -> Images:
+        def open_camera(name: str) -> ImageSource:
             k, camera = self._find_camera(name)
             return self._film(camera, scene_at, number + 1 + k)
 
@@ -100,7 +100,7 @@ class BoardTwin:
     def _find_camera(self, name: str) -> tuple[int, Camera]:
         return next((k, c) for k, c in enumerate(self.cameras) if c.name == name)
 
-    def _film(self, camera: Camera, scene_at: Callable[[float], Scene], number: int) -> Images:
+    def _film(self, camera: Camera, scene_at: Callable[[float], Scene], number: int) -> ImageSource:
         rng = np.random.default_rng([self._seed, number, 1])
         return RenderedCamera(camera, scene_at, self._optics, rng, _frame_times(camera.name))
 

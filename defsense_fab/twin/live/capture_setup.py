@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.cameras.image_sources import Images, Webcam
+from ...capture.cameras.image_sources import ImageSource, Webcam
 from ...capture.clocks.led_schedule import LED_PERIOD_MS
 from ...capture.readout.reader import ReadoutSettings
 from ...capture.readout.source import Source
@@ -19,7 +19,7 @@ from ...capture.sessions.guided_recording import CaptureScreen, GuidedRecording,
 from ...capture.sessions.pose_coverage import PoseCoverage
 from ...capture.sessions.session import CaptureSession
 from ...capture.tags.tag_patterns import dictionary
-from ...capture.videos.detector_compilation import compile_detector
+from ...capture.videos.video_detection import compile_detector
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import CaptureError, DefsenseError, DeviceError
@@ -83,7 +83,7 @@ class CaptureSetup:
     """
 
     session: CaptureSession
-    openers: Sequence[Callable[[], Images]]
+    openers: Sequence[Callable[[], ImageSource]]
     board: Source | None
     levels: PoseCoverage | None
     hands: Hands | None
@@ -282,7 +282,7 @@ def unit_name(options: CaptureOptions) -> str:
 
 def _camera_openers(
     addresses: Sequence[str], session: CaptureSession, twin: LiveTwin | None
-) -> list[Callable[[], Images]]:
+) -> list[Callable[[], ImageSource]]:
     cameras = session.rig.cameras
     if tuple(addresses) == (NONE,) and not cameras:
         return []
@@ -317,5 +317,5 @@ def _camera_openers(
     return [partial(Webcam, w, c.size) for w, c in zip(addresses, cameras, strict=True)]
 
 
-def _identity(source: Images) -> Images:
+def _identity(source: ImageSource) -> ImageSource:
     return source

@@ -191,7 +191,7 @@ def _state_weights(sim: SimulatedDevice, player: PosePlayer, seconds: float) -> 
 def _make_cords(
     device: Device, sim: SimulatedDevice, player: PosePlayer, rng: np.random.Generator
 ) -> DeviceCords:
-    reading = CordReading.of(device)
+    reading = CordReading.from_device(device)
 
     def signals_at(seconds: float) -> Float:
         weights = _state_weights(sim, player, seconds)

@@ -1,1 +1,1 @@
-"""Experiments run from their description to a page: the paper's, and those of one's own."""
+"""Experiments that reproduce the paper's results with the twin."""

@@ -20,7 +20,7 @@ from ...twin.devices.device_fields import share_fields
 from .cord_experiment import run_cord_experiment
 from .devices.layouts import build_layout, simulate_device
 from .devices.pictures import draw_device_pictures
-from .devices.sessions import find_error_causes, place_tags, evaluate_unit, twin_traits
+from .devices.sessions import evaluate_unit, find_error_causes, place_tags, twin_traits
 from .experiments.experiment import OPTIMISED, Experiment
 from .results.numbers import as_row, compare_numbers
 from .results.page import write_page

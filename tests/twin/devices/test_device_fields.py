@@ -46,7 +46,7 @@ def test_second_call_loads_the_same_fields(device, solved):
 
 
 def test_damaged_file_is_solved_again(device, solved, monkeypatch):
-    from defsense_fab.twin.devices import solve_fields as module
+    from defsense_fab.twin.devices import device_fields as module
 
     path = next((device.source / "build" / "twin").glob("*.npz"))
     with np.load(path) as data:
@@ -125,7 +125,7 @@ def test_grips_pull_outside_of_the_regions_of_poses(device):
 
 
 def test_search_for_states_ends_when_no_more_can_be_solved(device, monkeypatch):
-    from defsense_fab.twin.devices import solve_fields as module
+    from defsense_fab.twin.devices import device_fields as module
 
     job_counts = []
     solve = module.solve_all
@@ -146,7 +146,7 @@ def test_search_for_states_ends_when_no_more_can_be_solved(device, monkeypatch):
 
 
 def test_pose_that_is_not_reached_is_rejected(device, monkeypatch):
-    from defsense_fab.twin.devices import solve_fields as module
+    from defsense_fab.twin.devices import device_fields as module
 
     def fail_second_job(mesh, material, jobs, show):
         none = np.zeros((0, 3))

@@ -82,5 +82,5 @@ def test_invalid_cameras_are_rejected_before_anything_is_written(
 
 
 def test_unknown_kind_of_cameras_is_rejected():
-    with raises(CaptureError, "unknown-camera-kind", kind="pinhole"):
+    with raises(CaptureError, "unknown-camera-kind", camera_kind="pinhole"):
         FilmTraits("pinhole")

@@ -1,9 +1,10 @@
-"""Experiments from beginning to end, as small as they can be."""
+"""Experiments from start to end, as small as possible."""
 
 import json
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from defsense_fab.core.progress import silent
 from defsense_fab.workflow.reproduce import run as module
@@ -16,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module", autouse=True)
 def one_cause():
-    """Each cause is another session and training."""
+    """Limit the causes to one: each needs another session and training."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sessions, "CAUSES", {"clocks": ("sync",)})
         yield
@@ -24,11 +25,11 @@ def one_cause():
 
 @pytest.fixture(scope="module")
 def small():
-    """The twist bar's drawn cord alone, on a coarse mesh."""
-    (found,) = find_experiments(["twist-bar"])
-    small = found.at_size(quick=True)
-    session = replace(small.session, frames=150, tags=8, tag_size=10.0)
-    return replace(small, layouts=found.layouts[:1], session=session, edge_length=18.0)
+    """Return the twist bar with its drawn cord alone, on a coarse mesh."""
+    (experiment,) = find_experiments(["twist-bar"])
+    small = experiment.at_size(quick=True)
+    session = structs.replace(small.session, frames=150, tags=8, tag_size=10.0)
+    return replace(small, layouts=experiment.layouts[:1], session=session, edge_length=18.0)
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +42,19 @@ def done(small, out):
     return reproduce([small], out, silent)
 
 
-def test_a_device_is_built_recorded_tested_and_told(done, out):
-    (found,) = done["experiments"]
-    straight = found["layouts"]["straight"]
+def test_device_is_built_recorded_tested_and_on_the_page(done, out):
+    (result,) = done["experiments"]
+    straight = result["layouts"]["straight"]
     (unit,) = straight["units"]
     assert straight["design"]["cords"] == 1
     assert unit["frames"]["tested"] >= 140
-    assert unit["chosen"]["rmse"] > 1.0  # it cannot tell left from right
-    moved = unit["movement"]["affine"]
-    assert moved["design"] == pytest.approx(unit["affine"]["rmse"], rel=0.4)
-    assert moved["design"] > 5 * moved["noise"]  # one even signal tells little, however quiet
-    rows = {(r["of"], r["over"], r["quantity"]): r for r in found["numbers"]}
+    assert unit["chosen"]["rmse"] > 1.0  # one cord cannot distinguish left from right
+    movement = unit["movement"]["affine"]
+    assert movement["design"] == pytest.approx(unit["affine"]["rmse"], rel=0.4)
+    assert (
+        movement["design"] > 5 * movement["noise"]
+    )  # a single even signal has little information even without noise
+    rows = {(r["of"], r["over"], r["quantity"]): r for r in result["numbers"]}
     assert rows["straight", None, "rmse"]["ours"] == pytest.approx(unit["chosen"]["rmse"])
     assert rows["refined", None, "rmse"]["ours"] is None
     page = (out / PAGE).read_text("utf-8")
@@ -60,48 +63,47 @@ def test_a_device_is_built_recorded_tested_and_told(done, out):
     assert json.loads((out / RESULTS).read_text("utf-8")) == done
 
 
-def test_the_page_keeps_experiments_that_were_made_there_before(done, out, monkeypatch):
-    (found,) = done["experiments"]
-    other = {**found, "name": "another", "title": "Another device"}
+def test_page_keeps_experiments_of_earlier_runs(done, out, monkeypatch):
+    (result,) = done["experiments"]
+    other = {**result, "name": "another", "title": "Another device"}
     monkeypatch.setattr(module, "reproduce_one", lambda *_: other)
     (small,) = find_experiments(["sheet"])
-    again = reproduce([replace(small.at_size(quick=True), name="another")], out, silent)
-    assert [e["name"] for e in again["experiments"]] == ["another"]
+    repeated = reproduce([replace(small.at_size(quick=True), name="another")], out, silent)
+    assert [e["name"] for e in repeated["experiments"]] == ["another"]
     both = json.loads((out / RESULTS).read_text("utf-8"))["experiments"]
-    assert [e["name"] for e in both] == ["another", found["name"]]
+    assert [e["name"] for e in both] == ["another", result["name"]]
     assert "Another device" in (out / PAGE).read_text("utf-8")
     assert (out / "twist-bar" / "pictures" / "twist_left-straight.png").stat().st_size > 3000
 
 
-def test_what_is_done_is_taken_and_what_changes_is_made_anew(small, done, out, monkeypatch):
-    def refuse(*_, **__):
-        raise AssertionError("made again")
+def test_results_are_reused_until_their_inputs_change(small, done, out, monkeypatch):
+    def fail(*_, **__):
+        raise AssertionError("computed again")
 
-    from defsense_fab.workflow.reproduce.devices import pictures, sessions
+    from defsense_fab.workflow.reproduce.devices import pictures
 
-    monkeypatch.setattr(sessions, "simulate_runs", refuse)
-    monkeypatch.setattr(sessions, "train_files", refuse)
-    monkeypatch.setattr(pictures, "_made", refuse)
-    told = []
-    assert reproduce([small], out, lambda *what: told.append(what)) == done
-    assert told[-1][:2] == ("twist-bar: pictures", 1.0)
-    longer = replace(small, session=replace(small.session, frames=160))
-    with pytest.raises(AssertionError, match="made again"):
+    monkeypatch.setattr(sessions, "simulate_runs", fail)
+    monkeypatch.setattr(sessions, "train_files", fail)
+    monkeypatch.setattr(pictures, "_draw", fail)
+    reports = []
+    assert reproduce([small], out, lambda *report: reports.append(report)) == done
+    assert reports[-1][:2] == ("twist-bar: pictures", 1.0)
+    longer = replace(small, session=structs.replace(small.session, frames=160))
+    with pytest.raises(AssertionError, match="computed again"):
         reproduce([longer], out, silent)
 
 
-def test_a_run_that_is_stopped_leaves_what_was_done(small, done, tmp_path, monkeypatch):
-    """The page has the experiments before the one at which it was stopped."""
+def test_interrupted_run_leaves_finished_experiments(small, done, tmp_path, monkeypatch):
     other = replace(small, name="other")
-    kept = dict(done["experiments"][0])
+    finished = dict(done["experiments"][0])
 
-    def one(experiment, folder, left=None):
+    def reproduce_one(experiment, folder, steps=None):
         if experiment.name == "other":
             raise KeyboardInterrupt
-        return kept
+        return finished
 
-    monkeypatch.setattr(module, "reproduce_one", one)
+    monkeypatch.setattr(module, "reproduce_one", reproduce_one)
     with pytest.raises(KeyboardInterrupt):
         reproduce([small, other], tmp_path, silent)
-    assert json.loads((tmp_path / RESULTS).read_text("utf-8"))["experiments"] == [kept]
+    assert json.loads((tmp_path / RESULTS).read_text("utf-8"))["experiments"] == [finished]
     assert "twist-bar" in (tmp_path / PAGE).read_text("utf-8")

@@ -1,1 +1,1 @@
-"""Experiments with devices: built layouts, recorded and tested units, pictures of them."""
+"""Experiments with devices: their layouts, units and pictures."""

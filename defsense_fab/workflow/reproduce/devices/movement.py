@@ -38,24 +38,21 @@ from ....twin.devices.pose_samples import pose_axes
 from ....twin.recordings.run_files import TRUTH
 from ....twin.scenes.pose_space import PoseSpace
 
-# What is in the session of a unit: its one run, and what the twin alone knows of it.
-
-
-def true_weights(session: Path, time: Float) -> Float:
-    """Weights (t, d) of the poses at times (t,) s of a twin's session."""
-    with np.load(session / TRUTH) as truth:
-        at, weights = truth["sample_time"], truth["weights"]
-    return np.stack([np.interp(time, at, w) for w in weights.T], axis=1)
-
-
-def recording_of(device: Device, session: Path) -> Recording:
-    """The one run of a session, with its channels as the device has them."""
-    return DataFiles((session,)).load(device).recordings[0]
-
-
 MAX_FRAMES = 400  # of the training and of the test, evenly spread
 MAX_KERNEL_FRAMES = 100  # of the training, for kernels, whose widths take long to fit
 NOISE_DRAWS, NOISE_SEED = 8, 1  # of the read-out's noise
+
+
+def load_true_weights(session: Path, time: Float) -> Float:
+    """Return the true weights (t, d) of the poses at times (t,) s of a twin's session."""
+    with np.load(session / TRUTH) as truth:
+        sample_time, weights = truth["sample_time"], truth["weights"]
+    return np.stack([np.interp(time, sample_time, w) for w in weights.T], axis=1)
+
+
+def load_unit_recording(device: Device, session: Path) -> Recording:
+    """Return the only run of a unit's session, with the channels of the device."""
+    return DataFiles((session,)).load(device).recordings[0]
 
 
 @dataclass(frozen=True)
@@ -98,12 +95,16 @@ class DesignedMovement:
         reading = CordReading.from_device(device)
         self._prior = simulated_prior(device, model.channels, model.rest_points)
         self._noise = np.array([reading.noise(cords[name]) for name in model.channels])
-        simulate = _design_simulator(device, [cords[n] for n in model.channels], reading, self._prior)
+        simulate = _design_simulator(
+            device, [cords[n] for n in model.channels], reading, self._prior
+        )
         self._signals, self._points = simulate(
             _weights(device, session, trained[_spread(len(trained), MAX_FRAMES)])
         )
         test = _spread(len(tested.time), MAX_FRAMES)
-        self._test_signals, self._test_points = simulate(_weights(device, session, tested.time[test]))
+        self._test_signals, self._test_points = simulate(
+            _weights(device, session, tested.time[test])
+        )
         self._test_weights = tested.weights[test]
 
     def error(self, kind: str) -> MovementError:
@@ -131,7 +132,7 @@ class DesignedMovement:
 
 def _weights(device: Device, session: Path, times: Float) -> Float:
     """Return the weights of the device's own poses, without grips of the twin's hand."""
-    return true_weights(session, times)[:, : len(device.poses)]
+    return load_true_weights(session, times)[:, : len(device.poses)]
 
 
 def _spread(count: int, limit: int) -> Int:
@@ -157,7 +158,9 @@ def _design_simulator(
     weights = np.array([[w.get(name, 0.0) for name in names] for w in fields.weights])
     space = PoseSpace(pose_axes(device.poses), weights)
     locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
-    displacements = [locator.displacement(locator.find(c.path), fields.displacements) for c in cords]
+    displacements = [
+        locator.displacement(locator.find(c.path), fields.displacements) for c in cords
+    ]
 
     def simulate(weights: Float) -> tuple[Float, Float]:
         states = space(weights)

@@ -1,5 +1,4 @@
-"""What a unit's test tells: its errors by decoder, what was predicted of them, what they come from,
-and whether poses are told apart."""
+"""Results of the test of a unit: errors by decoder, predictions, causes, and pose recognition."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....core.arrays import Bool, Float
+from ....core.arrays import Bool, Float, Int
 from ....core.device.device import Device
 from ....decoding.trained_model import TrainedModel
 from ....report.evaluation.tables import as_data
@@ -22,31 +21,41 @@ from ....training.models.model_file import load_model
 from ....training.recordings.datasets import DataFiles
 from ....training.regression.candidates import AFFINE
 from ....twin.recordings.run_files import TRUTH
-from .movement import DesignedMovement, MovementError
-from .movement import recording_of, true_weights
+from .movement import DesignedMovement, MovementError, load_true_weights, load_unit_recording
 
-#: Of a pose's amplitude, from which on a picture shows it; of others beside it, at most.
-SHOWN, BESIDE = 0.5, 0.2
+MIN_POSE_LEVEL = 0.5  # from which on a frame shows a pose
+MAX_OTHER_POSE = 0.2  # largest level of another pose, relative to that pose
 
 
 def measure_unit(
     device: Device, session: Path, model_file: Path, training: Training
 ) -> dict[str, Any]:
-    """Of the pictures that the model was not trained on, in plain values; lengths in mm, squares in
-    mm^2: errors of the `affine` decoder and of the `chosen` one against where the cameras saw the
-    markers, of the latter against where they were (`truth`), by pose; what was `predicted` of the
-    design's own states, and of the `movement` that was tested; the
-    `causes` of its mean square, also `by_truth`; and how often poses were `told_apart`."""
-    found = evaluate_files([model_file], DataFiles((session,)), device)
-    (told,) = as_data(found)["models"].values()
+    """Measure the errors of a unit in frames that the model was not trained on.
+
+    Args:
+        device: The built device.
+        session: Session of its twin.
+        model_file: File of the trained model.
+        training: The training.
+
+    Returns:
+        Plain values; lengths in mm, squares in mm^2. `affine` and `chosen` are errors of these
+        decoders against the measured markers, `truth` those of the chosen one against the true
+        markers, `poses` errors by pose, `predicted` the prediction for the design's own states,
+        `movement` that for the tested movement, `causes` and `causes_by_truth` the parts of the
+        mean square error, and `told_apart` how often poses are recognized.
+    """
+    evaluation = evaluate_files([model_file], DataFiles((session,)), device)
+    (tables,) = as_data(evaluation)["models"].values()
     affine = next(a for a in training.candidates if a.name == AFFINE)
     assert affine.test is not None
-    frames = found.models[0].evaluation.frames
-    designed = DesignedMovement(device, session, training.model, training.training_frames.time, frames)
-    moved = {AFFINE: designed.error(AFFINE), "chosen": designed.error(training.selected)}
+    frames = evaluation.models[0].evaluation.frames
+    trained_times = training.training_frames.time
+    design = DesignedMovement(device, session, training.model, trained_times, frames)
+    affine_movement, chosen_movement = design.error(AFFINE), design.error(training.selected)
     return {
         "decoder": training.selected,
-        "frames": {"trained": len(training.training_frames), "tested": told["errors"]["frames"]},
+        "frames": {"trained": len(trained_times), "tested": tables["errors"]["frames"]},
         "markers": len(training.model.ids),
         "affine": {
             "rmse": affine.test.rmse,
@@ -54,90 +63,97 @@ def measure_unit(
             "peak": affine.test.peak,
             "average_peak": affine.test.average_peak,
         },
-        "chosen": {k: told["errors"][k] for k in ("rmse", "deviation", "peak", "average_peak")},
-        "truth": _against_truth(device, session, training.model, frames.time),
-        "poses": told["poses"],
-        "camera_noise": told["camera_noise"],
-        "predicted": told["predicted"],
+        "chosen": {k: tables["errors"][k] for k in ("rmse", "deviation", "peak", "average_peak")},
+        "truth": _errors_against_truth(device, session, training.model, frames.time),
+        "poses": tables["poses"],
+        "camera_noise": tables["camera_noise"],
+        "predicted": tables["predicted"],
         "movement": {
-            AFFINE: _as_row(moved[AFFINE], moved[AFFINE].rmse, affine.test.rmse),
-            "chosen": _movement_row(moved["chosen"], training, frames),
+            AFFINE: _as_row(affine_movement, affine_movement.rmse, affine.test.rmse),
+            "chosen": _movement_row(chosen_movement, training, frames),
         },
-        "causes": told["error_budget"],
-        "causes_by_truth": told["error_budget_by_truth"],
-        "told_apart": _told_apart(device, session, model_file, frames.time),
-        "notes": list(found.notes),
+        "causes": tables["error_budget"],
+        "causes_by_truth": tables["error_budget_by_truth"],
+        "told_apart": _recognize_poses(device, session, model_file, frames.time),
+        "notes": list(evaluation.notes),
     }
 
 
 def _movement_row(
-    moved: MovementError, training: Training, frames: DecodedFrames
+    movement: MovementError, training: Training, frames: DecodedFrames
 ) -> dict[str, Any]:
-    """With what the training tells of how well the cords repeat, where it does."""
+    """Return the prediction for a movement, with the repeatability of the cords if it is known."""
     measured = float(np.sqrt((frames.frame_error**2).mean()))
     if training.repeatability is None:
-        return _as_row(moved, moved.rmse, measured)
-    promise = DesignPrediction(moved.rmse, moved.noise, moved.rmse, moved.rmse)
-    p = predict_error(training.repeatability, frames, promise)
-    return {**_as_row(moved, p.predicted, measured), "mean_squares": p.shares}
+        return _as_row(movement, movement.rmse, measured)
+    design = DesignPrediction(movement.rmse, movement.noise, movement.rmse, movement.rmse)
+    prediction = predict_error(training.repeatability, frames, design)
+    row = _as_row(movement, prediction.predicted, measured)
+    return {**row, "mean_squares": prediction.shares}
 
 
-def _as_row(moved: MovementError, predicted: float, measured: float) -> dict[str, Any]:
+def _as_row(movement: MovementError, predicted: float, measured: float) -> dict[str, Any]:
     return {
-        **vars(moved), "design": moved.rmse, "rmse": predicted, "ratio": predicted / measured
-    }  # fmt: skip
+        **vars(movement),
+        "design": movement.rmse,
+        "rmse": predicted,
+        "ratio": predicted / measured,
+    }
 
 
-def _against_truth(
+def _errors_against_truth(
     device: Device, session: Path, model: TrainedModel, tested: Float
 ) -> dict[str, float]:
-    """At the pictures' true times, which the twin alone knows."""
+    """Return the errors at the true times of the frames, against the true positions."""
     with np.load(session / TRUTH) as truth:
         order = [truth["ids"].tolist().index(n) for n in model.ids.tolist()]
         time, points = truth["time"], truth["points"][:, order].astype(float)
-    last = time >= tested[0] - 0.5 * float(np.median(np.diff(time)))
-    r = recording_of(device, session)
-    decoded = model.decode(r.sample_time, r.signals, time[last]).points
-    known = np.isfinite(decoded).all(axis=(1, 2))
-    e = measure_errors(decoded[known], points[last][known])
-    return {"rmse": e.rmse, "peak": e.peak, "average_peak": e.average_peak}
+    is_tested = time >= tested[0] - 0.5 * float(np.median(np.diff(time)))
+    recording = load_unit_recording(device, session)
+    decoded = model.decode(recording.sample_time, recording.signals, time[is_tested]).points
+    is_decoded = np.isfinite(decoded).all(axis=(1, 2))
+    errors = measure_errors(decoded[is_decoded], points[is_tested][is_decoded])
+    return {"rmse": errors.rmse, "peak": errors.peak, "average_peak": errors.average_peak}
 
 
-def _told_apart(
+def _recognize_poses(
     device: Device, session: Path, model_file: Path, tested: Float
 ) -> dict[str, Any] | None:
-    """Of pictures that show one pose, and hardly another, the share in which that pose's amplitude
-    is found to be the largest, as the live loop finds them; None where there are none."""
-    weights = true_weights(session, tested)
-    shown, pose = _one_pose(weights)
-    if weights.shape[1] != len(device.poses) or not shown.any():
+    """Return how often the live loop recognizes the pose in frames that show one pose.
+
+    A pose is recognized if its amplitude is the largest. The result is None without such frames.
+    """
+    weights = load_true_weights(session, tested)
+    is_shown, pose = _find_single_poses(weights)
+    if weights.shape[1] != len(device.poses) or not is_shown.any():
         return None
     basis = live_device(model_file, device.source).poses
     if basis is None or basis.names != tuple(p.name for p in device.poses):
         return None
     model = load_model(model_file)
     amplitudes = PoseAmplitudes(basis, len(model.channels))
-    r = recording_of(device, session)
-    decoded = model.decode(r.sample_time, r.signals, tested)
+    recording = load_unit_recording(device, session)
+    decoded = model.decode(recording.sample_time, recording.signals, tested)
     deviation = np.nan_to_num(decoded.radius, nan=1.0) / RADIUS_90
-    found = np.array(
+    largest = np.array(
         [
             int(amplitudes(u, sd).values.argmax())
             for u, sd in zip(decoded.points - model.rest_points, deviation, strict=True)
         ]
     )
-    right = found[shown] == pose[shown]
+    is_right = largest[is_shown] == pose[is_shown]
     by_pose = {
-        name: float(right[pose[shown] == k].mean())
+        name: float(is_right[pose[is_shown] == k].mean())
         for k, name in enumerate(basis.names)
-        if (pose[shown] == k).any()
+        if (pose[is_shown] == k).any()
     }
-    return {"share": float(right.mean()), "frames": int(shown.sum()), "by_pose": by_pose}
+    return {"share": float(is_right.mean()), "frames": int(is_shown.sum()), "by_pose": by_pose}
 
 
-def _one_pose(weights: Float) -> tuple[Bool, Any]:
-    """Which pictures (t,) show one pose alone, and which pose is largest in each."""
+def _find_single_poses(weights: Float) -> tuple[Bool, Int]:
+    """Return which frames (t,) show one pose alone, and the largest pose in each (t,)."""
     order = np.sort(np.abs(weights), axis=1)
     largest = order[:, -1]
     second = order[:, -2] if weights.shape[1] > 1 else np.zeros(len(weights))
-    return (largest >= SHOWN) & (second <= BESIDE * largest), np.abs(weights).argmax(axis=1)
+    is_single = (largest >= MIN_POSE_LEVEL) & (second <= MAX_OTHER_POSE * largest)
+    return is_single, np.abs(weights).argmax(axis=1)

@@ -1,1 +1,1 @@
-"""What an experiment is: its file, and the examples that come with the package."""
+"""Descriptions of experiments, and the files that declare them."""

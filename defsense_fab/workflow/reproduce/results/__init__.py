@@ -1,1 +1,1 @@
-"""What comes out: kept results, the paper's numbers beside ours, the page."""
+"""Results of experiments: numbers, kept values, pictures and the page."""

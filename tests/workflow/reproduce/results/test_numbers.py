@@ -1,24 +1,27 @@
-"""The paper's numbers beside ours."""
+"""Comparison of the paper's numbers with ours, and kept results."""
 
 import pytest
 
 from defsense_fab.workflow.reproduce.experiments.experiment import PaperNumber
-from defsense_fab.workflow.reproduce.results.result_files import load_kept, compute_once
 from defsense_fab.workflow.reproduce.results.numbers import as_row, compare_number
-from defsense_fab.workflow.reproduce.results.page import number_words
+from defsense_fab.workflow.reproduce.results.page import format_number
+from defsense_fab.workflow.reproduce.results.result_files import compute_once, load_kept
 
 
-def layout(*rmse, predicted=1.0, apart=None):
+def make_results(*rmse, predicted=1.0, recognized=None):
     units = [
         {"chosen": {"rmse": r}, "affine": {"rmse": 2 * r},
-         "told_apart": None if apart is None else {"share": apart}}
+         "told_apart": None if recognized is None else {"share": recognized}}
         for r in rmse
     ]  # fmt: skip
     design = {"predicted": predicted, "predicted_by_decoder": {"affine": 3 * predicted}}
     return {"design": design, "units": units}
 
 
-LAYOUTS = {"manual": layout(4.0, 8.0, predicted=6.0), "full": layout(1.0, 2.0, apart=0.995)}
+LAYOUTS = {
+    "manual": make_results(4.0, 8.0, predicted=6.0),
+    "full": make_results(1.0, 2.0, recognized=0.995),
+}
 
 
 @pytest.mark.parametrize(
@@ -35,21 +38,23 @@ LAYOUTS = {"manual": layout(4.0, 8.0, predicted=6.0), "full": layout(1.0, 2.0, a
         (PaperNumber("visual", "rmse", at_most=1.0), None, None, None),
     ],
 )
-def test_means_ratios_and_what_is_expected(number, mean, met, ratio):
-    found = compare_number(number, LAYOUTS)
-    assert found.mean == (mean if mean is None else pytest.approx(mean))
-    assert found.met is met
-    assert found.ratio == (ratio if ratio is None else pytest.approx(ratio))
-    words = number_words(as_row(found))
-    assert (words["ours"] == "not measured") == (mean is None)
+def test_means_ratios_and_expectations(number, mean, met, ratio):
+    compared = compare_number(number, LAYOUTS)
+    assert compared.mean == (mean if mean is None else pytest.approx(mean))
+    assert compared.met is met
+    assert compared.ratio == (ratio if ratio is None else pytest.approx(ratio))
+    texts = format_number(as_row(compared))
+    assert (texts["ours"] == format_number({**as_row(compared), "ours": None})["ours"]) == (
+        mean is None
+    )
 
 
-def test_results_are_kept_until_what_they_were_made_from_changes(tmp_path):
-    path, made = tmp_path / "unit.json", []
+def test_results_are_kept_until_their_inputs_change(tmp_path):
+    path, calls = tmp_path / "unit.json", []
 
     def make():
-        made.append(1)
-        return {"rmse": len(made)}
+        calls.append(1)
+        return {"rmse": len(calls)}
 
     assert compute_once(path, "a", make) == compute_once(path, "a", make) == {"rmse": 1}
     assert compute_once(path, "b", make) == {"rmse": 2}
