@@ -1,1 +1,1 @@
-"""Results of a build: the records of each stage, their files, and `Build`, which reads each once."""
+"""Results of a build: records of each stage, their files, and `Build`, which reads each once."""

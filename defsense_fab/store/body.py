@@ -1,4 +1,4 @@
-"""What the body stage leaves: the surface, the exact solid where there is one, the bay."""
+"""Results of the stage "body": the surface, the exact solid if there is one, the connector bay."""
 
 from __future__ import annotations
 
@@ -21,8 +21,15 @@ FOLDER = "body"
 
 @dataclass(frozen=True)
 class BodyRecord:
-    """`body/body.json`: `volume` mm^3 of the exact body, whether it is `cad`, what was repaired,
-    `bounds` (2, 3) mm, and the connector bay if it has one."""
+    """The content of `body/body.json`.
+
+    Attributes:
+        volume: Volume of the exact body, mm^3.
+        cad: Whether there is an exact solid.
+        repairs: What was repaired of a mesh.
+        bounds: Lowest and highest corner (2, 3), mm.
+        bay: The connector bay, if the body has one.
+    """
 
     SCHEMA: ClassVar[int] = 1
 
@@ -34,30 +41,36 @@ class BodyRecord:
 
 
 def save_body(folder: Path, record: BodyRecord, surface: Surface) -> None:
-    """The record and the surface, into the existing `folder`/body."""
+    """Write the record and the surface into the existing folder `body` of a build."""
     np.savez(folder / FOLDER / "surface.npz", vertices=surface.vertices, faces=surface.faces)
     typed_json.save(folder / FOLDER / "body.json", record)
 
 
 def load_body_record(folder: Path) -> BodyRecord:
-    """From a build's folder. Raises StorageError."""
+    """Return the record of a build's body. Raises StorageError."""
     return typed_json.load(folder / FOLDER / "body.json", BodyRecord, BUILD_AGAIN)
 
 
 def load_surface(folder: Path) -> Surface:
-    """The body's surface, in mm in the rest frame. Raises OSError where there is none, StorageError
-    where it is damaged."""
+    """Return the surface of a build's body, mm, rest frame.
+
+    Raises:
+        OSError: There is no such file.
+        StorageError: The file is damaged.
+    """
     path = folder / FOLDER / "surface.npz"
     with path.open("rb") as file:
         try:
             with np.load(file) as data:
                 return Surface(data["vertices"], data["faces"])
         except (AttributeError, EOFError, KeyError, ValueError, BadZipFile) as error:
-            raise StorageError(f"{path}: is damaged ({error}); {BUILD_AGAIN}") from None
+            raise StorageError(
+                f"is damaged ({error})", code="file-damaged", where=path, action=BUILD_AGAIN
+            ) from None
 
 
 def load_solid(folder: Path) -> Any:
-    """The body's TopoDS_Solid; None where the body is a mesh."""
+    """Return the TopoDS_Solid of a build's body; None for a body from a mesh."""
     if not load_body_record(folder).cad:
         return None
     from ..geometry.kernels import occ

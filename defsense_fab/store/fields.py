@@ -1,4 +1,4 @@
-"""What the simulate stage leaves: a displacement field a state, and their index."""
+"""Results of the stage "simulate": a displacement field for each state, and their index."""
 
 from __future__ import annotations
 
@@ -19,17 +19,27 @@ from ..mechanics.solver import fields
 from .vtu_file import read_vtu
 
 FOLDER, INDEX = "fields", "fields/index.json"
-#: Fields are stored to this many decimals of a mm: what threads change in the last digits of a
-#: solution must not reach the layout.
+# Decimals of displacements in mm: the last digits of a solution depend on the number of threads,
+# and must not affect the layout.
 _DECIMALS = 5
-_LONGEST = 80  # characters of a state in the name of a file
+_MAX_NAME_LENGTH = 80  # of a state in the name of a file
 
 
 @dataclass(frozen=True)
 class StateRecord:
-    """A solved state: its name, how much of each pose it has, whether it is held out of the design,
-    the solver's status; counts of iterations, factorisations and load steps; residual relative to
-    the largest nodal force; stored energy (N mm)."""
+    """A solved state.
+
+    Attributes:
+        state: Name, as in "bend@1" or "0.5*bend+1*twist".
+        weights: Amplitude of each pose.
+        held_out: Whether it is held out of the design.
+        status: Status of the solver.
+        iterations: Number of Newton iterations.
+        factors: Number of factorizations.
+        steps: Number of load steps.
+        residual: Residual relative to the largest nodal force.
+        energy: Stored energy, N mm.
+    """
 
     state: str
     weights: Mapping[str, float]
@@ -44,7 +54,14 @@ class StateRecord:
 
 @dataclass(frozen=True)
 class FieldIndex:
-    """`fields/index.json`: the model and the solver by name, warnings, states in their order."""
+    """The content of `fields/index.json`.
+
+    Attributes:
+        material_model: Name of the material model.
+        solver: Name of the linear solver.
+        warnings: What is doubtful about the simulation.
+        states: The states, in the order of the fields.
+    """
 
     SCHEMA: ClassVar[int] = 2
 
@@ -56,8 +73,15 @@ class FieldIndex:
 
 @dataclass(frozen=True)
 class Fields:
-    """`names` of s states, how much of each pose they have, which of them are `held_out` (s,) of
-    the design, displacements (s, n, 3) mm, largest principal `strains` (s, n)."""
+    """The fields of s states.
+
+    Attributes:
+        names: Names of the states.
+        weights: Amplitude of each pose, by state.
+        held_out: Which states (s,) are held out of the design.
+        displacements: Displacements (s, n, 3) of the n quadratic nodes, mm.
+        strains: Largest principal strain (s, n) at each node.
+    """
 
     names: tuple[str, ...]
     weights: tuple[Mapping[str, float], ...]
@@ -78,25 +102,24 @@ class Fields:
 
 
 def save_index(folder: Path, index: FieldIndex) -> None:
-    """`fields/index.json`. Raises StorageError."""
+    """Write `fields/index.json`. Raises StorageError."""
     typed_json.save(folder / INDEX, index)
 
 
 def load_index(folder: Path) -> FieldIndex:
-    """Raises StorageError."""
+    """Return the index of a build's fields. Raises StorageError."""
     return typed_json.load(folder / INDEX, FieldIndex, BUILD_AGAIN)
 
 
 def field_path(folder: Path, state: str) -> Path:
-    """The VTU of a state."""
+    """Return the path of a state's VTU file."""
     return folder / FOLDER / f"{state_file(state)}.vtu"
 
 
 def state_file(state: str) -> str:
-    """A state's name as every file system takes it: mixtures are told as 0.5*bend+1*twist, and may
-    be of many poses."""
+    """Return a state's name as part of a file name, on any file system."""
     name = state.replace("*", "-")
-    return name if len(name) <= _LONGEST else f"{name[:_LONGEST]}-{digest(state)}"
+    return name if len(name) <= _MAX_NAME_LENGTH else f"{name[:_MAX_NAME_LENGTH]}-{digest(state)}"
 
 
 def save_field(
@@ -141,8 +164,14 @@ def load_fields(folder: Path) -> Fields:
 
 
 def load_levels(folder: Path, pose: str) -> dict[float, Float]:
-    """Displacements (n, 3) mm of a pose alone at each level that a build has; none without fields.
-    Raises StorageError."""
+    """Return the displacements (n, 3), mm, of a pose alone, by amplitude.
+
+    Returns:
+        The levels that a build has; none without fields.
+
+    Raises:
+        StorageError: A file is damaged.
+    """
     if not (folder / INDEX).exists():
         return {}
     return {
@@ -155,5 +184,5 @@ def load_levels(folder: Path, pose: str) -> dict[float, Float]:
 
 
 def load_strain(folder: Path, state: str) -> Float:
-    """Largest principal strain (n,) of a state."""
+    """Return the largest principal strain (n,) of a state."""
     return np.asarray(read_vtu(field_path(folder, state)).point_data["strain"], float)

@@ -1,5 +1,4 @@
-"""What the optimise stage leaves: the cords' paths (`layout.json`) and what they are predicted to
-sense (in it, and in full in `prediction.json`)."""
+"""Results of the stage "optimize": the cords and the errors predicted for them."""
 
 from __future__ import annotations
 
@@ -19,14 +18,17 @@ from ..core.storage import typed_json
 from ..core.storage.files import digest, load_json, write_json
 from ..sensing.built_cord import BuiltCord
 
-# The cords of all layouts that the one of `layout.json` was chosen from (`layouts.json`).
-
-LAYOUTS = "layouts.json"
+LAYOUT, PREDICTION, LAYOUTS = "layout.json", "prediction.json", "layouts.json"
 
 
 @dataclass(frozen=True)
 class WeighedCords:
-    """Of each layout, in the order of `LayoutRecord.weighed`, its cords as they are drawn."""
+    """The content of `layouts.json`.
+
+    Attributes:
+        layouts: The cords of each layout that the final one was chosen from, in the order of
+            `LayoutRecord.weighed`.
+    """
 
     SCHEMA: ClassVar[int] = 1
 
@@ -34,21 +36,24 @@ class WeighedCords:
 
 
 def save_weighed(folder: Path, record: WeighedCords) -> None:
-    """Into a build's folder. Raises StorageError."""
+    """Write `layouts.json` into a build's folder. Raises StorageError."""
     typed_json.save(folder / LAYOUTS, record)
 
 
 def load_weighed(folder: Path) -> WeighedCords:
-    """From a build's folder. Raises StorageError; builds of versions before this have none."""
+    """Return the content of `layouts.json` of a build. Raises StorageError."""
     return typed_json.load(folder / LAYOUTS, WeighedCords, BUILD_AGAIN)
-
-
-LAYOUT, PREDICTION = "layout.json", "prediction.json"
 
 
 @dataclass(frozen=True)
 class PlaneRecord:
-    """Origin (3,) mm, unit normal and x axis (3,), rest frame."""
+    """The plane of a cord, in the rest frame.
+
+    Attributes:
+        origin: A point of the plane (3,), mm.
+        normal: Unit normal (3,).
+        x_axis: Unit vector (3,) along the plane's first axis.
+    """
 
     origin: Float
     normal: Float
@@ -57,7 +62,14 @@ class PlaneRecord:
 
 @dataclass(frozen=True)
 class CordPath:
-    """A cord as it is drawn: control points and tangents (k, 2) mm in its plane."""
+    """The path of a cord.
+
+    Attributes:
+        name: Name of the cord.
+        plane: The plane of the path.
+        control_points: Points (k, 2) of the Hermite spline in the plane, mm.
+        tangents: Tangents (k, 2) at the points, mm.
+    """
 
     name: str
     plane: PlaneRecord
@@ -66,25 +78,34 @@ class CordPath:
 
     @staticmethod
     def of(sensor: Sensor) -> CordPath:
+        """Return the path of a cord."""
         plane = PlaneRecord(sensor.plane.origin, sensor.plane.normal, sensor.plane.axes[:, 0])
         return CordPath(sensor.name, plane, sensor.curve.points, sensor.curve.tangents)
 
     def sensor(self) -> Sensor:
-        """The cord, locked where it is."""
+        """Return the cord, with nothing left for the optimizer to change."""
         plane = Plane.from_normal(self.plane.origin, self.plane.normal, self.plane.x_axis)
         return Sensor(self.name, plane, Hermite(self.control_points, self.tangents))
 
 
 @dataclass(frozen=True)
 class CordRecord(CordPath):
-    """A cord as it was optimised, and as it is built in.
+    """A cord as it was optimized and as it is built in.
 
-    Optimised: its channel of the read-out; `points` (p >= 100, 3) mm of its path in the rest frame;
-    length from skin to skin, least radius, least wall (mm); lengths (2,) mm of the straight runs to
-    the skin. Built in: the strains between which it is stretched over all states; the `stretch`
-    (q, 3) mm of its path on which it is, in the rest frame; the length in `series` with that, mm;
-    by how much of its length it is stretched as it is laid (null: it is bonded); the standard
-    deviation `noise` of its (R - R0)/R0.
+    Attributes:
+        channel: Its channel of the read-out board.
+        points: Its path (p, 3), p >= 100, mm, rest frame.
+        length: Length from skin to skin, mm.
+        min_radius: Smallest radius of curvature, mm.
+        min_wall: Smallest distance to the skin, mm.
+        inlets: Lengths of the straight runs to the skin at both ends, mm.
+        cord_diameter: Diameter, mm.
+        peak_strain: Largest strain over all states.
+        least_strain: Smallest strain over all states.
+        stretch: The part of the path (q, 3) that is stretched, mm, rest frame.
+        series: Length of cord that conducts in series with it, mm.
+        prestretch: Strain at rest; None for a bonded cord.
+        noise: Standard deviation of (R - R0)/R0.
     """
 
     channel: int
@@ -103,13 +124,19 @@ class CordRecord(CordPath):
 
     @property
     def built(self) -> BuiltCord:
-        """The cord as it is built in."""
+        """The cord as it is built in, for predictions."""
         return BuiltCord(self.stretch, self.series, self.prestretch)
 
 
 @dataclass(frozen=True)
 class LimitsRecord:
-    """Least wall, radius of curvature and distance between cords, mm."""
+    """Limits that the cords keep.
+
+    Attributes:
+        wall: Smallest distance to the skin, mm.
+        min_radius: Smallest radius of curvature, mm.
+        clearance: Smallest distance between cords, mm.
+    """
 
     wall: float
     min_radius: float
@@ -118,8 +145,21 @@ class LimitsRecord:
 
 @dataclass(frozen=True)
 class BandRecord:
-    """RMSE (mm) of built devices on unseen states: median and the limits of 90 % of them, and the
-    tolerances that they were drawn with (see optimize/studies/tolerance_monte_carlo.py)."""
+    """The errors of built devices on unseen states, with the tolerances they were drawn with.
+
+    `optimize/studies/tolerance_monte_carlo.py` describes the tolerances.
+
+    Attributes:
+        median: Median RMSE, mm.
+        low: Lower limit of the range of 90 % of the devices, mm.
+        high: Upper limit of this range, mm.
+        offset: Largest distance of a cord from its groove's axis, mm.
+        gauge: Relative standard deviation of the cords' gauge factors.
+        amplitude: Relative standard deviation of the poses' amplitudes.
+        prestretch: Standard deviation of a held cord's pre-stretch, a strain.
+        compression: Largest share of its slope that a response may lack below zero strain.
+        frames: Number of frames of the test.
+    """
 
     median: float
     low: float
@@ -134,10 +174,20 @@ class BandRecord:
 
 @dataclass(frozen=True)
 class WeighedRecord:
-    """A layout that was made on trial: RMSE (mm) on unseen states as designed and as built, planes,
-    the directions of these that are no flat face's, parts, the smallest one's volume (mm^3), ends
-    of cords that no pocket holds, what is to be said of it, the problem for which it cannot be
-    made; whether it is the one that was chosen."""
+    """A layout whose parts were made on trial.
+
+    Attributes:
+        designed: RMSE on unseen states as designed, mm.
+        built: RMSE on unseen states as built, mm; None if it cannot be made.
+        planes: Number of cord planes.
+        slanted: Number of plane directions that are not those of flat faces.
+        parts: Number of parts.
+        smallest: Volume of the smallest part, mm^3.
+        free_ends: Number of ends of cords that no pocket holds.
+        warnings: What is doubtful about the parts.
+        problem: Why it cannot be made, if it cannot.
+        chosen: Whether it was chosen.
+    """
 
     designed: float
     built: float | None
@@ -153,11 +203,28 @@ class WeighedRecord:
 
 @dataclass(frozen=True)
 class LayoutRecord:
-    """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `unseen` and
-    `cross_validated` the RMSE (mm) of each decoder on unseen states, and on those designed for,
-    left out of its training in turn, `response` what is known of the cords' response where it was
-    measured, `weighed` the layouts that it was chosen from, `initial` the prediction for the paths
-    as `drawn`, each (p, 3) mm."""
+    """The content of `layout.json`.
+
+    Attributes:
+        device: Name of the device.
+        mesh: Hash of the mesh that the layout was designed on.
+        limits: Limits that the cords keep.
+        response: The measured response of the cords, if there is one.
+        sensors: The cords.
+        min_clearance: Smallest distance between cords, mm; None for a single cord.
+        warnings: What is doubtful about the layout.
+        weighed: The layouts that it was chosen from.
+        prediction: The predicted errors.
+        unseen: RMSE on unseen states by decoder, mm.
+        cross_validated: RMSE by decoder, each state that was designed for left out of the
+            decoder's training in turn, mm.
+        band: The errors of built devices.
+        initial: The prediction for the paths that the search started from.
+        drawn: These paths (p, 3), mm, rest frame.
+        proposed: Whether the search started from paths that it proposed itself.
+        starts: RMSE of the searches' starting layouts, mm.
+        seed: Seed of the searches.
+    """
 
     SCHEMA: ClassVar[int] = 5
 
@@ -180,14 +247,21 @@ class LayoutRecord:
     seed: int
 
     def by_channel(self) -> list[CordRecord]:
-        """The cords in the order of their channels."""
+        """Return the cords in the order of their channels."""
         return sorted(self.sensors, key=lambda s: s.channel)
 
 
 @dataclass(frozen=True)
 class PredictionRecord:
-    """`prediction.json`: markers (k, 3) mm; of n states with rest first their names, signals (n, c)
-    and errors (n, k) mm without noise; the numbers of the decoder."""
+    """The content of `prediction.json`.
+
+    Attributes:
+        markers: Markers (k, 3) at rest, mm.
+        states: Names of the n states, rest first.
+        signals: Signals (n, c) in each state.
+        errors: Errors (n, k) of the markers without noise, mm.
+        decoder: The decoder's numbers.
+    """
 
     SCHEMA: ClassVar[int] = 1
 
@@ -199,8 +273,10 @@ class PredictionRecord:
 
 
 def layout_hash(layout: LayoutRecord) -> str:
-    """Of where the cords run, by channel, and how thick they are: of the same cords it is the same,
-    whatever else is predicted of them."""
+    """Return a hash of the cords' paths, channels and diameters.
+
+    It does not depend on what is predicted for the cords.
+    """
     return digest(
         *(
             (
@@ -214,23 +290,23 @@ def layout_hash(layout: LayoutRecord) -> str:
 
 
 def save_layout(folder: Path, layout: LayoutRecord, prediction: PredictionRecord) -> None:
-    """Both files. Raises StorageError."""
+    """Write `layout.json` and `prediction.json`. Raises StorageError."""
     typed_json.save(folder / LAYOUT, layout)
     typed_json.save(folder / PREDICTION, prediction)
 
 
 def name_layout(folder: Path, device: str) -> None:
-    """Write the device's name into `layout.json`, if it is another one. Raises StorageError."""
+    """Change the device's name in `layout.json`, if it differs. Raises StorageError."""
     layout = load_json(folder / LAYOUT, StorageError, BUILD_AGAIN)
     if layout.get("device") != device:
         write_json(folder / LAYOUT, layout | {"device": device})
 
 
 def load_layout(folder: Path, error: type[DefsenseError] = StorageError) -> LayoutRecord:
-    """From a build's folder. Raises `error`."""
+    """Return the layout of a build. Raises `error`."""
     return typed_json.load(folder / LAYOUT, LayoutRecord, BUILD_AGAIN, error)
 
 
 def load_prediction(folder: Path) -> PredictionRecord:
-    """From a build's folder. Raises StorageError."""
+    """Return the prediction of a build's layout. Raises StorageError."""
     return typed_json.load(folder / PREDICTION, PredictionRecord, BUILD_AGAIN)

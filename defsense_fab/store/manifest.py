@@ -1,4 +1,4 @@
-"""What the fabricate stage leaves beside the parts: `parts/manifest.json`."""
+"""Results of the stage "fabricate": `parts/manifest.json`, and the parts' surfaces."""
 
 from __future__ import annotations
 
@@ -18,34 +18,45 @@ from ..core.prediction import Prediction
 from ..core.storage import typed_json
 from ..geometry.parts.records import Check
 
-# Finished parts, read back from their files.
+FOLDER, MANIFEST = "parts", "parts/manifest.json"
 
 
 def load_part(path: Path) -> Surface:
-    """The surface of an STL."""
+    """Return the surface in an STL file, mm."""
     mesh = trimesh.load_mesh(path)
     return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
 
 
 def load_parts(folder: Path, manifest: Manifest) -> dict[str, Surface]:
-    """The parts of a build's `folder` by name, where they belong in the device. Raises
-    StorageError."""
-    out = {}
+    """Return the surfaces of a build's parts as assembled, mm, rest frame, by name.
+
+    Raises:
+        StorageError: A file is missing or damaged.
+    """
+    surfaces = {}
     for part in manifest.parts:
         path = folder / FOLDER / part.stl
         try:
-            out[part.name] = load_part(path)
+            surfaces[part.name] = load_part(path)
         except (OSError, ValueError) as error:
-            raise StorageError(f"{path}: cannot be read: {error}; {BUILD_AGAIN}") from None
-    return out
-
-
-FOLDER, MANIFEST = "parts", "parts/manifest.json"
+            raise StorageError(
+                f"cannot be read: {error}",
+                code="file-unreadable",
+                where=path,
+                action=BUILD_AGAIN,
+            ) from None
+    return surfaces
 
 
 @dataclass(frozen=True)
 class Socket:
-    """A hole for a pin: middle (3,) mm, axis (3,), diameter mm."""
+    """A hole for a pin.
+
+    Attributes:
+        center: Middle of the pin (3,), mm.
+        axis: Direction of the pin (3,).
+        diameter: Diameter, mm.
+    """
 
     center: Float
     axis: Float
@@ -54,8 +65,19 @@ class Socket:
 
 @dataclass(frozen=True)
 class PartRecord:
-    """A printable part: its files beside the manifest (`stl` where it belongs in the device,
-    `print` as it lies on the bed, `step` of CAD bodies), volume mm^3, bounds (2, 3) mm."""
+    """A printable part; its files are in the folder of the manifest.
+
+    Attributes:
+        name: Name, which starts with the number.
+        number: Number engraved on the part.
+        stl: STL file of the part as assembled.
+        print: STL file of the part as it lies on the bed.
+        step: STEP file, for CAD bodies.
+        volume: Volume, mm^3.
+        bbox: Lowest and highest corner (2, 3) as assembled, mm.
+        sockets: Holes for pins.
+        step_volume: Volume of the STEP file's solid, mm^3.
+    """
 
     name: str
     number: int
@@ -70,7 +92,15 @@ class PartRecord:
 
 @dataclass(frozen=True)
 class PinRecord:
-    """A kind of loose pin and how many are needed; diameter and length in mm."""
+    """A kind of loose pin.
+
+    Attributes:
+        name: Name.
+        stl: STL file.
+        count: Number of pins that are needed.
+        diameter: Diameter, mm.
+        length: Length, mm.
+    """
 
     name: str
     stl: str
@@ -81,7 +111,12 @@ class PinRecord:
 
 @dataclass(frozen=True)
 class Plate:
-    """A file to print, and the bounds (2, 3) mm of each part on it."""
+    """A file to print.
+
+    Attributes:
+        file: 3MF file.
+        parts: Bounds (2, 3) of each piece on the bed, mm.
+    """
 
     file: str
     parts: Mapping[str, Float]
@@ -89,10 +124,17 @@ class Plate:
 
 @dataclass(frozen=True)
 class WireRecord:
-    """Where a wire leaves the body ("mouth", "bend", "bay", ...), its length in the body (mm); its
-    path (p, 3) mm and the way (3,) mm down into the bay, where it has them; why it has none; the
-    joints (indices of the assembly's steps) that it lies in, from its ferrule on, and those that it
-    crosses, which are closed only after it was laid on both sides of them."""
+    """The wire of a cord's end.
+
+    Attributes:
+        leaves: Where it leaves the body: "mouth", "bend" or "bay".
+        length: Its length in the body, mm.
+        path: Its path (p, 3), mm, if it has one.
+        drop: Vector (3,) down into the bay, mm, if it leads there.
+        why: Why it has no path.
+        joints: Joints that it lies in, from its ferrule on, as indices of the assembly's steps.
+        crosses: Joints that are closed only after it was inserted on both sides of them.
+    """
 
     leaves: str
     length: float
@@ -104,7 +146,7 @@ class WireRecord:
 
     @property
     def line(self) -> Float | None:
-        """All of it in the body, (p, 3) mm, if it has a path."""
+        """The whole path in the body (p, 3), mm; None if it has none."""
         if self.path is None or self.drop is None:
             return self.path
         return np.concatenate([self.path, self.path[-1:] + self.drop])
@@ -112,10 +154,18 @@ class WireRecord:
 
 @dataclass(frozen=True)
 class CordEnd:
-    """An end of a cord: a joint in a "pocket" of so many mm or "free", behind `lead` mm outside;
-    where its channel opens (3,) mm; why it is not in a pocket. `after`: the joint (index of the
-    assembly's step) after which its wire is crimped outside of its mouth, for until then the cord
-    must slide; None: it is crimped before the cord is laid."""
+    """An end of a cord.
+
+    Attributes:
+        joint: "pocket" or "free".
+        pocket: Depth of the pocket, mm.
+        at: Where the channel opens (3,), mm.
+        lead: Length of cord outside of the body, mm.
+        wire: The wire that is crimped to it.
+        why: Why there is no pocket.
+        after: Joint after which the wire is crimped, outside of the channel's mouth, because the
+            cord must slide until then; None: it is crimped before the cord is inserted.
+    """
 
     joint: str
     pocket: float
@@ -128,8 +178,13 @@ class CordEnd:
 
 @dataclass(frozen=True)
 class CordStretch:
-    """From `start` to `stop`, mm along its channel from mouth to mouth, a cord lies in a joint
-    (index of the assembly's step)."""
+    """A stretch of a cord that lies in one joint.
+
+    Attributes:
+        joint: Index of the assembly's step.
+        start: Start of the stretch, mm along the channel.
+        stop: End of the stretch, mm along the channel.
+    """
 
     joint: int
     start: float
@@ -138,12 +193,27 @@ class CordStretch:
 
 @dataclass(frozen=True)
 class CutCord:
-    """A cord to cut: lengths mm, of the channel, between the ferrules (or wires) as it lies and as
-    it is before it is laid, and of the stretch that senses; by how much of its length it is
-    stretched as it is laid (null: bonded); resistance before it is laid, at rest in the device, its
-    range in use and the reference resistor, ohm; its `stretches` in joints, from its start on; the
-    joints that draw it together only after it was laid on both sides of them (`drawn`: the joint,
-    and the stretch before which it passes there)."""
+    """A cord to cut.
+
+    Attributes:
+        sensor: Name of the cord.
+        cut_length: Length to cut, mm.
+        slack: Extra length that is trimmed, mm.
+        channel_length: Length of the channel, mm.
+        between_ferrules: Length between the ferrules or wires in the device, mm.
+        unstretched: The same length before the cord is inserted, mm.
+        prestretch: Strain at rest; None for a bonded cord.
+        sensing_length: Length that senses, mm.
+        ends: Both ends.
+        channel_diameter: Diameter of the channel, mm.
+        resistance_before: Resistance before the cord is inserted, ohm.
+        resistance: Resistance at rest in the device, ohm.
+        range: Lowest and highest resistance in use, ohm.
+        reference_resistor: Reference resistor of the divider, ohm.
+        stretches: Its stretches in joints, from its start.
+        drawn: Joints that are closed only after the cord was inserted on both sides of them: the
+            joint, and the index of the stretch before which the cord crosses it.
+    """
 
     sensor: str
     cut_length: float
@@ -165,7 +235,13 @@ class CutCord:
 
 @dataclass(frozen=True)
 class BillItem:
-    """What to buy, how much, and what for."""
+    """An item of the bill of materials.
+
+    Attributes:
+        item: What to buy.
+        amount: How much of it.
+        use: What it is for.
+    """
 
     item: str
     amount: str
@@ -174,8 +250,15 @@ class BillItem:
 
 @dataclass(frozen=True)
 class JoinedPin:
-    """A pin of a joint: the name of its kind, middle (3,) mm, diameter of the socket and its depth
-    in each part (mm), the two parts."""
+    """A pin of a joint.
+
+    Attributes:
+        name: Name of its kind.
+        center: Middle of the pin (3,), mm.
+        socket: Diameter of the hole, mm.
+        depth: Depth of the hole in each part, mm.
+        between: Names of the two parts.
+    """
 
     name: str
     center: Float
@@ -186,8 +269,15 @@ class JoinedPin:
 
 @dataclass(frozen=True)
 class JoinStep:
-    """A step in which two groups of parts are joined: cords and wires laid in it, the direction
-    (3,) in which the joint opens, its pins."""
+    """A step of the assembly, which joins two groups of parts.
+
+    Attributes:
+        join: Names of the parts in each group.
+        cords: Cords that are inserted in this joint.
+        wires: Cords whose wires are inserted in this joint.
+        opens: Direction (3,) in which the joint opens.
+        pins: Pins of the joint.
+    """
 
     join: tuple[tuple[str, ...], tuple[str, ...]]
     cords: tuple[str, ...]
@@ -198,7 +288,15 @@ class JoinStep:
 
 @dataclass(frozen=True)
 class TagSeat:
-    """A flat for a camera tag: middle (3,) mm, directions (3,), side of the piece, mm."""
+    """A flat place for a tag.
+
+    Attributes:
+        marker: Number of the marker.
+        center: Middle (3,), mm.
+        x_axis: Direction to the right in the tag's picture (3,).
+        normal: Direction out of the body (3,).
+        tag: Side of the tag, mm.
+    """
 
     marker: int
     center: Float
@@ -209,9 +307,15 @@ class TagSeat:
 
 @dataclass(frozen=True)
 class MouldPieceRecord:
-    """A printed piece of a mould: its files beside the manifest (`stl` around the part in the
-    device's frame, `print` as it lies on the bed), the direction (3,) in which it comes off, volume
-    mm^3."""
+    """A printed piece of a mould.
+
+    Attributes:
+        name: Name.
+        stl: STL file in the frame of the device.
+        print: STL file as it lies on the bed.
+        opens: Direction (3,) in which it comes off.
+        volume: Volume, mm^3.
+    """
 
     name: str
     stl: str
@@ -222,10 +326,19 @@ class MouldPieceRecord:
 
 @dataclass(frozen=True)
 class MouldRecord:
-    """The mould of a part: its pieces in the order in which they come off; `up` (3,) points up as
-    it is filled through `pour` (3,) mm, air leaving by `vents` (v, 3) mm; volumes of the cavity and
-    of the whole block, mm^3; by how much of its thickness the part is strained as it is taken out,
-    and where (3,) mm."""
+    """The mould of a part.
+
+    Attributes:
+        part: Name of the part.
+        pieces: Pieces in the order in which they come off.
+        up: Direction (3,) that points up while the mould is filled.
+        pour: Where it is filled (3,), mm.
+        vents: Where air leaves (v, 3), mm.
+        cavity: Volume of the cavity, mm^3.
+        block: Volume of the whole block, mm^3.
+        strain: Strain of the part while it is taken out, relative to its thickness.
+        strained_at: Where this strain is (3,), mm.
+    """
 
     part: str
     pieces: tuple[MouldPieceRecord, ...]
@@ -240,9 +353,19 @@ class MouldRecord:
 
 @dataclass(frozen=True)
 class Casting:
-    """What the silicone of all moulds and copies comes to: what the cavities hold and what is
-    mixed, mm^3; grams of A and B; minutes that it can be poured, hours until it is taken out, where
-    they are known; `steps`, sentences in the order of the work."""
+    """The silicone for all moulds and copies.
+
+    Attributes:
+        silicone: Name of the silicone.
+        shrinkage: Linear shrinkage.
+        volume: Volume of all cavities, mm^3.
+        mixed: Volume to mix, mm^3.
+        mass_a: Mass of component A, g.
+        mass_b: Mass of component B, g.
+        pot_life: Time to pour it, minutes, if known.
+        cure: Time until it is taken out, hours, if known.
+        steps: The work as sentences, in order.
+    """
 
     silicone: str
     shrinkage: float
@@ -257,13 +380,30 @@ class Casting:
 
 @dataclass(frozen=True)
 class Manifest:
-    """`parts/manifest.json`; `prediction` is that for the cords as they are built in, `held` at
-    their ends or `bonded` into their grooves (`assembly_of_cords`); volumes mm^3.
+    """The content of `parts/manifest.json`.
 
-    `advice` are sentences on how to print; `copies` of the device lie on the plates, of which
-    there are at least `least_plates`, however the rectangles around them are laid. Of cast parts,
-    `moulds` and `casting`: what is printed are the moulds then, and a part's `print` is its
-    `stl`."""
+    Attributes:
+        device: Name of the device.
+        unit: Unit of lengths, "mm".
+        parts: The parts, in the order of their numbers.
+        pins: Kinds of loose pins.
+        plates: Files to print.
+        cords: The cut list.
+        assembly_of_cords: "held" at their ends or "bonded" into their grooves.
+        bill: Bill of materials.
+        assembly: Steps of the assembly, in order.
+        marker_seats: Flat places for tags.
+        checks: Measurements of the parts.
+        prediction: Errors predicted for the cords as they are built in.
+        removed_volume: Volume removed from the body, mm^3.
+        body_volume: Volume of the body, mm^3.
+        warnings: What is doubtful about the parts.
+        advice: How to print the parts, as sentences.
+        copies: Number of devices on the plates.
+        least_plates: Smallest possible number of plates.
+        moulds: Moulds, for cast parts: then these are printed, and a part's `print` is its `stl`.
+        casting: The silicone, for cast parts.
+    """
 
     SCHEMA: ClassVar[int] = 4
 
@@ -290,10 +430,10 @@ class Manifest:
 
 
 def save_manifest(folder: Path, manifest: Manifest) -> None:
-    """Into a build's folder. Raises StorageError."""
+    """Write the manifest of a build. Raises StorageError."""
     typed_json.save(folder / MANIFEST, manifest)
 
 
 def load_manifest(folder: Path, error: type[DefsenseError] = StorageError) -> Manifest:
-    """From a build's folder. Raises `error`."""
+    """Return the manifest of a build. Raises `error`."""
     return typed_json.load(folder / MANIFEST, Manifest, BUILD_AGAIN, error)

@@ -1,4 +1,4 @@
-"""What the mesh stage leaves: the tetrahedra, and how good they are."""
+"""Results of the stage "mesh": the tetrahedra and their quality."""
 
 from __future__ import annotations
 
@@ -24,8 +24,13 @@ _REGION = "region:"
 
 @dataclass(frozen=True)
 class DensityTrial:
-    """An edge length (mm) that was tried for an accuracy, its number of tets, the largest relative
-    error of signals that it gave; None where it was not measured."""
+    """A mesh that was tried to reach an accuracy.
+
+    Attributes:
+        edge_length: Edge length, mm.
+        tets: Number of tetrahedra.
+        error: Largest relative error of the signals; None if it was not measured.
+    """
 
     edge_length: float
     tets: int
@@ -34,7 +39,13 @@ class DensityTrial:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The relative error of signals that was asked for and reached, and the trials."""
+    """How the edge length was chosen.
+
+    Attributes:
+        asked: Requested relative error of signals.
+        reached: Estimated relative error; None if it is unknown.
+        tried: The meshes that were tried.
+    """
 
     asked: float
     reached: float | None
@@ -43,11 +54,23 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class MeshRecord:
-    """`mesh.json`: hash of the mesh; edge length (mm), None before poses are known; counts;
-    smallest dihedral angle (degrees); boundary deviation (mm); relative change of volume; which
-    `mesher` made it (that of all builds before it was told), and a `note` on that, or none; the
-    `way` it was made, sentences on those `tried` before it in vain, and the `surface` that was
-    meshed where it was not the body's own."""
+    """The content of `mesh.json`.
+
+    Attributes:
+        hash: Hash of the mesh.
+        edge_length: Edge length, mm; None before poses are known.
+        tets: Number of tetrahedra.
+        nodes: Number of nodes.
+        min_dihedral: Smallest dihedral angle, degrees.
+        boundary_deviation: Largest distance of the boundary from the body's surface, mm.
+        volume_change: Relative change of the volume.
+        accuracy: How the edge length was chosen, if it was not given.
+        mesher: The mesher; builds that do not state it used fTetWild.
+        note: What a reader of the report should know about the mesh.
+        way: How the mesh was made.
+        tried: Ways that failed before it.
+        surface: The surface that was meshed, if it is not the body's own.
+    """
 
     SCHEMA: ClassVar[int] = 1
 
@@ -67,7 +90,7 @@ class MeshRecord:
 
 
 def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: MeshRecord) -> None:
-    """`mesh.vtu` with the nodes (n,) of each region, and `mesh.json`."""
+    """Write `mesh.vtu`, with the tags (n,) of the nodes in each region, and `mesh.json`."""
     meshio.write(
         folder / FILE,
         meshio.Mesh(
@@ -80,15 +103,17 @@ def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: Mes
 
 
 def load_mesh(folder: Path) -> TetMesh:
-    """The tets of a build, nodes in mm in the rest frame. Raises StorageError."""
+    """Return the tetrahedra of a build, mm, rest frame. Raises StorageError."""
     data = read_vtu(folder / FILE)
     if "tetra" not in data.cells_dict:
-        raise StorageError(f"{folder / FILE}: has no tetrahedra; {BUILD_AGAIN}")
+        raise StorageError(
+            "has no tetrahedra", code="file-damaged", where=folder / FILE, action=BUILD_AGAIN
+        )
     return TetMesh(np.asarray(data.points, float), data.cells_dict["tetra"].astype(np.int64))
 
 
 def load_region_nodes(folder: Path) -> dict[str, Bool]:
-    """Which nodes (n,) the regions had for which the mesh was made, by name."""
+    """Return which nodes (n,) each region contained when the mesh was made, by its name."""
     data = read_vtu(folder / FILE).point_data
     return {
         name.removeprefix(_REGION): np.asarray(tags, bool)
@@ -98,5 +123,5 @@ def load_region_nodes(folder: Path) -> dict[str, Bool]:
 
 
 def load_mesh_record(folder: Path) -> MeshRecord:
-    """Raises StorageError."""
+    """Return the record of a build's mesh. Raises StorageError."""
     return typed_json.load(folder / RECORD, MeshRecord, BUILD_AGAIN)

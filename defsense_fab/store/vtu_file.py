@@ -12,14 +12,24 @@ from ..core.errors import StorageError
 
 
 def read_vtu(path: Path) -> Any:
-    """The meshio.Mesh in a file. Raises StorageError where it is missing or damaged; meshio's own
-    `read` ends the program."""
+    """Return the meshio.Mesh in a file.
+
+    `meshio.read` is not used, as it ends the process on damaged files.
+
+    Raises:
+        StorageError: The file is missing or damaged.
+    """
     try:
         return vtu.read(str(path))
     except OSError as error:
         raise StorageError(
-            f"{path}: cannot be read: {error.strerror or error}; {BUILD_AGAIN}"
+            f"cannot be read: {error.strerror or error}",
+            code="file-unreadable",
+            where=path,
+            action=BUILD_AGAIN,
         ) from None
-    except Exception as error:  # its parsers raise whatever they do
-        told = " ".join(str(error).split())
-        raise StorageError(f"{path}: is damaged ({told or 'cut off'}); {BUILD_AGAIN}") from None
+    except Exception as error:  # meshio's parsers raise errors of many classes
+        reason = " ".join(str(error).split()) or "truncated"
+        raise StorageError(
+            f"is damaged ({reason})", code="file-damaged", where=path, action=BUILD_AGAIN
+        ) from None
