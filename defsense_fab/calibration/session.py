@@ -27,8 +27,8 @@ from ..core.storage.session_manifest import (
     load_calibration,
     manifest_path,
 )
-from .protocol import FACES, Creep, JigStep, check_settling, fit_creep, plan_readings
-from .readings import Geometry, Memory, Piece, Readings
+from .protocol import FACES, JigStep, plan_readings
+from .readings import Geometry
 
 FRAMES = "frames.csv"
 DEFAULT_REFERENCE_OHM = 2200.0
@@ -36,10 +36,8 @@ DEFAULT_ROUNDS, DEFAULT_RATE_HZ = 3, 20
 #: Cords of a specimen in the order of the read-out board's channels, and their side of the neutral
 #: plane with face a on the jig.
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
-_MAX_CREEP_FRAMES = 400  # of a fit; longer holds are thinned
 _MAX_RADIUS_MM = 1e5
 _MAX_REFERENCE_OHM = 1e9
-_COLUMNS = ("piece", "strain", "memory", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
@@ -358,81 +356,6 @@ def unfinished_steps(session: CalibrationSession) -> list[int]:
     frames = session.frames
     done = find_holds(session, read_recording(frames)) if frames.exists() else {}
     return [n for n in range(len(session.steps)) if n not in done]
-
-
-@dataclass(frozen=True)
-class SessionReadings:
-    """Readings of a session.
-
-    Attributes:
-        readings: The readings.
-        creeps: Creep of the outer cords in each hold, with the cord's position.
-        unsettled: Number of holds that had not settled when they were taken.
-    """
-
-    readings: Readings
-    creeps: tuple[tuple[str, Creep], ...]
-    unsettled: int
-
-
-def read_session(folder: Path) -> SessionReadings:
-    """Compute the readings that a session has so far.
-
-    Args:
-        folder: Folder of the session.
-
-    Returns:
-        The readings.
-
-    Raises:
-        CalibrationError: The session is invalid, or has no reading.
-    """
-    session = load_session(folder)
-    if not session.frames.exists():
-        raise CalibrationError(
-            "nothing was recorded yet",
-            code="nothing-recorded",
-            where=folder,
-            action="Record with 'defsense calibrate record'",
-        )
-    holds = find_holds(session, read_recording(session.frames))
-    if not holds:
-        raise CalibrationError(
-            "no step was finished yet",
-            code="no-step-finished",
-            where=folder,
-            action="Resume with 'defsense calibrate record'",
-        )
-    pieces = tuple(Piece(session.name, place, place == "neutral") for place in CHANNELS)
-    rows, creeps, unsettled = [], [], 0
-    memories = [Memory() for _ in CHANNELS]
-    for n, hold in holds.items():  # in the order in which they were finished
-        step = session.steps[n]
-        state = check_settling(hold.time, hold.ohm, session.criterion)
-        if state is None:
-            unsettled += 1
-            continue
-        unsettled += not hold.settled
-        radius = float("nan") if step.radius is None else step.radius
-        face_sign = 1 if step.face == "a" else -1
-        for c, side in enumerate(CHANNELS.values()):
-            strain = session.geometry.strain(radius, side * face_sign)
-            where = f"{folder.name}, round {step.turn + 1}, {step.jig}, face {step.face}"
-            memory = memories[c].at(strain, hold.started_at, hold.started_at + hold.time[-1])
-            rows.append((c, strain, memory, radius, step.turn, float(state.ohm[c]), where))
-        if step.radius is not None:
-            thinned = slice(None, None, max(len(hold.time) // _MAX_CREEP_FRAMES, 1))
-            for c, place in enumerate(CHANNELS):
-                if place != "neutral" and np.isfinite(hold.ohm[:, c]).all():
-                    creeps.append((place, fit_creep(hold.time[thinned], hold.ohm[thinned, c])))
-    return SessionReadings(_to_readings(pieces, rows), tuple(creeps), unsettled)
-
-
-def _to_readings(pieces: tuple[Piece, ...], rows: Sequence[tuple[Any, ...]]) -> Readings:
-    """Convert rows of piece, strain, memory, radius, turn, resistance and where."""
-    columns = dict(zip((*_COLUMNS, "where"), zip(*rows, strict=True), strict=True))
-    arrays = {name: np.array(columns[name]) for name in _COLUMNS}
-    return Readings(pieces=pieces, where=columns["where"], **arrays)
 
 
 def read_specimen(path: Path) -> dict[str, Any]:

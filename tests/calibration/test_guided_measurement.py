@@ -15,7 +15,7 @@ import pytest
 from defsense_fab.calibration import session as sessions
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.guided_measurement import run_guided_measurement
-from defsense_fab.calibration.session import read_session
+from defsense_fab.calibration.session_readings import read_session
 from defsense_fab.capture.readout.recording import read_recording
 from defsense_fab.capture.readout.source import Event, ReadoutStatistics, StampedSample
 from defsense_fab.cli.exit_codes import STOPPED

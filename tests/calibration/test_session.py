@@ -11,7 +11,7 @@ from defsense_fab.calibration import session as sessions
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.protocol import check_settling, fit_creep
 from defsense_fab.calibration.readings import join_readings
-from defsense_fab.calibration.session import read_session
+from defsense_fab.calibration.session_readings import read_session
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.core.response import ResponseSpec

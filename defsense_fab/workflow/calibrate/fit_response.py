@@ -21,7 +21,8 @@ from ...calibration.readings import (
     join_readings,
 )
 from ...calibration.readings_table import read_table
-from ...calibration.session import FRAMES, read_session
+from ...calibration.session import FRAMES
+from ...calibration.session_readings import read_session
 from ...core.errors import CalibrationError
 from ...core.progress import Progress, silent
 from ...core.response import SCHEMA
