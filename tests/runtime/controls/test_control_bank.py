@@ -9,8 +9,8 @@ from defsense_fab.core.errors import ControlError
 from defsense_fab.runtime.controls.control_bank import ControlBank, OneEuro
 from defsense_fab.runtime.controls.control_spec import ControlSpec, Shaping, plain_name
 from defsense_fab.runtime.controls.pose_amplitudes import PoseBasis, PoseRamp
-from tests.support.errors import raises
 from tests.runtime.bars import POSES, STEPS, bent, markers, poses
+from tests.support.errors import raises
 
 SD = np.full(40, 0.5)
 

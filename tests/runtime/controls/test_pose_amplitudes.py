@@ -10,8 +10,8 @@ from defsense_fab.runtime.controls.pose_amplitudes import (
     PoseBasis,
     PoseRamp,
 )
-from tests.support.errors import raises
 from tests.runtime.bars import POSES, STEPS, bent, markers, poses, pulled, twisted
+from tests.support.errors import raises
 
 SD = 0.5
 

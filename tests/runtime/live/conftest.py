@@ -82,5 +82,5 @@ def live_bar(small_bar, tmp_path_factory):
     from dataclasses import replace
 
     metadata = {"provenance": dict(dataset.provenance), "R0": {"run-1": R0.tolist()}}
-    write_model(bar.model, replace(model, told=metadata))
+    write_model(bar.model, replace(model, metadata=metadata))
     return bar

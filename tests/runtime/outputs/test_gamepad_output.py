@@ -8,8 +8,8 @@ import pytest
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.outputs.gamepad_output import GamepadOutput, default_mapping, events
 from defsense_fab.runtime.outputs.settings import GamepadMapping, GamepadSettings
-from tests.support.errors import raises
 from tests.runtime.live_frames import frame, frame_before_rest
+from tests.support.errors import raises
 
 
 def test_events():

@@ -11,8 +11,8 @@ from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs import lsl_output
 from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, channel_values
 from defsense_fab.runtime.outputs.settings import LslSettings
-from tests.support.errors import raises
 from tests.runtime.live_frames import frame, frame_before_rest
+from tests.support.errors import raises
 
 
 def test_stream_arrives():

@@ -20,9 +20,9 @@ from defsense_fab.runtime.outputs.midi_mapping import (
 from defsense_fab.runtime.outputs.midi_output import MidiFile, MidiOutput
 from defsense_fab.runtime.outputs.midi_ports import SystemPorts, find_port
 from defsense_fab.runtime.outputs.settings import MidiMapping, MidiSettings
-from tests.support.errors import raises
 from tests.runtime.live_frames import frame
 from tests.runtime.outputs.midi_cable import Cable
+from tests.support.errors import raises
 
 
 def moved(values, **kwargs):

@@ -13,8 +13,8 @@ from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs.osc_output import OscOutput
 from defsense_fab.runtime.outputs.settings import OscSettings
-from tests.support.errors import raises
 from tests.runtime.live_frames import frame
+from tests.support.errors import raises
 
 
 def parse(data):

@@ -18,9 +18,9 @@ from defsense_fab.runtime.outputs.settings import (
     OscSettings,
     WebSocketSettings,
 )
-from tests.support.errors import raises
 from tests.runtime.live_frames import frame, wait_for
 from tests.runtime.outputs.midi_cable import Cable
+from tests.support.errors import raises
 
 
 def shared(settings, devices=3):

@@ -21,8 +21,8 @@ from defsense_fab.runtime.frames.live_frame import Note, Quality
 from defsense_fab.runtime.outputs import websocket_output
 from defsense_fab.runtime.outputs.settings import WebSocketSettings
 from defsense_fab.runtime.outputs.websocket_output import WebSocketOutput, frame_json
-from tests.support.errors import raises
 from tests.runtime.live_frames import frame, wait_for
+from tests.support.errors import raises
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import pytest
 from defsense_fab.core.errors import LiveError
 from defsense_fab.runtime.recording.animation import Animation
 from defsense_fab.runtime.recording.animation_recorder import SUFFIXES, write_animation
-from tests.support.errors import raises
 from tests.runtime.recording_bars import animation
+from tests.support.errors import raises
 
 MAGIC = {".glb": b"glTF", ".usda": b"#usda", ".npz": b"PK"}
 

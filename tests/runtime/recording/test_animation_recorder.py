@@ -10,10 +10,10 @@ import pytest
 from defsense_fab.core.errors import LiveError, StorageError
 from defsense_fab.runtime.recording import animation_recorder
 from defsense_fab.runtime.recording.animation_recorder import AnimationRecorder
-from tests.support.errors import raises
 from tests.runtime.full_disk import fill
 from tests.runtime.live_frames import frame
 from tests.runtime.recording_bars import bar, frames, moved
+from tests.support.errors import raises
 
 REST, FACES = bar()
 

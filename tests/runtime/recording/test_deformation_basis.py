@@ -7,8 +7,8 @@ import pytest
 
 from defsense_fab.core.errors import LiveError
 from defsense_fab.runtime.recording.gltf_animation import deformation_basis
-from tests.support.errors import raises
 from tests.runtime.recording_bars import animation
+from tests.support.errors import raises
 
 
 def largest_error(of, basis):

@@ -5,8 +5,8 @@ import pytest
 
 from defsense_fab.core.errors import StorageError
 from defsense_fab.runtime.recording.animation_recorder import RowFile
-from tests.support.errors import raises
 from tests.runtime.full_disk import fill
+from tests.support.errors import raises
 
 
 def test_rows_are_read_back(tmp_path):

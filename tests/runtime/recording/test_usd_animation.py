@@ -11,8 +11,8 @@ from pxr import Tf, Usd, UsdGeom
 from defsense_fab.core.errors import LiveError, StorageError
 from defsense_fab.runtime.recording import usd_animation
 from defsense_fab.runtime.recording.usd_animation import write_usd
-from tests.support.errors import raises
 from tests.runtime.recording_bars import animation
+from tests.support.errors import raises
 
 
 @pytest.mark.parametrize("suffix", [".usd", ".usda", ".usdc"])
