@@ -12,6 +12,8 @@ from tests.support.places import ROOT
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
 #: Packages whose names and texts are checked.
 CHECKED = ("calibration", "core", "decoding", "mechanics", "sensing", "store")
+#: Retired names that are keys of documented files.
+SERIALIZED = {"core/markers.py": {"seen"}, "store/mesh.py": {"asked"}}
 
 
 def section(title):
@@ -54,7 +56,12 @@ def test_no_retired_name_or_phrase_is_used(package):
     for path in sorted((ROOT / "defsense_fab" / package).rglob("*.py")):
         place = path.relative_to(ROOT).as_posix()
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        found += [f"{place}:{n}: {name}" for name, n in names_of(tree) if name.strip("_") in NAMES]
+        allowed = SERIALIZED.get(place.removeprefix("defsense_fab/"), set())
+        found += [
+            f"{place}:{n}: {name}"
+            for name, n in names_of(tree)
+            if name.strip("_") in NAMES - allowed
+        ]
         found += [
             f"{place}:{n}: {hit[0]}"
             for text, n in texts_of(path)
