@@ -1,4 +1,4 @@
-"""A device that is none: smooth movements, signals that bend and relax, markers that bend."""
+"""A synthetic device: smooth movements, nonlinear signals that relax, nonlinear markers."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ Maker = Callable[..., Dataset]
 
 
 def walk(time: Float, count: int, rng: np.random.Generator, every: float = 2.0) -> Float:
-    """Levels (t, count) that wander between -1 and 1, a turn `every` s."""
+    """Return smooth random levels (t, count) between -1 and 1, with a knot `every` s."""
     knots = np.arange(int(time[-1] / every) + 3) * every
     return np.tanh(CubicSpline(knots, rng.uniform(-1, 1, (len(knots), count)))(time))
 
 
 def relaxed(time: Float, signals: Float, share: float, constant: float) -> Float:
-    """What a cord adds that any change of it tears and that heals: no linear filter of the
-    signal, as the decoder's memories are."""
+    """Add a signal that grows with any movement and decays.
+
+    Unlike the decoder's memories, this is not a linear filter of the signal.
+    """
     added, out = np.zeros(signals.shape[1]), np.empty_like(signals)
     steps = np.abs(np.diff(signals, axis=0, prepend=signals[:1]))
     for k, dt in enumerate(np.diff(time, prepend=time[0])):
@@ -34,7 +36,7 @@ def relaxed(time: Float, signals: Float, share: float, constant: float) -> Float
 
 @pytest.fixture(scope="session")
 def recorded() -> Maker:
-    """Datasets of so many seconds, the same device each time."""
+    """Return a function that makes datasets of the same device."""
 
     def make(
         seconds: float = 60.0, seed: int = 0, *, noise: float = 5e-4, tear: float = 0.0,

@@ -1,4 +1,4 @@
-"""A bar that bends and twists, three cords in it, and models trained on it: small arrays."""
+"""A bar with three cords that bends and twists, and models trained on it."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ SLOPES = np.array([[0.004, 0.05], [-0.004, 0.06], [0.001, -0.12]])
 
 
 def points_of(bend, twist):
-    """(t, m, 3) of (t,) each: exact, of second order in the twist."""
+    """Return marker positions (t, m, 3) for bend and twist (t,), of second order in the twist."""
     along = (REST[:, 0] / 150) ** 2
     out = np.repeat(REST[None], len(bend), axis=0)
     angle = twist[:, None] * REST[:, 0] / 150
@@ -28,7 +28,7 @@ def points_of(bend, twist):
 
 
 def course(time, seed=0):
-    """Bend and twist (t,) of smooth poses in turn, and when each was asked for."""
+    """Return bend and twist (t,) of smooth poses, and the requested poses."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, 3)
     bend = 20 * np.sin(0.9 * time + phase[0]) * (0.6 + 0.4 * np.sin(0.13 * time + phase[1]))
@@ -54,8 +54,11 @@ def recording(
     gain=(1.0, 1.0, 1.0),
     name="run-1",
 ):
-    """A run at 30 pictures and 50 samples a second. `memory` is how much the cords lag (Maxwell
-    element of 1 s), `drift` how far their signals have gone at the end."""
+    """Return a run with 30 frames and 50 samples per second.
+
+    `memory` is the share of a Maxwell element of 1 s in the signals; `drift` is the change of the
+    signals until the end.
+    """
     rng = np.random.default_rng(1000 + seed)
     ts = np.arange(0, seconds, 0.02)
     time = np.arange(0.05, seconds - 0.05, 1 / 30)
@@ -79,7 +82,7 @@ def dataset(*recordings):
 
 
 def trained(data, features=affine_features, past=None, noise=1e-4):
-    """A model of the first recording, with intervals that hold on what it was trained on."""
+    """Return a model of the first recording, with intervals valid for its training data."""
     r = data.recordings[0]
     past = past or Past()
     everything = Branch((0, 1, 2), past, None, None, None)

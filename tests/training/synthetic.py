@@ -1,5 +1,4 @@
-"""Recordings of a soft device that is not there: smooth random poses, markers that they carry, and
-cords that answer to them by a bent line and relax."""
+"""Recordings of a synthetic device: smooth random poses, and nonlinear cords that relax."""
 
 from __future__ import annotations
 
@@ -11,13 +10,13 @@ CHANNELS = ("left", "middle", "right")
 R0 = np.array([1200.0, 2100.0, 320.0])
 IDS = np.array([1, 2, 5, 7, 8])
 REST = np.array([[0.0, -12, 8], [30, 12, 8], [60, -12, 8], [90, 12, 8], [30, 0, -9]])
-QUIET = 3.0  # s of rest at the beginning
+QUIET = 3.0  # s of rest at the start
 GAIN = np.array([[0.10, -0.05, 0.03], [-0.04, 0.12, 0.05], [0.05, 0.03, -0.09]])
 _STATES = np.random.default_rng(7).normal(size=(3, len(IDS), 3)) * [4, 8, 12]
 
 
 def weights(time: np.ndarray, seed: int) -> np.ndarray:
-    """How far the device is in each of three poses (n, 3), never twice alike, 0 in the quiet."""
+    """Return weights of three poses (n, 3): they never repeat, and are 0 in the initial rest."""
     rng = np.random.default_rng(seed)
     out = np.zeros((len(time), 3))
     for k in range(3):
@@ -27,7 +26,7 @@ def weights(time: np.ndarray, seed: int) -> np.ndarray:
 
 
 def places(time: np.ndarray, seed: int) -> np.ndarray:
-    """Of the markers (t, m, 3) mm in the device's frame; those of the anchor, 1, 2 and 8, stay."""
+    """Return marker positions (t, m, 3) mm; those of the anchor (1, 2 and 8) are fixed."""
     w = weights(time, seed)
     moved = np.einsum("tk,kmd->tmd", w, _STATES) + 2 * np.einsum("tk,kmd->tmd", w**2, _STATES) / 5
     moved[:, [0, 1, 4]] = 0
@@ -35,7 +34,7 @@ def places(time: np.ndarray, seed: int) -> np.ndarray:
 
 
 def signals(time: np.ndarray, seed: int) -> np.ndarray:
-    """(R - R0)/R0 (n, 3): a bent line of the poses, of which a fifth relaxes within 2 s."""
+    """Return signals (n, 3), nonlinear in the poses; a fifth relaxes within 2 s."""
     fine = np.arange(0.0, time[-1] + 0.02, 0.01)
     s = weights(fine, seed) @ GAIN
     s = s + 0.6 * s**2
@@ -52,7 +51,7 @@ def recording(
     late: float = 0.0, noise: float = 1e-3, rest: np.ndarray = R0, session: str | None = None,
     unit: str = "unit-1",
 ) -> Recording:  # fmt: skip
-    """One run; signals `late` by so many s."""
+    """Return one run, with signals that are `late` seconds late."""
     rng = np.random.default_rng(100 + seed)
     t, f = np.arange(0, seconds, 1 / rate), np.arange(0, seconds, 1 / frames)
     ohm = rest * (1 + signals(t, seed) + rng.normal(size=(len(t), 3)) * noise)
@@ -76,7 +75,7 @@ def recording(
 
 
 def dataset(*recordings: Recording, **changed) -> Dataset:
-    """Of these recordings; of two of 40 s where there are none."""
+    """Return a dataset of these recordings, or of two of 40 s."""
     whole = recordings or (recording(1), recording(2))
     given = {"device": "bar", "layout": "abc", "channels": CHANNELS, "ids": IDS,
              "rest_points": REST, "recordings": whole, "provenance": {"sessions": []}}  # fmt: skip

@@ -95,7 +95,7 @@ def dataset_of_series(series: Series, tracks: Tracks, source: str, info: Recordi
     Raises:
         TrainingError: If signals and tracks do not match each other or the markers.
     """
-    if len(tracks.time) < 2 or not tracks.seen.any():
+    if len(tracks.time) < 2 or not tracks.visible.any():
         raise TrainingError(
             f"no marker is visible in its {len(tracks.time)} frames",
             code="no-markers",

@@ -282,7 +282,7 @@ def _make_recording(
     is_in_run = np.ones(len(tracks.time), bool)
     if not processed.has_one_run:
         is_in_run = _is_within(tracks.time, run)
-    tracks = tracks.part(is_in_run)
+    tracks = tracks.select(is_in_run)
     if not tracks.seen.any():
         return "no marker was visible"
     rest, error, steps = _read_run(run, processed)
@@ -369,7 +369,7 @@ def _exclude_dropped(tracks: Tracks, signals: Table) -> Tracks:
     others = [name for name in signals.names if name not in ("frame", "time")]
     has_signal = np.isfinite(signals.columns(others)).any(axis=1)
     times = _undo_rounding(signals["time"][has_signal], tracks.time)
-    return tracks.part(np.isin(tracks.time, times) | tracks.seen.any(axis=1))
+    return tracks.select(np.isin(tracks.time, times) | tracks.visible.any(axis=1))
 
 
 def _undo_rounding(time: Float, exact: Float) -> Float:

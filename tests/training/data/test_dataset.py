@@ -1,4 +1,4 @@
-"""Recordings that are known again in other files, and those that are others."""
+"""Fingerprints identify recordings by their content."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from defsense_fab.training.data.dataset import is_same_recording, recording_fing
 from ..conftest import Maker
 
 
-def test_one_that_was_rounded_shifted_and_has_another_rest_is_the_same(recorded: Maker) -> None:
+def test_a_rounded_and_shifted_copy_has_the_same_fingerprint(recorded: Maker) -> None:
     r = recorded(120).recordings[0]
     other = replace(
         r, ohm=np.round(r.ohm[:, [2, 0, 1]], 1), rest=1.02 * r.rest[[2, 0, 1]],
@@ -20,12 +20,12 @@ def test_one_that_was_rounded_shifted_and_has_another_rest_is_the_same(recorded:
     assert is_same_recording(recording_fingerprint(r), recording_fingerprint(other))
 
 
-def test_others_of_the_same_device_are_not(recorded: Maker) -> None:
+def test_other_recordings_of_the_device_have_other_fingerprints(recorded: Maker) -> None:
     each = [recording_fingerprint(recorded(60, seed=k).recordings[0]) for k in range(8)]
     assert not any(is_same_recording(a, b) for k, a in enumerate(each) for b in each[:k])
 
 
-def test_channels_that_say_nothing_make_nothing_the_same(recorded: Maker) -> None:
+def test_recordings_without_signals_are_never_the_same(recorded: Maker) -> None:
     r = recorded(60).recordings[0]
     still = replace(r, ohm=np.full_like(r.ohm, 1500.0))
     open_circuit = replace(r, ohm=np.full_like(r.ohm, np.nan))

@@ -1,4 +1,4 @@
-"""Datasets of one layout as one."""
+"""Joining datasets, and leaving out uncertain positions."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from ..synthetic import CHANNELS, IDS, REST, dataset, recording
 # What cameras hardly know is left out, by what they say themselves.
 
 
-def test_places_far_less_certain_than_usual_are_left_out_and_no_others():
+def test_only_unusually_uncertain_positions_are_left_out():
     data = dataset(recording(1))
     r = data.recordings[0]
     sigma = np.full(r.points.shape, 0.1)
     sigma[10, 0], sigma[20, 1], sigma[30, 0] = 2.0, 0.5, np.nan
     points = np.where(np.isfinite(r.points), r.points, 0.0)
     r = replace(r, points=points, sigma=sigma)
-    found, share = exclude_uncertain_positions(replace(data, recordings=(r,)))
-    gone = r.visible & ~found.recordings[0].visible
-    assert np.argwhere(gone).tolist() == [[10, 0]]  # 0.5 mm is five times as uncertain, and known
+    result, share = exclude_uncertain_positions(replace(data, recordings=(r,)))
+    gone = r.visible & ~result.recordings[0].visible
+    assert np.argwhere(gone).tolist() == [[10, 0]]  # 0.5 mm is below the limit
     assert share == pytest.approx(1 / r.visible.sum())
-    assert np.array_equal(found.recordings[0].points[~gone], r.points[~gone], equal_nan=True)
+    assert np.array_equal(result.recordings[0].points[~gone], r.points[~gone], equal_nan=True)
 
 
-def test_cameras_that_are_poor_throughout_lose_nothing():
+def test_uniformly_uncertain_positions_are_kept():
     data = dataset(recording(1))
     r = replace(data.recordings[0], sigma=np.full(data.recordings[0].points.shape, 2.0))
-    found, share = exclude_uncertain_positions(replace(data, recordings=(r,)))
+    result, share = exclude_uncertain_positions(replace(data, recordings=(r,)))
     assert share == 0.0
-    assert np.array_equal(found.recordings[0].visible, r.visible)
+    assert np.array_equal(result.recordings[0].visible, r.visible)
     unknown = replace(r, sigma=np.full(r.points.shape, np.nan))
     assert exclude_uncertain_positions(replace(data, recordings=(unknown,)))[1] == 0.0
 
@@ -49,7 +49,7 @@ def permuted(part, order):
     return replace(part, channels=tuple(part.channels[k] for k in order), recordings=recordings)
 
 
-def test_channels_go_by_name_and_markers_by_number():
+def test_channels_are_matched_by_name_and_markers_by_number():
     a = dataset(recording(1))
     fewer = [2, 0, 3, 1]
     r = recording(2)
@@ -90,12 +90,12 @@ def test_channels_go_by_name_and_markers_by_number():
         ),
     ],
 )
-def test_what_does_not_go_together(other, code, data):
+def test_datasets_that_do_not_match_are_refused(other, code, data):
     with raises(TrainingError, code, **data):
         join_datasets([dataset(recording(1)), dataset(recording(2), **other)])
 
 
-def test_a_channel_too_many_and_nothing_at_all():
+def test_extra_channels_and_empty_lists_are_refused():
     a = dataset(recording(1))
     more = replace(
         a, channels=(*CHANNELS, "spare"),
@@ -108,5 +108,5 @@ def test_a_channel_too_many_and_nothing_at_all():
         join_datasets([a, more])
     with raises(TrainingError, "no-data"):
         join_datasets([])
-    # A layout that is not known is no other one.
+    # An unknown layout matches any other.
     assert join_datasets([dataset(recording(1), layout=""), a]).layout == "abc"

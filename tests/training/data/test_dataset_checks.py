@@ -1,4 +1,4 @@
-"""What is wrong with a dataset is told, with what to do."""
+"""Checks of datasets detect every kind of problem."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from tests.support.errors import raises
 from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, dataset, recording
 
 
-def told(problems, code):
-    """The only problem with this code."""
-    (found,) = [p for p in problems if p.code == code]
-    return found
+def only_problem(problems, code):
+    """Return the only problem with this code."""
+    (problem,) = [p for p in problems if p.code == code]
+    return problem
 
 
 def of_channel(r, k, change):
-    """A recording with another resistance of one channel."""
+    """Return the recording with changed resistances of one channel."""
     ohm = r.ohm.copy()
     ohm[:, k] = change(ohm[:, k])
     return replace(r, ohm=ohm)
@@ -33,7 +33,7 @@ def good():
     return dataset()
 
 
-def test_nothing_is_said_of_a_good_dataset(good):
+def test_a_good_dataset_has_no_problems(good):
     assert check_dataset(good, channels=CHANNELS) == ()
     assert require_trainable(good) == ()
     three = dataset(*(recording(k, session=f"s{k}") for k in (1, 2, 3)))
@@ -46,23 +46,23 @@ def test_nothing_is_said_of_a_good_dataset(good):
 def test_sessions_of_different_devices_or_layouts(good, key, code):
     sessions = [{"folder": "a", key: "one"}, {"folder": "b", key: "two"}, {"folder": "c", key: ""}]
     mixed = replace(good, provenance={"sessions": sessions})
-    problem = told(check_dataset(mixed), code)
+    problem = only_problem(check_dataset(mixed), code)
     assert problem.is_fatal
     assert problem.data["found"] == {"one": "a", "two": "b"}
     with raises(TrainingError, code):
         require_trainable(mixed)
 
 
-def test_a_channel_that_is_missing(good):
-    problem = told(check_dataset(good, channels=[*CHANNELS, "top"]), "missing-channel")
+def test_a_missing_channel(good):
+    problem = only_problem(check_dataset(good, channels=[*CHANNELS, "top"]), "missing-channel")
     assert problem.is_fatal
     assert problem.data["channels"] == ("top",)
     gone = of_channel(good.recordings[0], 1, lambda R: np.full_like(R, np.nan))
-    problem = told(check_dataset(dataset(gone, good.recordings[1])), "missing-channel")
+    problem = only_problem(check_dataset(dataset(gone, good.recordings[1])), "missing-channel")
     assert (problem.recordings, problem.data["channels"]) == (("session-1/run-1",), ("middle",))
     rest = replace(good.recordings[0], rest=R0 * [1, np.nan, 1])
-    assert told(check_dataset(dataset(rest)), "missing-channel").is_fatal
-    # What the remedy says can be done.
+    assert only_problem(check_dataset(dataset(rest)), "missing-channel").is_fatal
+    # The suggested action removes the problem.
     assert check_dataset(exclude(dataset(gone, good.recordings[1]), ["middle"])) == ()
     left = exclude(good, recordings=["session-1/run-1"])
     assert [r.session for r in left.recordings] == ["session-2"]
@@ -72,21 +72,23 @@ def test_a_channel_that_is_missing(good):
         exclude(good, CHANNELS)
 
 
-def test_channels_in_another_order(good):
+def test_permuted_channels(good):
     a, b = good.recordings
     swapped = replace(b, ohm=b.ohm[:, [1, 0, 2]], rest=b.rest[[1, 0, 2]])
     problems = check_dataset(dataset(a, swapped))
-    problem = told(problems, "permuted-channels")
+    problem = only_problem(problems, "permuted-channels")
     assert problem.is_fatal
     assert problem.recordings == ("session-2/run-1",)
     assert problem.data["session"] == "session-2"
     assert problem.data["order"] == {"left": "middle", "middle": "left"}
     by_sessions = problem.data["source"]
     turned = replace(b, ohm=b.ohm[:, [2, 0, 1]], rest=b.rest[[2, 0, 1]], unit="other")
-    # Another unit is compared with what is predicted of it.
+    # Another unit is compared with its prediction.
     assert "permuted-channels" not in {p.code for p in check_dataset(dataset(a, turned))}
     predicted = {b.name: np.stack([np.interp(b.time, b.sample_time, s) for s in b.signals.T], 1)}
-    problem = told(check_dataset(dataset(a, turned), predicted=predicted), "permuted-channels")
+    problem = only_problem(
+        check_dataset(dataset(a, turned), predicted=predicted), "permuted-channels"
+    )
     assert problem.data["order"]["left"] == "right"
     assert problem.data["source"] != by_sessions
 
@@ -94,7 +96,7 @@ def test_channels_in_another_order(good):
 @pytest.mark.parametrize(
     ("bad", "state"), [(np.inf, "open"), (np.nan, "open"), (0.0, "shorted"), (-5.0, "shorted")]
 )
-def test_a_channel_that_is_open_or_shorted_for_long(good, bad, state):
+def test_a_channel_that_is_open_or_shorted_for_seconds(good, bad, state):
     def broken(seconds):
         def change(R):
             out = R.copy()
@@ -103,33 +105,33 @@ def test_a_channel_that_is_open_or_shorted_for_long(good, bad, state):
 
         return dataset(of_channel(good.recordings[0], 2, change), good.recordings[1])
 
-    problem = told(check_dataset(broken(4.0)), "saturated-channel")
+    problem = only_problem(check_dataset(broken(4.0)), "saturated-channel")
     assert not problem.is_fatal
     assert (problem.data["channel"], problem.data["state"]) == ("right", state)
     assert problem.value == pytest.approx(0.1)
     assert problem.data["longest_s"] == pytest.approx(4.0)
     assert check_dataset(broken(0.5)) == ()
-    assert told(check_dataset(broken(25.0)), "saturated-channel").is_fatal
+    assert only_problem(check_dataset(broken(25.0)), "saturated-channel").is_fatal
 
 
-def test_a_channel_at_the_end_of_its_range(good):
+def test_a_clipped_channel(good):
     top = np.percentile(good.recordings[0].ohm[:, 0], 80)
     clipped = of_channel(good.recordings[0], 0, lambda R: np.minimum(R, top))
-    problem = told(check_dataset(dataset(clipped, good.recordings[1])), "saturated-channel")
+    problem = only_problem(check_dataset(dataset(clipped, good.recordings[1])), "saturated-channel")
     assert (problem.data["channel"], problem.data["state"]) == ("left", "clipped")
     assert problem.value == pytest.approx(0.2, abs=0.005)
-    # At rest nothing moves: a coarse converter says the same there, the least there is, too.
+    # At rest, a coarse converter gives constant values, even at the lower end of the range.
     rest = good.recordings[0].sample_time < QUIET
     low = float(good.recordings[0].ohm[:, 0].min())
     quiet = of_channel(good.recordings[0], 0, lambda R: np.where(rest, low, R))
     assert check_dataset(dataset(quiet, good.recordings[1])) == ()
 
 
-def test_a_channel_that_is_stuck_or_constant(good):
+def test_a_stuck_or_constant_channel(good):
     def stuck(R):
         return np.where(np.abs(np.arange(len(R)) - 1500) < 150, R[1500], R)
 
-    problem = told(
+    problem = only_problem(
         check_dataset(dataset(of_channel(good.recordings[0], 1, stuck), good.recordings[1])),
         "stuck-channel",
     )
@@ -137,20 +139,20 @@ def test_a_channel_that_is_stuck_or_constant(good):
     assert problem.value == pytest.approx(5.0, abs=0.05)
     assert problem.data["start_s"] == pytest.approx(22.5, abs=0.05)
     flat = [of_channel(r, 1, lambda R: np.full_like(R, 2100.0)) for r in good.recordings]
-    problem = told(check_dataset(dataset(*flat)), "constant-channel")
+    problem = only_problem(check_dataset(dataset(*flat)), "constant-channel")
     assert problem.is_fatal
     assert problem.data["channels"] == ("middle",)
-    # Never again mentioned as at the end of its range, or stuck.
+    # It is not reported as clipped or stuck too.
     assert [p.code for p in check_dataset(dataset(*flat)) if p.is_fatal] == ["constant-channel"]
-    one = told(check_dataset(dataset(flat[0], good.recordings[1])), "stuck-channel")
+    one = only_problem(check_dataset(dataset(flat[0], good.recordings[1])), "stuck-channel")
     assert one.is_fatal
 
 
 def test_a_copy_of_a_recording(good):
-    """Under another name, and as a table rounds it."""
+    """The copy has another name and rounded resistances."""
     r = good.recordings[0]
     copy = replace(r, name="copy/run-1", session="copy", ohm=np.round(r.ohm, 3))
-    problem = told(check_dataset(dataset(r, copy)), "same-recording")
+    problem = only_problem(check_dataset(dataset(r, copy)), "same-recording")
     assert problem.is_fatal
     assert problem.recordings == ("copy/run-1", "session-1/run-1")
 
@@ -158,7 +160,9 @@ def test_a_copy_of_a_recording(good):
 def test_samples_that_end_before_the_frames(good):
     r = good.recordings[0]
     cut = replace(r, sample_time=r.sample_time[:1500], ohm=r.ohm[:1500])
-    problem = told(check_dataset(dataset(cut, good.recordings[1])), "frames-without-samples")
+    problem = only_problem(
+        check_dataset(dataset(cut, good.recordings[1])), "frames-without-samples"
+    )
     assert not problem.is_fatal
     assert problem.value == pytest.approx(1 - 25 / 40, abs=0.01)
     assert problem.recordings == (r.name,)
@@ -170,33 +174,33 @@ def test_no_rest_pose(good):
         return replace(r, time=r.time[kept], points=r.points[kept], sigma=r.sigma[kept])
 
     one = check_dataset(dataset(late(recording(1, noise=1e-4)), good.recordings[1]))
-    assert not told(one, "no-rest-pose").is_fatal
+    assert not only_problem(one, "no-rest-pose").is_fatal
     away = [replace(r, points=r.points + 9 * np.eye(3)[2]) for r in good.recordings]
-    problem = told(check_dataset(dataset(*away)), "no-rest-pose")
+    problem = only_problem(check_dataset(dataset(*away)), "no-rest-pose")
     assert problem.is_fatal
     assert problem.recordings == ("session-1/run-1", "session-2/run-1")
 
 
 def test_too_few_frames(good):
     short = recording(1, 1.5)
-    problem = told(check_dataset(dataset(short)), "too-few-frames")
+    problem = only_problem(check_dataset(dataset(short)), "too-few-frames")
     assert problem.is_fatal
     assert 40 < problem.value <= 45
     assert problem.data["needed"] == 50
-    problem = told(check_dataset(dataset(good.recordings[0])), "few-frames")
+    problem = only_problem(check_dataset(dataset(good.recordings[0])), "few-frames")
     assert not problem.is_fatal
     assert problem.value == pytest.approx(40, abs=0.5)
     # Frames without signals do not count.
     r = good.recordings[0]
     gone = replace(r, sample_time=r.sample_time[:40], ohm=r.ohm[:40])
-    assert told(check_dataset(dataset(gone)), "too-few-frames").value == 20
-    # What is the cause is told first.
+    assert only_problem(check_dataset(dataset(gone)), "too-few-frames").value == 20
+    # Causes are reported first.
     dead = of_channel(r, 0, lambda R: np.full_like(R, np.nan))
     kinds = [p.code for p in check_dataset(dataset(dead)) if p.is_fatal]
     assert kinds[0] == "missing-channel"
     assert "too-few-frames" in kinds
     elsewhere = replace(r, sample_time=r.sample_time + 1000)
-    problem = told(check_dataset(dataset(elsewhere)), "out-of-step")
+    problem = only_problem(check_dataset(dataset(elsewhere)), "out-of-step")
     assert problem.is_fatal
     assert problem.recordings == (r.name,)
 
@@ -208,33 +212,33 @@ def test_frames_without_markers(good):
     points[:, 3] = np.nan
     hidden = dataset(replace(r, points=points), replace(good.recordings[1], points=points))
     problems = check_dataset(hidden)
-    found = [p for p in problems if p.code == "frames-without-markers"]
-    assert [p.recordings for p in found] == [("session-1/run-1",), ("session-2/run-1",)]
-    assert found[0].value == pytest.approx(2 / 3, abs=0.01)
-    assert told(problems, "markers-never-seen").data["markers"] == (IDS[3],)
+    result = [p for p in problems if p.code == "frames-without-markers"]
+    assert [p.recordings for p in result] == [("session-1/run-1",), ("session-2/run-1",)]
+    assert result[0].value == pytest.approx(2 / 3, abs=0.01)
+    assert only_problem(problems, "markers-never-seen").data["markers"] == (IDS[3],)
     nothing = replace(r, points=np.full_like(points, np.nan))
-    assert told(
+    assert only_problem(
         check_dataset(dataset(nothing, good.recordings[1])), "frames-without-markers"
     ).is_fatal
 
 
 @pytest.mark.parametrize("late", [0.5, -0.5, 0.14, 0.93])
-def test_signals_that_are_not_in_step(good, late):
+def test_signals_out_of_step(good, late):
     off = dataset(recording(1, late=late), good.recordings[1])
-    problem = told(check_dataset(off), "out-of-step")
+    problem = only_problem(check_dataset(off), "out-of-step")
     assert problem.recordings == ("session-1/run-1",)
     assert problem.value == pytest.approx(-late, abs=0.04)
     assert problem.is_fatal == (abs(late) > 0.2)
-    mended = shift_samples(off, {problem.recordings[0]: problem.value})
-    assert check_dataset(mended) == ()
-    assert mended.provenance["shifts"] == {problem.recordings[0]: problem.value}
-    assert shift_samples(off, "auto").provenance == mended.provenance
+    aligned = shift_samples(off, {problem.recordings[0]: problem.value})
+    assert check_dataset(aligned) == ()
+    assert aligned.provenance["shifts"] == {problem.recordings[0]: problem.value}
+    assert shift_samples(off, "auto").provenance == aligned.provenance
     both = shift_samples(dataset(recording(1, late=late), recording(2, late=late)), -late)
     for r, true in zip(both.recordings, good.recordings, strict=True):
         np.testing.assert_allclose(r.sample_time, true.sample_time, atol=1e-9)
 
 
-def test_what_relaxes_is_not_taken_for_a_shift(good):
+def test_relaxation_is_not_taken_for_a_shift(good):
     for r in good.recordings:
         assert abs(find_time_shift(r).seconds) < 0.06
     still = recording(1, 20.0)
@@ -243,45 +247,47 @@ def test_what_relaxes_is_not_taken_for_a_shift(good):
     rng = np.random.default_rng(0)
     noise = replace(good.recordings[0], ohm=R0 + rng.normal(size=good.recordings[0].ohm.shape))
     assert not find_time_shift(noise).is_informative
-    problem = told(check_dataset(dataset(noise)), "signals-tell-nothing")
+    problem = only_problem(check_dataset(dataset(noise)), "signals-tell-nothing")
     assert problem.is_fatal
     with raises(TrainingError, "not-a-number"):
         shift_samples(good, float("nan"))
 
 
-def test_a_layout_that_senses_little_may_be_trained_on():
-    """Its signals go with what the simulation expects of them, and so they are in step."""
+def test_a_layout_that_senses_little_does_not_forbid_training():
+    """Its signals correlate with the simulation, so they are in step."""
     r = recording(9)
     rng = np.random.default_rng(2)
     expected = 1e-3 * rng.normal(size=(len(r.time), 3))
     at = np.stack([np.interp(r.sample_time, r.time, e) for e in expected.T], axis=1)
     noise = replace(r, ohm=r.rest * (1 + at + 3e-4 * rng.normal(size=r.ohm.shape)))
-    told(check_dataset(dataset(noise)), "signals-tell-nothing")
-    problem = told(check_dataset(dataset(noise), predicted={r.name: expected}), "cords-tell-little")
+    only_problem(check_dataset(dataset(noise)), "signals-tell-nothing")
+    problem = only_problem(
+        check_dataset(dataset(noise), predicted={r.name: expected}), "cords-tell-little"
+    )
     assert not problem.is_fatal
     other = 1e-3 * rng.normal(size=expected.shape)
-    told(check_dataset(dataset(noise), predicted={r.name: other}), "signals-tell-nothing")
+    only_problem(check_dataset(dataset(noise), predicted={r.name: other}), "signals-tell-nothing")
     with raises(TrainingError, "signals-tell-nothing"):
         require_trainable(dataset(noise), predicted={r.name: other})
     known = require_trainable(dataset(noise), predicted={r.name: other}, is_synchronized=True)
     assert "signals-tell-nothing" in {p.code for p in known}
-    # What was predicted tells much: then it is not the layout, though a channel goes with it.
+    # If the prediction is informative, the layout is not the reason, even if a channel correlates.
     strong = r.signals_at(r.time)
     strong[:, 0] = expected[:, 0]
-    told(check_dataset(dataset(noise), predicted={r.name: strong}), "signals-tell-nothing")
+    only_problem(check_dataset(dataset(noise), predicted={r.name: strong}), "signals-tell-nothing")
 
 
-def test_a_cord_that_was_replaced(good):
+def test_a_replaced_cord(good):
     drifted = [recording(k, rest=R0 * (1 + 0.02 * k), session=f"s{k}") for k in (1, 2, 3, 4)]
     assert check_dataset(dataset(*drifted)) == ()
     other = recording(5, rest=R0 * [1.0, 1.5, 1.0], session="s5")
-    problem = told(check_dataset(dataset(*drifted, other)), "replaced-cord")
+    problem = only_problem(check_dataset(dataset(*drifted, other)), "replaced-cord")
     assert problem.recordings == ("s5/run-1",)
     assert problem.data == {"session": "s5", "channel": "middle"}
     assert problem.value == pytest.approx(1.47, abs=0.01)
     two = check_dataset(dataset(drifted[0], other))
-    assert told(two, "replaced-cord").data["channel"] == "middle"
-    assert told(two, "replaced-cord").value > 1
+    assert only_problem(two, "replaced-cord").data["channel"] == "middle"
+    assert only_problem(two, "replaced-cord").value > 1
     # Another unit has other cords.
     assert check_dataset(dataset(*drifted, replace(other, unit="unit-2"))) == ()
     # All cords at once: another temperature.
@@ -289,27 +295,27 @@ def test_a_cord_that_was_replaced(good):
     assert check_dataset(dataset(*drifted, warm)) == ()
     # The same R0, another rubber.
     softer = of_channel(recording(5, session="s5"), 0, lambda R: R0[0] + 1.7 * (R - R0[0]))
-    problem = told(check_dataset(dataset(*drifted, softer)), "changed-gain")
+    problem = only_problem(check_dataset(dataset(*drifted, softer)), "changed-gain")
     assert problem.recordings == ("s5/run-1",)
     assert problem.value == pytest.approx(1.7, rel=0.1)
     assert problem.data == {"session": "s5", "channel": "left"}
 
 
-def test_what_is_no_number(good):
+def test_positions_that_are_not_numbers(good):
     r = good.recordings[0]
     points = r.points.copy()
     points[300, 2, 1] = np.nan
-    problem = told(check_dataset(dataset(replace(r, points=points))), "no-number")
+    problem = only_problem(check_dataset(dataset(replace(r, points=points))), "no-number")
     assert problem.is_fatal
     assert problem.data["markers"] == (IDS[2],)
     assert problem.data["time_s"] == pytest.approx(10.0)
     points[300, 2] = np.inf
-    assert told(check_dataset(dataset(replace(r, points=points))), "no-number").is_fatal
+    assert only_problem(check_dataset(dataset(replace(r, points=points))), "no-number").is_fatal
     rest = REST.copy()
     rest[1] = np.nan
-    problem = told(check_dataset(dataset(rest_points=rest)), "no-number")
+    problem = only_problem(check_dataset(dataset(rest_points=rest)), "no-number")
     assert problem.data["markers"] == (2,)
-    # All that is wrong is counted.
+    # All problems are counted.
     both = dataset(replace(r, points=points), rest_points=rest)
     with raises(TrainingError, "no-number", count=2):
         require_trainable(both)

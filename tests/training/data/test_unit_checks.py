@@ -1,4 +1,4 @@
-"""Datasets in other units are told; only what cannot be forbids training."""
+"""Checks of units; only impossible values forbid training."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def good():
 
 
 def changed(data, *, length=1.0, time=1.0, ohm=1.0):
-    """Each quantity times a factor."""
+    """Return the dataset with each quantity times a factor."""
     runs = [
         replace(
             r, points=r.points * length, sigma=r.sigma * length, time=r.time * time,
@@ -42,7 +42,7 @@ def changed(data, *, length=1.0, time=1.0, ohm=1.0):
         ({"time": 1e6}, {"quantity": "times", "unit": "ms"}),
     ],
 )
-def test_what_cannot_be_forbids_training(good, factors, data):
+def test_impossible_values_forbid_training(good, factors, data):
     with raises(TrainingError, "wrong-unit", **data):
         require_trainable(changed(good, **factors))
 
@@ -54,21 +54,21 @@ def test_what_cannot_be_forbids_training(good, factors, data):
         ({"ohm": 1e-3}, {"quantity": "resistances", "unit": "kohm"}),
     ],
 )
-def test_what_can_hardly_be_is_told(good, factors, data):
-    told = check_units(changed(good, **factors))
-    assert told
-    assert not any(p.is_fatal for p in told)
-    assert told[0].code == "wrong-unit"
-    assert told[0].data == data
+def test_unlikely_values_are_reported(good, factors, data):
+    problems = check_units(changed(good, **factors))
+    assert problems
+    assert not any(p.is_fatal for p in problems)
+    assert problems[0].code == "wrong-unit"
+    assert problems[0].data == data
 
 
-def test_units_as_they_should_be_are_not_told(good):
+def test_correct_units_are_not_reported(good):
     assert check_units(good) == []
     for factors in ({"length": 0.1}, {"length": 10}, {"time": 0.1}, {"time": 10}, {"ohm": 0.1}):
         assert check_units(changed(good, **factors)) == []
 
 
-def test_kiloohm_of_known_cords_forbid_training(good):
+def test_kiloohm_of_known_cords_forbids_training(good):
     (problem,) = check_cord_resistance(changed(good, ohm=1e-3), shortest_ohm=290.0)
     assert problem.is_fatal
     assert problem.data == {"quantity": "resistances", "unit": "kohm", "shortest_ohm": 290.0}
@@ -96,13 +96,13 @@ def test_a_broken_channel_is_not_taken_for_another_unit(good, broken):
     assert check_resistance_unit(ohm[:0], run.rest) == []
 
 
-def test_resistances_in_units_of_r0_are_not_judged(good):
+def test_resistances_in_units_of_r0_are_not_checked(good):
     runs = tuple(replace(r, ohm=r.ohm / r.rest, rest=np.ones_like(r.rest)) for r in good.recordings)
     relative = replace(good, recordings=runs)
     assert check_units(relative) == check_cord_resistance(relative, shortest_ohm=290.0) == []
 
 
-def test_a_place_far_away_and_a_long_pause_are_not_judged(good):
+def test_a_single_far_position_and_a_long_pause_are_accepted(good):
     run = good.recordings[0]
     points, time = run.points.copy(), run.time.copy()
     points[3, 0] = 2e4
@@ -110,6 +110,6 @@ def test_a_place_far_away_and_a_long_pause_are_not_judged(good):
     assert check_units(replace(good, recordings=(replace(run, points=points, time=time),))) == []
 
 
-def test_places_that_are_not_known_are_not_judged(good):
+def test_unknown_positions_are_accepted(good):
     run = replace(good.recordings[0], points=np.full_like(good.recordings[0].points, np.nan))
     assert check_units(replace(good, recordings=(run,))) == []

@@ -1,4 +1,4 @@
-"""Each cause of errors, put into a recording alone, is found as itself, and shares add up."""
+"""Each simulated cause of errors is identified, and shares add up."""
 
 from dataclasses import replace
 
@@ -18,11 +18,11 @@ from tests.training import soft_bar as bar
 
 @pytest.fixture(scope="module")
 def model():
-    """Right to 0.1 mm on clean recordings."""
+    """A model that is exact to 0.1 mm on clean recordings."""
     return bar.trained(bar.dataset(bar.recording(90)), bar.quadratic_features)
 
 
-def found(model, **causes):
+def split_error(model, **causes):
     data = bar.dataset(bar.recording(60, seed=1, **causes))
     out = budget.error_budget(model, data)
     assert sum(out.shares.values()) == pytest.approx(out.total, rel=1e-12)
@@ -37,34 +37,34 @@ def found(model, **causes):
         (budget.PLACEMENT, {"gain": (1.2, 0.9, 1.1)}, 0.9),
     ],
 )
-def test_a_cause_alone_is_found(model, cause, causes, least):
-    out = found(model, **causes)
-    assert out.total > 20 * found(model).total
+def test_a_single_cause_is_identified(model, cause, causes, least):
+    out = split_error(model, **causes)
+    assert out.total > 20 * split_error(model).total
     assert out.shares[cause] > least * out.total
     assert abs(out.shares[budget.UNEXPLAINED]) < 0.05 * out.total
     others = {k: v for k, v in out.shares.items() if k not in (cause, budget.UNEXPLAINED)}
     assert max(others.values()) < (1 - least) * out.total
 
 
-def test_noise_of_the_read_out_is_found():
-    """Of a model that was trained with it: its trained range is as wide."""
+def test_read_out_noise_is_identified():
+    """The model was trained with the same noise, so its trained range includes it."""
     noisy = bar.trained(
         bar.dataset(bar.recording(90, noise=0.004)), bar.quadratic_features, noise=0.004
     )
-    out = found(noisy, noise=0.004)
+    out = split_error(noisy, noise=0.004)
     assert out.shares[budget.READ_OUT] == pytest.approx(out.total, rel=0.1)
     assert abs(out.shares[budget.UNEXPLAINED]) < 0.1 * out.total
 
 
 def test_noise_beyond_the_trained_range_counts_once(model):
-    """Of a model that was trained without."""
-    out = found(model, noise=0.004)
+    """The model was trained without noise."""
+    out = split_error(model, noise=0.004)
     assert out.shares[budget.READ_OUT] == pytest.approx(out.total, rel=0.1)
     assert out.shares[budget.UNSEEN] < 0.01 * out.total
 
 
-def test_gains_that_bring_frames_out_of_the_trained_range_are_found():
-    """They are not poses that were never seen: with the gains corrected, they were."""
+def test_gains_that_move_frames_beyond_the_trained_range_are_identified():
+    """Frames are within the trained range after the gains are corrected."""
     causes = {"noise": 0.002, "sigma": 0.15, "memory": 0.3}
     model = bar.trained(
         bar.dataset(bar.recording(120, **causes)), bar.quadratic_features, noise=0.002
@@ -76,10 +76,10 @@ def test_gains_that_bring_frames_out_of_the_trained_range_are_found():
     assert out.shares[budget.UNSEEN] < 0.05 * out.total
 
 
-def test_a_drift_is_found(model):
-    """That which is 0 in the middle: its mean would be an offset."""
+def test_drift_is_identified(model):
+    """The drift is 0 in the middle, since its mean would be an offset."""
     run = bar.recording(60, seed=1)
-    course = 0.03 * (run.sample_time / 60 - 0.5)  # of a larger one, gains take a part
+    course = 0.03 * (run.sample_time / 60 - 0.5)  # gains would explain a part of a larger drift
     drifting = replace(run, ohm=bar.R0 * (1 + run.signals + course[:, None]))
     out = budget.error_budget(model, bar.dataset(drifting))
     assert out.shares[budget.DRIFT] > 0.6 * out.total
@@ -87,18 +87,18 @@ def test_a_drift_is_found(model):
     assert constant.shares[budget.PLACEMENT] > 0.6 * constant.total
 
 
-def test_hysteresis_is_found(model):
-    """What of it is in step with the signals is a gain, the rest is not."""
-    out = found(model, memory=0.3)
-    assert out.total > 100 * found(model).total
+def test_hysteresis_is_identified(model):
+    """The part of hysteresis that is in phase with the signals counts as a gain."""
+    out = split_error(model, memory=0.3)
+    assert out.total > 100 * split_error(model).total
     assert 0.3 < out.shares[budget.HYSTERESIS] / out.total < 0.6
     assert 0.3 < out.shares[budget.PLACEMENT] / out.total < 0.6
     assert out.shares[budget.DECODER] < 0.05 * out.total
     assert abs(out.shares[budget.UNEXPLAINED]) < 0.05 * out.total
 
 
-def test_a_delay_of_the_clocks_is_found(model):
-    """Of twice the standard error, and no more than that is put down to clocks."""
+def test_a_clock_delay_is_identified(model):
+    """At most twice the standard error is attributed to clocks."""
     run = bar.recording(60, seed=1)
     late = replace(run, sample_time=run.sample_time + 0.04, sync_error=0.02)
     out = budget.error_budget(model, bar.dataset(late))
@@ -109,8 +109,8 @@ def test_a_delay_of_the_clocks_is_found(model):
     assert unknown.shares[budget.CLOCKS] == 0
 
 
-def test_what_no_cord_can_have_is_not_a_gain(model):
-    """Clocks that are wrong by seconds, where gains near 0 would help."""
+def test_impossible_gains_are_rejected(model):
+    """With clocks that are wrong by seconds, gains near 0 would reduce the error."""
     run = bar.recording(20, seed=2)
     late = replace(run, sample_time=run.sample_time + 3)
     out = budget.error_budget(model, bar.dataset(late))
@@ -119,7 +119,7 @@ def test_what_no_cord_can_have_is_not_a_gain(model):
     assert sum(out.shares.values()) == pytest.approx(out.total)
 
 
-def test_a_decoder_that_cannot_bend_is_found():
+def test_an_affine_decoder_is_identified():
     data = bar.dataset(bar.recording(90))
     model = bar.trained(data)
     test = bar.dataset(bar.recording(60, seed=1))
@@ -129,8 +129,8 @@ def test_a_decoder_that_cannot_bend_is_found():
         assert out.shares[budget.DECODER] > 0.95 * inside
 
 
-def test_poses_that_were_not_trained_are_found():
-    """Trained on the bends alone, tested on twists."""
+def test_unseen_poses_are_identified():
+    """The model is trained on bends and tested on twists."""
     run = bar.recording(90)
     bends = replace(
         run, points=np.where((run.time // 10 % 3 == 0)[:, None, None], run.points, np.nan)
@@ -140,8 +140,8 @@ def test_poses_that_were_not_trained_are_found():
     assert out.shares[budget.UNSEEN] > 0.9 * out.total
 
 
-def test_noise_is_not_explained(model):
-    """Corrections with many coefficients do not fit errors that are chance."""
+def test_random_errors_stay_unexplained(model):
+    """Corrections with many coefficients do not explain random errors."""
     run = bar.recording(60, seed=1)
     rng = np.random.default_rng(0)
     noisy = bar.dataset(replace(run, points=run.points + rng.normal(0, 1, run.points.shape)))
@@ -164,7 +164,7 @@ def test_gaps_and_several_runs(model):
 
 
 def test_a_model_with_memories():
-    """Hysteresis that the decoder knows of is none."""
+    """A decoder with memory corrects hysteresis."""
     data = bar.dataset(bar.recording(90, memory=0.3))
     test = bar.dataset(bar.recording(60, seed=1, memory=0.3))
     plain = budget.error_budget(bar.trained(data), test)
@@ -173,8 +173,8 @@ def test_a_model_with_memories():
     assert knowing.shares[budget.HYSTERESIS] < 0.3 * plain.shares[budget.HYSTERESIS]
 
 
-def test_by_substitution(model):
-    """Each cause is taken out in turn, and its share is what that gains."""
+def test_budget_by_substitution(model):
+    """The share of a cause is the reduction of the error when it is removed."""
 
     def recorded(**causes):
         return bar.dataset(bar.recording(60, seed=1, **causes))
@@ -191,12 +191,12 @@ def test_by_substitution(model):
     assert [out.shares[c] for c, _ in stages[1:]] == pytest.approx(-np.diff(squares))
     assert sum(out.shares.values()) == pytest.approx(out.total)
     assert out.shares["camera noise"] == pytest.approx(0.75, rel=0.05)
-    formula = found(model, noise=0.004).shares[budget.READ_OUT]
+    formula = split_error(model, noise=0.004).shares[budget.READ_OUT]
     assert out.shares["read-out noise"] == pytest.approx(formula, rel=0.15)
 
 
-def test_by_substitution_on_the_same_frames(model):
-    """What a twin knows has no gaps: only what was seen counts."""
+def test_budget_by_substitution_uses_common_frames(model):
+    """True data have no gaps; only frames visible in all stages count."""
     run = bar.recording(20, seed=1, gaps=0.3)
     stages = [("recorded", bar.dataset(run)), ("gaps", bar.dataset(bar.recording(20, seed=1)))]
     out = budget.budget_by_substitution(model, stages)
@@ -208,8 +208,8 @@ def test_by_substitution_on_the_same_frames(model):
         budget.budget_by_substitution(model, [stages[0], ("clock", other)])
 
 
-def test_noise_of_the_samples():
-    """Found beside movement, at rest, and where there is no rest."""
+def test_sample_noise():
+    """The noise is found during movement, at rest, and without a rest."""
     for noise in (0.002, 0.02):
         run = bar.recording(60, noise=noise)
         assert sample_noise(run) == pytest.approx(noise, rel=0.1)

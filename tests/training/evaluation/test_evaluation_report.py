@@ -1,5 +1,4 @@
-"""The folder of an evaluation: page, figures and tables agree with the records, whole or not at
-all."""
+"""The folder of an evaluation: page, figures and tables agree with the records."""
 
 import csv
 import json
@@ -95,15 +94,15 @@ def test_figures_are_one_column_wide(folder):
     assert len(list(folder.glob("*.svg"))) == 7
 
 
-def test_the_same_again_is_the_same(folder, result, tmp_path):
+def test_writing_again_gives_the_same_files(folder, result, tmp_path):
     again = tmp_path / "again"
     write_evaluation(again, result)
     for path in again.iterdir():
         assert path.read_bytes() == (folder / path.name).read_bytes(), path.name
 
 
-def test_whole_or_not_at_all(result, tmp_path, monkeypatch):
-    """An evaluation that is there stays, and nothing is beside it, when the page fails."""
+def test_a_failed_write_leaves_the_previous_evaluation(result, tmp_path, monkeypatch):
+    """The previous evaluation stays, without temporary files, if the page cannot be written."""
     monkeypatch.setattr(evaluation_report, "svg_figures", lambda _: {"paths": "<svg/>"})
     out = tmp_path / "evaluation"
     write_evaluation(out, result)
@@ -122,7 +121,7 @@ def test_whole_or_not_at_all(result, tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["evaluation"]
 
 
-def test_a_folder_of_something_else_is_left_alone(result, tmp_path):
+def test_other_folders_are_not_overwritten(result, tmp_path):
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(TrainingError, match="is no evaluation and would be overwritten"):
         write_evaluation(tmp_path, result)
@@ -130,8 +129,8 @@ def test_a_folder_of_something_else_is_left_alone(result, tmp_path):
         write_evaluation(tmp_path / "thesis.tex", result)
 
 
-def test_what_is_not_known_is_not_shown(models, tmp_path):
-    """No intervals, no noise of the cameras, one pose without a name, a marker never seen."""
+def test_unknown_values_are_not_shown(models, tmp_path):
+    """The model has no intervals; noise, poses and one marker are unknown."""
     name, model = models[0]
     model = replace(model, main=replace(model.main, intervals=None))
     run = bar.recording(10, seed=2)
@@ -150,8 +149,8 @@ def test_what_is_not_known_is_not_shown(models, tmp_path):
     assert json.loads((tmp_path / "out" / "evaluation.json").read_text(encoding="utf-8"))["models"]
 
 
-def test_what_a_model_was_trained_on_is_held_out(models, unseen):
-    """The pictures that training held out by default, and a note when more are asked for."""
+def test_training_frames_are_left_out(models, unseen):
+    """By default, only held-out frames are tested; a note is given if more are requested."""
     name, model = models[0]
     r = unseen.recordings[0]
     begin = float(r.time[len(r.time) * 3 // 4])
@@ -161,9 +160,9 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
     assert held.last_share == pytest.approx(0.25, abs=0.01)
     assert held.models[0].evaluation.frames.time.min() >= begin
     assert not any(r.name in note for note in held.notes)
-    # Wherever it lies, whatever its name, in whatever order its channels are.
+    # A copy under another name is recognized.
     moved = replace(r, name="copy/run-1", session="copy", ohm=r.ohm.copy())
-    # As another format keeps it: rounded, with times from another zero, and another R0.
+    # Another format rounds numbers, shifts times, and has another R0.
     moved = replace(
         moved, ohm=np.round(moved.ohm, 3), rest=1.01 * r.rest, time=np.round(r.time + 7, 4),
         sample_time=np.round(r.sample_time + 7, 4),
@@ -177,8 +176,8 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
         evaluate_models([(name, none)], unseen)
 
 
-def test_what_was_predicted_stands_beside(models, unseen, tmp_path):
-    """Where the model's training tells of it; nothing of others."""
+def test_the_predicted_error_is_shown(models, unseen, tmp_path):
+    """It is shown only for models whose training measured repeatability."""
     name, model = models[0]
     repeats = {"at_once": 0.3, "drift": 0.05, "cameras": 0.04, "clocks": 0.02, "share": 0.6}
     result = evaluate_models(
@@ -199,14 +198,14 @@ def test_what_was_predicted_stands_beside(models, unseen, tmp_path):
     assert "Predicted against measured" in page
 
 
-def test_another_device_and_markers_elsewhere_are_refused(models, unseen):
+def test_other_devices_and_moved_markers_are_refused(models, unseen):
     with raises(TrainingError, "devices-differ", devices=("bar", "other")):
         evaluate_models(models[:1], replace(unseen, device="other"))
     with raises(TrainingError, "markers-moved"):
         evaluate_models(models[:1], replace(unseen, rest_points=unseen.rest_points + 10))
 
 
-def test_files_of_the_user_are_not_lost(models, unseen, tmp_path):
+def test_files_of_the_user_are_kept(models, unseen, tmp_path):
     result = evaluate_models(models[:1], unseen)
     write_evaluation(tmp_path / "out", result)
     (tmp_path / "out" / "my-notes.txt").write_text("mine")
@@ -215,8 +214,8 @@ def test_files_of_the_user_are_not_lost(models, unseen, tmp_path):
     assert (tmp_path / "out" / "my-notes.txt").exists()
 
 
-def test_one_frame(models, tmp_path):
-    """Too few to compare by, and told all the same."""
+def test_a_single_frame(models, tmp_path):
+    """One frame is evaluated, but not compared."""
     run = bar.recording(10, seed=2)
     one = replace(run, time=run.time[:1], points=run.points[:1], sigma=run.sigma[:1])
     result = evaluate_models(models, bar.dataset(one))
@@ -226,7 +225,7 @@ def test_one_frame(models, tmp_path):
     write_evaluation(tmp_path / "out", result)
 
 
-def test_names_of_models(tmp_path):
+def test_short_names_of_models(tmp_path):
     assert short_names([tmp_path / "a" / "model.json", tmp_path / "b.json"]) == ["a", "b"]
     same = [tmp_path / "a" / "x.json", tmp_path / "b" / "x.json"]
     assert short_names(same) == [str(p) for p in same]

@@ -24,7 +24,7 @@ NAMES = ("a", "b", "c")
 
 
 def autoregressive(rng, count, memory, series=1):
-    """(series, count) of AR(1) from its stationary state on, of unit noise."""
+    """Return stationary AR(1) series (series, count) with unit noise."""
     noise = rng.normal(size=(series, count + 500))
     return lfilter([1], [1, -memory], noise, axis=1)[:, 500:]
 
@@ -33,53 +33,53 @@ def frame_errors(name, errors, test="session", run=None):
     return FrameErrors(name, errors, np.zeros(len(errors), int) if run is None else run, test)
 
 
-def test_by_hand():
+def test_hand_computed_values():
     """Means 2, 3 and 7 of three samples each: between 42, within 6, F = 21/1."""
     samples = [np.array([1.0, 2, 3]), np.array([2.0, 3, 4]), np.array([6.0, 7, 8])]
-    found = analyze(NAMES, samples)
-    assert found.anova.value == pytest.approx(21)
-    assert (found.anova.between, found.anova.within) == (2, 6)
-    assert found.anova.p == pytest.approx(stats.f.sf(21, 2, 6))
-    assert found.eta_squared == pytest.approx(42 / 48)
-    assert found.omega_squared == pytest.approx((42 - 2 * 1) / (48 + 1))
+    result = analyze(NAMES, samples)
+    assert result.anova.value == pytest.approx(21)
+    assert (result.anova.between, result.anova.within) == (2, 6)
+    assert result.anova.p == pytest.approx(stats.f.sf(21, 2, 6))
+    assert result.eta_squared == pytest.approx(42 / 48)
+    assert result.omega_squared == pytest.approx((42 - 2 * 1) / (48 + 1))
     after = compare_pairs(NAMES, samples, has_equal_variances=True)
     assert [p.difference for p in after] == pytest.approx([-1, -5, -4])
     q = 5 / np.sqrt(1 / 3)
     assert after[1].p == pytest.approx(stats.studentized_range.sf(q, 3, 6), rel=1e-6)
-    assert not found.variances_differ
-    assert found.valid_test is found.anova
+    assert not result.variances_differ
+    assert result.valid_test is result.anova
 
 
-def test_two_samples_are_the_t_test():
+def test_two_samples_give_the_t_test():
     rng = np.random.default_rng(0)
     a, b = rng.normal(0, 1, 12), rng.normal(1, 5, 30)
-    found = analyze(NAMES[:2], [a, b])
+    result = analyze(NAMES[:2], [a, b])
     t = stats.ttest_ind(a, b)
-    assert found.anova.value == pytest.approx(t.statistic**2)
-    assert found.anova.p == pytest.approx(t.pvalue)
+    assert result.anova.value == pytest.approx(t.statistic**2)
+    assert result.anova.p == pytest.approx(t.pvalue)
     uneven = stats.ttest_ind(a, b, equal_var=False)
-    assert found.welch.value == pytest.approx(uneven.statistic**2)
-    assert found.welch.p == pytest.approx(uneven.pvalue)
-    assert found.welch.within == pytest.approx(uneven.df)
-    assert found.variances_differ
-    assert found.valid_test is found.welch
+    assert result.welch.value == pytest.approx(uneven.statistic**2)
+    assert result.welch.p == pytest.approx(uneven.pvalue)
+    assert result.welch.within == pytest.approx(uneven.df)
+    assert result.variances_differ
+    assert result.valid_test is result.welch
 
 
 @pytest.mark.parametrize("alike", [True, False])
-def test_pairs_are_those_of_the_library(alike):
+def test_pairs_agree_with_scipy(alike):
     rng = np.random.default_rng(9)
     samples = [rng.normal(m, s, n) for m, s, n in ((0, 1, 8), (1, 2, 11), (2, 4, 9))]
     library = stats.tukey_hsd(*samples, equal_var=alike)
     interval = library.confidence_interval(0.95)
-    for found, at in zip(
+    for result, at in zip(
         compare_pairs(NAMES, samples, alike), ((0, 1), (0, 2), (1, 2)), strict=True
     ):
-        assert found.p == pytest.approx(library.pvalue[at], rel=1e-6)
-        assert (found.low, found.high) == pytest.approx((interval.low[at], interval.high[at]))
+        assert result.p == pytest.approx(library.pvalue[at], rel=1e-6)
+        assert (result.low, result.high) == pytest.approx((interval.low[at], interval.high[at]))
 
 
-def test_three_samples_of_different_variance():
-    """Welch's of the library, where it is new enough to have it."""
+def test_welch_agrees_with_scipy():
+    """Compare Welch's test with scipy's."""
     rng = np.random.default_rng(1)
     samples = [rng.normal(0, s, n) for s, n in ((1, 10), (3, 20), (9, 15))]
     expected = stats.f_oneway(*samples, equal_var=False)
@@ -98,20 +98,19 @@ def test_autocorrelation_time(memory):
         assert autocorrelation_time(errors, run) == pytest.approx(expected, rel=0.1)
 
 
-def test_errors_that_do_not_vary_are_independent():
+def test_constant_errors_count_as_independent():
     assert autocorrelation_time(np.full(100, 0.3), np.zeros(100, int)) == 1
 
 
-def test_blocks_are_of_one_run():
+def test_blocks_do_not_span_runs():
     run = np.repeat([0, 1, 2], [10, 3, 8])
     errors = run.astype(float)
     assert block_means(errors, run, 4).tolist() == [0, 0, 2, 2]
     assert block_means(np.arange(10.0), run[:10], 4).tolist() == [2, 7]
 
 
-def test_frames_that_go_on_from_each_other_are_no_samples():
-    """Models that are alike: frame by frame they are told apart nearly always, block by block about
-    as often as said (5 %)."""
+def test_correlated_frames_are_not_independent_samples():
+    """Equal models differ significantly in nearly all tests by frame, and in 5 % by block."""
     rng = np.random.default_rng(3)
     trials = 250
     frames, blocks = 0, 0
@@ -126,8 +125,8 @@ def test_frames_that_go_on_from_each_other_are_no_samples():
     assert frames / trials > 0.7
 
 
-def test_a_difference_is_found():
-    """Of the layouts of the paper, by hand, by eye and by optimisation, as large as it was."""
+def test_a_real_difference_is_significant():
+    """Use the errors of the paper's manual, visual and optimized layouts."""
     rng = np.random.default_rng(5)
     models = [
         frame_errors(name, mean + spread * 0.4 * autoregressive(rng, 2040, 0.9)[0], test=name)
@@ -137,33 +136,33 @@ def test_a_difference_is_found():
             ("full", 0.94, 0.7),
         )
     ]
-    found = compare(models)
-    assert found.by_block.valid_test.p < 1e-3
-    assert found.pairs_by_block[1].first == "manual"
-    assert found.pairs_by_block[1].low > 1
-    assert found.by_block.omega_squared > 0.5
-    assert found.paired == ()
+    result = compare(models)
+    assert result.by_block.valid_test.p < 1e-3
+    assert result.pairs_by_block[1].first == "manual"
+    assert result.pairs_by_block[1].low > 1
+    assert result.by_block.omega_squared > 0.5
+    assert result.paired == ()
 
 
-def test_the_same_frames_are_compared_pair_by_pair():
-    """What both models miss in the same frames takes nothing from their difference."""
+def test_models_on_the_same_frames_are_compared_in_pairs():
+    """Errors that both models share do not hide their difference."""
     rng = np.random.default_rng(6)
     shared = 2 + 0.3 * autoregressive(rng, 2000, 0.95)[0]
     own = 0.02 * autoregressive(rng, 2000, 0.5, series=2)
     models = [frame_errors("a", shared + own[0]), frame_errors("b", shared + 0.05 + own[1])]
-    found = compare(models)
-    assert found.by_block.anova.p > 0.5
-    [pair] = found.paired
+    result = compare(models)
+    assert result.by_block.anova.p > 0.5
+    [pair] = result.paired
     assert pair.p < 1e-4
     assert pair.low < -0.05 < pair.high
     assert pair.samples > 50
 
 
-def test_pairs_are_corrected_for_their_number():
+def test_p_values_are_corrected_for_the_number_of_pairs():
     """Holm: the smallest p counts three times, the next twice."""
     rng = np.random.default_rng(7)
     series = 1 + 0.1 * rng.random((3, 400)) + np.array([[0.0], [0.004], [0.01]])
-    found = compare([frame_errors(n, s) for n, s in zip(NAMES, series, strict=True)])
+    result = compare([frame_errors(n, s) for n, s in zip(NAMES, series, strict=True)])
     plain = []
     for i, j in ((0, 1), (0, 2), (1, 2)):
         apart, run = series[i] - series[j], np.zeros(400, int)
@@ -171,16 +170,16 @@ def test_pairs_are_corrected_for_their_number():
         plain.append(stats.ttest_1samp(blocks, 0).pvalue)
     order = np.argsort(plain)
     expected = np.maximum.accumulate(np.array(plain)[order] * [3, 2, 1])
-    assert [found.paired[k].p for k in order] == pytest.approx(np.minimum(expected, 1))
+    assert [result.paired[k].p for k in order] == pytest.approx(np.minimum(expected, 1))
 
 
-def test_too_few_blocks_are_no_test():
+def test_too_few_blocks_give_no_test():
     rng = np.random.default_rng(8)
     models = [frame_errors(n, autoregressive(rng, 200, 0.97)[0]) for n in NAMES[:2]]
     assert compare(models).by_block is None
 
 
-def test_refusals():
+def test_invalid_input_is_refused():
     good = frame_errors("a", np.arange(5.0))
     with raises(TrainingError, "too-few-models"):
         compare([good])

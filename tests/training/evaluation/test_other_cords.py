@@ -1,4 +1,4 @@
-"""Cords that are not those of the training, in what a model is tested on."""
+"""Cords that differ between the training and the test data."""
 
 import json
 from dataclasses import replace
@@ -28,7 +28,7 @@ def later(scale, **changes):
     return bar.dataset(replace(r, **changes))
 
 
-def test_a_resistance_at_rest_that_is_another(model):
+def test_a_changed_resistance_at_rest_is_noted(model):
     (note,) = note_changed_cords("m", model, later([1.0, 1.5, 1.0]))
     assert all(word in note for word in ("session-2", "lower", "1.50"))
     for same in (
@@ -40,7 +40,7 @@ def test_a_resistance_at_rest_that_is_another(model):
         assert note_changed_cords("m", model, same) == []
 
 
-def test_an_evaluation_tells_what_is_wrong_with_its_data(model, tmp_path, capsys, monkeypatch):
+def test_an_evaluation_notes_problems_of_its_data(model, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(evaluation_report, "svg_figures", lambda _: {})
     r = later([1.0, 1.5, 1.0]).recordings[0]
     write_dataset(tmp_path / "data", bar.dataset(replace(r, sample_time=r.sample_time + 0.5)))

@@ -1,4 +1,4 @@
-"""What a design and a training foretell adds up, and is compared with what was measured."""
+"""Predicted errors add up and are compared with measured ones."""
 
 import numpy as np
 import pytest
@@ -24,26 +24,26 @@ def frames():
 
 
 def test_shares_add_up_and_noise_counts_once(frames):
-    found = predict_error(REPEATS, frames, DesignPrediction(0.5, 0.4, 0.45, 0.6))
-    assert sum(found.shares.values()) == pytest.approx(found.predicted**2, rel=1e-12)
-    assert found.shares[DESIGN] == pytest.approx(0.25)
-    assert found.shares[REPEATABILITY] == pytest.approx(0.30 - 0.02 - 0.16)
-    assert found.predicted**2 == pytest.approx(0.25 - 0.16 + 0.30 + 0.05 + 0.04)
-    assert found.measured == pytest.approx(np.sqrt((frames.frame_error**2).mean()))
-    assert found.ratio == pytest.approx(found.predicted / found.measured)
-    assert found.design_ratio == pytest.approx(0.5 / found.measured)
+    result = predict_error(REPEATS, frames, DesignPrediction(0.5, 0.4, 0.45, 0.6))
+    assert sum(result.shares.values()) == pytest.approx(result.predicted**2, rel=1e-12)
+    assert result.shares[DESIGN] == pytest.approx(0.25)
+    assert result.shares[REPEATABILITY] == pytest.approx(0.30 - 0.02 - 0.16)
+    assert result.predicted**2 == pytest.approx(0.25 - 0.16 + 0.30 + 0.05 + 0.04)
+    assert result.measured == pytest.approx(np.sqrt((frames.frame_error**2).mean()))
+    assert result.ratio == pytest.approx(result.predicted / result.measured)
+    assert result.design_ratio == pytest.approx(0.5 / result.measured)
 
 
 def test_without_a_design(frames):
-    found = predict_error(REPEATS, frames)
-    assert DESIGN not in found.shares
-    assert found.design_ratio is None
-    assert found.shares[CAMERAS] == 0.04
-    assert found.predicted**2 == pytest.approx(0.39)
+    result = predict_error(REPEATS, frames)
+    assert DESIGN not in result.shares
+    assert result.design_ratio is None
+    assert result.shares[CAMERAS] == 0.04
+    assert result.predicted**2 == pytest.approx(0.39)
 
 
-def test_clocks_are_a_part_of_what_differs(frames):
+def test_clocks_are_part_of_repeatability(frames):
     small = Repeatability(at_once=0.01, drift=0.0, cameras=0.0, clocks=0.02, share=1.0)
-    found = predict_error(small, frames)
-    assert found.shares[CLOCKS] == 0.01
-    assert found.shares[REPEATABILITY] == 0
+    result = predict_error(small, frames)
+    assert result.shares[CLOCKS] == 0.01
+    assert result.shares[REPEATABILITY] == 0

@@ -1,4 +1,4 @@
-"""Causes are taken out by a truth that lies beside a session; none is asked of other sessions."""
+"""Error budgets from the truth that a twin stores with its session."""
 
 from dataclasses import replace
 
@@ -25,20 +25,20 @@ def session(tmp_path):
     return bar.dataset(run)
 
 
-def test_causes_that_were_put_in_are_found_and_add_up(session):
+def test_simulated_causes_are_identified_and_add_up(session):
     model = bar.trained(
         bar.dataset(bar.recording(90, **CAUSES)), bar.quadratic_features, noise=0.004
     )
-    found = budget_of_truth(model, session, 1.0)
-    assert found is not None
-    assert found.total == pytest.approx(evaluate(model, session).total.rmse ** 2)
-    assert sum(found.shares.values()) == pytest.approx(found.total, rel=1e-12)
-    assert found.shares[CAMERAS] == pytest.approx(3 * 0.3**2, rel=0.1)
-    assert found.shares[READ_OUT] > 0
-    assert found.shares[MEMORY] > found.shares[READ_OUT] / 10
+    result = budget_of_truth(model, session, 1.0)
+    assert result is not None
+    assert result.total == pytest.approx(evaluate(model, session).total.rmse ** 2)
+    assert sum(result.shares.values()) == pytest.approx(result.total, rel=1e-12)
+    assert result.shares[CAMERAS] == pytest.approx(3 * 0.3**2, rel=0.1)
+    assert result.shares[READ_OUT] > 0
+    assert result.shares[MEMORY] > result.shares[READ_OUT] / 10
 
 
-def test_a_memory_keeps_what_it_was_trained_on(session):
+def test_decoders_with_memory_keep_the_cords_memory(session):
     data = bar.dataset(bar.recording(90, **CAUSES))
     moved = budget_of_truth(bar.trained(data, past=Past((1.0,)), noise=0.004), session, 1.0)
     worked = budget_of_truth(bar.trained(data, past=Past((), (1.0,)), noise=0.004), session, 1.0)
@@ -49,7 +49,7 @@ def test_a_memory_keeps_what_it_was_trained_on(session):
     assert READ_OUT not in worked.shares
 
 
-def test_no_truth_no_shares(session, tmp_path):
+def test_sessions_without_truth_have_no_shares(session, tmp_path):
     model = bar.trained(bar.dataset(bar.recording(60)))
     (tmp_path / TRUTH).unlink()
     assert budget_of_truth(model, session, 1.0) is None

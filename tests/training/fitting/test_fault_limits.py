@@ -1,4 +1,4 @@
-"""Limits of faults by what a training has seen."""
+"""Fault limits derived from training data."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from ..conftest import Maker
 
 
 def repeats(dataset: Dataset, step: float) -> np.ndarray:
-    """s, of the dataset read by a converter of so many ohm a count."""
+    """Return the limits in s for a converter with `step` ohm per count."""
     r = dataset.recordings[0]
     coarse = replace(r, ohm=step * np.round(r.ohm / step))
-    found = fit_fault_limits(replace(dataset, recordings=(coarse,))).repeats
-    assert found is not None
-    return found
+    result = fit_fault_limits(replace(dataset, recordings=(coarse,))).repeats
+    assert result is not None
+    return result
 
 
-def test_for_how_long_a_channel_may_repeat_itself(recorded: Maker) -> None:
-    """Nine samples of a fine converter, at 60 a second; more of a coarse one; for ever where
-    noise is below a count."""
+def test_how_long_a_channel_may_be_constant(recorded: Maker) -> None:
+    """It is nine samples at 60 Hz for a fine converter, longer for a coarse one, and unlimited if
+    noise is below a count.
+    """
     dataset = recorded(60)
     np.testing.assert_allclose(repeats(dataset, 1e-6), 9 / 60, rtol=0.01)
     some = repeats(dataset, 1.0)

@@ -1,4 +1,4 @@
-"""The first rest of sessions, whose cords have lain for long."""
+"""Signals of the first rest of sessions."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ ASKED = ((0.0, "rest"), (4.0, "bend"), (9.0, "rest"))
 
 
 def begun(k: int, session: str, off: float):
-    """A recording whose first four seconds read lower."""
+    """Return a recording whose first four seconds read lower."""
     r = recording(k, session=session)
     low = R0 * (1 + off * np.array([1.0, 0.5, -0.2]))
     ohm = np.where(r.sample_time[:, None] < r.sample_time[0] + 4.0, low, r.ohm)
     return replace(r, ohm=ohm, rest=R0, poses=ASKED)
 
 
-def test_each_session_counts_once_by_its_first_run():
+def test_each_session_counts_once_with_its_first_run():
     runs = [begun(1, "a", -0.02), begun(2, "a", -0.5), begun(3, "b", -0.03), begun(4, "c", -0.04)]
-    found = first_rest_signals(dataset(*runs))
-    assert found is not None
-    np.testing.assert_allclose([found[c] for c in CHANNELS], [-0.03, -0.015, 0.006], atol=1e-9)
+    result = first_rest_signals(dataset(*runs))
+    assert result is not None
+    np.testing.assert_allclose([result[c] for c in CHANNELS], [-0.03, -0.015, 0.006], atol=1e-9)
 
 
-def test_a_session_that_does_not_begin_with_a_rest_tells_nothing():
+def test_sessions_without_an_initial_rest_are_ignored():
     moving = replace(recording(1), poses=((0.0, "bend"), (5.0, "rest")))
     assert first_rest_signals(dataset(moving)) is None
     assert first_rest_signals(dataset(replace(recording(1), poses=()))) is None

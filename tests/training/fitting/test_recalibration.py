@@ -1,4 +1,4 @@
-"""Rest and three poses after a cord has changed."""
+"""Recalibration from rest and three poses after a cord has changed."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ def routine(
     seed: int = 3,
     rounds: int = 1,
 ) -> Recording:
-    """Rest, then each pose from rest to its extreme and back, by the toy's own map: its samples are
-    those of the walk's pictures that are nearest to the levels wanted."""
+    """Return a recording of rest, then of each pose from rest to its extreme and back."""
     rng = np.random.default_rng(seed)
     body = np.random.default_rng(7)
     bend = 0.06 * np.eye(3) + 0.02 * body.normal(size=(3, 3))
@@ -56,51 +55,51 @@ def trained(recorded: Maker) -> tuple[Dataset, object]:
 
 def error(model: object, dataset: Dataset) -> float:
     run = dataset.recordings[0]
-    found = model.decode(run.sample_time, run.signals, run.time)  # type: ignore[attr-defined]
-    return float(np.sqrt(((found.points - run.points) ** 2).sum(2).mean()))
+    result = model.decode(run.sample_time, run.signals, run.time)  # type: ignore[attr-defined]
+    return float(np.sqrt(((result.points - run.points) ** 2).sum(2).mean()))
 
 
-def test_a_gain_that_changed_by_a_fifth_is_found_and_mended(recorded: Maker) -> None:
-    """As far as poses tell: what strains the third cord strains hardly another."""
+def test_a_gain_that_changed_by_a_fifth_is_corrected(recorded: Maker) -> None:
+    """The third gain is determined less well, since few poses strain that cord."""
     _, model = trained(recorded)
     found_by = []
     for channel in range(3):
         gain = [1.0, 1.0, 1.0]
         gain[channel] = 1.2
         later = recorded(30, seed=4, gain=gain)
-        found = recalibrate(model, [routine(recorded, gain, rounds=3)])  # type: ignore[arg-type]
-        found_by.append(found.gain[channel])
-        np.testing.assert_allclose(np.delete(found.gain, channel), 1.0, atol=0.05)
-        assert found.problems == ()
-        assert error(found.model, later) < 0.9 * error(model, later)
+        result = recalibrate(model, [routine(recorded, gain, rounds=3)])  # type: ignore[arg-type]
+        found_by.append(result.gain[channel])
+        np.testing.assert_allclose(np.delete(result.gain, channel), 1.0, atol=0.05)
+        assert result.problems == ()
+        assert error(result.model, later) < 0.9 * error(model, later)
     np.testing.assert_allclose(found_by[:2], 1.2, rtol=0.08)
     assert 1.04 < found_by[2] < 1.25
 
 
-def test_poses_that_are_shown_less_far_change_no_gain(recorded: Maker) -> None:
+def test_poses_shown_less_far_do_not_change_gains(recorded: Maker) -> None:
     _, model = trained(recorded)
-    found = recalibrate(model, [routine(recorded, [1.0] * 3, shown=0.9)])  # type: ignore[arg-type]
-    np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
+    result = recalibrate(model, [routine(recorded, [1.0] * 3, shown=0.9)])  # type: ignore[arg-type]
+    np.testing.assert_allclose(result.gain, 1.0, atol=0.05)
 
 
-def test_a_cord_that_lies_otherwise_is_told(recorded: Maker) -> None:
+def test_swapped_and_inverted_cords_are_reported(recorded: Maker) -> None:
     _, model = trained(recorded)
     run = routine(recorded, [1.0] * 3)
     swapped = replace(run, ohm=run.ohm[:, [1, 0, 2]])
     with raises(TrainingError, "too-few-poses"):
         recalibrate(model, [swapped])  # type: ignore[arg-type]
     other = replace(run, ohm=run.rest * (1 + run.signals * [1.0, 1.0, -1.0]))
-    found = recalibrate(model, [other])  # type: ignore[arg-type]
-    assert found.problems
+    result = recalibrate(model, [other])  # type: ignore[arg-type]
+    assert result.problems
 
 
-def test_another_resistance_at_rest_is_no_gain(recorded: Maker) -> None:
+def test_a_changed_resistance_at_rest_does_not_change_gains(recorded: Maker) -> None:
     _, model = trained(recorded)
     run = routine(recorded, [1.0] * 3)
     aged = replace(run, ohm=run.ohm + np.array([0.0, 45.0, 0.0]))
-    found = recalibrate(model, [aged])  # type: ignore[arg-type]
-    np.testing.assert_allclose(found.rest_signals, [0.0, 0.03, 0.0], atol=2e-3)
-    np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
+    result = recalibrate(model, [aged])  # type: ignore[arg-type]
+    np.testing.assert_allclose(result.rest_signals, [0.0, 0.03, 0.0], atol=2e-3)
+    np.testing.assert_allclose(result.gain, 1.0, atol=0.05)
 
 
 def test_a_recording_without_poses_is_refused(recorded: Maker) -> None:
@@ -110,39 +109,39 @@ def test_a_recording_without_poses_is_refused(recorded: Maker) -> None:
         recalibrate(model, [run])  # type: ignore[arg-type]
 
 
-def test_where_poses_do_not_tell_a_gain_it_stays_near_one_and_that_is_told(
+def test_undetermined_gains_stay_near_one_and_are_noted(
     recorded: Maker,
 ) -> None:
     _, model = trained(recorded)
     remembering = replace(model, pose_spread=dict.fromkeys(POSES, 0.15))  # type: ignore[type-var]
     for gain in ([1.2, 1.0, 1.0], [0.8, 0.8, 0.8]):
-        found = recalibrate(remembering, [routine(recorded, gain)])
-        assert np.abs(np.log(found.gain)).max() < 0.12
-        assert found.change_probability < 0.9
-        assert found.notes
+        result = recalibrate(remembering, [routine(recorded, gain)])
+        assert np.abs(np.log(result.gain)).max() < 0.12
+        assert result.change_probability < 0.9
+        assert result.notes
 
 
-def test_nothing_has_changed_where_one_show_differs_as_in_the_training(recorded: Maker) -> None:
+def test_usual_differences_between_repetitions_do_not_change_gains(recorded: Maker) -> None:
     _, model = trained(recorded)
     rng = np.random.default_rng(5)
     for seed in range(10):
         run = routine(recorded, [1.0] * 3, seed=seed, rounds=3)
-        moved = run.signals * (1 + 0.03 * rng.normal(size=3))  # what a day of drift looks like
-        found = recalibrate(model, [replace(run, ohm=run.rest * (1 + moved))])  # type: ignore[arg-type]
-        np.testing.assert_allclose(found.gain, 1.0, atol=0.08)
+        moved = run.signals * (1 + 0.03 * rng.normal(size=3))  # as after a day of drift
+        result = recalibrate(model, [replace(run, ohm=run.rest * (1 + moved))])  # type: ignore[arg-type]
+        np.testing.assert_allclose(result.gain, 1.0, atol=0.08)
 
 
-def test_the_farthest_of_another_pose_is_not_taken_for_one(recorded: Maker) -> None:
-    """A hand that still leaves the pose before when the next is asked for."""
+def test_the_extreme_of_the_previous_pose_is_not_used(recorded: Maker) -> None:
+    """The user still leaves the previous pose when the next one is requested."""
     _, model = trained(recorded)
     run = routine(recorded, [1.0] * 3, rounds=2)
     late = replace(run, poses=tuple((at - 2.2 * (at > 0), name) for at, name in run.poses))
-    found = recalibrate(model, [late])  # type: ignore[arg-type]
-    np.testing.assert_allclose(found.gain, 1.0, atol=0.1)
-    assert found.problems == ()
+    result = recalibrate(model, [late])  # type: ignore[arg-type]
+    np.testing.assert_allclose(result.gain, 1.0, atol=0.1)
+    assert result.problems == ()
 
 
-def test_poses_that_are_hardly_shown_are_told(recorded: Maker) -> None:
+def test_poses_that_are_hardly_shown_are_refused(recorded: Maker) -> None:
     _, model = trained(recorded)
     with raises(TrainingError, "too-few-poses", shown=()) as caught:
         recalibrate(model, [routine(recorded, [1.0] * 3, shown=0.3)])  # type: ignore[arg-type]

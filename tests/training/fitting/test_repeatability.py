@@ -1,4 +1,4 @@
-"""What differs from show to show of one shape is found, and what comes back with it is not."""
+"""Repeatability measures differences between shows of a shape, not recurring errors."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from tests.training import soft_bar as bar
 
 @pytest.fixture(scope="module")
 def frames():
-    """Two shapes that are held in turn for some seconds each, in pictures with noise and gaps."""
+    """Return frames of two shapes held in turn for 10 s, with noise and gaps."""
     time = np.arange(0.0, 300.0, 0.1)
     bend = np.where((time // 10) % 2 < 1, 0.0, 12.0)
     rng = np.random.default_rng(3)
@@ -24,37 +24,37 @@ def frames():
 
 
 def said(frames, bend, added):
-    """The true displacements and an error (t,) along the height of every marker, mm."""
+    """Return true displacements plus an error (t,) in mm along z of every marker."""
     out = bar.points_of(bend, 0 * bend)[: len(frames)] - bar.REST
     out[..., 2] += np.asarray(added)[: len(frames), None]
     return out
 
 
-def test_an_error_that_comes_back_with_the_shape_is_none(frames):
+def test_errors_that_recur_with_a_shape_do_not_count(frames):
     data, bend = frames
-    found = measure_repeatability(data, said(data, bend, 0.5 + 0.1 * bend))
-    assert found is not None
-    assert found.at_once + found.drift < 0.03
-    assert found.cameras == pytest.approx(0.03)
-    assert found.share > 0.95
+    result = measure_repeatability(data, said(data, bend, 0.5 + 0.1 * bend))
+    assert result is not None
+    assert result.at_once + result.drift < 0.03
+    assert result.cameras == pytest.approx(0.03)
+    assert result.share > 0.95
 
 
-def test_shows_that_differ_have_their_variance(frames):
+def test_differences_between_shows_are_measured(frames):
     data, bend = frames
     show = np.random.default_rng(1).normal(size=31)[(data.time // 10).astype(int)]
-    found = measure_repeatability(data, said(data, bend, show))
-    assert found is not None
-    assert found.at_once + found.drift == pytest.approx(np.var(show), rel=0.25)
+    result = measure_repeatability(data, said(data, bend, show))
+    assert result is not None
+    assert result.at_once + result.drift == pytest.approx(np.var(show), rel=0.25)
 
 
-def test_a_drift_is_told_from_what_differs_at_once(frames):
+def test_drift_is_distinguished_from_immediate_differences(frames):
     data, bend = frames
-    found = measure_repeatability(data, said(data, bend, 2 * data.time / 300))
-    assert found is not None
-    assert found.drift > 3 * found.at_once
+    result = measure_repeatability(data, said(data, bend, 2 * data.time / 300))
+    assert result is not None
+    assert result.drift > 3 * result.at_once
 
 
-def test_clocks_matter_where_markers_move(frames):
+def test_clock_errors_matter_during_movement(frames):
     data, bend = frames
     moving = bar.recording(60, sigma=0.05)
     slow = measure_repeatability(data, said(data, bend, 0 * bend))
@@ -69,7 +69,7 @@ def test_clocks_matter_where_markers_move(frames):
     assert none.clocks == 0
 
 
-def test_shapes_that_never_come_back_tell_nothing():
+def test_shapes_that_never_recur_give_no_result():
     time = np.arange(0.0, 60.0, 0.1)
     run = replace(
         bar.recording(60), time=time, points=bar.points_of(time, 0 * time),

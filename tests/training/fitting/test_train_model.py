@@ -1,4 +1,4 @@
-"""Training as a whole, on a device that is none."""
+"""Training as a whole, on a synthetic device."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ..conftest import Maker
 
 
 def changed(dataset: Dataset, **changes: object) -> Dataset:
-    """With its one recording changed."""
+    """Return the dataset with its one recording changed."""
     run = replace(dataset.recordings[0], **changes)  # type: ignore[arg-type]
     return replace(dataset, recordings=(run,))
 
 
-def test_the_affine_decoder_is_the_ridge_of_a_library(recorded: Maker) -> None:
+def test_the_affine_decoder_agrees_with_scikit_learn(recorded: Maker) -> None:
     dataset = recorded(60)
     result = train(dataset, TrainingOptions(decoder="affine", memory=False))
     row = result.candidates[0]
@@ -37,7 +37,7 @@ def test_the_affine_decoder_is_the_ridge_of_a_library(recorded: Maker) -> None:
     np.testing.assert_allclose(decoder.constant, peer.intercept_, rtol=1e-9, atol=1e-9)
 
 
-def test_signals_that_bend_get_a_decoder_that_bends(recorded: Maker) -> None:
+def test_nonlinear_signals_select_a_nonlinear_decoder(recorded: Maker) -> None:
     result = train(recorded(60, noise=0.0))
     rmse = {a.name: a.test.rmse for a in result.candidates if a.test}
     assert result.selected in ("quadratic", "kernel")
@@ -47,7 +47,7 @@ def test_signals_that_bend_get_a_decoder_that_bends(recorded: Maker) -> None:
     )
 
 
-def test_cords_that_relax_get_a_memory(recorded: Maker) -> None:
+def test_cords_that_relax_select_a_memory(recorded: Maker) -> None:
     result = train(recorded(180, tear=0.3, noise=2e-3))
     best = next(a for a in result.candidates if a.name == result.selected)
     static = min(a.test.rmse for a in result.candidates if a.test and not (a.moved or a.worked))
@@ -56,12 +56,12 @@ def test_cords_that_relax_get_a_memory(recorded: Maker) -> None:
     assert best.test.rmse < 0.8 * static
 
 
-def test_cords_that_remember_nothing_get_no_memory(recorded: Maker) -> None:
+def test_cords_without_memory_select_no_memory(recorded: Maker) -> None:
     result = train(recorded(180, noise=0.0))
     assert result.selected in ("quadratic", "kernel")
 
 
-def test_intervals_hold_on_what_comes_later(recorded: Maker) -> None:
+def test_intervals_hold_on_later_frames(recorded: Maker) -> None:
     inside = []
     for seed in range(4):
         dataset = recorded(200, seed=seed, noise=2e-3, tear=0.1)
@@ -70,10 +70,10 @@ def test_intervals_hold_on_what_comes_later(recorded: Maker) -> None:
         found = result.model.decode(run.sample_time, run.signals, run.time[later])
         off = np.linalg.norm(found.points - run.points[later], axis=2)
         inside.append((off <= found.radius).mean())
-    assert 0.88 < np.mean(inside) < 0.95  # of few blocks, rather more than too little
+    assert 0.88 < np.mean(inside) < 0.95  # few blocks give wide intervals
 
 
-def test_decoders_without_a_channel_do_without_it(recorded: Maker) -> None:
+def test_fallback_decoders_do_not_use_the_lost_channel(recorded: Maker) -> None:
     dataset = recorded(60)
     model = train(dataset, TrainingOptions(decoder="quadratic", memory=False)).model
     run = dataset.recordings[0]
@@ -87,7 +87,7 @@ def test_decoders_without_a_channel_do_without_it(recorded: Maker) -> None:
         model.branch("bottom")
 
 
-def test_a_stream_decodes_as_the_whole(recorded: Maker) -> None:
+def test_a_stream_decodes_like_the_batch(recorded: Maker) -> None:
     dataset = recorded(60, tear=0.3)
     model = train(dataset, TrainingOptions(decoder="quadratic")).model
     run = dataset.recordings[0]
@@ -97,14 +97,14 @@ def test_a_stream_decodes_as_the_whole(recorded: Maker) -> None:
     np.testing.assert_allclose(one, model.decode(when, signals, when).points, atol=1e-9)
 
 
-def test_wrong_markers_do_not_spoil_the_rest(recorded: Maker) -> None:
+def test_wrong_markers_do_not_affect_the_others(recorded: Maker) -> None:
     clean = recorded(60)
     run = clean.recordings[0]
     rng = np.random.default_rng(0)
     wrong = rng.random(run.points.shape[:2]) < 0.15
     points = run.points.copy()
     points[wrong] += [30.0, 10.0, -20.0]
-    points[300:304] += 25.0  # pictures laid wrongly onto the rest pose
+    points[300:304] += 25.0  # frames aligned wrongly to the rest pose
     dirty = changed(clean, points=points)
     after = split_frames(Frames.from_dataset(clean))[1].frame_index
 
@@ -127,16 +127,16 @@ def test_wrong_markers_do_not_spoil_the_rest(recorded: Maker) -> None:
     )
 
 
-def test_a_decoder_that_fails_for_long_does_not_make_its_markers_wrong(recorded: Maker) -> None:
+def test_long_decoder_errors_are_not_wrong_markers(recorded: Maker) -> None:
     dataset = recorded(60)
     run = dataset.recordings[0]
     ohm = run.ohm.copy()
-    ohm[600:900] *= 1.02  # the cords, not the cameras
+    ohm[600:900] *= 1.02  # an error of the cords, not of the cameras
     assert not train(changed(dataset, ohm=ohm)).wrong_markers.any()
 
 
-def test_less_certain_markers_weigh_less(recorded: Maker) -> None:
-    """Most of the pictures are of a poor camera; weighing by its stated uncertainty helps."""
+def test_uncertain_markers_have_smaller_weights(recorded: Maker) -> None:
+    """Most frames are of a poor camera; weights by its stated uncertainty reduce the error."""
     dataset = recorded(120, sigma=0.02)
     run = dataset.recordings[0]
     rng = np.random.default_rng(1)
@@ -169,13 +169,13 @@ def test_gaps_and_lost_samples_are_left_out(recorded: Maker) -> None:
     assert next(a.test.rmse for a in result.candidates if a.name == "quadratic" and a.test) < 0.4
 
 
-def test_too_few_pictures_are_refused_with_their_number(recorded: Maker) -> None:
+def test_too_few_frames_are_refused(recorded: Maker) -> None:
     with raises(TrainingError, "too-few-frames", count=29, needed=50):
         train(recorded(1.0))
     assert len(train(recorded(3.0), TrainingOptions(memory=False)).training_frames) > 50
 
 
-def test_a_marker_that_no_camera_saw_is_named(recorded: Maker) -> None:
+def test_a_marker_without_frames_is_refused(recorded: Maker) -> None:
     dataset = recorded(20)
     points = dataset.recordings[0].points.copy()
     points[:, 4] = np.nan
@@ -191,7 +191,7 @@ def test_a_marker_that_no_camera_saw_is_named(recorded: Maker) -> None:
         ({"test_share": 1.0}, "share-out-of-range"),
     ],
 )
-def test_options_that_cannot_be_are_refused(
+def test_invalid_options_are_refused(
     recorded: Maker, options: dict[str, object], code: str
 ) -> None:
     with raises(TrainingError, code):
@@ -199,7 +199,7 @@ def test_options_that_cannot_be_are_refused(
 
 
 def runs_of(dataset: Dataset, count: int, seconds: float = 5.0) -> Dataset:
-    """Cut into runs of equal length, a pause between them."""
+    """Cut a dataset into runs of equal length, with pauses between them."""
     run = dataset.recordings[0]
     out = []
     for k in range(count):
@@ -216,8 +216,8 @@ def runs_of(dataset: Dataset, count: int, seconds: float = 5.0) -> Dataset:
     return replace(dataset, recordings=tuple(out))
 
 
-def test_intervals_of_several_runs_are_those_of_one(recorded: Maker) -> None:
-    """How many runs pictures are cut into does not make them independent."""
+def test_intervals_do_not_depend_on_the_number_of_runs(recorded: Maker) -> None:
+    """Cutting frames into runs does not make them independent."""
     dataset = recorded(240, noise=2e-3)
     options = TrainingOptions(decoder="affine", memory=False)
     one, three = (train(d, options).model.main.intervals for d in (dataset, runs_of(dataset, 3)))
@@ -227,7 +227,7 @@ def test_intervals_of_several_runs_are_those_of_one(recorded: Maker) -> None:
     np.testing.assert_allclose(radius[1], radius[0], rtol=0.15)
 
 
-def test_a_run_that_begins_without_signals_is_trained_on(recorded: Maker) -> None:
+def test_a_run_that_starts_without_signals_is_used(recorded: Maker) -> None:
     dataset = runs_of(recorded(120, tear=0.3, noise=2e-3), 2)
     second = dataset.recordings[1]
     ohm = second.ohm.copy()
@@ -236,7 +236,7 @@ def test_a_run_that_begins_without_signals_is_trained_on(recorded: Maker) -> Non
     assert np.isfinite(train(late).candidates[-1].cross_validated)
 
 
-def test_a_short_circuit_is_no_signal(recorded: Maker) -> None:
+def test_short_circuits_are_ignored(recorded: Maker) -> None:
     dataset = recorded(60)
     run = dataset.recordings[0]
     ohm = run.ohm.copy()
@@ -249,8 +249,8 @@ def test_a_short_circuit_is_no_signal(recorded: Maker) -> None:
     np.testing.assert_allclose(found.model.faults.low, clean.model.faults.low, atol=0.02)
 
 
-def test_rows_are_compared_by_one_measure(recorded: Maker) -> None:
-    """Of pictures that are uncertain by themselves, no row has more or less of the errors."""
+def test_candidates_are_compared_by_the_same_measure(recorded: Maker) -> None:
+    """Uncertain frames affect the errors of all candidates alike."""
     dataset = recorded(60)
     run = dataset.recordings[0]
     rng = np.random.default_rng(1)
@@ -264,7 +264,7 @@ def test_rows_are_compared_by_one_measure(recorded: Maker) -> None:
     assert rows["affine"] < 1.5 * rows["quadratic"] + 1.0
 
 
-def test_folds_of_moments_and_levels_that_are_none_are_refused(recorded: Maker) -> None:
+def test_short_folds_and_invalid_levels_are_refused(recorded: Maker) -> None:
     dataset = recorded(20)
     with raises(TrainingError, "folds-too-short", largest=6):
         train(dataset, TrainingOptions(folds=60))
@@ -275,7 +275,7 @@ def test_folds_of_moments_and_levels_that_are_none_are_refused(recorded: Maker) 
             TrainingOptions(level=level)
 
 
-def test_fallbacks_of_the_paper_s_map_are_the_paper_s(recorded: Maker) -> None:
+def test_fallback_decoders_of_the_affine_map_are_unweighted(recorded: Maker) -> None:
     dataset = recorded(60)
     run = dataset.recordings[0]
     sigma = np.random.default_rng(0).uniform(0.02, 2.0, run.points.shape)

@@ -1,4 +1,4 @@
-"""`model.json`: round trip, damage, and a reader that is not this project."""
+"""`model.json`: round trip, damage, and an independent reader."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def signals(count: int = 50) -> tuple[Float, Float]:
 
 
 @pytest.mark.parametrize("centers", [0, 3])
-def test_a_model_comes_back_as_it_was(tmp_path: Path, centers: int) -> None:
+def test_a_model_round_trip(tmp_path: Path, centers: int) -> None:
     model = made(Past((0.5, 3.0), (9.0,)), centers)
     write_model(tmp_path / "model.json", model)
     again = load_model(tmp_path)
@@ -61,7 +61,7 @@ def test_an_edited_model_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", ["NaN", "1e999"])
-def test_a_model_with_numbers_that_are_none_is_refused(tmp_path: Path, number: str) -> None:
+def test_a_model_with_non_finite_numbers_is_refused(tmp_path: Path, number: str) -> None:
     path = tmp_path / "model.json"
     write_model(path, made())
     path.write_text(path.read_text(encoding="utf-8").replace('"level":0.9', f'"level":{number}'))
@@ -69,7 +69,7 @@ def test_a_model_with_numbers_that_are_none_is_refused(tmp_path: Path, number: s
         load_model(path)
 
 
-def test_a_model_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+def test_a_truncated_model_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     write_model(path, made())
     path.write_text(path.read_text(encoding="utf-8")[:-500])
@@ -87,8 +87,8 @@ def test_other_json_is_refused(tmp_path: Path, text: str, code: str) -> None:
         load_model(tmp_path / "model.json")
 
 
-def test_ten_lines_read_it_without_this_project(tmp_path: Path) -> None:
-    """The example of docs/model.md, as it stands there."""
+def test_ten_lines_of_numpy_read_a_model(tmp_path: Path) -> None:
+    """The example in docs/model.md decodes like the project."""
     text = (Path(__file__).parents[3] / "docs/model.md").read_text(encoding="utf-8")
     code = text.split("```python\n")[1].split("```")[0]
     assert len([line for line in code.splitlines() if line.strip()]) <= 10

@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 
 
 def trained(files):
-    """The model, and what it says of its own data."""
+    """Return the model and its decoded training data."""
     data, _, _ = prepare(files.load(), None)
     model = train_dataset(data, TrainingOptions("quadratic", memory=False)).model
     (own,) = data.recordings
@@ -40,7 +40,7 @@ def trained(files):
 
 @pytest.fixture(scope="module")
 def session(folder, r):
-    """The session's own."""
+    """Return the session's files."""
     return trained(DataFiles((write_session(folder / "session", r),)))
 
 
@@ -81,8 +81,8 @@ def pair(suffix):
     ],
     ids=["parquet", "xdf", "csv", "trc", "c3d"],
 )
-def test_forms(folder, r, session, form, mm):
-    """But for what the forms round off: nothing, 7 digits of text, or single precision."""
+def test_every_file_format_gives_the_same_model(folder, r, session, form, mm):
+    """Differences are due to rounding: none, 7 digits of text, or single precision."""
     model, points = trained(form(folder, r))
     ours, said = session
     assert model.kind == ours.kind

@@ -1,4 +1,4 @@
-"""The synthetic device of the tests of training, in files as other programs have them."""
+"""The synthetic device in files of other programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def tracks_of(r: Recording) -> Tracks:
 
 
 def markers() -> Markers:
-    """1, 2 and 8 are the anchor's."""
+    """Return the markers; 1, 2 and 8 are on the anchor."""
     axes = np.tile(np.eye(3), (len(IDS), 1, 1))
     return Markers("bar", "4X4_50", 10.0, IDS, REST, axes, np.isin(IDS, (1, 2, 8)))
 
@@ -28,7 +28,7 @@ def write_csv(path: Path, names: list[str], columns: np.ndarray) -> Path:
 
 
 def write_signals(path: Path, r: Recording) -> Path:
-    """As `capture process` writes them."""
+    """Write signals as `capture process` does."""
     count = len(r.sample_time)
     columns = [np.arange(count), r.sample_time, *r.signals.T, np.full(count, 0.1)]
     names = ["frame", "time", *CHANNELS, "alignment_residual"]

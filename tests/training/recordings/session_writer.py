@@ -15,7 +15,7 @@ from tests.training.synthetic import CHANNELS
 
 
 def write_samples(path: Path, r: Recording) -> Path:
-    """The read-out board's samples, as `capture process` writes them."""
+    """Write the read-out board's samples as `capture process` does."""
     count = len(r.sample_time)
     columns = [np.arange(count), 1e6 * r.sample_time, r.sample_time, *r.signals.T, *r.ohm.T]
     names = ["counter", "device_us", "time", *CHANNELS, *(f"{c}_ohm" for c in CHANNELS)]
@@ -26,7 +26,7 @@ def write_samples(path: Path, r: Recording) -> Path:
 
 
 def write_session(folder: Path, r: Recording, device: str = "bar", layout: str = "") -> Path:
-    """Its only run."""
+    """Write the facts on its only run."""
     create(
         folder, device=device, steps=[PoseStep("rest", 3.0)], channels=CHANNELS,
         reference=[1000.0] * 3, calibration=None, markers=markers(), unit=r.unit, layout=layout,

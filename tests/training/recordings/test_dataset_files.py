@@ -1,4 +1,4 @@
-"""Datasets in files of their own."""
+"""Datasets in Parquet and in the format of LeRobot."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def whole():
     )  # fmt: skip
 
 
-def test_a_dataset_is_read_as_it_was_written(tmp_path, whole):
+def test_a_dataset_round_trip(tmp_path, whole):
     write_dataset(tmp_path / "d", whole)
     again = read_dataset(tmp_path / "d")
     assert (again.device, again.layout, again.channels) == ("bar", "abc", CHANNELS)
@@ -45,35 +45,35 @@ def test_a_dataset_is_read_as_it_was_written(tmp_path, whole):
                 np.testing.assert_array_equal(x, y)
             else:
                 assert x == y
-    told = dict(again.provenance)
-    assert len(told.pop("sha256")) == 64
-    assert told.pop("file") == str(tmp_path / "d")
-    assert told == whole.provenance
-    write_dataset(tmp_path / "d", again)  # over what is there
+    metadata = dict(again.provenance)
+    assert len(metadata.pop("sha256")) == 64
+    assert metadata.pop("file") == str(tmp_path / "d")
+    assert metadata == whole.provenance
+    write_dataset(tmp_path / "d", again)  # replaces the first one
     assert read_dataset(tmp_path / "d").provenance["sha256"] == again.provenance["sha256"]
 
 
-def test_its_columns_are_named_and_its_schema_tells_the_rest(tmp_path, whole):
+def test_columns_and_metadata_of_the_tables(tmp_path, whole):
     write_dataset(tmp_path / "d", whole)
     samples = pq.read_table(tmp_path / "d" / "samples.parquet")
     assert samples.column_names == ["recording", "time", *(f"{c}_ohm" for c in CHANNELS)]
     frames = pq.read_table(tmp_path / "d" / "frames.parquet")
     assert frames.column_names[2:8] == ["1_x", "1_y", "1_z", "1_sx", "1_sy", "1_sz"]
-    told = json.loads(frames.schema.metadata[b"defsense"])
-    assert told["schema"] == 1
-    assert told["recordings"][1]["rest"] == [1200.0, None, 320.0]
+    metadata = json.loads(frames.schema.metadata[b"defsense"])
+    assert metadata["schema"] == 1
+    assert metadata["recordings"][1]["rest"] == [1200.0, None, 320.0]
 
 
 def change_metadata(folder, change):
     """Change the JSON in the schema of both files."""
     for name in ("samples", "frames"):
         table = pq.read_table(folder / f"{name}.parquet")
-        told = json.loads(table.schema.metadata[b"defsense"]) | change
-        other = table.replace_schema_metadata({b"defsense": json.dumps(told).encode()})
+        metadata = json.loads(table.schema.metadata[b"defsense"]) | change
+        other = table.replace_schema_metadata({b"defsense": json.dumps(metadata).encode()})
         pq.write_table(other, folder / f"{name}.parquet")
 
 
-def test_what_was_changed_mixed_or_damaged_is_told(tmp_path, whole):
+def test_changed_mixed_and_damaged_files_are_refused(tmp_path, whole):
     folder = tmp_path / "d"
     write_dataset(folder, whole)
     write_dataset(tmp_path / "e", replace(whole, device="bun"))
@@ -106,7 +106,7 @@ def test_what_was_changed_mixed_or_damaged_is_told(tmp_path, whole):
         write_dataset(tmp_path / "file" / "d", whole)
 
 
-def test_nothing_else_is_overwritten(tmp_path, whole):
+def test_other_folders_are_not_overwritten(tmp_path, whole):
     (tmp_path / "notes.txt").write_text("")
     with raises(TrainingError, "not-a-dataset", file="notes.txt"):
         write_dataset(tmp_path, whole)
@@ -115,7 +115,7 @@ def test_nothing_else_is_overwritten(tmp_path, whole):
     assert [p.name for p in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_lerobots_folder_has_what_its_format_asks_for(tmp_path, whole):
+def test_a_lerobot_folder_has_the_required_files(tmp_path, whole):
     write_lerobot(tmp_path / "out", whole, 30)
     info = json.loads((tmp_path / "out/meta/info.json").read_text(encoding="utf-8"))
     assert info["codebase_version"] == "v2.1"
@@ -154,7 +154,7 @@ def test_lerobots_folder_has_what_its_format_asks_for(tmp_path, whole):
     np.testing.assert_allclose(action, r.points.reshape(len(r.time), -1), rtol=1e-5)
     state = np.stack(tables[0]["observation.state"].to_numpy())
     np.testing.assert_allclose(state[:, 0], r.signals[::2, 0], atol=1e-6)
-    # Of the second, at 15 pictures a second, every other frame has no markers.
+    # The second recording has 15 frames per second: every other frame has no markers.
     action = np.stack(tables[1]["action"].to_numpy())
     assert np.isnan(action[1::2]).all()
     true = places(np.arange(len(action)) / 30, 2).reshape(len(action), -1)

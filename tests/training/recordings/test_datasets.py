@@ -1,4 +1,4 @@
-"""Whatever is given is recognised by what is there."""
+"""Datasets of files of every kind, detected from their content."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ def files(tmp_path):
     return tmp_path, r
 
 
-def test_all_kinds_together(files):
+def test_all_kinds_of_files_are_joined(files):
     folder, r = files
-    found = DataFiles(
+    result = DataFiles(
         (folder / "d", folder / "a.XDF"),
         signals=folder / "s.csv",
         tracks=folder / "t.npz",
         markers=folder / "markers.json",
         unit="second",
     ).load()
-    assert [x.unit for x in found.recordings] == ["unit-1", "second", "second"]
-    for got, true in zip(found.recordings, r, strict=False):
+    assert [x.unit for x in result.recordings] == ["unit-1", "second", "second"]
+    for got, true in zip(result.recordings, r, strict=False):
         np.testing.assert_allclose(got.signals, true.signals, atol=1e-6)
         np.testing.assert_allclose(got.points, true.points, atol=1e-9)
-    np.testing.assert_array_equal(found.rest_points, REST)
-    assert len(found.provenance["sessions"]) == 2
+    np.testing.assert_array_equal(result.rest_points, REST)
+    assert len(result.provenance["sessions"]) == 2
 
 
-def test_what_is_given_is_checked(files):
+def test_invalid_sources_are_refused(files):
     folder, _ = files
     with raises(TrainingError, "file-missing", missing="tracks"):
         DataFiles(signals=folder / "s.csv").load()
@@ -71,15 +71,15 @@ def test_what_is_given_is_checked(files):
         DataFiles((folder / "s.csv",)).load()
 
 
-def test_of_a_device_are_its_own_recordings(files):
+def test_recordings_must_be_of_the_device(files):
     """A device that is not built has no order of its channels; its markers are in its folder."""
     folder, _ = files
     shutil.copytree(BAR, folder / "bar", ignore=shutil.ignore_patterns("build", "markers"))
     (folder / "bar" / "markers").mkdir()
     shutil.copy(folder / "markers.json", folder / "bar" / "markers")
     device = load_device(folder / "bar")
-    found = DataFiles((folder / "a.XDF",)).load(device)
-    assert found.device == device.name
-    np.testing.assert_array_equal(found.rest_points, REST)
+    result = DataFiles((folder / "a.XDF",)).load(device)
+    assert result.device == device.name
+    np.testing.assert_array_equal(result.rest_points, REST)
     with raises(TrainingError, "devices-differ", devices=("other", "bar")):
         DataFiles((folder / "d",)).load(replace(device, name="other"))

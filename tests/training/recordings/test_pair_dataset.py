@@ -24,7 +24,7 @@ def r():
 
 
 def rigid(points, time):
-    """As a system on the floor sees a device that is carried about."""
+    """Return positions as seen by a fixed system while the device is carried around."""
     turns = Rotation.from_rotvec(
         np.outer(0.3 * np.sin(time), [1, 2, 0.5]) + np.array([0.5, 0.2, -1])
     )
@@ -33,34 +33,34 @@ def rigid(points, time):
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet", ".c3d", ".trc"])
-def test_tracks_of_every_format_go_with_signals_by_time(tmp_path, r, suffix):
+def test_tracks_of_every_format_are_combined_with_signals(tmp_path, r, suffix):
     signals = write_signals(tmp_path / "signals.csv", r)
     write_tracks(tmp_path / f"take{suffix}", tracks_of(r))
-    found = pair_dataset(signals, tmp_path / f"take{suffix}", RecordingInfo(markers=markers()))
-    (got,) = found.recordings
-    assert found.channels == CHANNELS
-    assert found.device == "bar"
-    assert found.ids.tolist() == IDS.tolist()
-    np.testing.assert_array_equal(found.rest_points, REST)
+    result = pair_dataset(signals, tmp_path / f"take{suffix}", RecordingInfo(markers=markers()))
+    (got,) = result.recordings
+    assert result.channels == CHANNELS
+    assert result.device == "bar"
+    assert result.ids.tolist() == IDS.tolist()
+    np.testing.assert_array_equal(result.rest_points, REST)
     np.testing.assert_allclose(got.time, r.time, atol=1e-4)
     np.testing.assert_allclose(got.sample_time, r.sample_time, atol=1e-5)
     np.testing.assert_allclose(got.signals, r.signals, atol=1e-6)
     np.testing.assert_allclose(got.points, r.points, atol=2e-3)
-    notes = found.provenance["sessions"][0]["notes"]
+    notes = result.provenance["sessions"][0]["notes"]
     assert any(note.startswith("R0: unknown") for note in notes)
 
 
-def test_resistances_have_their_r0_from_the_rest(tmp_path, r):
+def test_r0_is_measured_at_rest(tmp_path, r):
     write_tracks(tmp_path / "take.csv", tracks_of(r))
     names = ["time", *(f"{c}_ohm" for c in CHANNELS)]
     path = write_csv(tmp_path / "ohm.csv", names, np.column_stack([r.sample_time, r.ohm]))
     for given, said in ((markers(), "s in which the markers are at rest"), (None, "the first 3 s")):
-        found = pair_dataset(path, tmp_path / "take.csv", RecordingInfo(markers=given))
-        assert found.recordings[0].rest == pytest.approx(R0, rel=1e-3)
-        assert said in " ".join(found.provenance["sessions"][0]["notes"])
-        np.testing.assert_allclose(found.recordings[0].ohm, r.ohm, rtol=1e-6)
-        np.testing.assert_allclose(found.rest_points, REST, atol=0.05)
-    # A device that does not rest at the beginning, but later.
+        result = pair_dataset(path, tmp_path / "take.csv", RecordingInfo(markers=given))
+        assert result.recordings[0].rest == pytest.approx(R0, rel=1e-3)
+        assert said in " ".join(result.provenance["sessions"][0]["notes"])
+        np.testing.assert_allclose(result.recordings[0].ohm, r.ohm, rtol=1e-6)
+        np.testing.assert_allclose(result.rest_points, REST, atol=0.05)
+    # This device rests later, not at the start.
     later = tracks_of(r)
     start = np.searchsorted(r.time, 8.0)
     points = np.concatenate([r.points[start:], r.points[:start]])
@@ -69,17 +69,17 @@ def test_resistances_have_their_r0_from_the_rest(tmp_path, r):
     split = np.searchsorted(r.sample_time, 8.0)
     ohm = np.concatenate([r.ohm[split:], r.ohm[:split]])
     turned = write_csv(tmp_path / "t.csv", names, np.column_stack([r.sample_time, ohm]))
-    found = pair_dataset(turned, tmp_path / "later.csv", RecordingInfo(markers=markers()))
-    assert found.recordings[0].rest == pytest.approx(R0, rel=3e-3)
+    result = pair_dataset(turned, tmp_path / "later.csv", RecordingInfo(markers=markers()))
+    assert result.recordings[0].rest == pytest.approx(R0, rel=3e-3)
     both = [*names, *CHANNELS]
     whole = np.column_stack([r.sample_time, ohm, ohm / R0 - 1])
-    found = pair_dataset(write_csv(tmp_path / "b.csv", both, whole), tmp_path / "take.csv")
-    assert found.recordings[0].rest == pytest.approx(R0, rel=1e-5)
+    result = pair_dataset(write_csv(tmp_path / "b.csv", both, whole), tmp_path / "take.csv")
+    assert result.recordings[0].rest == pytest.approx(R0, rel=1e-5)
     with raises(TrainingError, "quantities-differ", channel="right"):
         pair_dataset(write_csv(tmp_path / "m.csv", both[:-1], whole[:, :-1]), tmp_path / "take.csv")
 
 
-def test_an_offset_is_given_or_found_by_motion(tmp_path, r):
+def test_the_offset_is_given_or_found_by_motion(tmp_path, r):
     signals = write_signals(tmp_path / "s.csv", replace(r, sample_time=r.sample_time + 105.25))
     write_tracks(tmp_path / "take.c3d", tracks_of(r))
     with raises(TrainingError, "no-common-time") as caught:
@@ -91,35 +91,37 @@ def test_an_offset_is_given_or_found_by_motion(tmp_path, r):
     ]
     assert given.sample_time == pytest.approx(r.sample_time, abs=2e-4)
     assert given.sync_error is None
-    found = pair_dataset(signals, tmp_path / "take.c3d", RecordingInfo(offset="auto")).recordings[0]
-    # A fifth of the signal relaxes, which makes it lead.
-    assert found.sample_time == pytest.approx(r.sample_time, abs=0.06)
-    assert 0 < found.sync_error < 0.05
-    assert np.abs(found.sample_time - r.sample_time).mean() < 0.03
-    still = tracks_of(r).part(r.time < QUIET)
+    result = pair_dataset(signals, tmp_path / "take.c3d", RecordingInfo(offset="auto")).recordings[
+        0
+    ]
+    # A fifth of the signal relaxes, so it leads.
+    assert result.sample_time == pytest.approx(r.sample_time, abs=0.06)
+    assert 0 < result.sync_error < 0.05
+    assert np.abs(result.sample_time - r.sample_time).mean() < 0.03
+    still = tracks_of(r).select(r.time < QUIET)
     write_tracks(tmp_path / "still.csv", still)
     with raises(TrainingError, "offset-not-found"):
         pair_dataset(signals, tmp_path / "still.csv", RecordingInfo(offset="auto"))
 
 
-def test_tracks_in_another_frame_are_laid_onto_the_rest_pose(tmp_path, r):
+def test_tracks_in_another_frame_are_aligned_to_the_rest_pose(tmp_path, r):
     signals = write_signals(tmp_path / "s.csv", r)
     take = replace(
         tracks_of(r), points=rigid(r.points, r.time), sigma=np.full(r.points.shape, np.nan)
     )
     write_tracks(tmp_path / "take.trc", take)
-    found = pair_dataset(signals, tmp_path / "take.trc", RecordingInfo(markers=markers()))
-    (got,) = found.recordings
+    result = pair_dataset(signals, tmp_path / "take.trc", RecordingInfo(markers=markers()))
+    (got,) = result.recordings
     off = np.linalg.norm(got.points - r.points, axis=2)
     assert np.nanmedian(off) < 0.2
     assert np.isfinite(off).mean() > 0.9
-    assert "aligned by anchor" in " ".join(found.provenance["sessions"][0]["notes"])
-    # What has other places at rest is not the device, however it is laid.
+    assert "aligned by anchor" in " ".join(result.provenance["sessions"][0]["notes"])
+    # Tracks with other rest positions do not match, however they are aligned.
     wrong = replace(markers(), centers=REST[[4, 2, 0, 1, 3]] * [1, 1, 2])
     with raises(TrainingError, "markers-misplaced"):
         pair_dataset(signals, tmp_path / "take.trc", RecordingInfo(markers=wrong))
-    metres = replace(take, points=r.points / 1000)
-    write_tracks(tmp_path / "m.csv", metres)
+    meters = replace(take, points=r.points / 1000)
+    write_tracks(tmp_path / "m.csv", meters)
     with raises(TrainingError, "not-in-device-frame"):
         pair_dataset(signals, tmp_path / "m.csv", RecordingInfo(markers=markers()))
     exchanged = replace(take, ids=IDS[[1, 0, 2, 3, 4]])
@@ -149,26 +151,26 @@ def test_tracks_in_another_frame_are_laid_onto_the_rest_pose(tmp_path, r):
 )
 def test_unusable_tables_are_refused(tmp_path, r, table, code, data):
     (tmp_path / "s.csv").write_text(table)
-    write_tracks(tmp_path / "take.csv", tracks_of(r).part(slice(0, 10)))
+    write_tracks(tmp_path / "take.csv", tracks_of(r).select(slice(0, 10)))
     with raises(TrainingError, code, **data):
         pair_dataset(tmp_path / "s.csv", tmp_path / "take.csv")
 
 
-def test_rows_without_signals_are_no_samples(tmp_path, r):
-    """As `capture process` writes for frames that a camera dropped."""
+def test_rows_without_signals_are_ignored(tmp_path, r):
+    """`capture process` writes such rows for dropped frames."""
     lines = write_signals(tmp_path / "s.csv", r).read_text(encoding="utf-8").splitlines()
     for k in range(600, 720):
         lines[k] = ",".join(lines[k].split(",")[:2]) + ",,,,"
     (tmp_path / "s.csv").write_text("\n".join(lines))
     write_tracks(tmp_path / "take.csv", tracks_of(r))
-    found = pair_dataset(
+    result = pair_dataset(
         tmp_path / "s.csv", tmp_path / "take.csv", RecordingInfo(markers=markers())
     )
-    assert len(found.recordings[0].sample_time) == len(r.sample_time) - 120
-    assert {p.code for p in check_dataset(found)} == {"few-frames"}
+    assert len(result.recordings[0].sample_time) == len(r.sample_time) - 120
+    assert {p.code for p in check_dataset(result)} == {"few-frames"}
 
 
-def test_tracks_in_which_nothing_is_seen(tmp_path, r):
+def test_tracks_without_visible_markers_are_refused(tmp_path, r):
     nothing = replace(tracks_of(r), points=np.full_like(r.points, np.nan))
     nothing = replace(nothing, sigma=nothing.points)
     write_tracks(tmp_path / "take.csv", nothing)
@@ -179,9 +181,8 @@ def test_tracks_in_which_nothing_is_seen(tmp_path, r):
         pair_dataset(tmp_path / "none.csv", tmp_path / "take.csv")
 
 
-def test_samples_and_frames_keep_their_own_clocks(tmp_path):
-    """At 60 and 15 Hz, and at 60 and 30: what lies between two pictures is not lost, and nothing
-    is made up between samples."""
+def test_samples_and_frames_keep_their_own_rates(tmp_path):
+    """Samples between frames are kept, and nothing is interpolated between samples."""
     for frames in (15.0, 30.0):
         r = recording(5, 20.0, rate=60.0, frames=frames)
         write_tracks(tmp_path / "take.csv", tracks_of(r))
@@ -195,10 +196,10 @@ def test_samples_and_frames_keep_their_own_clocks(tmp_path):
         np.testing.assert_allclose(got.signals, r.signals, atol=1e-6)
 
 
-def test_a_device_that_moves_in_what_is_taken_for_its_rest_is_told(tmp_path, r):
+def test_movement_during_the_initial_rest_is_noted(tmp_path, r):
     signals = write_signals(tmp_path / "signals.csv", r)
     later = r.time > QUIET + 5
-    tracks = tracks_of(r).part(later)
+    tracks = tracks_of(r).select(later)
     write_tracks(tmp_path / "take.csv", tracks)
     notes = pair_dataset(signals, tmp_path / "take.csv").provenance["sessions"][0]["notes"]
     assert any("R0 are wrong" in note for note in notes)

@@ -29,25 +29,29 @@ SAMPLES, FRAMES = 60.0, (30.0, 15.0)  # Hz
 
 @pytest.fixture(scope="module")
 def processed(tmp_path_factory):
-    """A session of two runs whose cords had drifted in between, with samples at 60 Hz, before
-    cameras of 30 and 15 pictures a second; and what processing gave."""
+    """Return a processed session of two runs, between which the cords drifted, and the result.
+
+    Samples are at 60 Hz, frames at 30 and 15 Hz.
+    """
     session = memory.create(tmp_path_factory.mktemp("train") / "s", 2, 12)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(memory, "BOARD_RATE", SAMPLES)
         for k, (ohm, rate) in enumerate(zip((1200.0, 1260.0), FRAMES, strict=True)):
             patch.setattr(memory, "RATE", rate)
             memory.record(session, SECONDS, np.random.default_rng(k), ohm=ohm, led=True)
-        patch.setattr(processing, "write_report", lambda *_: None)  # takes as long as the rest
+        patch.setattr(
+            processing, "write_report", lambda *_: None
+        )  # it takes as long as all other steps
         return session, process_session(session.folder)
 
 
 def changed(folder, name, **values):
-    """Some keys of one of the folder's JSON files."""
+    """Change keys of one of the folder's JSON files."""
     path = folder / name
     path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | values))
 
 
-def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
+def test_each_run_becomes_a_recording(processed):
     session, result = processed
     found = session_dataset([session.folder])
     assert found.channels == tuple("abcd")
@@ -58,7 +62,7 @@ def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
     for k, (r, ohm) in enumerate(zip(found.recordings, (1200.0, 1260.0), strict=True)):
         assert r.name == f"{session.folder}/run-{k + 1}"
         assert r.rest == pytest.approx([ohm] * 4, rel=1e-3)
-        # All of the read-out board's samples, and no frame of the other run or of the pause.
+        # All samples are used, and no frame of the other run or of the pause.
         assert len(r.sample_time) == SECONDS * SAMPLES
         assert np.diff(r.sample_time) == pytest.approx(1 / SAMPLES, rel=1e-2)
         assert len(r.time) == pytest.approx(SECONDS * FRAMES[k], abs=1)
@@ -69,18 +73,18 @@ def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
         np.testing.assert_array_equal(r.sigma, aligned.sigma[at])
         t = r.sample_time - r.time[0]
         assert r.signals[:, 0] == pytest.approx(0.1 * memory.level(t, SECONDS), abs=5e-3)
-        told = result.quality["runs"][k]["sync"]["error_ms"] / 1e3
-        assert r.sync_error == pytest.approx(told)
+        stated = result.quality["runs"][k]["sync"]["error_ms"] / 1e3
+        assert r.sync_error == pytest.approx(stated)
         assert [name for _, name in r.poses] == ["rest", "rest"]
         begun = [at - r.time[0] for at, _ in r.poses]
         assert begun == pytest.approx([0.0, SECONDS - memory.RESTS], abs=2e-3)
-    (told,) = found.provenance["sessions"]
-    assert told["cameras"] == ["cam_0", "cam_1"]
-    assert told["version"] == result.quality["version"]
-    assert told["signals"] == "samples.csv"
+    (stated,) = found.provenance["sessions"]
+    assert stated["cameras"] == ["cam_0", "cam_1"]
+    assert stated["version"] == result.quality["version"]
+    assert stated["signals"] == "samples.csv"
 
 
-def test_signals_at_the_pictures_where_there_are_no_samples(processed, tmp_path):
+def test_signals_at_frames_are_used_without_samples(processed, tmp_path):
     session, _ = processed
     old = shutil.copytree(session.folder, tmp_path / "old")
     (old / "samples.csv").unlink()
@@ -115,7 +119,7 @@ def test_sessions_of_one_device_are_joined(processed, tmp_path):
         session_dataset([session.folder], load_device(BAR))
 
 
-def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
+def test_unusable_sessions_are_refused(processed, tmp_path):
     session, _ = processed
     with raises(TrainingError, "not-a-session"):
         session_dataset([tmp_path])
@@ -133,7 +137,7 @@ def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
     changed(old, "quality.json", runs=quality["runs"])
     with raises(TrainingError, "session-outdated"):
         session_dataset([old])
-    # Of one run there is nothing to be told apart.
+    # A single run needs no start and end.
     changed(old, "quality.json", runs=quality["runs"][:1],
             skipped=[{"run": "run-2", "why": "lost", "ended": ""}])  # fmt: skip
     assert len(session_dataset([old]).recordings) == 1
@@ -145,7 +149,7 @@ def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
     assert [reason.split(":")[0] for reason in caught.value.data["skipped"]] == ["run-2", "run-1"]
 
 
-def test_times_that_go_back_are_left_out(processed, tmp_path):
+def test_samples_with_decreasing_times_are_left_out(processed, tmp_path):
     session, _ = processed
     back = shutil.copytree(session.folder, tmp_path / "back")
     lines = (back / "samples.csv").read_text(encoding="utf-8").splitlines()
@@ -153,7 +157,7 @@ def test_times_that_go_back_are_left_out(processed, tmp_path):
     (back / "samples.csv").write_text("\n".join(lines) + "\n")
     r = session_dataset([back]).recordings[0]
     whole = session_dataset([session.folder]).recordings[0]
-    # The one of another's time, and the one without.
+    # One sample has the time of another, and one has none.
     assert len(whole.sample_time) - len(r.sample_time) == 2
     assert (np.diff(r.sample_time) > 0).all()
     assert session_dataset([back]).provenance["sessions"][0]["notes"] == []
@@ -166,7 +170,7 @@ def test_times_that_go_back_are_left_out(processed, tmp_path):
         session_dataset([back])
 
 
-def test_sessions_are_of_the_cords_that_the_device_has(processed, straight, tmp_path):
+def test_sessions_must_match_the_built_cords(processed, straight, tmp_path):
     session, _ = processed
     known = layout(*(straight(name, y=k) for k, name in enumerate("dcba")))
     bar = shutil.copytree(BAR, tmp_path / "bar", ignore=shutil.ignore_patterns("build"))
@@ -188,7 +192,7 @@ def test_sessions_are_of_the_cords_that_the_device_has(processed, straight, tmp_
         session_dataset([own], device)
 
 
-def test_damaged_results_are_told_by_their_file(processed, tmp_path):
+def test_damaged_results_are_refused(processed, tmp_path):
     session, _ = processed
     bad = shutil.copytree(session.folder, tmp_path / "bad")
     quality = json.loads((bad / "quality.json").read_text(encoding="utf-8"))

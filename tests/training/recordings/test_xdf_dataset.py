@@ -13,7 +13,7 @@ from tests.training.recordings.files_of_others import markers
 from tests.training.recordings.xdf_writer import stream, write_xdf
 from tests.training.synthetic import CHANNELS, IDS, R0, recording
 
-START = 5021.25  # s, at which the computer's clock was
+START = 5021.25  # s, on the computer's clock
 PLACES = [f"tag_{i}_{a}" for i in IDS.tolist() for a in "xyz"]
 
 
@@ -34,17 +34,17 @@ def mocap(r, labels=PLACES, scale=1.0, number=2, name="Cameras", kind="MoCap", *
 
 
 @pytest.mark.parametrize("suffix", [".xdf", ".xdfz"])
-def test_two_streams_are_a_recording_by_the_layers_clock(tmp_path, r, suffix):
-    """One was recorded on a computer whose clock was 730 s ahead."""
+def test_two_streams_become_a_recording_on_the_common_clock(tmp_path, r, suffix):
+    """One stream is from a computer whose clock is 730 s ahead."""
     path = write_xdf(tmp_path / "take.xdf", cords(r), mocap(r, units="mm", clock=730.0))
     if suffix == ".xdfz":
         import gzip
 
         (tmp_path / "take.xdfz").write_bytes(gzip.compress(path.read_bytes()))
-    found = xdf_dataset(tmp_path / f"take{suffix}", RecordingInfo(markers=markers()))
-    (got,) = found.recordings
-    assert found.channels == CHANNELS
-    assert found.ids.tolist() == IDS.tolist()
+    result = xdf_dataset(tmp_path / f"take{suffix}", RecordingInfo(markers=markers()))
+    (got,) = result.recordings
+    assert result.channels == CHANNELS
+    assert result.ids.tolist() == IDS.tolist()
     np.testing.assert_allclose(got.time, r.time, atol=1e-4)
     np.testing.assert_allclose(got.sample_time, r.sample_time, atol=1e-4)
     np.testing.assert_allclose(got.ohm, r.ohm)
@@ -52,7 +52,7 @@ def test_two_streams_are_a_recording_by_the_layers_clock(tmp_path, r, suffix):
     assert got.rest == pytest.approx(R0, rel=1e-3)
 
 
-def test_signals_metres_and_short_labels(tmp_path, r):
+def test_signals_meters_and_short_labels(tmp_path, r):
     short = [f"{i}_{a.upper()}" for i in IDS.tolist() for a in "xyz"]
     path = write_xdf(
         tmp_path / "take.xdf", cords(r, kind="Cords", ohm=False),
@@ -82,7 +82,7 @@ def test_streams_are_chosen_by_name_or_type(tmp_path, r):
         xdf_dataset(path, signals="Board", tracks="Spare")
 
 
-def test_what_cannot_be_used_is_one_clear_line(tmp_path, r):
+def test_unusable_files_are_refused(tmp_path, r):
     path = write_xdf(tmp_path / "a.xdf", cords(r))
     with raises(TrainingError, "stream-not-found", content="markers"):
         xdf_dataset(path)
@@ -105,7 +105,7 @@ def test_what_cannot_be_used_is_one_clear_line(tmp_path, r):
         xdf_dataset(tmp_path / "none.xdf")
 
 
-def test_samples_that_a_stream_lacks_are_told(tmp_path, r):
+def test_missing_samples_of_a_stream_are_detected(tmp_path, r):
     header, samples, footer = cords(r)
     said = footer.replace(b"<sample_count>720<", b"<sample_count>820<")
     assert said != footer
@@ -115,7 +115,7 @@ def test_samples_that_a_stream_lacks_are_told(tmp_path, r):
 
 
 @pytest.mark.parametrize("part", [0.3, 0.5, 0.9])
-def test_a_file_that_was_cut_is_told(tmp_path, r, part):
+def test_truncated_files_are_refused(tmp_path, r, part):
     path = write_xdf(tmp_path / "take.xdf", cords(r), mocap(r))
     data = path.read_bytes()
     path.write_bytes(data[: int(part * len(data))])

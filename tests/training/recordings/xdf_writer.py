@@ -10,7 +10,7 @@ import numpy as np
 
 
 def chunk(tag: int, content: bytes) -> bytes:
-    """[number of bytes of the length][length of tag and content][tag][content]."""
+    """Return [bytes of the length][length of tag and content][tag][content]."""
     return b"\x04" + struct.pack("<I", len(content) + 2) + struct.pack("<H", tag) + content
 
 
@@ -18,8 +18,10 @@ def stream(
     number: int, name: str, kind: str, labels: list[str], time: np.ndarray, values: np.ndarray,
     *, units: str = "", rate: float = 0.0, clock: float = 0.0,
 ) -> tuple[bytes, bytes, bytes]:  # fmt: skip
-    """Header, samples and footer of a stream of doubles, whose clock is `clock` s ahead of the
-    recorder's."""
+    """Return header, samples and footer of a stream of doubles.
+
+    Its clock is `clock` s ahead of the recorder's.
+    """
     head = struct.pack("<I", number)
     of = "".join(
         f"<channel><label>{escape(label)}</label><unit>{units}</unit></channel>" for label in labels
@@ -32,7 +34,7 @@ def stream(
     )
     chunks = [
         chunk(4, head + struct.pack("<dd", t - clock, -clock)) for t in (time[0], time[-1])
-    ]  # its offset, at the recorder's times
+    ]  # clock offsets at times of the recorder
     for k in range(0, len(time), 100):
         rows = b"".join(
             b"\x08" + struct.pack("<d", t + clock) + np.asarray(row, "<f8").tobytes()

@@ -1,4 +1,4 @@
-"""The simulation as a prior, and the pose space that a recording covers."""
+"""The simulation as a prior, and the coverage of its states."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..conftest import Maker
 
 
 def simulated(recorded: Maker, states: int = 40) -> Prior:
-    """States as a simulation has them: without noise, of the same body."""
+    """Return simulated states of the same body, without noise."""
     dataset = recorded(60, seed=99, noise=0.0, sigma=0.0)
     run = dataset.recordings[0]
     at = np.linspace(5, len(run.time) - 5, states).astype(int)
@@ -35,7 +35,7 @@ def simulated(recorded: Maker, states: int = 40) -> Prior:
 
 
 def part(dataset: Dataset, pictures: slice) -> Dataset:
-    """Some of its pictures."""
+    """Return the dataset with some of its frames."""
     run = dataset.recordings[0]
     few = replace(
         run, time=run.time[pictures], points=run.points[pictures], sigma=run.sigma[pictures]
@@ -45,11 +45,11 @@ def part(dataset: Dataset, pictures: slice) -> Dataset:
 
 def error(result_of: object, dataset: Dataset) -> float:
     run = dataset.recordings[0]
-    found = result_of.decode(run.sample_time, run.signals, run.time)  # type: ignore[attr-defined]
-    return float(np.sqrt(((found.points - run.points) ** 2).sum(2).mean()))
+    result = result_of.decode(run.sample_time, run.signals, run.time)  # type: ignore[attr-defined]
+    return float(np.sqrt(((result.points - run.points) ** 2).sum(2).mean()))
 
 
-def test_sixty_pictures_and_the_simulation_are_nearly_as_good_as_thousands(
+def test_sixty_frames_with_a_prior_are_nearly_as_good_as_thousands(
     recorded: Maker,
 ) -> None:
     prior = simulated(recorded)
@@ -63,7 +63,7 @@ def test_sixty_pictures_and_the_simulation_are_nearly_as_good_as_thousands(
     assert helped < 0.5 * alone
 
 
-def test_a_simulation_of_another_device_is_not_followed(recorded: Maker) -> None:
+def test_a_wrong_simulation_is_not_used(recorded: Maker) -> None:
     prior = simulated(recorded)
     other = replace(prior, signals=prior.signals[::-1].copy())
     dataset = recorded(60)
@@ -74,7 +74,7 @@ def test_a_simulation_of_another_device_is_not_followed(recorded: Maker) -> None
     assert rows["affine"].cross_validated == without.candidates[0].cross_validated
 
 
-def test_the_simulation_alone_is_a_model_without_intervals(recorded: Maker) -> None:
+def test_a_simulated_model_has_no_intervals(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(30, noise=0.0)
     model = fit_simulated_model(
         "toy", "", dataset.channels, dataset.ids, dataset.rest_points, prior
@@ -89,18 +89,18 @@ def test_a_prior_without_states_is_refused() -> None:
         Prior(("rest",), np.zeros((1, 3)), np.zeros((1, 4, 3)))
 
 
-def test_coverage_names_what_was_not_shown(recorded: Maker) -> None:
+def test_coverage_names_states_that_were_not_shown(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(60)
     far = replace(
         prior, names=(*prior.names, "pull"), signals=np.append(prior.signals, [[0.3] * 3], axis=0),
         displacements=np.append(prior.displacements, 40 + prior.displacements[-1:], axis=0),
     )  # fmt: skip
-    found = measure_coverage(Frames.from_dataset(dataset), far)
-    assert not found.is_shown[-1]
-    assert "pull" in found.advice[0]
-    assert found.share > 0.5
-    assert not found.ends_at_rest
-    assert "rest" in found.advice[-1]
+    result = measure_coverage(Frames.from_dataset(dataset), far)
+    assert not result.is_shown[-1]
+    assert "pull" in result.advice[0]
+    assert result.share > 0.5
+    assert not result.ends_at_rest
+    assert "rest" in result.advice[-1]
 
 
 def test_a_recording_that_shows_all_and_ends_at_rest_has_no_advice(recorded: Maker) -> None:
@@ -110,22 +110,22 @@ def test_a_recording_that_shows_all_and_ends_at_rest_has_no_advice(recorded: Mak
     rest = np.broadcast_to(dataset.rest_points, (300, *dataset.rest_points.shape))
     points = np.concatenate([shown, rest])
     run = replace(run, time=run.time[: len(points)], points=points, sigma=np.zeros_like(points))
-    found = measure_coverage(Frames.from_dataset(replace(dataset, recordings=(run,))), prior)
-    assert found.advice == ()
-    assert found.share == 1.0
+    result = measure_coverage(Frames.from_dataset(replace(dataset, recordings=(run,))), prior)
+    assert result.advice == ()
+    assert result.share == 1.0
 
 
-def test_signals_are_expected_where_markers_are(recorded: Maker) -> None:
+def test_signals_are_predicted_from_markers(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(30, noise=0.0, gaps=0.3)
     run = dataset.recordings[0]
-    found = predict_signals(prior, run, dataset.rest_points)
-    off = found - run.signals_at(run.time)
+    result = predict_signals(prior, run, dataset.rest_points)
+    off = result - run.signals_at(run.time)
     known = np.isfinite(off).all(axis=1)
     assert known.mean() > 0.8
     assert np.sqrt((off[known] ** 2).mean()) < 0.15 * run.signals.std()
 
 
-def test_channels_that_are_exchanged_are_noticed_in_one_session(recorded: Maker) -> None:
+def test_exchanged_channels_are_detected_in_one_session(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(90)
     run = dataset.recordings[0]
     predicted = {run.name: predict_signals(prior, run, dataset.rest_points)}

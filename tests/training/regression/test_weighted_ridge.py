@@ -1,4 +1,4 @@
-"""Ridge over folds against scikit-learn, and folds that are shuffled."""
+"""Weighted ridge regression compared with scikit-learn, and shuffled folds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..conftest import walk
 
 
 def affine(inputs: Float) -> tuple[Float, Whitening]:
-    """Whitened features of an affine map, and how they were whitened."""
+    """Return whitened features of an affine map, and the transform."""
     c = inputs.shape[1]
     features = InputFeatures(c, no_products(), np.zeros((0, c)), np.ones(c))
     whitened = Whitening.of(features(inputs), features.slopes(inputs), features.roughness())
@@ -37,7 +37,7 @@ def data() -> tuple[Float, Float, Float]:
     return x, o, rng.uniform(0.2, 2.0, (400, 5)) * (rng.random((400, 5)) > 0.2)
 
 
-def test_an_affine_map_is_that_of_a_library_s_ridge_for_every_marker(
+def test_an_affine_map_agrees_with_scikit_learn_for_every_marker(
     data: tuple[Float, Float, Float],
 ) -> None:
     x, o, w = data
@@ -54,7 +54,7 @@ def test_an_affine_map_is_that_of_a_library_s_ridge_for_every_marker(
         np.testing.assert_allclose(b[3 * m : 3 * m + 3], peer.intercept_, rtol=1e-9, atol=1e-9)
 
 
-def test_what_is_not_known_does_not_count(data: tuple[Float, Float, Float]) -> None:
+def test_unknown_outputs_do_not_count(data: tuple[Float, Float, Float]) -> None:
     x, o, w = data
     phi, _ = affine(x)
     holes = np.where(w[..., None] > 0, o, np.nan)
@@ -67,14 +67,14 @@ def test_what_is_not_known_does_not_count(data: tuple[Float, Float, Float]) -> N
         np.testing.assert_array_equal(a, b)
 
 
-def test_errors_on_folds_are_those_of_decoders_fitted_without_them(
+def test_cross_validated_errors_agree_with_scikit_learn(
     data: tuple[Float, Float, Float],
 ) -> None:
     x, o, w = data
     phi, whitened = affine(x)
     fold = assign_folds(400, 5)
-    found = accumulate_sums(phi, o, w, fold)
-    path = cross_validate(found, noises=np.array([0.02, 0.2]))
+    result = accumulate_sums(phi, o, w, fold)
+    path = cross_validate(result, noises=np.array([0.02, 0.2]))
     for k in range(5):
         for s, noise in enumerate(path.noises):
             square = 0.0
@@ -91,17 +91,20 @@ def test_errors_on_folds_are_those_of_decoders_fitted_without_them(
 def test_squared_errors_follow_from_sums(data: tuple[Float, Float, Float]) -> None:
     x, o, w = data
     phi, _ = affine(x)
-    found = accumulate_sums(phi, o, w, np.zeros(400, int))
+    result = accumulate_sums(phi, o, w, np.zeros(400, int))
     rng = np.random.default_rng(0)
     B, b = rng.normal(size=(2, 4, 15)), rng.normal(size=(2, 15))
     off = (np.einsum("tf,sfo->sto", phi, B) + b[:, None] - o.reshape(400, 15)) ** 2
     expected = (off * np.repeat(w, 3, axis=1)).sum(1)
-    np.testing.assert_allclose(sum_squared_errors(found.only(0), B, b), expected, rtol=1e-10)
+    np.testing.assert_allclose(sum_squared_errors(result.only(0), B, b), expected, rtol=1e-10)
 
 
-def test_shuffled_folds_choose_a_far_smaller_lambda_and_lie() -> None:
-    """Signals drift and markers creep, neither with the other: pictures beside each other let a map
-    explain the creep by the drift, and only folds of neighbours show that it explains nothing."""
+def test_shuffled_folds_underestimate_the_error() -> None:
+    """Signals drift and markers creep independently.
+
+    With shuffled folds, a map seems to explain the creep by the drift; contiguous folds show that
+    it does not.
+    """
     rng = np.random.default_rng(0)
     n, c, m = 900, 40, 4
     time = np.arange(n * 10 // 7) / 30
@@ -113,16 +116,16 @@ def test_shuffled_folds_choose_a_far_smaller_lambda_and_lie() -> None:
     o = (o + 2 * CubicSpline(knots, rng.normal(size=(44, m * 3)))(time)).reshape(-1, m, 3)
     phi, _ = affine(x[:n])
     after = affine(x[:n])[1](x[n:])
-    told, tested, noise = [], [], []
+    predicted_rmse, tested, noise = [], [], []
     for fold in (assign_folds(n), rng.permutation(assign_folds(n))):
-        found = accumulate_sums(phi, o[:n], np.ones((n, m)), fold)
-        path = cross_validate(found)
-        beta, constant = solve_ridge(found.without(), np.array([path.noise]))
+        result = accumulate_sums(phi, o[:n], np.ones((n, m)), fold)
+        path = cross_validate(result)
+        beta, constant = solve_ridge(result.without(), np.array([path.noise]))
         off = (after @ beta[0] + constant[0]).reshape(-1, m, 3) - o[n:]
         noise.append(path.noise)
-        told.append(path.rmse)
+        predicted_rmse.append(path.rmse)
         tested.append(np.sqrt((off**2).sum(2).mean()))
     assert noise[1] < noise[0] / 100
-    assert told[0] > 0.7 * tested[0]
-    assert told[1] < 0.01 * tested[1]
+    assert predicted_rmse[0] > 0.7 * tested[0]
+    assert predicted_rmse[1] < 0.01 * tested[1]
     assert tested[0] < 0.7 * tested[1]
