@@ -138,14 +138,14 @@ class Tracks:
                 action="Give three numbers or three NaN",
             )
 
-    def part(self, frames: slice | Bool) -> Tracks:
+    def select(self, frames: slice | Bool) -> Tracks:
         """Return some of the frames, selected by a mask (t,) or a slice."""
         return Tracks(
             self.time[frames], self.ids, self.points[frames], self.sigma[frames], self.frame[frames]
         )
 
     @property
-    def seen(self) -> Bool:
+    def visible(self) -> Bool:
         """Whether each marker is visible in each frame (t, m)."""
         return np.asarray(np.isfinite(self.points[..., 0]))
 

@@ -132,7 +132,7 @@ def test_invalid_tracks_are_refused():
     }  # fmt: skip
     points = np.zeros((3, 2, 3))
     points[1, 0] = np.nan
-    assert Tracks(**{**good, "points": points}).seen.tolist() == [[True] * 2, [False, True],
+    assert Tracks(**{**good, "points": points}).visible.tolist() == [[True] * 2, [False, True],
                                                                   [True] * 2]  # fmt: skip
     partly_nan = points.copy()
     partly_nan[0, 0, 1] = np.nan
