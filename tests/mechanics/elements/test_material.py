@@ -1,15 +1,15 @@
-"""Each material: stress and tangent by finite differences, small strain, projection."""
+"""Check each material: stress and tangent by finite differences, small strain, projection."""
 
 import numpy as np
 import pytest
 
 from defsense_fab.core.device.device import MaterialSpec
-from defsense_fab.core.device.materials import modulus_from_shore, gent_modulus
+from defsense_fab.core.device.materials import gent_modulus, modulus_from_shore
 from defsense_fab.mechanics.elements.energy_density import (
-    symmetric_eigen,
     energy_density,
     signed_svd,
     stress,
+    symmetric_eigen,
     tangent,
 )
 from defsense_fab.mechanics.elements.material import Material
@@ -37,7 +37,7 @@ def tangent_of(m, F, share=0.0, lag=0.0):
 
 
 def gradients(seed, count, size):
-    """Random gradients with det F > 0."""
+    """Return random gradients with det F > 0."""
     rng = np.random.default_rng(seed)
     found = np.eye(3) + rng.normal(0, size, (4 * count, 3, 3))
     return found[np.linalg.det(found) > 0.2][:count]
@@ -66,8 +66,8 @@ def test_tangent_is_the_gradient_of_the_stress(material):
             assert H[k] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(H).max())
 
 
-def test_projection_is_that_of_the_eigenvalues(material):
-    """The closed form against clamping the eigenvalues of the 9 x 9 matrix."""
+def test_projection_clamps_the_eigenvalues(material):
+    """Compare the closed form with clamped eigenvalues of the 9 x 9 matrix."""
     negative = 0
     for F in [*gradients(2, 40, 0.5), np.diag([0.5, 1.5, 1.5]), 0.7 * np.eye(3)]:
         w, Q = np.linalg.eigh(tangent_of(material, F))
@@ -77,7 +77,7 @@ def test_projection_is_that_of_the_eigenvalues(material):
     assert negative > 20
 
 
-def test_projection_counts_a_lag_too(material):
+def test_projection_includes_the_lag(material):
     for F in gradients(5, 20, 0.4):
         w, Q = np.linalg.eigh(tangent_of(material, F, lag=1.5))
         clamped = (Q * np.maximum(w, 0)) @ Q.T
@@ -85,14 +85,14 @@ def test_projection_counts_a_lag_too(material):
         assert found == pytest.approx(clamped, abs=1e-7 * np.abs(w).max())
 
 
-def test_a_share_of_the_projection_lies_between(material):
+def test_a_share_of_the_projection_interpolates(material):
     for F in gradients(2, 5, 0.5):
         none, all_of_it = tangent_of(material, F), tangent_of(material, F, 1.0)
         quarter = tangent_of(material, F, 0.25)
         assert quarter == pytest.approx(none + 0.25 * (all_of_it - none), abs=1e-9)
 
 
-def test_a_lag_is_a_pressure_on_the_second_derivative_of_the_volume(material):
+def test_the_lag_multiplies_the_second_derivative_of_the_volume(material):
     h, rng = 1e-4, np.random.default_rng(3)
     for F in gradients(4, 5, 0.3):
         E = rng.normal(size=(3, 3))
@@ -101,7 +101,7 @@ def test_a_lag_is_a_pressure_on_the_second_derivative_of_the_volume(material):
         assert E.ravel() @ more @ E.ravel() == pytest.approx(2 * second, rel=1e-4, abs=1e-5)
 
 
-def test_volumetric_is_the_modulus_of_the_energys_part_by_volume(material):
+def test_volumetric_is_the_modulus_of_the_volumetric_energy(material):
     more = material.parameters.copy()
     more[4 if material.model != "stable-neo-hookean" else 1] += 0.7
     other = Material(material.model, material.kind, more, 0, 0)
@@ -111,7 +111,7 @@ def test_volumetric_is_the_modulus_of_the_energys_part_by_volume(material):
     assert (a - 2 * b + c) / 0.01 == pytest.approx(0.7)
 
 
-def test_rest_is_free_of_stress_and_rotations_cost_nothing(material):
+def test_rest_has_no_stress_and_rotations_no_energy(material):
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     assert energy_of(material, turn) == pytest.approx(0, abs=1e-12)
@@ -121,7 +121,7 @@ def test_rest_is_free_of_stress_and_rotations_cost_nothing(material):
 
 
 def test_small_strain_gives_the_moduli(material):
-    """Linear elasticity: 2 mu (sym) + (kappa - 2 mu / 3) tr."""
+    """Compare with linear elasticity: 2 mu sym(G) + (kappa - 2 mu / 3) tr(G)."""
     H = tangent_of(material, np.eye(3))
     rng = np.random.default_rng(5)
     G = rng.normal(size=(3, 3))
@@ -141,7 +141,7 @@ def test_young_and_poisson_become_moduli(model, nu):
 
 
 def test_yeoh_constants_by_uniaxial_tension():
-    """Incompressible limit of the nominal stress: 2 (l - 1/l^2) dW/dI1 (Yeoh 1993, eq. 9)."""
+    """Compare with the incompressible nominal stress 2 (l - 1/l^2) dW/dI1 (Yeoh 1993, eq. 9)."""
     spec = MaterialSpec(
         "x", 1.0, 0.499999, "yeoh", constants={"c10": 0.1, "c20": 0.02, "c30": 0.01}
     )
@@ -157,7 +157,7 @@ def test_yeoh_constants_by_uniaxial_tension():
     assert stress_of(m, np.diag([stretch, low, low]))[0, 0] == pytest.approx(expected, rel=1e-4)
 
 
-def test_only_the_stable_model_knows_inverted_tets(material):
+def test_only_the_stable_model_allows_inverted_tets(material):
     energy = energy_of(material, np.diag([1.0, 1.0, -0.5]))
     assert np.isfinite(energy) == (material.model == "stable-neo-hookean")
 
@@ -181,7 +181,8 @@ def test_signed_singular_values_and_eigenvalues():
 
 
 def test_shore_hardness_follows_gent_with_its_band():
-    assert gent_modulus(50) == pytest.approx(2.456, abs=1e-3)  # Gent 1958's relation, computed by hand
+    # Relation of Gent 1958, computed manually.
+    assert gent_modulus(50) == pytest.approx(2.456, abs=1e-3)
     modulus = modulus_from_shore("50A")
     assert modulus.value == gent_modulus(50)
     assert modulus.high / modulus.value == pytest.approx(1.69, abs=0.01)

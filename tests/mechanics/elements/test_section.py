@@ -1,4 +1,4 @@
-"""The cut of a plane through tets, against areas that are known."""
+"""Compare plane cuts of a mesh with known areas."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ _ORDERS = [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
 
 @pytest.fixture(scope="module")
 def box():
-    """4 x 3 x 2 mm, nodes at whole mm."""
+    """Return a box of 4 x 3 x 2 mm with nodes at whole mm."""
     shape = tuple(_SIZE.astype(int) + 1)
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), -1).reshape(-1, 3)
     tets = []
@@ -34,13 +34,13 @@ def box():
     [
         ([1.3, 0, 0], [2, 0, 0], 6.0),
         ([0, 1.0, 0], [0, 1, 0], 8.0),  # through nodes and along faces
-        ([0, 0, 2.0], [0, 0, 1], 12.0),  # its own side
+        ([0, 0, 2.0], [0, 0, 1], 12.0),  # along a side of the box
         ([0, 0, 0.7], [0, 0, 1], 12.0),
         ([2, 1.5, 1], [3, -4, 0], 10.0),  # the diagonal of 4 x 3, times 2
         ([0.5, 0, 0], [1, 1, 0], 2 * np.sqrt(0.5)),
     ],
 )
-def test_the_area_of_a_cut_through_a_box_is_the_box_s(box, origin, normal, area):
+def test_the_area_of_a_cut_is_exact(box, origin, normal, area):
     found = cut(box, np.array(origin, float), np.array(normal, float))
     assert found.area == pytest.approx(area, abs=1e-9)
     finer = found.subdivide(0.21)
@@ -56,6 +56,6 @@ def test_the_area_of_a_cut_through_a_box_is_the_box_s(box, origin, normal, area)
         assert (part.at.cell[part.triangles] == part.at.cell[part.triangles[:, :1]]).all()
 
 
-def test_a_plane_that_misses_cuts_nothing(box):
+def test_a_plane_outside_the_body_gives_an_empty_section(box):
     found = cut(box, np.array([9.0, 0, 0]), np.array([1.0, 0, 0]))
     assert (found.area, len(found.triangles), len(found.subdivide(1.0).points)) == (0.0, 0, 0)

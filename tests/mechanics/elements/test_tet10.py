@@ -1,4 +1,4 @@
-"""Energy, forces and tangent of the whole mesh against each other, and invariances."""
+"""Check energy, forces and tangent of a mesh against each other, and their invariances."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import rotation_matrix
 
 
 def smooth(mesh, seed):
-    """A smooth random displacement."""
+    """Return a smooth random displacement."""
     rng = np.random.default_rng(seed)
     return 0.5 * np.sin(mesh.nodes @ rng.normal(0, 0.1, (3, 3))) @ rng.normal(size=(3, 3))
 
@@ -52,7 +52,7 @@ def test_projection_removes_negative_eigenvalues_only(mesh, material):
     assert (projected >= true - 1e-9 * projected.max()).all()
 
 
-def test_linearised_forces_are_those_of_the_tangent(mesh, material):
+def test_linearized_forces_match_the_tangent(mesh, material):
     """At the state itself they are the forces; away from it they grow by the projected tangent."""
     u, d = smooth(mesh, 1), smooth(mesh, 2)
     G = deformation_gradient(mesh, u)
@@ -97,7 +97,7 @@ def test_rigid_motion_costs_no_energy(mesh, material):
     assert np.abs(forces(mesh, material, u)).max() < 1e-8
 
 
-def test_turned_bodies_have_turned_forces(mesh, material):
+def test_forces_rotate_with_the_body(mesh, material):
     turn = rotation_matrix(np.array([0.5, -1.0, 0.7]))
     u = smooth(mesh, 4)
     turned = (mesh.nodes + u) @ turn.T - mesh.nodes

@@ -1,4 +1,4 @@
-"""Poses and mixtures as boundary conditions, and what is refused."""
+"""Check poses and mixtures as boundary conditions, and refused input."""
 
 from dataclasses import replace
 
@@ -81,9 +81,8 @@ def test_partly_free_translations_are_kept(bar):
     assert made.handles[0].translation == pytest.approx([2.5, np.nan, 1], nan_ok=True)
 
 
-def test_a_region_that_is_free_in_one_pose_is_moved_on_by_another(bar):
-    """Solved in one go, it ends where the free pose leaves it and the other takes it from there:
-    as if that had been prescribed."""
+def test_a_region_free_in_one_pose_and_moved_in_another_is_solved_twice(bar):
+    """The result equals that of prescribing the free equilibrium plus the further translation."""
     material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))
     bend, pull = pose([0, -0.4, 0], name="bend"), pose(translation=[12, 0, 3], name="pull")
     made = mix_poses([bend, pull], {"bend": 1.0, "pull": 0.5}, REGIONS, bar)
@@ -111,8 +110,7 @@ def test_a_region_that_is_free_in_one_pose_is_moved_on_by_another(bar):
 
 
 def test_a_rotation_about_a_point(bar):
-    """Of the tip about the bar's middle: no more than a rotation about its own middle and the
-    translation that takes this to its place."""
+    """A rotation about another point equals one about the tip's middle plus a translation."""
     about, turn = np.array([75.0, 0, 0]), np.array([0, 0.5, 0])
     handle = Handle("tip", turn, NONE, about=about)
     made = mix_poses([Pose("p", ("base",), (handle,))], {"p": 1.0}, REGIONS, bar)
@@ -133,13 +131,13 @@ def test_a_rotation_about_a_point(bar):
         ("tip", "edge", "region-on-a-line", {"region": "base"}),
     ],
 )
-def test_impossible_regions_are_refused(bar, tip, base, code, data):
+def test_invalid_regions_are_refused(bar, tip, base, code, data):
     regions = {"tip": REGIONS[tip], "base": REGIONS[base]}
     with raises(DeviceError, code, **data):
         mix_poses([pose([0, 0.1, 0])], {"p": 1.0}, regions, bar)
 
 
-def test_mixtures_that_contradict_themselves_are_refused(bar):
+def test_contradictory_mixtures_are_refused(bar):
     free = pose([0.1, 0, 0], name="free")
     aside = replace(
         free, name="aside", handles=(replace(free.handles[0], about=np.array([75.0, 0, 0])),)
@@ -156,7 +154,7 @@ def test_mixtures_that_contradict_themselves_are_refused(bar):
         mix_poses([free, hinge], {"free": 0.5, "hinge": 0.5}, REGIONS, bar)
 
 
-def test_symmetry_needs_a_plane_that_handles_keep(bar):
+def test_handles_must_stay_in_a_plane_of_symmetry(bar):
     plane = (SymmetryPlane("side", np.array([0, 1.0, 0])),)
     good = pose([0, 0.3, 0], [np.nan, 0, np.nan], symmetry=plane)
     assert len(mix_poses([good], {"p": 1.0}, REGIONS, bar).slides) == 1
@@ -180,7 +178,7 @@ def handle_on(mesh, low, translation, free_axes=None):
     return RigidHandle(nodes, mesh.nodes[nodes].mean(0), NONE, np.array(translation), axes, "tip")
 
 
-def test_rigid_motions_left_free_are_named(bar):
+def test_free_rigid_motions_are_refused(bar):
     nothing = np.array([], int)
     moved = handle_on(bar, 139, [np.nan, 0, 0])
     with raises(DeviceError, "body-not-held", pose="p", motion="move") as caught:
@@ -194,7 +192,7 @@ def test_rigid_motions_left_free_are_named(bar):
     assert check_constraints(bar, BoundaryConditions(nothing, (held,)), "p") == []
 
 
-def test_loose_pieces_are_refused():
+def test_disconnected_bodies_are_refused():
     a, b = (structured_bar([x, 0, 0], [x + 10, 10, 10], (1, 1, 1)) for x in (0, 20))
     both = TetMesh(np.concatenate([a.nodes, b.nodes]), np.concatenate([a.tets, b.tets + 8]))
     mesh = QuadraticMesh.from_linear(both)
@@ -202,12 +200,12 @@ def test_loose_pieces_are_refused():
         check_constraints(mesh, BoundaryConditions(np.arange(3)), "p")
 
 
-def test_small_regions_and_drags_outside_are_told(bar):
+def test_small_regions_give_warnings_and_drags_outside_are_refused(bar):
     tip = np.flatnonzero(np.linalg.norm(bar.nodes - [150, 0, 0], axis=1) < 9)
     small = RigidHandle(tip, np.array([150.0, 0, 0]), NONE, np.array([1.0, 0, 0]), name="dot")
     base = np.flatnonzero(bar.nodes[:, 0] < 1)
-    (said,) = check_constraints(bar, BoundaryConditions(base, (small,)), "p")
-    assert "'dot'" in said
+    (warning,) = check_constraints(bar, BoundaryConditions(base, (small,)), "p")
+    assert "'dot'" in warning
     outside = PointDrag(np.array([75.0, 0, 30]), NONE, 1.0)
     with raises(DeviceError, "drag-outside-body", point=(75.0, 0.0, 30.0)):
         check_constraints(bar, BoundaryConditions(base, drags=(outside,)), "p")

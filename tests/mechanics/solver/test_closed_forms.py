@@ -1,4 +1,4 @@
-"""Solved bars against closed forms of elasticity; every tolerance with its reason."""
+"""Compare solved bars with closed forms of elasticity; every tolerance has its reason."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     State,
 )
 from defsense_fab.mechanics.solver.fields import deformation_gradient_at_nodes, principal_stretches
-from defsense_fab.mechanics.solver.linear_response import small_load_displacement, line_forces
+from defsense_fab.mechanics.solver.linear_response import line_forces, small_load_displacement
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from defsense_fab.mechanics.solver.newton import System
 from defsense_fab.sensing.response import Response, cord_signals
@@ -27,9 +27,9 @@ SHEAR = MATERIAL.shear
 
 
 def test_uniform_tension_to_twice_the_length(material):
-    """On sliding faces the field is homogeneous, so the elements hold it exactly: to rounding.
+    """With sliding faces the field is homogeneous, which the elements represent to rounding.
 
-    The lateral stretch has no stress across, and the force is the area times dW/dl1.
+    The lateral stress is zero, and the force is the area times dW/dl1.
     """
     mesh = structured([0, -15, -15], [150, 15, 15], (10, 2, 2))
     x = mesh.nodes
@@ -39,7 +39,7 @@ def test_uniform_tension_to_twice_the_length(material):
         for a in range(3)
     )
     end = np.flatnonzero(np.abs(x[:, 0] - 150) < 1e-3)
-    # One node a handle, so that the end face may narrow; its rim stays in the planes.
+    # Each node is a handle, so that the end face can narrow; its rim stays in the planes.
     free = np.array([[np.nan if n not in p.nodes else 0.0 for p in planes[1:]] for n in end])
     pulls = tuple(
         RigidHandle(np.array([n]), x[n], np.zeros(3), np.array([150.0, *sides]))
@@ -70,8 +70,8 @@ def structured(low, high, counts):
     return QuadraticMesh.from_linear(structured_bar(low, high, counts))
 
 
-def test_a_taut_line_bends_and_shortens_a_bar_as_beams_do(slender):
-    """Euler-Bernoulli; 5 % for how the forces at its ends spread, some of 110 mm."""
+def test_a_line_under_tension_deforms_a_bar_like_a_beam(slender):
+    """Euler-Bernoulli; 5 % because the forces spread near the ends of the 110 mm line."""
     x, tension, off = slender.nodes, 0.01, 3.0
     path = np.stack([np.linspace(20, 130, 111), np.zeros(111), np.full(111, off)], axis=1)
     forces = line_forces(PointLocator(slender), path, tension)
@@ -94,7 +94,7 @@ def clamped(mesh, rotation):
 
 
 def moment(mesh, conditions, state):
-    """Of the forces on the tip, about its centre (3,), N mm."""
+    """Return the moment (3,) N mm of the forces on the tip about its center."""
     h = conditions.handles[0]
     force = tet10.forces(mesh, MATERIAL, deformation_gradient(mesh, state.u))[h.nodes]
     arm = mesh.nodes[h.nodes] + state.u[h.nodes] - h.center - state.translations[0]
@@ -104,7 +104,7 @@ def moment(mesh, conditions, state):
 def test_pure_bending_of_a_slender_bar(slender):
     """M = E I angle / length, and a strain of z / R.
 
-    2 %: the free length is 140 mm of 10 mm thickness, and each clamp hinders the cross section
+    2 %: the free length is 140 mm at 10 mm thickness, and each clamp constrains the cross section
     within about one thickness; the angle of 0.2 keeps z / R at 0.7 %, where E is constant.
     """
     conditions = clamped(slender, [0, -0.2, 0])
@@ -123,7 +123,7 @@ def test_pure_bending_of_a_slender_bar(slender):
 def test_small_torsion_of_a_square_bar(slender):
     """M = G J angle / length with J = 0.1406 a^4 (Timoshenko & Goodier, sec. 109).
 
-    2 %: the clamps hinder the warping of the sections near them.
+    2 %: the clamps constrain the warping of the sections near them.
     """
     conditions = clamped(slender, [0.2, 0, 0])
     state = solve_ramp(slender, MATERIAL, conditions, [1.0])[-1].state
@@ -131,10 +131,10 @@ def test_small_torsion_of_a_square_bar(slender):
     assert moment(slender, conditions, state)[0] == pytest.approx(expected, rel=0.02)
 
 
-def test_bending_by_its_own_weight(slender):
-    """A cantilever's tip sinks by w L^4 / (8 E I) + shear 1.2 w L^2 / (2 G A), as beams tell.
+def test_bending_by_gravity(slender):
+    """The tip of a cantilever sinks by w L^4 / (8 E I) + 1.2 w L^2 / (2 G A) (beam theory).
 
-    2 %: the load is small, so that the sinking is a hundredth of the length.
+    2 %: the load is so small that the tip sinks by a hundredth of the length.
     """
     weight = 1e-8 * 100  # N/mm, of 1e-8 N/mm^3
     base = np.flatnonzero(slender.nodes[:, 0] <= 5)
@@ -148,7 +148,7 @@ def test_bending_by_its_own_weight(slender):
 
 
 def helices():
-    """Lines (6, 400, 3) that both a bend and a twist stretch."""
+    """Return lines (6, 400, 3) that both a bend and a twist stretch."""
     s = np.linspace(0, 1, 400)
     turn = np.pi * s + np.linspace(0, 2 * np.pi, 6, endpoint=False)[:, None]
     x = np.broadcast_to(12 + 126 * s, turn.shape)
@@ -156,8 +156,11 @@ def helices():
 
 
 def orders(meshes, solve, lines):
-    """Fitted orders of displacement and signal against the last mesh, and the errors of the one
-    before: displacement in mm, signal relative; solve(mesh) gives u (n, 3)."""
+    """Fit the convergence orders of displacement and signal, with the last mesh as reference.
+
+    Returns both orders and the errors of the second last mesh: displacement in mm, signal relative.
+    `solve(mesh)` returns u (n, 3).
+    """
     sizes, moved, measured = [], [], []
     for mesh in meshes:
         locator = PointLocator(mesh)
@@ -174,13 +177,13 @@ def orders(meshes, solve, lines):
 
 @pytest.fixture(scope="module")
 def refined():
-    """Meshes of one bar with nodes at x = 10 and 140, where its clamps end."""
+    """Return meshes of one bar with nodes at x = 10 and 140, where its clamps end."""
     return [structured([0, -15, -7.5], [150, 15, 7.5], (15 * n, 3 * n, 2 * n)) for n in (1, 2, 3)]
 
 
 @pytest.mark.slow
-def test_smooth_solutions_converge_as_quadratic_elements_promise(refined):
-    """All of the surface on a smooth curve, the inside solved: h^3 and at least h^2."""
+def test_smooth_solutions_converge_at_the_rate_of_quadratic_elements(refined):
+    """The surface is prescribed on a smooth curve: orders h^3 and at least h^2."""
 
     def solve(mesh):
         x = mesh.nodes
@@ -205,7 +208,7 @@ def test_smooth_solutions_converge_as_quadratic_elements_promise(refined):
 @pytest.mark.slow
 @pytest.mark.parametrize("rotation", [[0, -np.pi / 3, 0], [np.pi / 3, 0, 0]], ids=["bend", "twist"])
 def test_clamped_poses_converge(refined, rotation):
-    """The stress is singular at the clamps' edges, which lowers the orders."""
+    """The stress is singular at the edges of the clamps, which lowers the orders."""
 
     def solve(mesh):
         x = mesh.nodes

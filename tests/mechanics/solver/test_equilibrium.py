@@ -1,4 +1,4 @@
-"""Solved poses: equilibrium, free handles, failure as a status, cancelling, warm starts."""
+"""Check solved poses: equilibrium, free handles, failures, cancelling and warm starts."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -38,14 +38,14 @@ from defsense_fab.mechanics.solver.load_stepping import (
 )
 from defsense_fab.mechanics.solver.newton import Cancelled, System
 from tests.conftest import structured_bar
-from tests.support.errors import raises
 from tests.mechanics.conftest import MODELS
+from tests.support.errors import raises
 
 MATERIAL = MODELS["neo-hookean"]
 
 
 def rubber(nu):
-    """Shear modulus 0.2 MPa."""
+    """Return a material with a shear modulus of 0.2 MPa."""
     return neo_hookean(0.2, 0.4 * (1 + nu) / (3 * (1 - 2 * nu)))
 
 
@@ -54,7 +54,7 @@ def internal(mesh, material, u):
 
 
 def test_patch_test(mesh, material):
-    """Boundary nodes moved by a homogeneous field: the inside follows it to rounding."""
+    """If a homogeneous field moves the boundary nodes, the inner nodes follow it to rounding."""
     G = np.array([[0.1, 0.02, 0], [0, -0.04, 0.01], [0.03, 0, -0.05]])
     target = mesh.nodes @ G.T
     faces = np.abs(mesh.nodes - [75, 0, 0]) > np.array([75, 15, 15]) - 0.3
@@ -117,9 +117,11 @@ def test_a_twist_of_270_degrees_stays_270(mesh, clamp):
     assert np.rad2deg(angle) % 360 == pytest.approx(270 * (x[0] - 10) / 130, abs=4)
 
 
-def test_one_of_several_equilibria_is_not_sound(clamp):
-    """A bar bent by 270 degrees leaves its plane, to either side, if it gets there at all; one that
-    is twisted as far, or bent half as far, does not."""
+def test_one_of_several_equilibria_is_reported_as_unsound(clamp):
+    """A bar bent by 270 degrees leaves its plane to either side, if it is solved at all.
+
+    A bar that is twisted as far, or bent half as far, stays unique.
+    """
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (15, 3, 3)))
     bend, twist = (clamp(mesh, a) for a in ([0, -1.5 * np.pi, 0], [1.5 * np.pi, 0, 0]))
     jobs = [Job(bend, (0.5, 1.0)), Job(twist, (1.0,))]
@@ -130,40 +132,34 @@ def test_one_of_several_equilibria_is_not_sound(clamp):
 
 
 @pytest.mark.parametrize(
-    ("moved", "status", "says"),
-    [
-        (0.5, Status.OK, None),
-        (20.0, Status.UNSOUND, "20 mm elsewhere"),
-        (None, Status.UNSOUND, "do not"),
-    ],
+    ("moved", "status"), [(0.5, Status.OK), (20.0, Status.UNSOUND), (None, Status.UNSOUND)]
 )
-def test_large_rotations_are_compared_with_half_the_steps(
-    mesh, clamp, monkeypatch, moved, status, says
-):
+def test_large_rotations_are_compared_with_smaller_steps(mesh, clamp, monkeypatch, moved, status):
     conditions = clamp(mesh, [0.6 * np.pi, 0, 0])
     start = rest_state(conditions, len(mesh.nodes))
     found = Equilibrium(Status.OK, replace(start, u=start.u), 1.0, None)
-    rotations = []
+    largest_turns = []
 
-    def again(*_, largest_turn, **__):
-        rotations.append(largest_turn)
+    def solve_again(*_, largest_turn, **__):
+        largest_turns.append(largest_turn)
         if moved is None:
             return [Equilibrium(Status.NOT_REACHED, None, 0.8, None)]
         return [replace(found, state=replace(start, u=start.u + np.array([0, moved, 0])))]
 
-    monkeypatch.setattr(load_stepping, "follow", again)
+    monkeypatch.setattr(load_stepping, "follow", solve_again)
     system = SimpleNamespace(mesh=mesh)
     (got,) = confirm_equilibria(system, start, conditions, [found], (1.0,))
     assert got.status == status
-    assert says is None or says in got.problem
-    assert rotations == [load_stepping.MAX_STEP_TURN_RAD / 2]
+    assert (got.problem is None) == (status == Status.OK)
+    assert moved != 20.0 or "20 mm" in got.problem
+    assert largest_turns == [load_stepping.MAX_STEP_TURN_RAD / 2]
     small = clamp(mesh, [0.5 * np.pi, 0, 0])
     assert confirm_equilibria(system, start, small, [found], (1.0,)) == [found]
-    assert len(rotations) == 1  # what takes one step is not compared
+    assert len(largest_turns) == 1  # a pose that takes one step is not compared
 
 
-def test_impossible_pose_is_a_status_without_a_field(mesh):
-    """The handles leave no node free between them: tets there turn inside out for certain."""
+def test_an_impossible_pose_has_a_status_but_no_field(mesh):
+    """No node is free between the handles, so tets there must invert."""
     x = mesh.nodes
     tip = np.flatnonzero(x[:, 0] > 70)
     handle = RigidHandle(tip, np.array([110.0, 0, 0]), np.zeros(3), np.array([-60.0, 0, 0]))
@@ -178,7 +174,7 @@ def test_impossible_pose_is_a_status_without_a_field(mesh):
     assert np.linalg.det(F).min() > 0
 
 
-def test_a_wholly_prescribed_body_needs_no_solver(mesh):
+def test_a_fully_prescribed_body_needs_no_solver(mesh):
     every = np.arange(len(mesh.nodes))
     moved = RigidHandle(every, np.array([75.0, 0, 0]), np.array([0, 0, 0.4]), np.array([3.0, 0, 0]))
     conditions = BoundaryConditions(np.array([], int), (moved,))
@@ -187,7 +183,7 @@ def test_a_wholly_prescribed_body_needs_no_solver(mesh):
     assert result.u.mean(0)[0] != 0
 
 
-def test_cancelling_returns_a_status_and_what_was_reached(mesh, clamp):
+def test_cancelling_returns_the_state_reached(mesh, clamp):
     seen = []
     results = solve_ramp(
         mesh, MATERIAL, clamp(mesh, [3.0, 0, 0]), [0.5, 1.0], seen.append, lambda: len(seen) > 0
@@ -198,8 +194,8 @@ def test_cancelling_returns_a_status_and_what_was_reached(mesh, clamp):
     assert results[-1].last_state is results[0].state
 
 
-def test_a_neighbouring_pose_is_a_start(mesh, clamp):
-    """From 50 degrees of bend to 60 degrees of twist: what rest leads to, on another way."""
+def test_a_neighboring_pose_can_be_the_start(mesh, clamp):
+    """From 50 degrees of bend to 60 degrees of twist: the same state as from rest."""
     bend, twist = clamp(mesh, [0, -0.87, 0]), clamp(mesh, [1.05, 0, 0])
     system = System(mesh, MATERIAL, bend)
     near = follow(system, rest_state(bend, len(mesh.nodes)), bend)[-1]
@@ -214,7 +210,7 @@ def test_a_neighbouring_pose_is_a_start(mesh, clamp):
 
 
 def test_nearly_incompressible_bodies_take_few_matrices(mesh, clamp):
-    """Without pressures of their own at the quadrature points it is 60 at nu = 0.499."""
+    """Without separate pressures at the quadrature points it takes 60 matrices at nu = 0.499."""
     for nu in (0.45, 0.499):
         goal = clamp(mesh, [0.6, -0.9, 0.3], [-10.0, np.nan, np.nan])
         result = solve_ramp(mesh, rubber(nu), goal, [1.0])[-1]
@@ -231,7 +227,7 @@ def test_a_hinge_near_incompressibility(clamp):
     assert result.statistics.factors <= 60
 
 
-def test_the_way_back_to_rest_is_reached(mesh, clamp):
+def test_the_path_back_to_rest_is_solved(mesh, clamp):
     bent, straight = clamp(mesh, [0, -0.6, 0]), clamp(mesh)
     system = System(mesh, MATERIAL, bent)
     there = follow(system, rest_state(bent, len(mesh.nodes)), bent)[-1]
@@ -241,7 +237,7 @@ def test_the_way_back_to_rest_is_reached(mesh, clamp):
     system.close()
 
 
-def test_an_unstable_pose_asked_for_again_stays_unstable(clamp):
+def test_an_unstable_pose_solved_again_stays_unstable(clamp):
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [10, 2, 2]))
     goal = clamp(mesh, translation=[-22.0, 0, 0])
     system = System(mesh, rubber(0.45), goal)
@@ -253,8 +249,8 @@ def test_an_unstable_pose_asked_for_again_stays_unstable(clamp):
 
 
 @pytest.fixture
-def knotted(clamp):
-    """A system, an equilibrium of it, and the same with one node pulled far off."""
+def disturbed(clamp):
+    """Return a system, an equilibrium of it, and the same state with one node displaced."""
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [90, 3, 3]))
     goal = clamp(mesh, [0, -0.8, 0])
     system = System(mesh, MATERIAL, goal)
@@ -266,9 +262,9 @@ def knotted(clamp):
     system.close()
 
 
-def test_a_knot_in_a_pose_is_untied_by_itself(knotted, monkeypatch):
-    """The patch about the node is solved, the rest stays."""
-    system, solved, start = knotted
+def test_a_stuck_patch_is_solved_alone(disturbed, monkeypatch):
+    """Only the patch around the displaced node is solved first."""
+    system, solved, start = disturbed
     mesh = system.mesh
     gradient = system.reduction.gradient(solved, internal(mesh, MATERIAL, start.u))
     nodes, cells = find_stuck_patch(system.reduction, gradient)
@@ -285,8 +281,8 @@ def test_a_knot_in_a_pose_is_untied_by_itself(knotted, monkeypatch):
         assert np.abs(attempt.state.u - solved.u).max() < 1e-4
 
 
-def test_cancelling_inside_a_patch(knotted, monkeypatch):
-    system, solved, start = knotted
+def test_cancelling_inside_a_patch(disturbed, monkeypatch):
+    system, solved, start = disturbed
     monkeypatch.setattr(newton, "PATCH_AFTER", 0)
     asked = []
     with pytest.raises(Cancelled):
@@ -294,8 +290,8 @@ def test_cancelling_inside_a_patch(knotted, monkeypatch):
     assert np.abs(system.equilibrium(start).state.u - solved.u).max() < 1e-4
 
 
-def test_a_drag_pulls_softly(mesh, clamp):
-    """The spring's force is what the body's own forces answer."""
+def test_a_drag_balances_the_body(mesh, clamp):
+    """The force of the spring equals the reaction of the body."""
     base = clamp(mesh).fixed
     drag = PointDrag(np.array([150.0, 0, 0]), np.array([0, 0, 30.0]), 0.05)
     result = solve_ramp(mesh, MATERIAL, BoundaryConditions(base, drags=(drag,)), [1.0])[-1]
@@ -306,7 +302,7 @@ def test_a_drag_pulls_softly(mesh, clamp):
     assert -reaction[2] == pytest.approx(0.05 * stretch, rel=0.05)  # the end node is not the point
 
 
-def test_poses_in_parallel_are_those_one_by_one(mesh, clamp):
+def test_parallel_solves_equal_serial_ones(mesh, clamp):
     goals = [clamp(mesh, [0.5, 0, 0]), clamp(mesh, [0, 0.5, 0]), clamp(mesh, translation=[9, 0, 0])]
     seen = []
     both = solve_all(
@@ -319,8 +315,8 @@ def test_poses_in_parallel_are_those_one_by_one(mesh, clamp):
     assert {i for i, _ in seen} == {0, 1, 2}
 
 
-def test_a_pose_is_the_same_after_another_as_alone(clamp):
-    """Whatever its thread solved before, or fields would hang by the number of threads."""
+def test_a_pose_does_not_depend_on_the_pose_solved_before(clamp):
+    """Otherwise fields would depend on the number of threads."""
     small = QuadraticMesh.from_linear(structured_bar([0, -7, -7], [100, 8, 8], [10, 2, 2]))
     material = neo_hookean(0.3, 15.0)
     hard = clamp(small, [np.deg2rad(170), 0, 0], [-15, 0, 0])
@@ -338,7 +334,7 @@ def test_a_pose_is_the_same_after_another_as_alone(clamp):
             assert a.statistics.factors == b.statistics.factors
 
 
-def test_an_exception_in_one_pose_ends_them_all(mesh, clamp):
+def test_an_exception_in_one_job_cancels_all(mesh, clamp):
     def fail(job, at):
         raise KeyboardInterrupt
 
@@ -346,9 +342,11 @@ def test_an_exception_in_one_pose_ends_them_all(mesh, clamp):
         solve_all(mesh, MATERIAL, [Job(clamp(mesh, [0.5, 0, 0]), (1.0,))] * 3, fail, 2)
 
 
-def test_a_pressed_bar_is_found_unstable(mesh, clamp):
-    """Beyond Euler's load a bar that stays straight is a saddle, and one that is on its way to
-    buckle may not be reached. Never a straight bar that is called ok."""
+def test_a_compressed_bar_is_unstable(mesh, clamp):
+    """Beyond Euler's load a straight bar is a saddle, and a buckled one may not be reached.
+
+    A straight bar must never have the status ok.
+    """
     conditions = clamp(mesh, translation=[-30.0, 0, 0])
     result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
     if result.status == Status.NOT_REACHED:
@@ -357,8 +355,8 @@ def test_a_pressed_bar_is_found_unstable(mesh, clamp):
         assert result.status == Status.UNSTABLE or np.abs(result.u[:, 1:]).max() > 10
 
 
-def test_a_body_through_itself_is_reported(mesh, clamp):
-    """Bent by 330 degrees, the tip stands in the base: an equilibrium, but no real pose."""
+def test_self_penetration_is_reported(mesh, clamp):
+    """Bent by 330 degrees, the tip lies in the base: an equilibrium, but impossible."""
     x = mesh.nodes
     turn = 2 * np.pi * x[:, 0] / 150 * 1.02
     radius = 150 / (2 * np.pi * 1.02)
@@ -396,7 +394,7 @@ def random_spd(seed):
 
 
 @pytest.mark.parametrize("kind", [Pardiso, Rslab, SuperLU])
-def test_all_solvers_solve_and_refuse(kind):
+def test_solvers_solve_definite_and_refuse_other_matrices(kind):
     import scipy.sparse as sp
 
     solver = kind()
@@ -413,7 +411,7 @@ def test_all_solvers_solve_and_refuse(kind):
             kind().factor(sp.csr_matrix(np.array([[1.0, other], [0.0, 1.0]])))
 
 
-def test_without_mkl_the_poses_are_the_same(mesh, clamp, monkeypatch):
+def test_poses_do_not_depend_on_the_solver(mesh, clamp, monkeypatch):
     goal = clamp(mesh, [0, -1.0, 0])
     assert make_solver().name == Pardiso.name
     by_mkl = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
@@ -428,8 +426,8 @@ def test_without_mkl_the_poses_are_the_same(mesh, clamp, monkeypatch):
         make_solver()
 
 
-def test_pressure_on_an_open_face_bends_the_bar_to_equilibrium(clamp):
-    """The load follows the surface, so the tangent is unsymmetric; every node is in balance."""
+def test_pressure_on_an_open_face_is_in_equilibrium(clamp):
+    """The load follows the surface, so the tangent is unsymmetric; every node is balanced."""
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (12, 2, 2)))
     law = neo_hookean(0.3 / 2.98, 0.3 / 0.06)
     faces = tet10.boundary_faces(mesh)

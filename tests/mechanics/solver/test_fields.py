@@ -1,4 +1,4 @@
-"""Reading fields: located points, gradients, stretches; the interactive editor; modes."""
+"""Check fields at points, gradients, stretches, the interactive solver and modes."""
 
 from dataclasses import replace
 
@@ -17,10 +17,10 @@ from defsense_fab.mechanics.solver.fields import (
 )
 from defsense_fab.mechanics.solver.interactive import VISUAL_TOLERANCE, InteractiveSolver
 from defsense_fab.mechanics.solver.linear_response import (
-    _snap_to_mirror,
     _mirror_axes,
-    vibration_modes,
+    _snap_to_mirror,
     propose_poses,
+    vibration_modes,
 )
 from defsense_fab.mechanics.solver.load_stepping import Status, solve_ramp
 from defsense_fab.mechanics.solver.newton import TOLERANCE
@@ -30,7 +30,7 @@ MATERIAL = neo_hookean(0.2, 5.0)
 
 
 def test_quadratic_fields_are_read_exactly(mesh):
-    """Anywhere inside, values and gradients of a quadratic field to rounding; none missed."""
+    """Values and gradients of a quadratic field are exact to rounding at all points inside."""
     rng = np.random.default_rng(0)
     A = rng.normal(size=(3, 3, 3)) * 1e-3
     u = np.einsum("aij,ni,nj->na", A, mesh.nodes, mesh.nodes)
@@ -45,7 +45,7 @@ def test_quadratic_fields_are_read_exactly(mesh):
     assert locator.gradient(at, u[None])[0] == pytest.approx(gradient, abs=1e-8)
 
 
-def test_points_outside_get_the_nearest_tet(mesh):
+def test_points_outside_use_the_nearest_tet(mesh):
     at = PointLocator(mesh).find(np.array([[150.4, 0, 0], [75, 0, 15.3]]))
     assert (at.depth < 0).all()
     assert (at.depth > -0.5).all()
@@ -63,7 +63,7 @@ def test_stretches_of_a_known_gradient(mesh):
     assert stretch_along(F, d)[0] == pytest.approx(np.sqrt(1 + 2 * E[1, 1]))
 
 
-def test_an_edit_gives_the_coarse_answer_first_then_that_of_rest(clamp):
+def test_an_edit_gives_the_coarse_answer_first_then_the_fine_one(clamp):
     coarse, fine = (
         QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], n))
         for n in ((8, 2, 2), (15, 3, 3))
@@ -84,12 +84,12 @@ def test_an_edit_gives_the_coarse_answer_first_then_that_of_rest(clamp):
     seen = []
     newer = session.edit(lambda m: clamp(m, [1.0, 0, 0]), seen.append, newer=lambda: True)
     assert newer.status == Status.CANCELLED
-    assert len(seen) == 1  # a hand is followed
+    assert len(seen) == 1  # the coarse answer still follows the user
     assert session.displacements[1] is before
     session.close()
 
 
-def test_what_is_quick_is_near_enough_for_the_eye(clamp):
+def test_the_visual_tolerance_is_faster_and_accurate_enough(clamp):
     coarse, fine = (
         QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], n))
         for n in ((8, 2, 2), (15, 3, 3))
@@ -109,8 +109,8 @@ def test_what_is_quick_is_near_enough_for_the_eye(clamp):
     assert np.abs(quick.u - exact.u).max() < 1e-3
 
 
-def test_an_edit_that_is_not_reached_says_how_much_of_the_pose_was(clamp):
-    """From rest, and not from the pose before; a pose can be led on from that one then."""
+def test_an_unreached_edit_reports_its_amplitude(clamp):
+    """The failed pose is solved from rest, and the last pose remains the start of the next."""
     coarse, fine = (
         QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], n))
         for n in ((8, 2, 2), (15, 3, 3))
@@ -133,7 +133,7 @@ def test_an_edit_that_is_not_reached_says_how_much_of_the_pose_was(clamp):
 
 
 @pytest.fixture(scope="module")
-def shaken():
+def bar_modes():
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (20, 4, 4)))
     fixed = np.flatnonzero(mesh.nodes[:, 0] < 1e-3)
     young, nu = 0.6, 0.45
@@ -141,15 +141,18 @@ def shaken():
     return mesh, fixed, vibration_modes(mesh, law, fixed, 1.1, 6)
 
 
-def test_modes_of_a_bar_have_the_frequencies_of_beam_theory(shaken):
-    """Two bends, a twist, a stretch. 4 %: a bar five times as long as thick is no slender beam
-    (shear and rotary inertia lower its bends), and the clamp hinders the cross section."""
+def test_modes_of_a_bar_have_the_frequencies_of_beam_theory(bar_modes):
+    """Two bends, a twist and a stretch, within 4 %.
+
+    A bar five times as long as thick is not a slender beam: shear and rotary inertia lower the
+    frequencies of its bends, and the clamp constrains the cross section.
+    """
     length, side, c = 150.0, 30.0, np.sqrt(0.6 / 1.1e-9)
     bend = 3.516 / (2 * np.pi) * side / np.sqrt(12) / length**2 * c
     twist = np.sqrt(0.1406 * 6 / (2 * 1.45)) * c / (4 * length)
     stretch = c / (4 * length)
     assert bend < twist < stretch
-    _, _, found = shaken
+    _, _, found = bar_modes
     first = [m for m in found if m.order == 1]
     assert [m.kind for m in first] == ["bend", "bend", "twist", "stretch"]
     assert [m.frequency for m in first] == pytest.approx([bend, bend, twist, stretch], rel=0.04)
@@ -157,8 +160,8 @@ def test_modes_of_a_bar_have_the_frequencies_of_beam_theory(shaken):
     assert [m.kind for m in found if m.order == 2] == ["bend", "bend"]
 
 
-def test_modes_become_poses(shaken):
-    mesh, fixed, found = shaken
+def test_modes_are_proposed_as_poses(bar_modes):
+    mesh, fixed, found = bar_modes
     poses = propose_poses(mesh, fixed, found)
     assert [p.name for p in poses] == ["bend", "bend_2", "twist", "stretch"]
     first, second, twist, stretch = poses
@@ -178,7 +181,7 @@ def test_modes_become_poses(shaken):
 
 
 def test_poses_follow_the_symmetry_of_the_body_not_of_its_mesh(bar_mesh):
-    """A square bar of unordered tets bends about its own axes; one with a wedge cut off leans."""
+    """A square bar of unstructured tets bends about its axes; a skewed bar does not."""
     mesh = QuadraticMesh.from_linear(bar_mesh)
     assert [axis.tolist() for axis in _mirror_axes(mesh)] == np.eye(3).tolist()
     fixed = np.flatnonzero(mesh.nodes[:, 0] < 8)

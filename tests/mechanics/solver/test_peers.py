@@ -1,4 +1,4 @@
-"""Poses against other solvers, and against an independent judge of energy and forces."""
+"""Compare poses with other solvers and with an independent check of energy and forces."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from defsense_fab.mechanics.elements.threads import count_cores
 from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions
 from defsense_fab.mechanics.solver.load_stepping import Status, solve_ramp
 
-#: Coarse: the elements, not the mesh, are compared.
+#: Edge lengths, mm; coarse, because elements are compared, not meshes.
 EDGES = {"bar": 13.0, "blob": 16.0}
 FREE = np.full(3, np.nan)
 
@@ -38,7 +38,7 @@ def test_against_calculix(bodies, title, nu):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EDGES)
-def test_extremes_are_solved_or_say_how_far(bodies, name):
+def test_extreme_poses_are_solved_or_report_their_amplitude(bodies, name):
     mesh, regions = bodies[name]
     law = material(0.49)
     for moved, rotation, translation in extremes(name, regions, mesh).values():
@@ -50,7 +50,7 @@ def test_extremes_are_solved_or_say_how_far(bodies, name):
 
 
 @pytest.mark.slow
-def test_random_poses_never_claim_more_than_they_have(bodies):
+def test_random_poses_have_correct_statuses(bodies):
     rng = np.random.default_rng(1)
     solved = 0
     for k in range(12):
@@ -66,8 +66,8 @@ def test_random_poses_never_claim_more_than_they_have(bodies):
     assert solved >= 9
 
 
-def test_the_judge_sees_a_wrong_field(bodies):
-    """A check that cannot fail would be none: fields spoiled in each way that it looks for."""
+def test_the_independent_check_detects_wrong_fields(bodies):
+    """The check must fail for fields that are wrong in each way it looks for."""
     mesh, regions = bodies["bar"]
     law = material(0.45)
     goal = clamp(mesh, regions, "base", "tip", [0, -0.5, 0], FREE)
