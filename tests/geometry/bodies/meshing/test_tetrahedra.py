@@ -92,7 +92,8 @@ def test_mesh_after_a_lack_of_memory_is_not_repeatable(monkeypatch, how):
         raise error
 
     first, *others = plan_methods(ball(10.0, 2), 4.0)
-    monkeypatch.setattr(tetrahedra, "ways", lambda *_: [replace(first, make=short), *others])
+    methods = [replace(first, make=short), *others]
+    monkeypatch.setattr(tetrahedra, "plan_methods", lambda *_: methods)
     measured = tetrahedralize(ball(10.0, 2), 4.0)
     assert len(measured.tried) == 1
     assert not measured.repeatable
@@ -170,7 +171,7 @@ def only(monkeypatch, mesher):
             for w in plan_methods(surface, edge_length)
         ]
 
-    monkeypatch.setattr(tetrahedra, "ways", planned)
+    monkeypatch.setattr(tetrahedra, "plan_methods", planned)
 
 
 @pytest.mark.slow
@@ -205,7 +206,7 @@ def test_errors_of_libraries_lead_to_the_next_method(bar, monkeypatch, error):
         raise error
 
     first = replace(planned[0], make=fail)
-    monkeypatch.setattr(tetrahedra, "ways", lambda *_: [first, *planned])
+    monkeypatch.setattr(tetrahedra, "plan_methods", lambda *_: [first, *planned])
     result = tetrahedralize(bar, 14.0)
     assert result.mesher == planned[0].mesher
     assert len(result.tried) == 1
@@ -224,7 +225,7 @@ def test_mesh_after_a_stopped_method_is_not_repeatable(bar, monkeypatch):
         first = plan_methods(surface, edge_length)[0]
         return [replace(first, share=1e-9), first]
 
-    monkeypatch.setattr(tetrahedra, "ways", planned)
+    monkeypatch.setattr(tetrahedra, "plan_methods", planned)
     result = tetrahedralize(bar, 14.0)
     assert result.stopped
     assert not result.repeatable
