@@ -167,9 +167,9 @@ def _compile(poses: Sequence[str], specs: Sequence[ControlSpec]) -> list[_Entry]
         try:
             formula = compile_expression(spec.formula, known)
         except ControlError as error:
-            raise ControlError(
-                str(error), code=error.code, where=where, **error.data | {"control": spec.name}
-            ) from None
+            located = ControlError(str(error), code=error.code, where=where)
+            located.data = error.data | {"control": spec.name}
+            raise located from None
         shaping = spec.shaping
         entries.append(_Entry(spec, formula, OneEuro(shaping.smoothing, shaping.quickness)))
         known.append(spec.name)

@@ -285,7 +285,9 @@ def _make_controls(live: LiveDevice, options: RunOptions) -> ControlBank | None:
             live.poses, model.rest_points, options.controls, independent=len(model.channels)
         )
     except ControlError as error:
-        raise ControlError(str(error), code=error.code, where=where, **error.data) from None
+        located = ControlError(str(error), code=error.code, where=where)
+        located.data = error.data
+        raise located from None
 
 
 def _make_surface(

@@ -77,7 +77,7 @@ def serve_page(port: int, label: str, access: Access | None = None, host: str = 
     guarded = _guard(original, access or Access(host), port)
     # Viser prints its address in a box.
     with _patch_lock, contextlib.redirect_stdout(io.StringIO()):
-        sockets.serve = guarded  # type: ignore[assignment,misc]
+        sockets.serve = guarded  # type: ignore[misc]
         try:
             server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
         finally:

@@ -69,7 +69,7 @@ def test_unusable_folders_are_refused(tmp_path):
     with raises(StorageError, "not-a-folder"):
         RawRecording(RunFolder(tmp_path / "file" / "x"), 2)
     Recorder(tmp_path / "board.csv", 3).close()
-    with pytest.raises(CaptureError):
+    with raises(CaptureError, "wrong-file-kind"):
         RawRecording(RunFolder(tmp_path), 2)
 
 

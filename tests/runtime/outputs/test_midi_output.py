@@ -123,7 +123,7 @@ def test_file_is_complete_after_each_flush(tmp_path):
     other.close()
     assert other.path.name == "x-2.mid"
     assert (tmp_path / "x.mid").read_bytes() == now
-    with pytest.raises(StorageError):
+    with raises(StorageError, "file-not-found"):
         MidiFile(tmp_path / "none" / "x.mid", "t")
 
 
@@ -312,7 +312,7 @@ def test_failed_opening_leaves_nothing_behind(tmp_path):
     assert list(tmp_path.iterdir()) == []
     assert cable.opened == [("DefSense", False, True), "closed"]
     cable.plugged.append("Knobs")
-    with pytest.raises(StorageError):
+    with raises(StorageError, "file-not-found"):
         MidiOutput(MidiSettings(learn="Knobs", file=str(tmp_path / "none" / "x.mid")), cable)
     assert cable.opened[2:] == [("Knobs", True, False), "closed"]
 

@@ -75,7 +75,7 @@ def test_finishing_can_be_repeated(tmp_path):
     recording = recorder(folder / "bar.npz")
     record(recording)
     shutil.rmtree(folder)
-    with pytest.raises(StorageError):
+    with raises(StorageError, "file-not-found"):
         recording.finish()
     assert recording.finish(tmp_path / "other.npz").frames == 61
     assert [p.name for p in tmp_path.iterdir()] == ["other.npz"]

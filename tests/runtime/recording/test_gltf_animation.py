@@ -10,6 +10,7 @@ import pytest
 from defsense_fab.core.errors import StorageError
 from defsense_fab.runtime.recording.gltf_animation import write_gltf
 from tests.runtime.recording_bars import animation
+from tests.support.errors import raises
 
 TYPES = {5126: "<f4", 5125: "<u4"}
 WIDTHS = {"SCALAR": 1, "VEC3": 3}
@@ -116,6 +117,6 @@ def test_size_grows_with_vertices_plus_frames(tmp_path):
 
 
 def test_failed_write_leaves_no_file(tmp_path):
-    with pytest.raises(StorageError):
+    with raises(StorageError, "file-not-found"):
         write_gltf(tmp_path / "none" / "bar.glb", animation(3))
     assert list(tmp_path.iterdir()) == []

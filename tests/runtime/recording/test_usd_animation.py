@@ -67,14 +67,14 @@ def test_failed_write_leaves_no_file(tmp_path):
     of.positions[2, 0, 0] = np.inf
     with raises(LiveError, "not-finite"):
         write_usd(tmp_path / "bar.usdc", of)
-    with pytest.raises(StorageError):
+    with raises(StorageError, "file-not-found"):
         write_usd(tmp_path / "file" / "bar.usdc", animation(3))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_without_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(LiveError):
+    with raises(LiveError, "library-missing"):
         write_usd(tmp_path / "bar.usdc", animation(3))
 
 
