@@ -283,7 +283,7 @@ def _make_recording(
     if not processed.has_one_run:
         is_in_run = _is_within(tracks.time, run)
     tracks = tracks.select(is_in_run)
-    if not tracks.seen.any():
+    if not tracks.visible.any():
         return "no marker was visible"
     rest, error, steps = _read_run(run, processed)
     if processed.samples is not None:
