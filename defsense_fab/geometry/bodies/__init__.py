@@ -1,1 +1,1 @@
-"""A device's body: loaded, repaired, meshed, with its connector bay and tags."""
+"""Load, repair and mesh the body of a device, and place its connector bay and tags."""

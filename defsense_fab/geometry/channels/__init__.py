@@ -1,1 +1,1 @@
-"""Channels in the body: of cords, of wires, and their ends."""
+"""Make channels for cords and wires in the body, with their ends."""

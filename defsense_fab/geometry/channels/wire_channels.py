@@ -149,7 +149,7 @@ class LeadStart:
     ferrule: float
 
 
-#: Points (n, 3) mm along what is hollow, and the radius around them.
+#: Points (n, 3) along a hollow, mm, and the radius around them, mm.
 Hollow = tuple[Float, float]
 
 

@@ -1,1 +1,1 @@
-"""The geometry kernels (OpenCascade, manifold3d) and what both cut and measure."""
+"""Use the geometry kernels OpenCascade and manifold3d, and query surfaces."""

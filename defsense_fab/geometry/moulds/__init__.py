@@ -1,1 +1,1 @@
-"""Moulds in which parts are cast."""
+"""Make moulds in which parts are cast."""

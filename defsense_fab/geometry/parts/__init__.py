@@ -1,1 +1,1 @@
-"""Printable parts: the body cut along cord planes, pinned, numbered, inspected."""
+"""Cut the body along cord planes into printable parts, with pins and numbers, and check them."""

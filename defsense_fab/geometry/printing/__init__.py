@@ -1,1 +1,1 @@
-"""Parts on a printer's bed."""
+"""Arrange parts on a printer's bed and write them to files."""

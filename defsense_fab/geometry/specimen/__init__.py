@@ -1,1 +1,1 @@
-"""The bending specimen, its jigs and the fit coupon."""
+"""Make the bending specimen, its jigs and the fit coupon."""

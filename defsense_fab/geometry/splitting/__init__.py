@@ -1,1 +1,1 @@
-"""Parts that are too long for a printer's bed, in pieces."""
+"""Cut parts that are too long for a bed into pieces."""

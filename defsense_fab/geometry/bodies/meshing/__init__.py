@@ -1,1 +1,1 @@
-"""A closed surface to tetrahedra, by several ways, until one is sound."""
+"""Mesh a closed surface with tetrahedra."""

@@ -1,1 +1,1 @@
-"""Triangles made into one closed surface that does not pass through itself."""
+"""Repair triangles to one closed surface that does not pass through itself."""
