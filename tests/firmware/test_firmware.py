@@ -12,7 +12,7 @@ from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.workflow.doctor import boards
+from defsense_fab.workflow.doctor import hardware
 from tests.firmware.build import FIRMWARE
 from tests.firmware.conftest import collect
 from tests.support.errors import raises
@@ -101,7 +101,7 @@ def test_host_configures_the_board(board):
 
 
 def test_doctor_describes_the_board_and_its_firmware(board):
-    description = boards.ask(board("divider").port)
+    description = hardware.describe_board(board("divider").port)
     assert "1.0" in description
     assert "protocol 1" in description
     assert "microcontroller" in description

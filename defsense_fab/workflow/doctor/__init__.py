@@ -1,2 +1,1 @@
-"""What this machine has of what the project needs. Libraries are tried in processes of their own,
-for a broken one may crash or hang."""
+"""Checks of the machine and its libraries."""

@@ -1,4 +1,4 @@
-"""All checks, in the order in which they are told."""
+"""All checks of the machine, in the order in which they are reported."""
 
 from __future__ import annotations
 
@@ -6,18 +6,23 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ...core.errors import StorageError
-from .boards import check_boards
-from .cameras import check_cameras
-from .finding import Finding, judged
-from .kernels import check_cad, check_graphics, check_solver
+from .checks import Finding, make_finding
+from .hardware import check_boards, check_cameras
 from .libraries import check_libraries, check_python
-from .machine import check_machine
-from .programs import check_gamepad, check_midi, check_slicers
+from .machine import (
+    check_cad,
+    check_gamepad,
+    check_graphics,
+    check_machine,
+    check_midi,
+    check_slicers,
+    check_solver,
+)
 
-#: s that a single check may last.
+#: Time limit of a single check, s.
 LIMIT = 60.0
-#: Checks of what not everybody needs, and for what it is needed; the others are of the core.
-_BESIDES = {
+#: Checks that only some users need, and their uses; the others belong to the core.
+_OPTIONAL_CHECKS = {
     "cameras": "recording a device with cameras",
     "read-out boards": "reading the cords of a device",
     "slicers": "printing the parts here",
@@ -29,14 +34,29 @@ _BESIDES = {
 def examine(
     seconds: float = LIMIT, pictures: Path | None = None, ports: Sequence[str] = ()
 ) -> Iterator[Finding]:
-    """Findings as they come; a check may last so many seconds. A picture of each camera goes into
-    the folder `pictures`; `ports` are asked besides those that the system lists. Raises
-    StorageError where the folder cannot be made."""
+    """Check the machine.
+
+    Args:
+        seconds: Time limit of a single check, s.
+        pictures: Folder for a picture of each camera; None for no pictures.
+        ports: Ports to check that the system does not list.
+
+    Yields:
+        The findings, as soon as they are known.
+
+    Raises:
+        StorageError: The folder for pictures cannot be created (`folder-not-writable`).
+    """
     if pictures is not None:
         try:
             pictures.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise StorageError(f"--pictures {pictures}: {error.strerror}; give a folder") from None
+            raise StorageError(
+                f"the folder cannot be created ({error.strerror})",
+                code="folder-not-writable",
+                where=pictures,
+                action="Choose another folder",
+            ) from None
     checks: dict[str, Callable[[], Iterable[Finding]]] = {
         "Python": lambda: [check_python()],
         "libraries": lambda: check_libraries(seconds),
@@ -53,6 +73,6 @@ def examine(
     for about, check in checks.items():
         try:
             yield from list(check())
-        except OSError as error:  # a camera that is unplugged just then, a folder not to be seen
-            told = f"could not be looked at ({error})"
-            yield judged("system", about, False, told, needed_for=_BESIDES.get(about, ""))
+        except OSError as error:  # a camera that was just unplugged, a folder without access
+            text, use = f"could not be checked ({error})", _OPTIONAL_CHECKS.get(about, "")
+            yield make_finding("system", about, False, text, needed_for=use)

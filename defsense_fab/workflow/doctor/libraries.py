@@ -1,4 +1,4 @@
-"""Python, and the libraries that the project asks for: their versions, and whether they import."""
+"""Checks of Python and of the required libraries, and the licences of installed libraries."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from ...core.errors import StorageError
 from ...core.machine.optional_libraries import PROJECT, pip_install
-from .finding import Finding, judged
-from .isolated import HANGS, call
-from .system_libraries import system_command
+from .checks import HANGS, Finding, call, make_finding, system_command
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
-#: Modules that are not called as their distribution is.
+#: Modules whose names differ from those of their distributions.
 _MODULES = {
     "libigl": "igl",
     "netgen-mesher": "netgen.meshing",
@@ -28,8 +27,8 @@ _MODULES = {
     "python-rtmidi": "rtmidi",
     "usd-core": "pxr.Usd",
 }
-#: What the extras are for; of others their name is told.
-_FOR = {
+#: Uses of the extras.
+_EXTRA_USES = {
     "cadquery": "bodies from CadQuery scripts",
     "exchange": "C3D, Parquet and XDF files",
     "live": "the live view, and outputs to other programs",
@@ -37,94 +36,192 @@ _FOR = {
     "cluster": "studies on a cluster",
     "animation": "recorded animations in USD",
 }
-#: It finds MKL only by what the solver sets: `kernels.check_solver` tells of it.
-_TRIED_ELSEWHERE = {"pypardiso"}
-_TOGETHER = 2  # imports at a time
-
-
-@dataclass(frozen=True)
-class _Asked:
-    requirement: Requirement
-    extra: str  # empty: the core's
-
-
-def check_python() -> Finding:
-    """Its version against `requires-python`."""
-    is_ = ".".join(map(str, sys.version_info[:3]))
-    try:
-        asked = metadata.metadata(PROJECT)["Requires-Python"] or ""
-        from packaging.specifiers import SpecifierSet
-    except ImportError as error:  # PackageNotFoundError, too
-        return judged("python", "Python", False, f"{is_}; {_absent(error)}", command=_INSTALL)
-    good = SpecifierSet(asked).contains(is_)
-    return judged("python", "Python", good, f"{is_} ({asked} is asked for)",
-                  command="" if good else "python3.11 -m venv .venv")  # fmt: skip
-
-
-#: Brings what is missing of the core.
+#: It finds MKL only with settings of the solver, and is checked by `machine.check_solver`.
+_CHECKED_ELSEWHERE = {"pypardiso"}
+PARALLEL_IMPORTS = 2
+TIMEOUT_FACTOR = 10  # of the suggested time limit for a slow import
+UNKNOWN = "not stated in its metadata"
 _INSTALL = pip_install(PROJECT)
 
 
-def _absent(error: ImportError) -> str:
+@dataclass(frozen=True)
+class RequiredLibrary:
+    """A requirement of the project.
+
+    Attributes:
+        requirement: Name and versions.
+        extra: The extra that requires it; empty for the core.
+    """
+
+    requirement: Requirement
+    extra: str
+
+
+def check_python() -> Finding:
+    """Check the version of Python."""
+    version = ".".join(map(str, sys.version_info[:3]))
+    try:
+        required = metadata.metadata(PROJECT)["Requires-Python"] or ""
+        from packaging.specifiers import SpecifierSet
+    except ImportError as error:  # also PackageNotFoundError
+        text = f"{version}; {_explain(error)}"
+        return make_finding("python", "Python", False, text, command=_INSTALL)
+    good = SpecifierSet(required).contains(version)
+    command = "" if good else "python3.11 -m venv .venv"
+    text = f"{version} ({required} is required)"
+    return make_finding("python", "Python", good, text, command=command)
+
+
+def _explain(error: ImportError) -> str:
     if isinstance(error, metadata.PackageNotFoundError):
-        return f"{error.name} is not installed as a package, so what it asks for is not known"
+        return f"{error.name} is not installed as a package, so its requirements are unknown"
     return f"{error}, so versions cannot be compared"
 
 
 def check_libraries(seconds: float) -> list[Finding]:
-    """Each library of the core and of each extra but `dev`. An import may last so many seconds."""
+    """Check each library of the core and of each extra but `dev`.
+
+    Args:
+        seconds: Time limit of an import, s.
+    """
     try:
-        asked = list(_asked())
+        libraries = list(_list_requirements())
     except ImportError as error:
-        return [judged("libraries", "libraries", False, _absent(error), command=_INSTALL)]
-    with ThreadPoolExecutor(_TOGETHER) as pool:
-        return list(pool.map(lambda one: _check(one, seconds), asked))
+        text = _explain(error)
+        return [make_finding("libraries", "libraries", False, text, command=_INSTALL)]
+    with ThreadPoolExecutor(PARALLEL_IMPORTS) as pool:
+        return list(pool.map(lambda library: check_library(library, seconds), libraries))
 
 
-def _asked() -> Iterator[_Asked]:
+def _list_requirements() -> Iterator[RequiredLibrary]:
     from packaging.requirements import Requirement
 
     extras = [e for e in metadata.metadata(PROJECT).get_all("Provides-Extra") or () if e != "dev"]
     for text in metadata.requires(PROJECT) or ():
-        one = Requirement(text)
-        if one.name in _TRIED_ELSEWHERE or one.name == PROJECT:  # the extra of all extras
+        requirement = Requirement(text)
+        # The extra `all` requires the project itself.
+        if requirement.name in _CHECKED_ELSEWHERE or requirement.name == PROJECT:
             continue
-        if one.marker is None or one.marker.evaluate({"extra": ""}):
-            yield _Asked(one, "")
+        marker = requirement.marker
+        if marker is None or marker.evaluate({"extra": ""}):
+            yield RequiredLibrary(requirement, "")
             continue
         for extra in extras:
-            if one.marker.evaluate({"extra": extra}):
-                yield _Asked(one, extra)
+            if marker.evaluate({"extra": extra}):
+                yield RequiredLibrary(requirement, extra)
                 break
 
 
-def _check(asked: _Asked, seconds: float) -> Finding:
-    one, extra = asked.requirement, asked.extra
-    needed_for = _FOR.get(extra, f"the extra {extra}") if extra else ""
-    asked_for = f"{one.name}{one.specifier}"
-    command = pip_install(asked_for)
+def check_library(library: RequiredLibrary, seconds: float) -> Finding:
+    """Check that a library is installed in a required version and can be imported.
+
+    Args:
+        library: The library.
+        seconds: Time limit of its import, s.
+    """
+    requirement, extra = library.requirement, library.extra
+    use = _EXTRA_USES.get(extra, f"the extra {extra}") if extra else ""
+    specification = f"{requirement.name}{requirement.specifier}"
+    command = pip_install(specification)
     try:
-        version = metadata.version(one.name)
+        version = metadata.version(requirement.name)
     except metadata.PackageNotFoundError:
-        told, good = "is not installed", False
+        text, good = "is not installed", False
     else:
-        good = one.specifier.contains(version, prereleases=True)
-        told = version if good else f"{version} is installed, {one.specifier} is asked for"
+        good = requirement.specifier.contains(version, prereleases=True)
+        text = version if good else f"{version} is installed, {requirement.specifier} is required"
         if good:
-            module = _MODULES.get(one.name.lower(), one.name.replace("-", "_"))
-            trouble = call(__name__, "load", module, seconds=seconds).trouble
+            name = requirement.name
+            module = _MODULES.get(name.lower(), name.replace("-", "_"))
+            trouble = call(__name__, "import_module", module, seconds=seconds).trouble
             if trouble:
-                good, told = False, f"{version}: its import {_as_clause(trouble)}"
-                command = system_command(trouble) or pip_install("--force-reinstall", asked_for)
+                good, text = False, f"{version}: its import {_as_clause(trouble)}"
+                command = system_command(trouble)
+                command = command or pip_install("--force-reinstall", specification)
                 if trouble.startswith(HANGS):
-                    command = f"defsense doctor --timeout {10 * seconds:g}"
-    return judged("libraries", one.name, good, told, command=command, needed_for=needed_for)
+                    command = f"defsense doctor --timeout {TIMEOUT_FACTOR * seconds:g}"
+    return make_finding("libraries", requirement.name, good, text, command=command, needed_for=use)
 
 
 def _as_clause(trouble: str) -> str:
     return trouble if trouble.startswith((HANGS, "crashes")) else f"fails ({trouble})"
 
 
-def load(module: str) -> str:
-    """Import a module; where it is."""
-    return getattr(importlib.import_module(module), "__file__", None) or ""
+def import_module(name: str) -> str:
+    """Import a module; return its file."""
+    return getattr(importlib.import_module(name), "__file__", None) or ""
+
+
+@dataclass(frozen=True)
+class Licence:
+    """The licence of a distribution.
+
+    Attributes:
+        name: Name of the distribution.
+        version: Its version.
+        licence: Its licence, as its metadata states it.
+    """
+
+    name: str
+    version: str
+    licence: str
+
+
+def installed_licences() -> list[Licence]:
+    """Return the licences of the project's installed dependencies, direct and indirect, by name.
+
+    The extra `dev` is left out.
+
+    Raises:
+        StorageError: The project is not installed as a package (`package-not-installed`).
+    """
+    from packaging.requirements import Requirement
+    from packaging.utils import canonicalize_name
+
+    pending: list[tuple[str, tuple[str, ...]]] = [(PROJECT, ("",))]
+    visited_extras: dict[str, set[str]] = {}
+    licences: dict[str, Licence] = {}
+    while pending:
+        name, extras = pending.pop()
+        key = str(canonicalize_name(name))
+        new = set(extras) - visited_extras.get(key, set())
+        if not new:
+            continue
+        visited_extras.setdefault(key, set()).update(new)
+        try:
+            distribution = metadata.distribution(name)
+        except metadata.PackageNotFoundError:
+            if name == PROJECT:
+                raise StorageError(
+                    f"{PROJECT} is not installed as a package, so its dependencies are unknown",
+                    code="package-not-installed",
+                    action="Install it with pip",
+                ) from None
+            continue
+        package = distribution.metadata
+        if name == PROJECT:
+            new |= {e for e in package.get_all("Provides-Extra") or () if e != "dev"}
+        else:
+            licence = read_licence(package)
+            licences[key] = Licence(distribution.name, distribution.version, licence)
+        pending += [
+            (r.name, ("", *r.extras))
+            for r in map(Requirement, distribution.requires or ())
+            if r.marker is None or any(r.marker.evaluate({"extra": e}) for e in new)
+        ]
+    return [licences[key] for key in sorted(licences)]
+
+
+def read_licence(package: metadata.PackageMetadata) -> str:
+    """Return License-Expression, else the classifiers, else the first line of License."""
+    if expression := package.get_all("License-Expression"):
+        return str(expression[0])
+    classifiers = [
+        c.rpartition(" :: ")[2]
+        for c in package.get_all("Classifier") or ()
+        if c.startswith("License :: ") and c != "License :: OSI Approved"
+    ]
+    if classifiers:
+        return ", ".join(classifiers)
+    text = str((package.get_all("License") or [""])[0]).strip()
+    return text.splitlines()[0] if text else UNKNOWN
