@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .workflow.layout import Layout as Layout
     from .workflow.layout import Parts as Parts
     from .workflow.layout import fabricate as fabricate
-    from .workflow.layout import optimise as optimise
+    from .workflow.layout import optimize as optimize
     from .workflow.layout import predict as predict
     from .workflow.live_session import Live as Live
     from .workflow.live_session import live as live
@@ -50,7 +50,7 @@ _MODULES = {
     "runtime.frames.live_frame": ("LiveFrame",),
     "training.data.dataset": ("Dataset", "Recording"),
     "workflow.device": ("Device",),
-    "workflow.layout": ("Layout", "Parts", "fabricate", "optimise", "predict"),
+    "workflow.layout": ("Layout", "Parts", "fabricate", "optimize", "predict"),
     "workflow.live_session": ("Live", "live"),
     "workflow.model": ("Model", "MovingSurface", "train"),
     "workflow.poses": (

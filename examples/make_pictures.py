@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.device.build_folder import build_folder
-from defsense_fab.mechanics.solver.field_files import load_fields
+from defsense_fab.store.fields import load_fields
 from defsense_fab.report.colors import COLORS
 from defsense_fab.report.pictures.scene import poly, Scene
 from defsense_fab.report.pictures.views import looking

@@ -77,7 +77,7 @@ Error = type[DefsenseError]
 _SOURCES = {
     "Device": "give that of Device.load or Device.create",
     "Simulation": "give that of simulate(device)",
-    "Layout": "give that of optimise(simulate(device))",
+    "Layout": "give that of optimize(simulate(device))",
     "Dataset": "make it by load_sessions, dataset or record_twin",
     "Model": "give that of train or Model.load",
     "str": "give its name in quotes",

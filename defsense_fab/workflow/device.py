@@ -28,7 +28,7 @@ from .build.build import build
 from .build.stages import STAGES
 from .poses import DrawnCord, Pose, region_tables
 from .starts.starting_devices import put_device
-from .starts.usual import MOST_CORDS
+from .starts.defaults import MOST_CORDS
 from .study.points.studied_device import changed_values, studied_text
 
 _BUILD = "build"

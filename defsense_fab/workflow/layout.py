@@ -95,7 +95,7 @@ def predict(
         raise LayoutError(f"decoder {kind!r}: is unknown; there are {', '.join(DECODERS)}")
     if not np.array_equal(seen.surface.vertices, layout.poses.surface.vertices):
         raise LayoutError(
-            f"the poses of {seen.device.name!r} are of another body than the cords; optimise cords"
+            f"the poses of {seen.device.name!r} are of another body than the cords; optimize cords"
             " for it, or simulate poses of the same body"
         )
     device = seen.device.record
@@ -148,7 +148,7 @@ class Layout:
         return table_html(f"Cords of {self.poses.device.name}", rows)
 
 
-def optimise(poses: Simulation, progress: Progress = silent) -> Layout:
+def optimize(poses: Simulation, progress: Progress = silent) -> Layout:
     """The cords that the device asks for, drawn ones improved and others found, chosen as `defsense
     build` does. Raises LayoutError where a cord cannot keep its limits, and for what is no
     simulation; FabricationError where nothing that was found can be made."""

@@ -36,7 +36,7 @@ from .recordings import UNNAMED
 
 # The device that a model fits, as what runs it live has it.
 
-_NEEDED = "give the layout of optimise(simulate(device))"
+_NEEDED = "give the layout of optimize(simulate(device))"
 
 
 def fitting_device(model: TrainedModel, layout: Layout | None) -> LiveDevice:

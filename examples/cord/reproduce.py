@@ -8,7 +8,7 @@ from pathlib import Path
 
 from defsense_fab.workflow.calibrate.fit_response import fit_response
 from defsense_fab.twin.calibration_session import record_twin
-from defsense_fab.workflow.reproduce.cords.cord_experiment import truth_of
+from defsense_fab.workflow.reproduce.cord_experiment import make_true_response
 from defsense_fab.twin.electronics.cords import CordTraits
 
 K_RES = 2.0  # the twin's slope at rest; its response bends off beyond, as no fitted model does
@@ -17,7 +17,7 @@ with tempfile.TemporaryDirectory() as folder:
     sessions = []
     for length in (150, 200):
         session = Path(folder) / f"{length}-mm"
-        record_twin(session, CordTraits(truth_of(K_RES)), seed=length, length=length)
+        record_twin(session, CordTraits(make_true_response(K_RES)), seed=length, length=length)
         sessions.append(session)
     found = fit_response(sessions)
     low, high = found.data["interval"]

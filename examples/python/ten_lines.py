@@ -6,7 +6,7 @@ import defsense_fab as df
 
 device = df.Device.load(sys.argv[1])
 poses = df.simulate(device)
-layout = df.optimise(poses)
+layout = df.optimize(poses)
 print(layout.prediction.unseen, "mm RMSE on states that the decoder has not seen")
 for noise in (0.001, 0.01):
     print(noise, df.predict(layout, noise=noise).unseen, "mm with this noise of (R - R0)/R0")

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.sensing.layout import load_layout
+from defsense_fab.store.layout import load_layout
 from defsense_fab.workflow.build.build import build
 
 here = Path(__file__).parent

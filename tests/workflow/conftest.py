@@ -43,7 +43,7 @@ def poses(device):
 
 @pytest.fixture(scope="session")
 def layout(poses):
-    return df.optimise(poses)
+    return df.optimize(poses)
 
 
 @pytest.fixture(scope="session")

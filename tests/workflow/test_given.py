@@ -32,7 +32,7 @@ TABLE_WITHIN_ITSELF["a"] = TABLE_WITHIN_ITSELF
         ),
         (lambda la: df.simulate(None), "device: must be a Device, not None"),
         (lambda la: df.simulate(la.poses.device, None), "progress: must be a function"),
-        (lambda la: df.optimise(la.poses.device), "poses: must be a Simulation, not a Device"),
+        (lambda la: df.optimize(la.poses.device), "poses: must be a Simulation, not a Device"),
         (lambda la: df.fabricate(la.poses.device), "layout: must be a Layout, not a Device"),
         (
             lambda la: df.fabricate(la.poses),

@@ -318,7 +318,7 @@ def test_the_package_is_imported_without_what_is_not_used():
     code = "import sys, defsense_fab; sys.exit('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], env=os.environ, check=False)
     assert done.returncode == 0
-    assert {"Device", "simulate", "optimise", "predict"} <= set(dir(df))
+    assert {"Device", "simulate", "optimize", "predict"} <= set(dir(df))
 
 
 def test_types_of_what_is_returned_have_names(poses, layout, twin):

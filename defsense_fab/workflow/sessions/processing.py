@@ -35,7 +35,7 @@ from ...capture.sessions.signals import (
     told_of,
 )
 from ...capture.tracking.observations import FrameTags
-from ...capture.videos.video_detection import VideoDetections, detect_all
+from ...capture.videos.video_detection import VideoDetections, detect_markers
 from ...capture.videos.video_tracks import VideoTracks, assemble
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
@@ -200,10 +200,10 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
             "the read-out board began anew in this run: signals from then on may be tens of ms"
             " off; record it again"
         ]
-    quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
+    quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.visible.mean()),
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
     none = np.zeros(0, np.int64), np.empty((len(tracks.time), 0, 4, 3), np.float32)
-    processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int8), quality, *none)
+    processed = VideoTracks(tracks, 2 * tracks.visible.astype(np.int8), quality, *none)
     at = resistances_at(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, recording.host_ns / 1e9)
     events = read_log(run)
@@ -239,7 +239,7 @@ def _again(
     path = run / f"{camera.name}.mkv"
     if not path.exists():
         raise CaptureError(f"{path}: there is no video; the session was recorded without --video")
-    time, found = detect_all(Video(path), camera, session.markers, progress)
+    time, found = detect_markers(Video(path), camera, session.markers, progress)
     number = np.round(time * FILM_RATE).astype(int)
     known = frame[(frame >= 0) & (frame < 2 * len(frame) + 100)]  # others are damaged
     count = max(int(known.max(initial=-1)) + 1, len(frame))
@@ -317,8 +317,8 @@ def _join(
             "aligned_by": laid.by, "aligned_frames": float(aligned.ok.mean()),
             "by_all": laid.by_all, "by_all_off": laid.off,
             "residual": quantiles(aligned.residual),
-            "sigma": quantiles(lengths(back.sigma)[back.seen]),
-            "seen": dict(zip(map(str, ids.tolist()), back.seen.mean(axis=0).tolist(), strict=True)),
+            "sigma": quantiles(lengths(back.sigma)[back.visible]),
+            "seen": dict(zip(map(str, ids.tolist()), back.visible.mean(axis=0).tolist(), strict=True)),
             "glued": laid.glued, "warnings": warnings,
             "R0": {
                 n: [float(r) if np.isfinite(r) else None for r in of]

@@ -137,7 +137,7 @@ def _quality(
     }
     track_quality = {
         "warnings": [],
-        "by_several": float(tracks.seen.mean()),
+        "by_several": float(tracks.visible.mean()),
         "by_one": 0.0,
         "impossible": 0,
     }
@@ -151,7 +151,7 @@ def _quality(
         "end": float(tracks.time[-1]),
         "steps": [[float(start), name] for start, name in run.recording.poses],
     }
-    seen = tracks.seen.mean(axis=0).tolist()
+    seen = tracks.visible.mean(axis=0).tolist()
     return {
         "session": str(folder),
         "device": session.device,
@@ -166,7 +166,7 @@ def _quality(
         "by_all": 0.0,
         "by_all_off": None,
         "residual": quantiles(np.empty(0)),
-        "sigma": quantiles(lengths(tracks.sigma)[tracks.seen]),
+        "sigma": quantiles(lengths(tracks.sigma)[tracks.visible]),
         "seen": dict(zip(map(str, tracks.ids.tolist()), seen, strict=True)),
         "glued": [],
         "warnings": list(runs.fields.warnings),

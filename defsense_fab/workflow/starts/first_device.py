@@ -24,7 +24,7 @@ from .body_unit import check_unit
 from .dropped_body import TETS, DroppedBody
 from .starting_devices import put_device
 from .units import UNIT_WORDS, UNITS
-from .usual import CORD, CORDS, MOST_CORDS, PROCESS
+from .defaults import CORD, CORDS, MOST_CORDS, PROCESS
 
 MODES = "modes"
 _MOST_TETS = 1_000_000

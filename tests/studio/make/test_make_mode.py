@@ -97,18 +97,18 @@ def test_parts_are_apart_and_go_together_as_the_guide_says(made_page):
 @pytest.mark.slow
 def test_parts_of_an_older_device_stay_and_are_told(made_page):
     mode, bench = make_mode(made_page), made_page.bench
-    bench.problem = "the disk is full"
+    bench.build_error = "the disk is full"
     path = bench.project.folder / "device.toml"
     path.write_text(bench.project.text.replace("[75, 0]", "[75, 1]").replace("[62, 0]", "[62, 1]"))
     made_page.look()
     assert mode.checking.wait(LONG)
     assert "older device" in mode._state.content
-    assert "'optimise the cords' has still to be done" in mode._state.content
+    assert "'optimize the cords' has still to be done" in mode._state.content
     assert "the disk is full" in mode._state.content
     assert mode.device is not None
     mode.export(None)
     assert mode.exporting.wait(LONG)
-    assert "'optimise the cords' has still to be done; build everything" in bench._message.content
+    assert "'optimize the cords' has still to be done; build everything" in bench._message.content
     bench.project.undo()
     assert mode.checking.wait(LONG)
     assert mode._state.content == "The parts are those of the device as it is now."

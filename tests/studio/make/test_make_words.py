@@ -56,9 +56,9 @@ def test_steps_and_tables_are_those_of_the_guide():
 def test_of_which_device_the_parts_are_is_told():
     assert "Nothing is built yet" in state_words(False, "load the body", None)
     assert "as it is now" in state_words(True, None, None)
-    old = state_words(True, "optimise the cords", "the disk is full")
+    old = state_words(True, "optimize the cords", "the disk is full")
     assert "older device" in old
-    assert "'optimise the cords' has still to be done" in old
+    assert "'optimize the cords' has still to be done" in old
     assert "The last build did not end: the disk is full" in old
     assert "`--copies 3` asked for" in state_words(True, None, None, "--copies 3")
     assert "it has changed (copies is 2), and" in state_words(

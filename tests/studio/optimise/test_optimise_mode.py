@@ -14,7 +14,7 @@ from defsense_fab.core.curve import Hermite
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.report.surface_errors import surface_errors
 from defsense_fab.store.build import Build
-from defsense_fab.studio.workbench.build_work import SeenLayout
+from defsense_fab.studio.workbench.build_job import CandidateLayout
 
 LONG = 280.0
 
@@ -37,21 +37,21 @@ def test_a_search_is_seen_and_its_best_is_taken_and_undone(studio_page):
     text, sensors = bench.project.text, bench.project.device.sensors
     mode.take_best()
     assert "No search has come" in bench._message.content
-    for told in bench.begun:
+    for told in bench.on_build_started:
         told()
     assert mode._pause.visible
     folder = bench.project.folder / "build"
     better = tuple(bent(s, 3.0) for s in sensors)
-    mode.search.see(SeenLayout(folder, sensors, 2.0, True, 1.0))
+    mode.search.see(CandidateLayout(folder, sensors, 2.0, True, 1.0))
     assert mode.search.worker.wait(LONG)
     first = mode.search.record.judged.error
     assert f"### {first:.2f} mm" in mode.search._told.content
-    mode.search.see(SeenLayout(folder, better, 1.0, False, 2.0))
+    mode.search.see(CandidateLayout(folder, better, 1.0, False, 2.0))
     assert mode.search.worker.wait(LONG)
     assert mode.search.record.best.sensors is sensors  # on the way, limits may be broken
     assert set(mode.search._present._tubes) == {s.name for s in sensors}
     errors = [bench.judge.judge(s, quick=True).error for s in (sensors, better)]
-    mode.search.see(SeenLayout(folder, better, 1.0, True, 3.0))
+    mode.search.see(CandidateLayout(folder, better, 1.0, True, 3.0))
     assert mode.search.worker.wait(LONG)
     assert mode.search.record.judged.error == min(errors)
     assert len(mode.search._curve.data[0]) == 3
@@ -76,7 +76,7 @@ def test_what_cannot_be_done_yet_is_told(studio_page):
     mode.compared.take()
     assert bench._message.content == "Choose a layout first."
     mode.compared.weigh()
-    assert "optimise the cords first" in bench._message.content
+    assert "optimize the cords first" in bench._message.content
     (bench.project.folder / "build" / "layout.json").unlink()
     bench.load()
     mode.take()
@@ -113,7 +113,7 @@ def test_layouts_are_compared_and_one_is_taken(made_page):
     other = text.replace("degrees = 45", "degrees = 40")
     (bench.project.folder / "device.toml").write_text(other, encoding="utf-8")
     made_page.look()
-    bench.tried(mode.compared.weigh)
+    bench.run_action(mode.compared.weigh)
     assert "the poses have changed since they were simulated" in bench._message.content
 
 
@@ -149,20 +149,20 @@ def test_a_search_that_is_watched_and_paused_gives_what_the_command_gives(made_p
     made_page.look()
     shutil.copytree(bench.project.folder, tmp_path / "other")
     over, stood = threading.Event(), threading.Event()
-    bench.loaded.append(over.set)
+    bench.on_build_loaded.append(over.set)
     bench.builds._paused = lambda stands: stood.set() if stands else None
 
     def first(_):
-        bench.seen.remove(first)
+        bench.on_layout_found.remove(first)
         mode.pause()
 
-    bench.seen.append(first)
+    bench.on_layout_found.append(first)
     assert bench.build("optimize")
     assert stood.wait(LONG)
     assert mode._pause.label == "Go on"
     mode.pause()
     assert over.wait(LONG)
-    assert bench.problem is None
+    assert bench.build_error is None
     assert mode.search.worker.wait(LONG)
     assert mode.search.record.best is not None
     assert len(mode.search.record.curve[0]) > 2

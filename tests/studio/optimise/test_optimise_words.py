@@ -10,19 +10,19 @@ import numpy as np
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.optimize.prediction.compare_layouts import ComparedLayout
-from defsense_fab.optimize.prediction.layout_judge import Judged
+from defsense_fab.optimize.prediction.layout_judge import JudgedLayout
 from defsense_fab.studio.optimise.color_scale import color_bar, colored
 from defsense_fab.studio.optimise.compared_words import compared_table, said_of, scatter
 from defsense_fab.studio.optimise.search_record import SearchRecord, pose_table
-from defsense_fab.studio.workbench.build_work import SeenLayout
+from defsense_fab.studio.workbench.build_job import CandidateLayout
 
 
 def judged(error):
-    return Judged(error, "affine", {"bend@1": 2 * error}, ("bend@1",), np.zeros((1, 1)))
+    return JudgedLayout(error, "affine", {"bend@1": 2 * error}, ("bend@1",), np.zeros((1, 1)))
 
 
 def seen(seconds, *, kept):
-    return SeenLayout(Path("build"), (), 1.0, kept, seconds)
+    return CandidateLayout(Path("build"), (), 1.0, kept, seconds)
 
 
 def test_the_best_is_of_layouts_that_keep_every_limit():

@@ -7,7 +7,8 @@ import pytest
 
 from defsense_fab.cli.main import main
 from defsense_fab.geometry.bodies.meshing import tetrahedra
-from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, plan_methods
+from defsense_fab.geometry.bodies.meshing.meshers import FTETWILD
+from defsense_fab.geometry.bodies.meshing.tetrahedra import plan_methods
 from defsense_fab.geometry.kernels import occ
 from tests.support.places import BAR
 
@@ -69,7 +70,7 @@ def test_a_mesh_that_cannot_be_made_again_is_kept_with_the_device(
     def last(surface, edge_length):
         return [w for w in plan_methods(surface, edge_length) if w.mesher == FTETWILD]
 
-    monkeypatch.setattr(tetrahedra, "ways", last)
+    monkeypatch.setattr(tetrahedra, "plan_methods", last)
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "cache"))
     first = device("first")
     assert main(["mesh", str(first)]) == 0

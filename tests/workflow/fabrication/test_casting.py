@@ -125,6 +125,6 @@ def test_copies_lie_on_the_plates_and_do_not_move_the_cords():
     assert 1 == bound <= 1 + max(p.plate for p in placed.values())
     cast = replace(three, fabrication=replace(three.fabrication, kind="cast"))
     assert len(on_plates(cast, parts, pins)[0]) == 2 + 6  # moulds once, pins for every device
-    optimise = next(s for s in STAGES if s.name == "optimize")
-    assert optimise.inputs(one) == optimise.inputs(three)
+    optimize = next(s for s in STAGES if s.name == "optimize")
+    assert optimize.inputs(one) == optimize.inputs(three)
     assert load_device(BAR).fabrication.copies == 1

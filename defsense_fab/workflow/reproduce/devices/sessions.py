@@ -200,7 +200,7 @@ def _unit_key(experiment: Experiment, device: Device, markers: Markers, unit: in
 def _find_rare_markers(session: Path) -> list[int]:
     """Return the numbers of markers that the cameras hardly see."""
     tracks = read_tracks(session / ALIGNED)
-    shares = tracks.seen.mean(axis=0)
+    shares = tracks.visible.mean(axis=0)
     return [int(n) for n, s in zip(tracks.ids, shares, strict=True) if s < MIN_SEEN_SHARE]
 
 
