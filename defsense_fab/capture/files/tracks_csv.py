@@ -58,7 +58,7 @@ def to_rows(tracks: Tracks, never_visible: Bool | None = None) -> Float:
         never_visible: Markers (m,) that get a row in the first frame; by default those that are
             never visible.
     """
-    rows = tracks.seen
+    rows = tracks.visible
     if rows.size:
         rows[0] |= never_visible_markers(tracks) if never_visible is None else never_visible
         rows[~rows.any(axis=1), 0] = True
@@ -70,7 +70,7 @@ def to_rows(tracks: Tracks, never_visible: Bool | None = None) -> Float:
 
 def never_visible_markers(tracks: Tracks) -> Bool:
     """Return which markers (m,) are never visible."""
-    return np.asarray(~tracks.seen.any(axis=0))
+    return np.asarray(~tracks.visible.any(axis=0))
 
 
 def from_rows(path: Path, rows: Float, where: Callable[[int], str]) -> Tracks:
@@ -180,7 +180,7 @@ def write_csv(path: Path, tracks: Tracks) -> None:
     with replace_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(_HEADER + "\n")
         for k in range(0, len(tracks.time), _BLOCK_FRAMES):
-            part = tracks.part(slice(k, k + _BLOCK_FRAMES))
+            part = tracks.select(slice(k, k + _BLOCK_FRAMES))
             rows = to_rows(part, never_visible & (k == 0))
             file.write((_ROW_FORMAT * len(rows)) % tuple(rows.ravel().tolist()))
 

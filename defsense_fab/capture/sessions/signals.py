@@ -176,7 +176,7 @@ def told_of(sync: Sync, notes: Sequence[str]) -> dict[str, Any]:
 def motion(tracks: Tracks) -> Float:
     """Distances (t, d) between markers that are seen often, those that change most: they do not
     change as the whole moves."""
-    share = tracks.seen.mean(axis=0)
+    share = tracks.visible.mean(axis=0)
     often = np.argsort(-share)[:8]
     often = often[share[often] > 0.5]
     if len(often) < 2:

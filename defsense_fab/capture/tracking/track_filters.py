@@ -130,7 +130,7 @@ def smooth(tracks: Tracks, window: float) -> Tracks:
             where="smoothing",
             action="Give a window above 0",
         )
-    time, visible = tracks.time, tracks.seen
+    time, visible = tracks.time, tracks.visible
     if not visible.any():
         return tracks
     is_visible = np.broadcast_to(visible[..., None], tracks.points.shape)

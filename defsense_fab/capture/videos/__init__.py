@@ -1,1 +1,1 @@
-"""From videos of several cameras to tracks of markers."""
+"""Tracks of markers from the videos of several cameras."""

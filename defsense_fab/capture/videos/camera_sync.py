@@ -1,4 +1,4 @@
-"""Cameras brought in step with the first one, by how the tags move."""
+"""Synchronize cameras with the first one, by how the tags move."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
@@ -13,179 +14,268 @@ from ..cameras.rig_file import Rig
 from ..tracking.camera_clocks import FrameDrops, find_frame_drops, find_offset
 from ..tracking.observations import ObservationSource, StoredObservations, frame_blocks, interpolate
 
-_REACH, _IN_STEP = 0.25, 1e-3  # s, between clocks: looked for, and not worth a correction
-_APART = 10.0  # s, between videos that were begun by hand
-_CLOSE, _BETTER = 0.5, 0.5  # px that rays may miss by where an offset is believed; and of before
-_FEW = 3  # frames that are not worth a word
-_MOVES = 0.5  # px that a tag moves, for a picture that came twice to be wrong
+MAX_CLOCK_OFFSET_S, MIN_CORRECTION_S = 0.25, 1e-3
+MAX_START_OFFSET_S = 10.0  # between videos that were started manually
+#: Of a credible offset: largest residual, and its ratio to the residual without the offset.
+MAX_RESIDUAL_PX, MAX_RESIDUAL_RATIO = 0.5, 0.5
+MAX_UNNOTED_FRAMES = 3
+Count = NDArray[np.int8]  # number of cameras for each tag in each frame, a byte to save memory
+MIN_MOTION_PX = 0.5  # of a tag, during which a repeated image is wrong
+
+
+class TrackWarning(str):
+    """A warning about tracks: a text with a stable code.
+
+    Attributes:
+        code: Identifier of the kind of problem.
+    """
+
+    code: str
+
+    def __new__(cls, text: str, code: str) -> TrackWarning:
+        """Create a warning from its text and code."""
+        warning = super().__new__(cls, text)
+        warning.code = code
+        return warning
 
 
 @dataclass(frozen=True)
 class CameraSync:
-    """What v cameras saw, by the first one's clock; what was added to each one's times, `shift`
-    (v,) s; where that changed on the way, `steps` by camera; and how many frames of each showed the
-    picture before once more, `frozen` (v,), or fit no offset, `unfit` (v,)."""
+    """Observations of v cameras on the first one's clock.
+
+    Attributes:
+        seen: Observations of each camera (v,).
+        shift: Times that were added to those of each camera (v,), s.
+        steps: By camera: its times, if the offset changed during the recording.
+        repeated_frames: Number of frames of each camera that repeat the previous image (v,).
+        unmatched_frames: Number of frames of each camera that fit no offset (v,).
+    """
 
     seen: list[StoredObservations]
     shift: list[float]
     steps: dict[int, FrameDrops]
-    frozen: list[int]
-    unfit: list[int]
+    repeated_frames: list[int]
+    unmatched_frames: list[int]
 
-    def warnings(self, names: Sequence[str], told: bool) -> list[str]:
-        """What there is to say of it, `told` where the offsets were given."""
-        out = [
-            f"{name}: {count} frames show the picture before once more while things move, and were"
-            " left out; is the video damaged, or was the computer too slow?"
-            for name, count in zip(names, self.frozen, strict=True)
+    def warnings(self, names: Sequence[str], offsets_given: bool) -> list[TrackWarning]:
+        """Return the warnings.
+
+        Args:
+            names: Names of the cameras.
+            offsets_given: Whether the offsets were given.
+        """
+        notes = [
+            TrackWarning(
+                f"{name}: {count} frames repeat the previous image while tags move, and were left"
+                " out. Check that the video is not damaged and the computer is fast enough.",
+                "frames-repeated",
+            )
+            for name, count in zip(names, self.repeated_frames, strict=True)
             if count
         ]
-        out += [
-            f"{name}: {count} frames do not fit those of {names[0]} at any offset near by, and were"
-            " left out: was a camera moved on the way, or do its times jump?"
-            for name, count in zip(names, self.unfit, strict=True)
-            if count > _FEW
+        notes += [
+            TrackWarning(
+                f"{name}: {count} frames do not fit those of {names[0]} at any similar offset, and"
+                " were left out. Check that no camera was moved and that its times do not jump.",
+                "frames-unmatched",
+            )
+            for name, count in zip(names, self.unmatched_frames, strict=True)
+            if count > MAX_UNNOTED_FRAMES
         ]
-        if not told and any(self.shift):
+        if not offsets_given and any(self.shift):
             ms = ", ".join(f"{1e3 * s:+.1f}" for s in self.shift)
-            out.append(
-                f"the videos were not in step: {ms} ms added to their times, by how the tags move"
+            notes.append(
+                TrackWarning(
+                    f"The videos were not synchronous: {ms} ms were added to their times, by how"
+                    " the tags move.",
+                    "videos-not-synchronous",
+                )
             )
         for c, steps in self.steps.items():
-            by = np.diff(steps.offsets)
+            changes = np.diff(steps.offsets)
             where = ", ".join(
                 f"{1e3 * b:+.0f} ms at {t:.2f} s"
-                for t, b in list(zip(steps.change_times, by, strict=True))[:5]
+                for t, b in list(zip(steps.change_times, changes, strict=True))[:5]
             )
-            lost = sorted({names[c] if b > 0 else names[0] for b in by})
-            out.append(
-                f"{names[c]}: fell out of step with {names[0]} {len(by)} times ({where}"
-                f"{', ...' if len(by) > 5 else ''}): frames of {' and '.join(lost)} are missing"
-                " without a gap in the time stamps; times were corrected by how the tags move, what"
-                " is not certain was left out"
+            lost = sorted({names[c] if b > 0 else names[0] for b in changes})
+            notes.append(
+                TrackWarning(
+                    f"{names[c]}: its offset from {names[0]} changed {len(changes)} times ({where}"
+                    f"{', ...' if len(changes) > 5 else ''}), because frames of"
+                    f" {' and '.join(lost)} are missing without a gap in the time stamps. Times"
+                    " were corrected by how the tags move, and uncertain frames were left out.",
+                    "frames-lost",
+                )
             )
-        return out
+        return notes
 
 
 def sync_cameras(
-    rig: Rig, seen: Sequence[StoredObservations], *, told: bool, without: int | None = None
+    rig: Rig,
+    seen: Sequence[StoredObservations],
+    *,
+    offsets_given: bool,
+    excluded: int | None = None,
 ) -> CameraSync:
-    """Cameras in step with the first one; offsets that were `told` stay. The views of one that is
-    left out, `without`, are gone; where that is the first, its clock is taken for the second's."""
-    if without is not None:
-        kept = [c for c in range(len(seen)) if c != without]
-        part = sync_cameras(
-            Rig(tuple(rig.cameras[c] for c in kept)), [seen[c] for c in kept],
-            told=told,
-        )  # fmt: skip
-        gone = seen[without]
-        out = list(part.seen)
-        out.insert(without, gone.without(np.ones(len(gone.time), bool)))
-        shift, frozen, unfit = list(part.shift), list(part.frozen), list(part.unfit)
-        shift.insert(without, 0.0)
-        frozen.insert(without, 0)
-        unfit.insert(without, 0)
-        return CameraSync(out, shift, {kept[c]: s for c, s in part.steps.items()}, frozen, unfit)
-    seen, frozen = _thawed(seen)
-    shift, out, steps, unfit = [0.0], [seen[0]], {}, [0] * len(seen)
-    for c, s in enumerate(seen[1:], 1):
-        pair = [rig.cameras[0], rig.cameras[c]]
-        near = None if told else find_offset(pair, seen[0], s, _REACH)
-        begun = 0.0
-        if not told and (near is None or near.after >= _CLOSE):
-            begun = _begun(pair, seen[0], s)
-            s = replace(s, time=s.time + begun)
-        changed = find_frame_drops(pair, seen[0], s, _REACH)
-        if changed is not None and not len(changed.change_times):
-            fits = np.isfinite(changed.time)
-            unfit[c] = int((~fits).sum())
-            s = s.only(fits)
-            near = None
-        elif changed is not None:
-            steps[c] = changed
-            shift.append(begun + float(np.median(changed.offsets)))
-            good = np.isfinite(changed.time)
-            out.append(replace(s, time=changed.time).only(good))
-            continue
-        found = near
-        if not told and (near is None or begun):
-            found = find_offset(pair, seen[0], s, _REACH)
-        late = (
-            found is not None
-            and abs(found.value) > max(_IN_STEP, 4 * found.sigma)
-            and found.after < _BETTER * found.before
-            and found.after < _CLOSE
+    """Synchronize cameras with the first one.
+
+    Args:
+        rig: The cameras.
+        seen: Observations of each camera.
+        offsets_given: Whether the offsets were given, so they stay.
+        excluded: A camera that is left out. If it is the first, the second one's clock is used.
+    """
+    if excluded is not None:
+        included = [c for c in range(len(seen)) if c != excluded]
+        partial = sync_cameras(
+            Rig(tuple(rig.cameras[c] for c in included)),
+            [seen[c] for c in included],
+            offsets_given=offsets_given,
         )
-        by = found.value if found is not None and late else 0.0
-        shift.append(begun + by)
-        out.append(replace(s, time=s.time + by))
-    return CameraSync(out, shift, steps, frozen, unfit)
+        removed = seen[excluded]
+        synchronized = list(partial.seen)
+        synchronized.insert(excluded, removed.without(np.ones(len(removed.time), bool)))
+        shift, frozen, unfit = (
+            list(partial.shift),
+            list(partial.repeated_frames),
+            list(partial.unmatched_frames),
+        )
+        shift.insert(excluded, 0.0)
+        frozen.insert(excluded, 0)
+        unfit.insert(excluded, 0)
+        return CameraSync(
+            synchronized,
+            shift,
+            {included[c]: observations for c, observations in partial.steps.items()},
+            frozen,
+            unfit,
+        )
+    seen, frozen = _remove_repeats(seen)
+    shift, synchronized, steps, unfit = [0.0], [seen[0]], {}, [0] * len(seen)
+    for c, observations in enumerate(seen[1:], 1):
+        pair = [rig.cameras[0], rig.cameras[c]]
+        offset = (
+            None if offsets_given else find_offset(pair, seen[0], observations, MAX_CLOCK_OFFSET_S)
+        )
+        start_offset = 0.0
+        if not offsets_given and (offset is None or offset.after >= MAX_RESIDUAL_PX):
+            start_offset = _start_offset(pair, seen[0], observations)
+            observations = replace(observations, time=observations.time + start_offset)
+        drops = find_frame_drops(pair, seen[0], observations, MAX_CLOCK_OFFSET_S)
+        if drops is not None and not len(drops.change_times):
+            fits = np.isfinite(drops.time)
+            unfit[c] = int((~fits).sum())
+            observations = observations.only(fits)
+            offset = None
+        elif drops is not None:
+            steps[c] = drops
+            shift.append(start_offset + float(np.median(drops.offsets)))
+            is_known = np.isfinite(drops.time)
+            synchronized.append(replace(observations, time=drops.time).only(is_known))
+            continue
+        refined = offset
+        if not offsets_given and (offset is None or start_offset):
+            refined = find_offset(pair, seen[0], observations, MAX_CLOCK_OFFSET_S)
+        is_late = (
+            refined is not None
+            and abs(refined.value) > max(MIN_CORRECTION_S, 4 * refined.sigma)
+            and refined.after < MAX_RESIDUAL_RATIO * refined.before
+            and refined.after < MAX_RESIDUAL_PX
+        )
+        correction = refined.value if refined is not None and is_late else 0.0
+        shift.append(start_offset + correction)
+        synchronized.append(replace(observations, time=observations.time + correction))
+    return CameraSync(synchronized, shift, steps, frozen, unfit)
 
 
-def _begun(pair: list[Camera], first: ObservationSource, second: ObservationSource) -> float:
-    """s, by about how much the second video began later, if that is more than clocks differ by."""
-    far = find_offset(pair, first, second, _APART)
-    if far is None or abs(far.value) <= _REACH - 0.05 or far.after > _CLOSE:
+def _start_offset(pair: list[Camera], first: ObservationSource, second: ObservationSource) -> float:
+    """Return by how much the second video started later, s, if more than clocks differ."""
+    offset = find_offset(pair, first, second, MAX_START_OFFSET_S)
+    if (
+        offset is None
+        or abs(offset.value) <= MAX_CLOCK_OFFSET_S - 0.05
+        or offset.after > MAX_RESIDUAL_PX
+    ):
         return 0.0
-    return far.value if far.after < _BETTER * far.before else 0.0
+    return offset.value if offset.after < MAX_RESIDUAL_RATIO * offset.before else 0.0
 
 
-def together(seen: Sequence[ObservationSource], frames: Int) -> tuple[Float, Float]:
-    """Corners (k, m, v, 4, 2) and covariances (k, m, v, 5, 2, 2) of all cameras at the times of
-    frames (k,) of the first one."""
-    ours = seen[0].part(frames)
-    parts = [(ours.corners, ours.covariance), *(interpolate(s, ours.time) for s in seen[1:])]
+def views_at_frames(seen: Sequence[ObservationSource], frames: Int) -> tuple[Float, Float]:
+    """Return the views of all cameras at the times of frames (k,) of the first one.
+
+    Returns:
+        Corners (k, m, v, 4, 2), px, and covariances (k, m, v, 5, 2, 2), px^2.
+    """
+    first = seen[0].part(frames)
+    parts = [(first.corners, first.covariance), *(interpolate(s, first.time) for s in seen[1:])]
     return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)
 
 
-def views_of(seen: Sequence[ObservationSource], rows: Int) -> tuple[Float, Float]:
-    """As `together`, of single tags: (n, v, 4, 2) and (n, v, 5, 2, 2) for `rows` (n, 2) of frames
-    of the first camera and tags."""
+def views_of_tags(seen: Sequence[ObservationSource], rows: Int) -> tuple[Float, Float]:
+    """Return the views of single tags by all cameras.
+
+    Args:
+        seen: Observations of each camera.
+        rows: Frames of the first camera and tags (n, 2).
+
+    Returns:
+        Corners (n, v, 4, 2), px, and covariances (n, v, 5, 2, 2), px^2.
+    """
     frames, place = np.unique(rows[:, 0], return_inverse=True)
-    corners, covariance = together(seen, frames)
+    corners, covariance = views_at_frames(seen, frames)
     return corners[place, rows[:, 1]], covariance[place, rows[:, 1]]
 
 
-def _thawed(seen: Sequence[StoredObservations]) -> tuple[list[StoredObservations], list[int]]:
-    """Without frames that repeat the picture before although things move: the camera's next picture
-    shows it, or another camera does."""
+def _remove_repeats(
+    seen: Sequence[StoredObservations],
+) -> tuple[list[StoredObservations], list[int]]:
+    """Remove frames that repeat the previous image although tags move.
+
+    Motion shows in the camera's next image, or in another camera.
+    """
     out, counts = [], []
-    for c, s in enumerate(seen):
-        wrong = np.zeros(len(s.time), bool)
-        for a, b in _repeats(s):
-            here = s.part(np.arange(a, min(b + 1, len(s.time)))[[0, -1]]).corners
-            after = here[1] if b < len(s.time) else np.full_like(here[0], np.nan)
-            if _moved(here[0], after) or any(
-                _moves(o, s.time[a], s.time[b - 1]) for k, o in enumerate(seen) if k != c
+    for c, observations in enumerate(seen):
+        is_wrong = np.zeros(len(observations.time), bool)
+        for start, end in _repeated_runs(observations):
+            corners = observations.part(
+                np.arange(start, min(end + 1, len(observations.time)))[[0, -1]]
+            ).corners
+            after = corners[1] if end < len(observations.time) else np.full_like(corners[0], np.nan)
+            if _has_moved(corners[0], after) or any(
+                _tags_move(other, observations.time[start], observations.time[end - 1])
+                for k, other in enumerate(seen)
+                if k != c
             ):
-                wrong[a + 1 : b] = True
-        counts.append(int(wrong.sum()))
-        # The others are interpolated; the first has the frames that are asked for.
-        out.append(s.only(~wrong) if c else s.without(wrong))
+                is_wrong[start + 1 : end] = True
+        counts.append(int(is_wrong.sum()))
+        # Others are interpolated; the first determines the frames.
+        out.append(observations.only(~is_wrong) if c else observations.without(is_wrong))
     return out, counts
 
 
-def _repeats(s: ObservationSource) -> list[tuple[int, int]]:
-    """Runs of frames (from, to) in which all tags are at the very same place."""
-    same = np.zeros(max(len(s.time) - 1, 0), bool)
-    for frames in frame_blocks(len(same), len(s.ids)):
-        flat = s.part(np.append(frames, frames[-1] + 1)).corners.reshape(len(frames) + 1, -1)
-        there = np.isfinite(flat)
-        alike = ((flat[1:] == flat[:-1]) | ~(there[1:] | there[:-1])).all(axis=1)
-        same[frames] = alike & there[1:].any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
-    return [(int(a), int(b) + 1) for a, b in edges.reshape(-1, 2)]
+def _repeated_runs(observations: ObservationSource) -> list[tuple[int, int]]:
+    """Return runs of frames (from, to) in which all tags are at exactly the same place."""
+    is_same = np.zeros(max(len(observations.time) - 1, 0), bool)
+    for frames in frame_blocks(len(is_same), len(observations.ids)):
+        flat = observations.part(np.append(frames, frames[-1] + 1)).corners.reshape(
+            len(frames) + 1, -1
+        )
+        is_visible = np.isfinite(flat)
+        is_equal = ((flat[1:] == flat[:-1]) | ~(is_visible[1:] | is_visible[:-1])).all(axis=1)
+        is_same[frames] = is_equal & is_visible[1:].any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_same, [False]]).astype(int)))
+    return [(int(start), int(end) + 1) for start, end in edges.reshape(-1, 2)]
 
 
-def _moved(a: Float, b: Float) -> Bool:
-    return np.asarray((np.abs(a - b) > _MOVES).any())
+def _has_moved(a: Float, b: Float) -> Bool:
+    return np.asarray((np.abs(a - b) > MIN_MOTION_PX).any())
 
 
-def _moves(s: ObservationSource, start: float, end: float) -> bool:
-    """Whether tags move before a camera within a time, s."""
-    rows = np.flatnonzero((s.time >= start) & (s.time <= end))
+def _tags_move(observations: ObservationSource, start: float, end: float) -> bool:
+    """Return whether tags move in a camera between two times, s."""
+    rows = np.flatnonzero((observations.time >= start) & (observations.time <= end))
     if len(rows) < 2:
         return False
-    first = s.part(rows[:1]).corners
-    parts = (rows[1:][k] for k in frame_blocks(len(rows) - 1, len(s.ids)))
-    return any(bool(_moved(s.part(part).corners, first)) for part in parts)
+    first = observations.part(rows[:1]).corners
+    parts = (rows[1:][k] for k in frame_blocks(len(rows) - 1, len(observations.ids)))
+    return any(bool(_has_moved(observations.part(part).corners, first)) for part in parts)

@@ -1,103 +1,232 @@
-"""Where the tags were, by cameras as they really stood: in step, and not always where they were
-arranged."""
+"""Locate tags in every frame of the first camera, with cameras synchronized and at their real
+poses.
+
+Tags are located some seconds at a time. Cameras that were moved during the recording have the poses
+found from the tags; one that was moved before is left out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ...core.progress import Progress
 from ..cameras.rig_file import Rig
-from ..tracking.observations import StoredObservations
-from .camera_sync import CameraSync, sync_cameras
-from .located_tags import LocatedTags, joined, locate_tags
-from .moved_camera import cameras_that_see, moved_camera, some_tags
-from .moves_on_the_way import CameraMove, RigPart, find_moves, parts_of
+from ..tracking.observations import ObservationSource, StoredObservations, frame_blocks
+from ..tracking.reconstruction import reconstruct
+from .camera_moves import (
+    CameraMove,
+    RigPart,
+    count_cameras,
+    divide_by_moves,
+    find_moved_camera,
+    find_moves,
+    sample_tags,
+)
+from .camera_sync import CameraSync, Count, TrackWarning, sync_cameras, views_at_frames
 
-_AGREE = 0.9  # of the views, that fit where moves are believed
+BLOCK_TAGS = 5_000  # located at once; each needs some kB
 
 
 @dataclass(frozen=True)
-class Standing:
-    """The tags as `located`; what the cameras saw by one clock, `seen`, and `shift` (v,) s that was
-    added to their times; the clocks' comparison in each part between `moves`; or the camera that
-    was `moved` before, and left out."""
+class LocatedTags:
+    """m tags in t frames, in a camera's frame.
+
+    Attributes:
+        points: Positions (t, m, 3), mm, NaN where not located.
+        sigma: Standard deviations along the axes (t, m, 3), mm.
+        cameras: Number of cameras that agree (t, m).
+        miss: Root mean square residuals (t, m), px.
+        sides: Mean sides of the tags as located by several cameras (t, m), mm.
+        seen: Number of cameras that saw the tag (t, m).
+        corners: Corners of selected tags (t, k, 4, 3), mm, in single precision.
+    """
+
+    points: Float
+    sigma: Float
+    cameras: Count
+    miss: Float
+    sides: Float
+    seen: Count
+    corners: NDArray[np.float32]
+
+
+def locate_tags(
+    cameras: Sequence[Camera],
+    seen: Sequence[ObservationSource],
+    size: float,
+    frame: Camera,
+    outlined: Int,
+) -> LocatedTags:
+    """Locate tags by all cameras at the times of the first one's frames.
+
+    Args:
+        cameras: The cameras.
+        seen: Observations of each camera.
+        size: Side of the tags, mm.
+        frame: Camera in whose frame the tags are returned.
+        outlined: Columns of the tags whose corners are kept (k,).
+    """
+    shape = len(seen[0].time), len(seen[0].ids)
+    tags = LocatedTags(
+        np.empty((*shape, 3)),
+        np.empty((*shape, 3)),
+        np.empty(shape, np.int8),
+        np.empty(shape),
+        np.empty(shape),
+        np.empty(shape, np.int8),
+        np.empty((len(seen[0].time), len(outlined), 4, 3), np.float32),
+    )
+    rotation = frame.rotation
+    for frames in frame_blocks(*shape, BLOCK_TAGS):
+        located = reconstruct(cameras, *views_at_frames(seen, frames), size)
+        tags.points[frames] = frame.to_camera(located.points)
+        rotated = rotation @ located.covariance @ rotation.T
+        tags.sigma[frames] = np.sqrt(np.diagonal(rotated, axis1=-2, axis2=-1))
+        tags.cameras[frames], tags.miss[frames] = located.cameras, located.miss
+        tags.sides[frames], tags.seen[frames] = located.sides, located.seen
+        tags.corners[frames] = frame.to_camera(located.corners[:, outlined])
+    return tags
+
+
+def join_tags(parts: Iterable[LocatedTags]) -> LocatedTags:
+    """Join consecutive parts."""
+    all_parts = list(parts)
+    return LocatedTags(
+        *(np.concatenate([getattr(p, f.name) for p in all_parts]) for f in fields(LocatedTags))
+    )
+
+
+MIN_AGREEMENT = 0.9  # share of the views that fit, if moves are credible
+
+
+@dataclass(frozen=True)
+class LocatedScene:
+    """Located tags, and the state of the cameras.
+
+    Attributes:
+        located: The tags.
+        seen: Observations of each camera, on one clock.
+        shift: Times that were added to those of each camera (v,), s.
+        clocks: Synchronization of the cameras in each part between moves.
+        moves: Moves of cameras.
+        moved_camera: Camera that was moved before the recording, and left out.
+    """
 
     located: LocatedTags
     seen: Sequence[StoredObservations]
     shift: Sequence[float]
     clocks: Sequence[CameraSync]
     moves: Sequence[CameraMove]
-    moved: int | None
+    moved_camera: int | None
 
-    def shaken(self, time: Float) -> Bool:
-        """Which of the times (t,) s are those of a move."""
+    def is_moving(self, time: Float) -> Bool:
+        """Return which of the times (t,), s, are those of a move."""
         out = np.zeros(len(time), bool)
         for move in self.moves:
             out |= np.abs(time - move.time) <= move.within
         return out
 
-    def warnings(self, names: Sequence[str], told: bool) -> list[str]:
-        """What there is to say of the cameras, whose offsets were `told` or found."""
-        out = [move.told(names) for move in self.moves]
-        out += dict.fromkeys(note for c in self.clocks for note in c.warnings(names, told))
-        if self.moved is not None:
-            out.append(
-                f"{names[self.moved]}: its views do not fit those of the other cameras, which fit"
-                " together: it was moved since they were arranged, or is not in step; it was left"
-                " out. Run 'defsense capture camera check'"
+    def warnings(self, names: Sequence[str], offsets_given: bool) -> list[TrackWarning]:
+        """Return the warnings about the cameras.
+
+        Args:
+            names: Names of the cameras.
+            offsets_given: Whether the offsets were given.
+        """
+        notes = [move.warning(names) for move in self.moves]
+        notes += dict.fromkeys(
+            note for c in self.clocks for note in c.warnings(names, offsets_given)
+        )
+        if self.moved_camera is not None:
+            notes.append(
+                TrackWarning(
+                    f"{names[self.moved_camera]}: its views do not fit those of the other cameras,"
+                    " which fit each other. It was moved since the calibration, or is not"
+                    " synchronous, and was left out. Run 'defsense capture camera check'.",
+                    "camera-left-out",
+                )
             )
-        return out
+        return notes
 
 
-def locate(
-    rig: Rig, seen: Sequence[StoredObservations], size: float, frame: Camera, outlined: Int,
-    told: bool, progress: Progress,
-) -> Standing:  # fmt: skip
-    """Tags of `size` mm in the `frame` of a camera, by what all `seen` of them, with the corners of
-    the columns `outlined`; offsets that were `told` stay."""
+def locate_scene(
+    rig: Rig,
+    seen: Sequence[StoredObservations],
+    size: float,
+    frame: Camera,
+    outlined: Int,
+    offsets_given: bool,
+    progress: Progress,
+) -> LocatedScene:
+    """Locate tags, and find out whether cameras were moved.
+
+    Args:
+        rig: The cameras.
+        seen: Observations of each camera.
+        size: Side of the tags, mm.
+        frame: Camera in whose frame the tags are returned.
+        outlined: Columns of the tags whose corners are kept (k,).
+        offsets_given: Whether the offsets were given, so they stay.
+        progress: Receives progress.
+    """
     progress("tracks", 0.1, "comparing clocks")
-    clocks = sync_cameras(rig, seen, told=told)
-    by_one_clock = [replace(s, time=s.time + b) for s, b in zip(seen, clocks.shift, strict=True)]
-    progress("tracks", 0.15, "looking for cameras that were moved")
-    parts, moves = parts_of(rig, find_moves(rig, by_one_clock, size))
+    clocks = sync_cameras(rig, seen, offsets_given=offsets_given)
+    by_one_clock = [
+        replace(observations, time=observations.time + shift)
+        for observations, shift in zip(seen, clocks.shift, strict=True)
+    ]
+    progress("tracks", 0.15, "finding cameras that were moved")
+    parts, moves = divide_by_moves(rig, find_moves(rig, by_one_clock, size))
     progress("tracks", 0.2, "triangulating")
     if moves:
-        out = _by_parts(parts, moves, by_one_clock, clocks.shift, size, frame, outlined, told)
-        if _explains(out):
-            return out
-    found = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
-    moved = None
+        scene = _locate_parts(
+            parts, moves, by_one_clock, clocks.shift, size, frame, outlined, offsets_given
+        )
+        if _is_consistent(scene):
+            return scene
+    located = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
+    moved_camera = None
     if len(rig.cameras) > 2:
         views = (
-            some_tags(s, found.seen if s is clocks.seen else cameras_that_see(s))
-            for s in (clocks.seen, seen)
+            sample_tags(
+                observations,
+                located.seen if observations is clocks.seen else count_cameras(observations),
+            )
+            for observations in (clocks.seen, seen)
         )
-        moved = moved_camera(rig.cameras, views, size)
-    if moved is not None:
-        clocks = sync_cameras(rig, seen, told=told, without=moved)
-        found = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
-    return Standing(found, clocks.seen, clocks.shift, [clocks], (), moved)
+        moved_camera = find_moved_camera(rig.cameras, views, size)
+    if moved_camera is not None:
+        clocks = sync_cameras(rig, seen, offsets_given=offsets_given, excluded=moved_camera)
+        located = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
+    return LocatedScene(located, clocks.seen, clocks.shift, [clocks], (), moved_camera)
 
 
-def _by_parts(
-    parts: Sequence[RigPart], moves: Sequence[CameraMove], seen: Sequence[StoredObservations],
-    shift: Sequence[float], size: float, frame: Camera, outlined: Int, told: bool,
-) -> Standing:  # fmt: skip
-    clocks = [sync_cameras(part.rig, part.of(seen), told=told) for part in parts]
-    found = joined(
+def _locate_parts(
+    parts: Sequence[RigPart],
+    moves: Sequence[CameraMove],
+    seen: Sequence[StoredObservations],
+    shift: Sequence[float],
+    size: float,
+    frame: Camera,
+    outlined: Int,
+    offsets_given: bool,
+) -> LocatedScene:
+    clocks = [sync_cameras(part.rig, part.of(seen), offsets_given=offsets_given) for part in parts]
+    located = join_tags(
         locate_tags(part.rig.cameras, c.seen, size, frame, outlined)
         for part, c in zip(parts, clocks, strict=True)
     )
-    return Standing(found, seen, shift, clocks, moves, None)
+    return LocatedScene(located, seen, shift, clocks, moves, None)
 
 
-def _explains(out: Standing) -> bool:
-    """Whether the views fit each other as the cameras are said to have stood."""
-    shared = (out.located.seen >= 2) & ~out.shaken(out.seen[0].time)[:, None]
-    used, all_ = out.located.cameras[shared].sum(), out.located.seen[shared].sum()
-    return bool(used >= _AGREE * max(all_, 1))
+def _is_consistent(scene: LocatedScene) -> bool:
+    """Return whether the views fit the poses of the cameras."""
+    shared = (scene.located.seen >= 2) & ~scene.is_moving(scene.seen[0].time)[:, None]
+    used, visible = scene.located.cameras[shared].sum(), scene.located.seen[shared].sum()
+    return bool(used >= MIN_AGREEMENT * max(visible, 1))

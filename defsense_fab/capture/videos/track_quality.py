@@ -1,68 +1,229 @@
-"""The size of the tags as several cameras measure it, against the one that is stated.
+"""Measure the quality of tracks, and the size of the tags.
 
-Tags that were printed with "fit to page" are some per cent smaller. Places by several cameras do
-not depend on the size; those by one camera are as many per cent too far away, or too near.
+Tags that were printed with "fit to page" are some per cent smaller. Positions by several cameras do
+not depend on the size; positions by one camera are too far or too near by the same percentage.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Float, Int
+from ...core.markers import Tracks
+from .camera_sync import Count, TrackWarning
+from .located_tags import LocatedTags
+from .video_detection import VideoDetections
 
-_WORTH = 0.01  # of the size, below which edges that look thinner or thicker explain it
-_SURE = 2.0  # standard deviations
-_FEW = 3  # places of a tag from which its size is taken
-_MAD = 1.4826  # standard deviations of a normal distribution in a median absolute deviation
-_MEDIAN = 1.2533  # by how much a median of many is less certain than their mean
+MIN_SIZE_ERROR = 0.01  # relative; edges that look thinner or thicker explain less
+MIN_SIZE_SIGMAS = 2.0
+MIN_SIDES = 3  # of a tag, from which its size is measured
+SIGMA_PER_MAD = 1.4826  # median absolute deviation of a normal distribution
+MAX_LENGTH_DIFFERENCE_S = 0.25  # of the videos, without a warning
+MEDIAN_SIGMA_RATIO = 1.2533  # relative to the mean of many values
 
 
 @dataclass(frozen=True)
 class MeasuredSize:
-    """The median side of the tags, mm, its standard deviation `sigma`, mm, and `stated`, mm."""
+    """Measured side of the tags.
+
+    Attributes:
+        side: Median side, mm.
+        sigma: Its standard deviation, mm.
+        stated: Stated side, mm.
+    """
 
     side: float
     sigma: float
     stated: float
 
     @property
-    def warning(self) -> str | None:
-        """What to say where the size that is stated is wrong."""
-        off = abs(self.side - self.stated)
-        if off <= max(_WORTH * self.stated, _SURE * self.sigma):
+    def warning(self) -> TrackWarning | None:
+        """Warning if the stated size is wrong."""
+        error = abs(self.side - self.stated)
+        if error <= max(MIN_SIZE_ERROR * self.stated, MIN_SIZE_SIGMAS * self.sigma):
             return None
-        part = self.side / self.stated
-        return (
-            f"the tags measure {self.side:.2f} mm where {self.stated:g} mm is stated (standard"
-            f" deviation {self.sigma:.2g} mm): they seem to be printed at {part:.1%}, or the"
-            " calibration's lengths are as wrong. Measure the black square of a tag: if it is"
-            f" {self.side:.2f} mm, print tags at 100 % or state this size, since places that one"
-            f" camera sees are {abs(1 / part - 1):.1%} too {'far' if part < 1 else 'near'}; if it"
-            f" is {self.stated:g} mm, all places are wrong by as much: measure the squares of the"
-            " calibration's board, and calibrate again"
+        ratio = self.side / self.stated
+        return TrackWarning(
+            f"The tags measure {self.side:.2f} mm, but {self.stated:g} mm is stated (standard"
+            f" deviation {self.sigma:.2g} mm). They were printed at {ratio:.1%}, or the"
+            " calibration's lengths are wrong by as much. Measure the black square of a tag. If it"
+            f" is {self.side:.2f} mm, print tags at 100 % or state this size, because positions by"
+            f" one camera are {abs(1 / ratio - 1):.1%} too {'far' if ratio < 1 else 'near'}. If it"
+            f" is {self.stated:g} mm, all positions are wrong by as much: measure the squares of"
+            " the calibration's board, and calibrate again.",
+            "tag-size-wrong",
         )
 
 
-def measured_size(sides: Float, stated: float) -> MeasuredSize | None:
-    """From the sides (t, m) mm of tags as located by several cameras, NaN where they were not; None
-    where too few were. What tags have in common in one frame, and a tag in all frames, is not
-    averaged out: the standard deviation is that by which tags and frames differ among each
-    other."""
+def measure_size(sides: Float, stated: float) -> MeasuredSize | None:
+    """Measure the side of the tags.
+
+    Errors that tags share in one frame, or that a tag has in all frames, do not average out. The
+    standard deviation follows from how much tags and frames differ among each other.
+
+    Args:
+        sides: Sides of the tags as located by several cameras (t, m), mm, NaN where not located.
+        stated: Stated side, mm.
+
+    Returns:
+        The measured side; None with too few values.
+    """
     columns = [s[np.isfinite(s)] for s in sides.T]
-    columns = [s for s in columns if len(s) >= _FEW]
+    columns = [s for s in columns if len(s) >= MIN_SIDES]
     if not columns:
         return None
-    tags = np.array([np.median(s) for s in columns])
-    within = np.array([_spread(s) for s in columns])
-    # Where there are too few tags to tell by how much they differ, as much as frames do.
-    between = _spread(tags) if len(tags) >= _FEW else float(np.median(within))
-    frames = float(np.median(within / np.sqrt([len(s) for s in columns])))
-    sigma = _MEDIAN * float(np.hypot(between / np.sqrt(len(tags)), frames))
-    return MeasuredSize(float(np.median(tags)), sigma, float(stated))
+    tag_sides = np.array([np.median(s) for s in columns])
+    frame_sigmas = np.array([_robust_sigma(s) for s in columns])
+    # With too few tags to measure by how much they differ, as much as frames do.
+    tag_sigma = (
+        _robust_sigma(tag_sides) if len(tag_sides) >= MIN_SIDES else float(np.median(frame_sigmas))
+    )
+    frame_sigma = float(np.median(frame_sigmas / np.sqrt([len(s) for s in columns])))
+    sigma = MEDIAN_SIGMA_RATIO * float(np.hypot(tag_sigma / np.sqrt(len(tag_sides)), frame_sigma))
+    return MeasuredSize(float(np.median(tag_sides)), sigma, float(stated))
 
 
-def _spread(values: Float) -> float:
-    """The standard deviation that the median absolute deviation tells."""
-    return _MAD * float(np.median(np.abs(values - np.median(values))))
+def _robust_sigma(values: Float) -> float:
+    """Return the standard deviation by the median absolute deviation."""
+    return SIGMA_PER_MAD * float(np.median(np.abs(values - np.median(values))))
+
+
+def measure_quality(
+    watched: Sequence[VideoDetections],
+    repeated_numbers: Sequence[Int],
+    located: LocatedTags,
+    kept: Any,
+    impossible: int,
+    tracks: Tracks,
+    cameras: Count,
+    size: float,
+    names: Sequence[str],
+) -> dict[str, Any]:
+    """Measure the quality of tracks.
+
+    Args:
+        watched: Detections in each video.
+        repeated_numbers: Tags that each video shows twice in a frame.
+        located: Located tags.
+        kept: Positions that were kept (t, m).
+        impossible: Number of impossible positions.
+        tracks: The tracks.
+        cameras: Number of cameras of each position (t, m).
+        size: Stated side of the tags, mm.
+        names: Names of the videos.
+
+    Returns:
+        Plain values and warnings for `quality.json`.
+    """
+    by_several, by_one = cameras >= 2, cameras == 1
+    sigma = np.linalg.norm(tracks.sigma, axis=-1)
+    videos: list[dict[str, Any]] = []
+    warnings: list[TrackWarning] = []
+    for name, video in zip(names, watched, strict=True):
+        timing = video.timing
+        videos.append(
+            {
+                "name": name,
+                "frames": len(video.time),
+                "expected": video.expected,
+                "missing": timing.missing,
+                "repeated": timing.repeated,
+                "period": timing.period,
+                "tags_per_frame": float(video.tags.count.mean()),
+            }
+        )
+        if video.expected > len(video.time) + 1:
+            warnings.append(
+                TrackWarning(
+                    f"{name}: ends early, after {len(video.time)} of {video.expected} frames."
+                    " Check that it is not damaged.",
+                    "video-ends-early",
+                )
+            )
+        if timing.missing or timing.repeated:
+            warnings.append(
+                TrackWarning(
+                    f"{name}: {timing.missing} frames are missing and {timing.repeated} repeated,"
+                    " by its time stamps.",
+                    "frames-missing",
+                )
+            )
+    spans = [video.time[-1] - video.time[0] for video in watched]
+    if len(spans) > 1 and max(spans) - min(spans) > MAX_LENGTH_DIFFERENCE_S:
+        lengths = ", ".join(f"{s:.1f}" for s in spans)
+        warnings.append(
+            TrackWarning(
+                f"The videos have different lengths ({lengths} s), so the end is by fewer cameras.",
+                "lengths-differ",
+            )
+        )
+    if by_several.any() and by_one.sum() > by_several.sum():
+        warnings.append(
+            TrackWarning(
+                "Most positions are by one camera alone, so their depth is uncertain.",
+                "depth-uncertain",
+            )
+        )
+    if by_one.any() and not by_several.any() and len(watched) > 1:
+        warnings.append(
+            TrackWarning(
+                "All positions are by one camera alone, so their depth is uncertain.",
+                "depth-uncertain",
+            )
+        )
+    for name, video, repeated in zip(names, watched, repeated_numbers, strict=True):
+        if not video.tags.count.any():
+            warnings.append(
+                TrackWarning(
+                    f"{name}: shows no tag in any frame. Check that it is the right video.",
+                    "no-tag-in-video",
+                )
+            )
+        if len(repeated):
+            numbers = ", ".join(map(str, repeated.tolist()))
+            warnings.append(
+                TrackWarning(
+                    f"{name}: shows tags {numbers} twice at once. Print each number once, or cover"
+                    " reflections.",
+                    "tags-repeated",
+                )
+            )
+    single_view = sorted(
+        set(tracks.ids.tolist()) - set(tracks.ids[by_several.any(axis=0)].tolist())
+    )
+    if single_view and len(watched) > 1:
+        warnings.append(
+            TrackWarning(
+                f"Tags {', '.join(map(str, single_view))} were never seen by two cameras at once.",
+                "tags-by-one-camera",
+            )
+        )
+    size_measured = measure_size(np.where(kept, located.sides, np.nan), size)
+    if size_measured is not None and size_measured.warning is not None:
+        warnings.append(size_measured.warning)
+    with np.errstate(all="ignore"):
+        return {
+            "frames": len(tracks.time),
+            "markers": len(tracks.ids),
+            "seen": float(tracks.visible.mean()),
+            "by_several": float(by_several.mean()),
+            "by_one": float(by_one.mean()),
+            "impossible": impossible,
+            "residual": _median(located.miss[kept & (located.cameras >= 2)]),
+            "sigma_several": _median(sigma[by_several]),
+            "sigma_one": _median(sigma[by_one]),
+            "size": None if size_measured is None else size_measured.side,
+            "size_sigma": None if size_measured is None else size_measured.sigma,
+            "tag_size": size,
+            "videos": videos,
+            "warnings": warnings,
+        }
+
+
+def _median(values: Float) -> float | None:
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if len(values) else None

@@ -1,9 +1,9 @@
-"""Looking through videos: the tags in every frame, and when it was taken."""
+"""Detect the tags in every frame of videos."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,21 +12,57 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
+from ...core.machine.compiled import is_compiled
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
 from ..cameras.image_sources import Timing, Video, measure_timing, run_in_threads
-from ..tags.detection import TagFollower, TagView, image_size_error, opencv_detector, to_grey
+from ..tags import edge_fit
+from ..tags.detection import (
+    Detector,
+    TagFollower,
+    TagView,
+    image_size_error,
+    opencv_detector,
+    to_grey,
+)
 from ..tags.tag_patterns import FAMILIES, Dictionary, dictionary
 from ..tracking.observations import FrameTags, store_views
-from .detector_compilation import tell_of_compilation
 
-_LOOKED, _SOME = 4, 3  # frames of a video in which other families are tried; tags that tell
-_ROUNDED = 8e-4  # s, that stamps in whole ms may be off
+COMPILING = "compiling the tag detector, once on this computer: about 20 s"
+
+
+def compile_detector(camera: Camera, tags: Dictionary, report: Callable[[str], None]) -> None:
+    """Compile the tag detector now, if that was not done on this computer, and report it.
+
+    Call it before work that must not wait for the compilation.
+    """
+    if report_compilation(report):
+        Detector(camera, tags)
+
+
+def report_compilation(report: Callable[[str], None]) -> bool:
+    """Report if the next detector will have to be compiled first; return whether it will."""
+    is_due = not is_compiled(edge_fit)
+    if is_due:
+        report(COMPILING)
+    return is_due
+
+
+SAMPLED_FRAMES = 4  # of each video, in which other families are tried
+MIN_OTHER_TAGS = 3
+MAX_ROUNDING_S = 8e-4  # of stamps in whole ms
 
 
 @dataclass(frozen=True)
 class VideoDetections:
-    """A video that was looked through: the times (t,) s of its frames, and the tags in each."""
+    """Tags in a video.
+
+    Attributes:
+        time: Times of its frames (t,), s.
+        tags: Tags in each frame.
+        timing: Regularity of its time stamps.
+        expected: Number of frames that the file states; 0 if it states none.
+    """
 
     time: Float
     tags: FrameTags
@@ -34,25 +70,35 @@ class VideoDetections:
     expected: int
 
 
-def detect_video(
+def detect_videos(
     paths: Sequence[Path],
     cameras: Sequence[Camera],
     tags: Dictionary,
     rate: float | None,
     progress: Progress = silent,
 ) -> list[VideoDetections]:
-    """Look through all videos, each in a thread of its own. Raises CaptureError for one that cannot
-    be read or in which there is no tag."""
+    """Detect the tags in videos, each in its own thread.
+
+    Args:
+        paths: The videos.
+        cameras: The camera of each video.
+        tags: Family of the tags.
+        rate: Frames per second of image sequences; None for videos.
+        progress: Receives progress.
+
+    Raises:
+        CaptureError: If a video cannot be read, or there is no tag in any.
+    """
     videos = [Video(p, rate) for p in paths]
     for video, camera in zip(videos, cameras, strict=True):
         if video.size != camera.size:
             raise image_size_error(camera, video.size, video.path)
-    tell_of_compilation(lambda note: progress("tags", 0.0, note))
+    report_compilation(lambda note: progress("tags", 0.0, note))
     done = [0] * len(videos)
     total = max(sum(v.expected for v in videos), 1)
 
-    def look(k: int, stop: threading.Event) -> VideoDetections:
-        found = TagFollower(cameras[k], tags)
+    def detect(k: int, stop: threading.Event) -> VideoDetections:
+        follower = TagFollower(cameras[k], tags)
         times: list[float] = []
 
         def views() -> Iterator[TagView]:
@@ -60,98 +106,124 @@ def detect_video(
                 if stop.is_set():
                     break
                 times.append(time)
-                yield found.find(image)
+                yield follower.find(image)
                 done[k] += 1
                 if k == 0:
                     progress("tags", min(sum(done) / total, 1.0), f"{done[0]} frames")
 
-        shown = store_views(views())
+        frame_tags = store_views(views())
         videos[k].close()
-        stamps = _even(np.array(times))
-        return VideoDetections(stamps, shown, measure_timing(stamps), videos[k].expected)
+        stamps = _undo_rounding(np.array(times))
+        return VideoDetections(stamps, frame_tags, measure_timing(stamps), videos[k].expected)
 
-    watched = run_in_threads(look, range(len(videos)), len(videos))
+    detections = run_in_threads(detect, range(len(videos)), len(videos))
     progress("tags", 1.0, "done")
-    for path, w in zip(paths, watched, strict=True):
-        if not len(w.time):
-            raise CaptureError(f"{path}: no frame of it can be read; is it damaged?")
-        if w.timing.back:
+    for path, detection in zip(paths, detections, strict=True):
+        if not len(detection.time):
             raise CaptureError(
-                f"{path}: its time stamps go back {w.timing.back} times; record it again, or give"
-                " --rate if its frames are evenly spaced"
+                "no frame can be read",
+                code="video-unreadable",
+                where=path,
+                action="Check that the video is not damaged",
             )
-    if not any(w.tags.count.any() for w in watched):
-        raise CaptureError(_nothing(paths, tags, rate))
-    return watched
+        if detection.timing.back:
+            raise CaptureError(
+                f"its time stamps go back {detection.timing.back} times",
+                code="times-not-increasing",
+                where=path,
+                action="Record it again, or give its rate if frames are evenly spaced",
+                count=detection.timing.back,
+            )
+    if not any(detection.tags.count.any() for detection in detections):
+        raise _no_tags_error(paths, tags, rate)
+    return detections
 
 
-def _even(time: Float) -> Float:
-    """Stamps (t,) s; evenly spaced where they are that to the whole ms that Matroska keeps: half a
-    ms is 0.05 mm at 100 mm/s."""
+def _undo_rounding(time: Float) -> Float:
+    """Return stamps (t,), s, evenly spaced if they are so up to rounding.
+
+    Matroska stores whole ms; half a ms is 0.05 mm at 100 mm/s.
+    """
     if len(time) < 3:
         return time
     number = np.arange(len(time))
-    fit = np.polyval(np.polyfit(number, time, 1), number)
-    whole = np.abs(1e3 * time - np.round(1e3 * time)).max() < 1e-6
+    line = np.polyval(np.polyfit(number, time, 1), number)
+    is_rounded = np.abs(1e3 * time - np.round(1e3 * time)).max() < 1e-6
     return (
-        np.asarray(fit - fit[0] + time[0])
-        if whole and np.abs(fit - time).max() < _ROUNDED
+        np.asarray(line - line[0] + time[0])
+        if is_rounded and np.abs(line - time).max() < MAX_ROUNDING_S
         else time
     )
 
 
-def detect_all(
+def detect_markers(
     video: Video, camera: Camera, markers: Markers, progress: Progress = silent
 ) -> tuple[Float, FrameTags]:
-    """The times (t,) s of every frame of one video, as its file has them, and the device's tags in
-    each."""
+    """Detect a device's tags in every frame of one video.
+
+    Returns:
+        The frames' times (t,), s, as the file states them, and the tags in each frame.
+
+    Raises:
+        CaptureError: If the images have another size than the camera.
+    """
     if video.size != camera.size:
         raise image_size_error(camera, video.size, video.path)
-    tell_of_compilation(lambda note: progress("tags", 0.0, note))
-    found = TagFollower(camera, dictionary(markers.dictionary))
+    report_compilation(lambda note: progress("tags", 0.0, note))
+    follower = TagFollower(camera, dictionary(markers.dictionary))
     times: list[float] = []
 
     def views() -> Iterator[TagView]:
         for k, time, image in video.frames():
             times.append(time)
-            view = found.find(image)
+            view = follower.find(image)
             yield view.only(np.isin(view.ids, markers.ids))
             progress("tags", min(k / max(video.expected, 1), 1.0), f"{k + 1} frames")
 
-    shown = store_views(views())
+    frame_tags = store_views(views())
     video.close()
-    return np.array(times), shown
+    return np.array(times), frame_tags
 
 
-def _nothing(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> str:
-    """What to say where no tag was found: perhaps there are others."""
-    found: dict[str, list[int]] = {}
+def _no_tags_error(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> CaptureError:
+    """Explain why no tag was found: perhaps there are tags of another family."""
+    numbers_by_family: dict[str, list[int]] = {}
     # The small families of a kind are the first tags of the largest one.
-    small = tuple(f"_{n}" for n in (50, 100, 250))
-    kinds = [name for name in FAMILIES if not name.endswith(small)]
-    detectors = {name: opencv_detector(dictionary(name)) for name in kinds}
+    small_families = tuple(f"_{n}" for n in (50, 100, 250))
+    families = [name for name in FAMILIES if not name.endswith(small_families)]
+    detectors = {name: opencv_detector(dictionary(name)) for name in families}
     for path in paths:
         video = Video(path, rate)
-        every = max(video.expected // _LOOKED, 1)
+        stride = max(video.expected // SAMPLED_FRAMES, 1)
         for k, _, image in video.frames():
-            if k >= _LOOKED * every:
+            if k >= SAMPLED_FRAMES * stride:
                 break
-            if k % every:
+            if k % stride:
                 continue
-            for name, one in detectors.items():
-                _, numbers, _ = one.detectMarkers(to_grey(image))
+            for name, detector in detectors.items():
+                _, numbers, _ = detector.detectMarkers(to_grey(image))
                 if numbers is not None:
-                    found.setdefault(name, []).extend(np.asarray(numbers).ravel().tolist())
+                    numbers_by_family.setdefault(name, []).extend(
+                        np.asarray(numbers).ravel().tolist()
+                    )
         video.close()
-    best = max(found, key=lambda name: len(found[name]), default="")
-    where = ", ".join(str(p) for p in paths)
-    if len(found.get(best, ())) >= _SOME:
+    best = max(numbers_by_family, key=lambda name: len(numbers_by_family[name]), default="")
+    files = ", ".join(str(p) for p in paths)
+    if len(numbers_by_family.get(best, ())) >= MIN_OTHER_TAGS:
         if best.endswith("_1000"):
-            most = max(found[best])
-            best = best[:4] + str(next(n for n in (50, 100, 250, 1000) if most < n))
+            largest = max(numbers_by_family[best])
+            best = best[:4] + str(next(n for n in (50, 100, 250, 1000) if largest < n))
         if best != tags.name:
-            return f"{where}: no tag of {tags.name}, but tags of {best}: give --dictionary {best}"
-    return (
-        f"{where}: no tag of {tags.name} found in any frame; look at light, focus and the white"
-        " margin around the tags"
+            return CaptureError(
+                f"there is no tag of {tags.name}, but there are tags of {best}",
+                code="tag-dictionary-differs",
+                where=files,
+                action=f"Choose the dictionary {best}",
+                dictionary=best,
+            )
+    return CaptureError(
+        f"no tag of {tags.name} was found in any frame",
+        code="no-tag-in-video",
+        where=files,
+        action="Check light, focus and the white margin around the tags",
     )

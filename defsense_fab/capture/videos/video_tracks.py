@@ -1,4 +1,4 @@
-"""From videos of several cameras to tracks of markers."""
+"""Make tracks of markers from videos of several cameras."""
 
 from __future__ import annotations
 
@@ -22,33 +22,38 @@ from ..tags.tag_patterns import dictionary
 from ..tracking.observations import ObservationSource, StoredObservations, observe
 from ..tracking.reconstruction import reconstruct
 from ..tracking.track_filters import find_reachable
-from .camera_sync import views_of
-from .located_tags import Count, LocatedTags
-from .standing_cameras import locate
-from .tag_size import measured_size
-from .video_detection import VideoDetections, detect_video
+from .camera_sync import Count, TrackWarning, views_of_tags
+from .located_tags import LocatedTags, locate_scene
+from .track_quality import measure_quality
+from .video_detection import VideoDetections, detect_videos
 
-#: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
-_AGREEING = 0.5
-_USED = 0.9  # of the views, that agree where all is well
-_SCALE = 0.03  # by which the located size of tags differs where the cameras' order is in no doubt
-_WRONG = 0.07  # by which it may differ from the one that was told: "fit to page" takes up to 6 %
-#: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
-#: instant, or not of one tag.
-_ODD, _ODDER = 0.3, 8.0
-_APART = 0.5  # of the tags that several cameras see in a frame
-_MANY = 20  # places, to tell what is odd
-_FAR = 1e6  # s, offsets at most
-_DISAGREE = 0.25  # px: a median above which the cameras are not in step, or have moved
-_SHORT = 0.25  # s, difference of length that is worth a word
-_CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
+#: Share of the tags seen by several cameras on which they agree; fewer mean a wrong calibration.
+MIN_AGREEMENT = 0.5
+MIN_USED_VIEWS = 0.9  # share of the views that agree with a right calibration
+MAX_SCALE_ERROR = 0.03  # of the tags' size, if the order of the cameras is certain
+MAX_PRINT_SCALE_ERROR = 0.07  # of the stated size: "fit to page" shrinks by up to 6 %
+#: Root mean square, and relative to the median: with a larger residual, views of a tag are not of
+#: one instant, or not of one tag.
+MIN_OUTLIER_PX, OUTLIER_FACTOR = 0.3, 8.0
+MAX_DISAGREEMENT = 0.5  # share of the tags that several cameras see in a frame
+MIN_POSITIONS = 20  # from which outliers are determined
+MAX_OFFSET_S = 1e6
+MAX_RESIDUAL_PX = 0.25  # median; with more, cameras are not synchronous or were moved
+MAX_ORDER_RESIDUAL_PX = 1.5  # of a credible order of the cameras
 
 
 @dataclass(frozen=True)
 class VideoTracks:
-    """Tracks in the first camera's frame, the number of cameras that each place is from (t, m), and
-    what there is to say of their quality; of the tags `outlined` (k,), where several cameras saw
-    them, the `corners` (t, k, 4, 3) mm, in single precision."""
+    """Tracks of m markers in the frame of a camera.
+
+    Attributes:
+        tracks: The tracks.
+        cameras: Number of cameras of each position (t, m).
+        quality: Values of `quality.json`; its `warnings` are `TrackWarning`s.
+        outlined: Tags whose corners are kept (k,).
+        corners: Their corners, where several cameras saw them (t, k, 4, 3), mm, in single
+            precision.
+    """
 
     tracks: Tracks
     cameras: Count
@@ -68,40 +73,74 @@ def process_videos(
     world: bool = False,
     progress: Progress = silent,
 ) -> VideoTracks:
-    """Tags of `size` mm in videos of the cameras in `calibration`, in its order; `rate` Hz of image
-    sequences; `offsets` s, by which each camera's clock is behind the first one's; in the frame of
-    the first camera, or in the `world` of the calibration: `quality` says which. Raises
-    CaptureError for files that do not belong together, and where no tag can be located."""
+    """Make tracks from video files.
+
+    Args:
+        paths: Videos in the order of the calibration's cameras.
+        calibration: File of the cameras.
+        size: Side of the tags, mm.
+        family: Family of the tags.
+        rate: Frames per second of image sequences, Hz.
+        offsets: Times to be added to those of each video, s; found by default.
+        world: Whether tracks are in the world of the calibration instead of the first camera's
+            frame; `quality` states the frame.
+        progress: Receives progress.
+
+    Raises:
+        CaptureError: If files do not belong together, or no tag can be located.
+    """
     if not 0.1 <= size <= 1000:
-        raise CaptureError(f"tag size {size:g} mm: give the side of the black square, 0.1 to 1000")
+        raise CaptureError(
+            f"a tag size of {size:g} mm is not possible",
+            code="tag-size-out-of-range",
+            where="size",
+            action="Give the side of the black square, 0.1 to 1000 mm",
+        )
     rig = read_rig(calibration)
     tags = dictionary(family)
     if len(paths) != len(rig.cameras):
         names = ", ".join(c.name for c in rig.cameras)
         raise CaptureError(
-            f"{calibration}: has {len(rig.cameras)} cameras ({names}), there are {len(paths)}"
-            " videos; give one for each, in this order"
+            f"has {len(rig.cameras)} cameras ({names}), but there are {len(paths)} videos",
+            code="camera-count-differs",
+            where=calibration,
+            action="Give one video for each camera, in this order",
+            cameras=len(rig.cameras),
+            count=len(paths),
         )
     if not rig.placed:
         raise CaptureError(
-            f"{calibration}: does not say where the cameras stand; run 'defsense capture camera"
-            " arrange'"
+            "does not state the poses of the cameras",
+            code="camera-poses-missing",
+            where=calibration,
+            action="Run 'defsense capture camera arrange'",
         )
     if len({p.resolve() for p in paths}) < len(paths):
-        raise CaptureError("the same video is given twice")
+        raise CaptureError(
+            "the same video is given twice",
+            code="video-repeated",
+            where="videos",
+            action="Give one video for each camera",
+        )
     check_offsets(offsets, len(paths))
-    watched = detect_video(paths, rig.cameras, tags, rate, progress)
+    detections = detect_videos(paths, rig.cameras, tags, rate, progress)
     first = rig.cameras[0]
-    still = replace(first, rotation=np.eye(3), translation=np.zeros(3))  # the world's own axes
-    found = assemble(
-        watched, rig, size, [str(p) for p in paths], offsets, progress, still if world else first
+    world_camera = replace(first, rotation=np.eye(3), translation=np.zeros(3))  # the world's axes
+    tracks = assemble(
+        detections,
+        rig,
+        size,
+        [str(p) for p in paths],
+        offsets,
+        progress,
+        world_camera if world else first,
     )
     frame = f"the world of {calibration}" if world else f"of camera {first.name}"
-    return replace(found, quality={**found.quality, "frame": frame})
+    return replace(tracks, quality={**tracks.quality, "frame": frame})
 
 
 def assemble(
-    watched: Sequence[VideoDetections],
+    detections: Sequence[VideoDetections],
     rig: Rig,
     size: float,
     names: Sequence[str],
@@ -110,266 +149,292 @@ def assemble(
     frame: Camera | None = None,
     outlined: Int | None = None,
 ) -> VideoTracks:
-    """Tracks from what the cameras saw, at the times of the first one and in its frame, or in that
-    of the camera `frame`; where no offsets are given they are found. Of the tags `outlined`
-    (k,) the corners are kept. Raises CaptureError where the cameras do not agree."""
-    told = check_offsets(offsets, len(watched))
-    numbers = [w.tags.survey() for w in watched]
-    ids = np.unique(np.concatenate([n for n, _ in numbers]))
-    seen: list[StoredObservations] = []
-    for w, s in zip(watched, told, strict=True):
-        first = np.append(True, np.diff(w.time) > 0)  # a frame that came twice counts once
-        # Stamps come late by some ms, each by another time, which looks like motion.
-        seen.append(observe(even_frame_times(w.time[first]).time + s, w.tags.only(first), ids))
-    time = seen[0].time
+    """Make tracks from detections, at the times of the first camera's frames.
+
+    Args:
+        detections: Detections in each video.
+        rig: The cameras.
+        size: Side of the tags, mm.
+        names: Names of the videos.
+        offsets: Times to be added to those of each video, s; found by default.
+        progress: Receives progress.
+        frame: Camera in whose frame the tracks are; the first one by default.
+        outlined: Tags whose corners are kept (k,).
+
+    Raises:
+        CaptureError: If the cameras do not agree, or no tag can be located.
+    """
+    given_offsets = check_offsets(offsets, len(detections))
+    surveys = [video.tags.survey() for video in detections]
+    ids = np.unique(np.concatenate([n for n, _ in surveys]))
+    observations: list[StoredObservations] = []
+    for video, offset in zip(detections, given_offsets, strict=True):
+        is_new = np.append(True, np.diff(video.time) > 0)  # a repeated frame counts once
+        # Stamps are late by different times of some ms, which looks like motion.
+        observations.append(
+            observe(
+                even_frame_times(video.time[is_new]).time + offset, video.tags.only(is_new), ids
+            )
+        )
+    time = observations[0].time
     outlined = np.intersect1d(ids, outlined if outlined is not None else [])
     column = np.searchsorted(ids, outlined)
-    standing = locate(
-        rig, seen, size, frame or rig.cameras[0], column, offsets is not None, progress
+    scene = locate_scene(
+        rig, observations, size, frame or rig.cameras[0], column, offsets is not None, progress
     )
-    found = standing.located
-    _check(found, rig, standing.seen, size, names)
-    progress("tracks", 0.7, "looking for what cannot be")
-    odd = _odd(found)
-    apart = _apart(found, odd)
-    odd |= apart[:, None] & (found.cameras >= 2)
-    points, sigma = found.points, found.sigma
-    points[odd] = np.nan
-    points[standing.shaken(time)] = np.nan
-    keep = find_reachable(time, points, sigma)
-    wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
-    points[~keep], sigma[~keep] = np.nan, np.nan
-    there = keep.any(axis=0)
-    if not there.any():
-        raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
-    number = np.flatnonzero(np.append(True, np.diff(watched[0].time) > 0))
-    cameras = np.where(keep, found.cameras, np.int8(0))
-    found.corners[cameras[:, column] < 2] = np.nan
-    if not there.all():
-        points, sigma, cameras = points[:, there], sigma[:, there], cameras[:, there]
-    tracks = Tracks(time, ids[there], points, sigma, number)
+    located = scene.located
+    _check_cameras(located, rig, scene.seen, size, names)
+    progress("tracks", 0.7, "removing impossible positions")
+    is_outlier = _find_outliers(located)
+    disagreeing = _disagreeing_frames(located, is_outlier)
+    is_outlier |= disagreeing[:, None] & (located.cameras >= 2)
+    points, sigma = located.points, located.sigma
+    points[is_outlier] = np.nan
+    points[scene.is_moving(time)] = np.nan
+    is_kept = find_reachable(time, points, sigma)
+    impossible = int((np.isfinite(points[..., 0]) & ~is_kept).sum())
+    points[~is_kept], sigma[~is_kept] = np.nan, np.nan
+    has_position = is_kept.any(axis=0)
+    if not has_position.any():
+        raise CaptureError(
+            "no tag could be located in any frame",
+            code="no-tag-located",
+            where=", ".join(names),
+            action="Check that the tags are visible and that the calibration is right",
+        )
+    number = np.flatnonzero(np.append(True, np.diff(detections[0].time) > 0))
+    cameras = np.where(is_kept, located.cameras, np.int8(0))
+    located.corners[cameras[:, column] < 2] = np.nan
+    if not has_position.all():
+        points, sigma, cameras = (
+            points[:, has_position],
+            sigma[:, has_position],
+            cameras[:, has_position],
+        )
+    tracks = Tracks(time, ids[has_position], points, sigma, number)
     progress("tracks", 1.0, "done")
-    twice = [again for _, again in numbers]
-    quality = _quality(watched, twice, found, keep, wrong, tracks, cameras, size, names)
-    quality["offsets"] = [a + b for a, b in zip(told, standing.shift, strict=True)]
-    quality["disagreeing"] = int(odd.sum())
-    quality["moved"] = [move.record for move in standing.moves]
-    quality["warnings"] += standing.warnings(names, offsets is not None)
-    shared = found.seen >= 3
-    out = shared & (found.cameras >= 2) & (found.cameras < found.seen)
-    if out.sum() > (1 - _USED) * max(shared.sum(), 1):
-        quality["warnings"].append(
-            f"of the tags that three cameras see, one disagrees on {out.sum() / shared.sum():.0%},"
-            f" first at {time[out.any(axis=1)][0]:.2f} s, and was left out there: was it moved?"
+    repeated = [repeated_numbers for _, repeated_numbers in surveys]
+    quality = measure_quality(
+        detections, repeated, located, is_kept, impossible, tracks, cameras, size, names
+    )
+    quality["offsets"] = [a + b for a, b in zip(given_offsets, scene.shift, strict=True)]
+    quality["disagreeing"] = int(is_outlier.sum())
+    quality["moved"] = [move.record for move in scene.moves]
+    quality["warnings"] += scene.warnings(names, offsets is not None)
+    quality["warnings"] += _agreement_warnings(
+        located, is_outlier, disagreeing, time, quality["residual"]
+    )
+    return VideoTracks(tracks, cameras, quality, outlined, located.corners)
+
+
+def _agreement_warnings(
+    located: LocatedTags,
+    is_outlier: Bool,
+    disagreeing: Bool,
+    time: Float,
+    residual: float | None,
+) -> list[TrackWarning]:
+    """Return warnings about cameras that disagree."""
+    warnings: list[TrackWarning] = []
+    by_three = located.seen >= 3
+    disagrees = by_three & (located.cameras >= 2) & (located.cameras < located.seen)
+    if disagrees.sum() > (1 - MIN_USED_VIEWS) * max(by_three.sum(), 1):
+        share, first = disagrees.sum() / by_three.sum(), time[disagrees.any(axis=1)][0]
+        warnings.append(
+            TrackWarning(
+                "Of the tags that three cameras see, one camera disagrees on"
+                f" {share:.0%}, first at {first:.2f} s, and was left out there. Check whether it was"
+                " moved.",
+                "camera-disagrees",
+            )
         )
-    if apart.any():
-        quality["warnings"].append(
-            f"in {int(apart.sum())} frames, the first at {time[apart][0]:.2f} s, the cameras' views"
-            " of most tags disagree: a camera was moved, or its times jump; what they see together"
-            " there was left out"
+    if disagreeing.any():
+        warnings.append(
+            TrackWarning(
+                f"In {int(disagreeing.sum())} frames, the first at {time[disagreeing][0]:.2f} s,"
+                " the cameras' views of most tags disagree, because a camera was moved or its"
+                " times jump. These positions were left out.",
+                "cameras-disagree",
+            )
         )
-    if odd.any():
-        quality["warnings"].append(
-            f"{int(odd.sum())} places were left out: the cameras' views of the tag disagree"
+    if is_outlier.any():
+        warnings.append(
+            TrackWarning(
+                f"{int(is_outlier.sum())} positions were left out, because the cameras' views of"
+                " the tag disagree.",
+                "positions-left-out",
+            )
         )
-    if (quality["residual"] or 0.0) > _DISAGREE:
-        quality["warnings"].append(
-            f"the cameras' views miss each other by {quality['residual']:.2f} px: they are not in"
-            " step, or one was moved since it was arranged; places may be wrong by millimetres"
+    if (residual or 0.0) > MAX_RESIDUAL_PX:
+        warnings.append(
+            TrackWarning(
+                f"The cameras' views differ by {residual:.2f} px, because they are not"
+                " synchronous or one was moved since the calibration. Positions may be wrong by"
+                " millimeters.",
+                "residual-large",
+            )
         )
-    return VideoTracks(tracks, cameras, quality, outlined, found.corners)
+    return warnings
 
 
 def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
-    """Offsets (count,) s by the first camera's clock, zero where none are given. Raises
-    CaptureError."""
+    """Return offsets relative to the first one (count,), s; zero if none are given.
+
+    Raises:
+        CaptureError: If they are invalid.
+    """
     if offsets is None:
         return [0.0] * count
     if len(offsets) != count:
-        raise CaptureError(f"offsets: {len(offsets)} given for {count} cameras; give one for each")
-    if not all(abs(s) < _FAR for s in offsets):
         raise CaptureError(
-            f"offsets {', '.join(f'{s:g}' for s in offsets)}: give seconds, what is to be added to"
-            " each video's times"
+            f"{len(offsets)} offsets are given for {count} cameras",
+            code="offset-count-differs",
+            where="offsets",
+            action="Give one offset for each camera",
+            count=len(offsets),
+        )
+    if not all(abs(s) < MAX_OFFSET_S for s in offsets):
+        raise CaptureError(
+            f"{', '.join(f'{s:g}' for s in offsets)} are not valid offsets",
+            code="offset-invalid",
+            where="offsets",
+            action="Give the seconds to be added to each video's times",
         )
     return [s - offsets[0] for s in offsets]
 
 
-def _odd(found: LocatedTags) -> Bool:
-    """Places (t, m) of which the views miss each other much more than those of the others do."""
-    several = (found.cameras >= 2) & np.isfinite(found.miss)
-    if several.sum() < _MANY:
-        return np.zeros(several.shape, bool)
-    limit = max(_ODD, _ODDER * float(np.median(found.miss[several])))
-    # A tag whose corners are told to be less exact than those of others may miss by more.
-    sigma = np.linalg.norm(found.sigma, axis=2)
-    less = np.maximum(sigma / max(float(np.median(sigma[several])), 1e-12), 1.0)
-    return np.asarray(several & (found.miss > limit * np.where(np.isfinite(less), less, 1.0)))
+def _find_outliers(located: LocatedTags) -> Bool:
+    """Return positions (t, m) whose views differ much more than those of the others."""
+    by_several = (located.cameras >= 2) & np.isfinite(located.miss)
+    if by_several.sum() < MIN_POSITIONS:
+        return np.zeros(by_several.shape, bool)
+    limit = max(MIN_OUTLIER_PX, OUTLIER_FACTOR * float(np.median(located.miss[by_several])))
+    # A tag with less exact corners may have a larger residual.
+    sigma = np.linalg.norm(located.sigma, axis=2)
+    relative_sigma = np.maximum(sigma / max(float(np.median(sigma[by_several])), 1e-12), 1.0)
+    return np.asarray(
+        by_several
+        & (located.miss > limit * np.where(np.isfinite(relative_sigma), relative_sigma, 1.0))
+    )
 
 
-def _apart(found: LocatedTags, odd: Bool) -> Bool:
-    """Frames (t,) in which the cameras' views of most tags disagree: those that seem to agree do so
-    by chance."""
-    several = found.seen >= 2
-    wrong = several & (odd | (found.cameras < 2))
-    return np.asarray(wrong.sum(axis=1) > _APART * np.maximum(several.sum(axis=1), 1))
+def _disagreeing_frames(located: LocatedTags, is_outlier: Bool) -> Bool:
+    """Return frames (t,) in which the cameras' views of most tags disagree.
+
+    The views that seem to agree in these frames do so by chance.
+    """
+    by_several = located.seen >= 2
+    is_wrong = by_several & (is_outlier | (located.cameras < 2))
+    return np.asarray(
+        is_wrong.sum(axis=1) > MAX_DISAGREEMENT * np.maximum(by_several.sum(axis=1), 1)
+    )
 
 
-def _check(
-    found: LocatedTags,
+def _check_cameras(
+    located: LocatedTags,
     rig: Rig,
-    seen: Sequence[ObservationSource],
+    observations: Sequence[ObservationSource],
     size: float,
     names: Sequence[str],
 ) -> None:
-    """Raises CaptureError where cameras disagree, or tags are of another size than told."""
-    several = found.seen >= 2
-    if len(rig.cameras) < 2 or several.sum() < 3:
+    """Raise CaptureError if cameras disagree, or tags have another size than stated."""
+    by_several = located.seen >= 2
+    if len(rig.cameras) < 2 or by_several.sum() < 3:
         return
-    agreeing = float((found.cameras[several] >= 2).mean())
-    scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
-    believable = agreeing >= _AGREEING and abs(scale - 1) <= _WRONG
-    right = believable and abs(scale - 1) <= _SCALE
-    used = float(found.cameras[several].sum() / found.seen[several].sum())
-    if right and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
+    agreement = float((located.cameras[by_several] >= 2).mean())
+    scale = float(np.nanmedian(located.sides)) / size if agreement else 0.0
+    is_credible = agreement >= MIN_AGREEMENT and abs(scale - 1) <= MAX_PRINT_SCALE_ERROR
+    is_right = is_credible and abs(scale - 1) <= MAX_SCALE_ERROR
+    used = float(located.cameras[by_several].sum() / located.seen[by_several].sum())
+    if is_right and used >= MIN_USED_VIEWS and float(np.nanmedian(located.miss)) <= MAX_RESIDUAL_PX:
         return
-    rows = np.argwhere(several)
-    some = rows[:: max(len(rows) // (200 if len(rig.cameras) < 5 else 30), 1)]
-    other = _permuted(rig, *views_of(seen, some), size, found)
-    if other is not None:
+    rows = np.argwhere(by_several)
+    sample = rows[:: max(len(rows) // (200 if len(rig.cameras) < 5 else 30), 1)]
+    order = _find_order(rig, *views_of_tags(observations, sample), size, located)
+    if order is not None:
         pairs = ", ".join(
-            f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
+            f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, order, strict=True)
         )
         raise CaptureError(
-            f"the videos are in another order than the cameras: it seems that {pairs}"
+            f"the videos are in another order than the cameras: it seems that {pairs}",
+            code="camera-order-differs",
+            where="videos",
+            action="Give the videos in the order of the cameras",
+            order=order,
         )
-    if believable:
+    if is_credible:
         return
-    if agreeing < _AGREEING:
+    if agreement < MIN_AGREEMENT:
         raise CaptureError(
             "the views do not fit the calibration: of the tags that several cameras see, only"
-            f" {agreeing:.0%} agree; has a camera been moved, or is a video of another camera?"
-            " Run 'defsense capture camera check', then arrange again; where videos began more than"
-            " some seconds apart, tell by how much (--offsets)"
+            f" {agreement:.0%} agree",
+            code="calibration-wrong",
+            where="cameras",
+            action=(
+                "Run 'defsense capture camera check' to see whether a camera was moved, or give the"
+                " offsets of videos that started more than some seconds apart"
+            ),
         )
     guess = next(
         (u for u, f in (("m", 1e3), ("cm", 10.0), ("inches", 25.4)) if 0.8 < scale * f < 1.25),
         None,
     )
-    why = (
-        f"the calibration is in {guess}, it must be in mm"
-        if guess
-        else f"measure the black square of a tag (--tag-size {scale * size:.2f}?), and the board's"
-        " squares; or has a camera been moved?"
-    )
+    why = f", because the calibration is in {guess}" if guess else ""
     raise CaptureError(
-        f"tags of {size:g} mm look {scale * size:.3g} mm large to these cameras: {why}"
+        f"tags of {size:g} mm look {scale * size:.3g} mm large to these cameras{why}",
+        code="calibration-unit-wrong" if guess else "tag-size-wrong",
+        where="cameras",
+        action=(
+            "Calibrate in mm"
+            if guess
+            else f"Measure the black square of a tag ({scale * size:.2f} mm?) and the board's"
+            " squares, and check whether a camera was moved"
+        ),
+        unit=guess,
+        measured=scale * size,
     )
 
 
-def _permuted(
-    rig: Rig, corners: Float, covariance: Float, size: float, told: LocatedTags
+def _find_order(
+    rig: Rig, corners: Float, covariance: Float, size: float, located: LocatedTags
 ) -> tuple[int, ...] | None:
-    """Cameras in the order that fits some tags (n, v, 4, 2) better than that which was `told`, if
-    any."""
-    agree = told.cameras[told.seen >= 2]
-    fit = float(np.median(told.miss[told.cameras >= 2])) if (agree >= 2).any() else np.inf
+    """Return the order of cameras that fits better than the stated one, if there is one.
+
+    Args:
+        rig: The cameras in the stated order.
+        corners: Corners of some tags (n, v, 4, 2), px.
+        covariance: Their covariances (n, v, 5, 2, 2), px^2.
+        size: Side of the tags, mm.
+        located: Tags located in the stated order.
+    """
+    agreement = located.cameras[located.seen >= 2]
+    residual = (
+        float(np.median(located.miss[located.cameras >= 2])) if (agreement >= 2).any() else np.inf
+    )
     best: tuple[float, tuple[int, ...]] | None = None
     for order in list(itertools.permutations(range(len(rig.cameras))))[1:]:
         cameras = [rig.cameras[k] for k in order]
-        # Corners are without distortion but in pixels of the camera that was told.
-        moved = np.stack(
+        # Corners are without distortion, but in pixels of the stated camera.
+        converted = np.stack(
             [
-                (corners[:, c] - was.matrix[:2, 2]) / was.focal * is_.focal + is_.matrix[:2, 2]
-                for c, (was, is_) in enumerate(zip(rig.cameras, cameras, strict=True))
+                (corners[:, c] - old.matrix[:2, 2]) / old.focal * new.focal + new.matrix[:2, 2]
+                for c, (old, new) in enumerate(zip(rig.cameras, cameras, strict=True))
             ],
             axis=1,
         )
-        found = reconstruct(cameras, moved[:, None], covariance[:, None], size)
-        many = found.seen >= 2
-        if (found.cameras[many] < 2).mean() > 0.2:
+        candidate = reconstruct(cameras, converted[:, None], covariance[:, None], size)
+        by_several = candidate.seen >= 2
+        if (candidate.cameras[by_several] < 2).mean() > 0.2:
             continue
-        scale = float(np.nanmedian(found.sides)) / size
-        miss, more = float(np.nanmedian(found.miss)), found.cameras[many].mean() - agree.mean()
-        if miss < _CLOSE and abs(scale - 1) <= _SCALE and (more > 0.3 or miss < fit / 2):
-            best = min(best or (np.inf, order), (miss, order))
+        scale = float(np.nanmedian(candidate.sides)) / size
+        candidate_residual, gain = (
+            float(np.nanmedian(candidate.miss)),
+            candidate.cameras[by_several].mean() - agreement.mean(),
+        )
+        if (
+            candidate_residual < MAX_ORDER_RESIDUAL_PX
+            and abs(scale - 1) <= MAX_SCALE_ERROR
+            and (gain > 0.3 or candidate_residual < residual / 2)
+        ):
+            best = min(best or (np.inf, order), (candidate_residual, order))
     return best[1] if best else None
-
-
-def _quality(
-    watched: Sequence[VideoDetections],
-    twice: Sequence[Int],
-    found: LocatedTags,
-    keep: Any,
-    wrong: int,
-    tracks: Tracks,
-    cameras: Count,
-    size: float,
-    names: Sequence[str],
-) -> dict[str, Any]:
-    """Plain numbers on what was found, and warnings."""
-    several, one = cameras >= 2, cameras == 1
-    sigma = np.linalg.norm(tracks.sigma, axis=-1)
-    videos, warnings = [], []
-    for name, w in zip(names, watched, strict=True):
-        t = w.timing
-        videos.append(
-            {
-                "name": name, "frames": len(w.time), "expected": w.expected,
-                "missing": t.missing, "repeated": t.repeated, "period": t.period,
-                "tags_per_frame": float(w.tags.count.mean()),
-            }
-        )  # fmt: skip
-        if w.expected > len(w.time) + 1:
-            warnings.append(
-                f"{name}: ends early, after {len(w.time)} of {w.expected} frames; is it damaged?"
-            )
-        if t.missing or t.repeated:
-            warnings.append(
-                f"{name}: {t.missing} frames missing and {t.repeated} repeated, by its time stamps"
-            )
-    spans = [w.time[-1] - w.time[0] for w in watched]
-    if len(spans) > 1 and max(spans) - min(spans) > _SHORT:
-        told = ", ".join(f"{s:.1f}" for s in spans)
-        warnings.append(f"the videos are of different length ({told} s): the rest is from fewer")
-    if several.any() and one.sum() > several.sum():
-        warnings.append("most places are from one camera alone: their depth is uncertain")
-    if one.any() and not several.any() and len(watched) > 1:
-        warnings.append("all places are from one camera alone: their depth is uncertain")
-    for name, w, again in zip(names, watched, twice, strict=True):
-        if not w.tags.count.any():
-            warnings.append(f"{name}: shows no tag in any frame; is it the right video?")
-        if len(again):
-            numbers = ", ".join(map(str, again.tolist()))
-            warnings.append(
-                f"{name}: shows tags {numbers} twice at once; print each number once, or cover what"
-                " is a reflection"
-            )
-    never = sorted(set(tracks.ids.tolist()) - set(tracks.ids[several.any(axis=0)].tolist()))
-    if never and len(watched) > 1:
-        warnings.append(f"tags {', '.join(map(str, never))} were never seen by two cameras at once")
-    measured = measured_size(np.where(keep, found.sides, np.nan), size)
-    if measured is not None and measured.warning is not None:
-        warnings.append(measured.warning)
-    with np.errstate(all="ignore"):
-        return {
-            "frames": len(tracks.time),
-            "markers": len(tracks.ids),
-            "seen": float(tracks.seen.mean()),
-            "by_several": float(several.mean()),
-            "by_one": float(one.mean()),
-            "impossible": wrong,
-            "residual": _median(found.miss[keep & (found.cameras >= 2)]),
-            "sigma_several": _median(sigma[several]),
-            "sigma_one": _median(sigma[one]),
-            "size": None if measured is None else measured.side,
-            "size_sigma": None if measured is None else measured.sigma,
-            "tag_size": size,
-            "videos": videos,
-            "warnings": warnings,
-        }
-
-
-def _median(values: Float) -> float | None:
-    values = values[np.isfinite(values)]
-    return float(np.median(values)) if len(values) else None

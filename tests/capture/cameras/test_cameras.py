@@ -289,8 +289,8 @@ def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():
     assert any("tilt" in h for h in few.hints)
     assert measure_coverage(views, BOARD, (1280, 720), 20).fraction > few.fraction
     # Tilted one way and the other the same board has descriptors apart.
-    ways = [describe_view(seen(LENSED, (turn(y=a), np.array([0, 0, 400.0])), rng), BOARD, (1280, 720))
-            for a in (-0.5, 0.5)]  # fmt: skip
+    tilted = [seen(LENSED, (turn(y=a), np.array([0, 0, 400.0])), rng) for a in (-0.5, 0.5)]
+    ways = [describe_view(view, BOARD, (1280, 720)) for view in tilted]
     assert ways[0][3] * ways[1][3] < 0
     assert np.abs(ways[0][3] - ways[1][3]) > 0.5
 

@@ -41,7 +41,7 @@ def test_round_trips(tmp_path_factory, t, m, seed):
         assert written.rate == pytest.approx(30)
         found = read_tracks(folder / f"a{suffix}")
         assert found.frame.tolist() == whole.tolist()
-        assert not found.seen[~np.isin(whole, frame)].any()
+        assert not found.visible[~np.isin(whole, frame)].any()
         there = np.isin(whole, frame)
         found = Tracks(
             *(found.time[there], found.ids, found.points[there], found.sigma[there]), frame
@@ -76,7 +76,7 @@ def test_every_format_has_the_same_frames_and_rate(tmp_path):
         assert found.frame.tolist() == list(range(4, 417))
         assert found.ids.tolist() == [2, 5, 11]
         np.testing.assert_allclose(found.points[at], points, atol=1e-4)
-        assert found.seen.sum() == tracks.seen.sum()
+        assert found.visible.sum() == tracks.visible.sum()
     head = (tmp_path / "a.trc").read_text("utf-8").splitlines()[2].split("\t")
     assert head[:4] == ["15.000000", "15.000000", "413", "3"]
     assert c3d_format.parse((tmp_path / "a.c3d").read_bytes()).rate == pytest.approx(15)
@@ -126,9 +126,9 @@ def test_other_readers_find_the_same_in_our_c3d(tmp_path):
     assert found.rate == pytest.approx(30, rel=1e-6)
     assert found.parameters["POINT", "FRAMES"] == [at[-1] + 1]
     seen = np.zeros((at[-1] + 1, 5), bool)
-    seen[at] = tracks.seen
+    seen[at] = tracks.visible
     np.testing.assert_array_equal(found.residual >= 0, seen)
-    there = tracks.points[tracks.seen]
+    there = tracks.points[tracks.visible]
     np.testing.assert_array_equal(found.points[seen], there.astype(np.float32).astype(float))
 
 
@@ -137,7 +137,7 @@ def test_a_marker_at_the_origin_stays(tmp_path):
     write_c3d(
         tmp_path / "a.c3d", Tracks(np.arange(2.0), np.array([1]), points, points, np.arange(2))
     )
-    assert read_tracks(tmp_path / "a.c3d").seen.all()
+    assert read_tracks(tmp_path / "a.c3d").visible.all()
 
 
 def test_times_off_the_grid(tmp_path):
@@ -150,7 +150,7 @@ def test_times_off_the_grid(tmp_path):
     write_c3d(tmp_path / "a.c3d", tracks)
     found = read_tracks(tmp_path / "a.c3d")
     assert len(found.time) == 10000
-    assert found.frame[found.seen[:, 0]].tolist() == frame.tolist()
+    assert found.frame[found.visible[:, 0]].tolist() == frame.tolist()
     assert abs(found.time[frame] - time).max() < 0.1 / 29.97
     time[1500] += 0.01
     with raises(CaptureError, "times-uneven"):
@@ -185,7 +185,7 @@ def test_all_kinds_of_storage(tmp_path, processor, scale, unit, factor):
     off = 0.5001 * scale if scale > 0 else 1e-5
     np.testing.assert_allclose(found.tracks.points / factor, points, rtol=0, atol=off)
     other = c3d_format.parse(data)
-    seen = found.tracks.seen
+    seen = found.tracks.visible
     np.testing.assert_allclose(other.points[seen] * factor, found.tracks.points[seen], rtol=1e-6)
     np.testing.assert_array_equal(other.residual >= 0, seen)
 
@@ -195,7 +195,7 @@ def test_zeros_of_others_are_missing(tmp_path):
     points[1, 0] = 0
     (tmp_path / "a.c3d").write_bytes(c3d_format.build(points, ["a7", "b3"], 50.0))
     found = read_tracks(tmp_path / "a.c3d")
-    assert found.seen.tolist() == [[True, True], [False, True], [True, True]]
+    assert found.visible.tolist() == [[True, True], [False, True], [True, True]]
     assert found.ids.tolist() == [7, 3]
 
 
@@ -208,9 +208,11 @@ def test_a_public_file():
     kept = [i for i, label in enumerate(other.labels) if not label.startswith("USERMO")]
     assert found.labels == tuple(other.labels[i] for i in kept)
     assert tracks.points.shape == (40, 32, 3)
-    np.testing.assert_array_equal(tracks.seen, other.residual[:, kept] >= 0)
-    assert sorted(set(tracks.seen.sum(1).tolist()))[0] < 32
-    np.testing.assert_array_equal(tracks.points[tracks.seen], other.points[:, kept][tracks.seen])
+    np.testing.assert_array_equal(tracks.visible, other.residual[:, kept] >= 0)
+    assert sorted(set(tracks.visible.sum(1).tolist()))[0] < 32
+    np.testing.assert_array_equal(
+        tracks.points[tracks.visible], other.points[:, kept][tracks.visible]
+    )
     assert tracks.time == pytest.approx(885 / 200 + np.arange(40) / 200)
 
     with (VICON / "vicon_jump.csv").open(newline="") as file:
@@ -246,7 +248,7 @@ def test_trc_of_others(tmp_path):
         path.write_text(text, newline="")
         found = read_trc(path)
         assert found.labels == ("LASI", "RASI")
-        assert found.tracks.seen.tolist() == [[True, True], [False, True], [True, False]]
+        assert found.tracks.visible.tolist() == [[True, True], [False, True], [True, False]]
         assert found.tracks.points[0].tolist() == [[100, 200, 300], [400, 500, 600]]
         assert found.tracks.time.tolist() == [0, 0.01667, 0.03333]
 

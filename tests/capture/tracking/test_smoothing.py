@@ -30,11 +30,11 @@ def test_parabolas_come_through_and_gaps_stay(seed, window, known):
     points[20:60, 2] = np.nan
     tracks = made(time, points, rng.uniform(0.01, 1, points.shape) if known else None)
     out = smooth(tracks, window)
-    assert (out.seen == tracks.seen).all()
+    assert (out.visible == tracks.visible).all()
     np.testing.assert_allclose(out.points, points, atol=1e-6)
     assert (np.isfinite(out.sigma) == (np.isfinite(points) & known)).all()
     if known:
-        ratio = out.sigma[tracks.seen] / tracks.sigma[tracks.seen]
+        ratio = out.sigma[tracks.visible] / tracks.sigma[tracks.visible]
         assert ratio.max() <= 1 + 1e-12
         assert ratio.min() < 0.9
 
@@ -99,4 +99,4 @@ def test_what_is_wrong_is_told():
     with raises(CaptureError, "sigma-not-positive"):
         smooth(made(time, points, points), 1.0)
     nothing = made(time, points * np.nan)
-    assert not smooth(nothing, 1.0).seen.any()
+    assert not smooth(nothing, 1.0).visible.any()

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.cameras.rig_file import write_rig
-from defsense_fab.capture.files.formats import read_tracks
+from defsense_fab.capture.files.formats import read_tracks, write_tracks
+from defsense_fab.capture.files.track_conversion import change_axes
+from defsense_fab.capture.videos.video_tracks import process_videos
+from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.scenes.scene import Scene
-from tests.support.films import LEFT, RIGHT, SIZE, aligned, command, images, tags, take, told
+from tests.support.errors import raises
+from tests.support.films import LEFT, RIGHT, SIZE, aligned, command, images, tags, take
 from tests.twin.film import Shutter, load_truth
 
 
@@ -32,22 +36,36 @@ def films(tmp_path_factory):
 
 
 @pytest.fixture
-def process(films, tmp_path, capsys, monkeypatch):
+def process(films):
+    """Make tracks from videos of the folder; return them and their quality."""
+
+    def run(*videos, calibration="cameras.toml", size=SIZE, family="4X4_50", **options):
+        paths = [films / video for video in videos]
+        found = process_videos(paths, films / calibration, size, family, **options)
+        return found.tracks, found.quality
+
+    return run
+
+
+def codes(quality):
+    return [warning.code for warning in quality["warnings"]]
+
+
+@pytest.fixture
+def refuse(films, tmp_path, capsys, monkeypatch):
+    """Run the command; check that it refuses in one line and writes nothing; return the line."""
     monkeypatch.chdir(films)
 
-    def run(*videos, calibration="cameras.toml", size=SIZE, out=None, more=()):
-        out = out or tmp_path / "out.csv"
+    def run(*more, out=None):
         before = {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
-        code, said, errors = command(
-            capsys, "capture", "process", "--videos", *videos, "--calibration", calibration,
-            "--tag-size", size, "--out", out, "--json", *more,
+        code, output, errors = command(
+            capsys, "capture", "process", "--videos", "a.mkv", "b.mkv", "--calibration",
+            "cameras.toml", "--tag-size", SIZE, "--out", out or tmp_path / "out.csv", "--json",
+            *more,
         )  # fmt: skip
-        if code:
-            assert (code, len(errors), said) == (2, 1, "")
-            assert before == {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
-            return errors[0]
-        assert not errors
-        return read_tracks(out), told(said)
+        assert (code, len(errors), output) == (2, 1, "")
+        assert before == {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
+        return errors[0]
 
     return run
 
@@ -57,7 +75,7 @@ def compare(tracks, path):
     truth = load_truth(path.with_suffix(".npz"))
     exact = LEFT.to_camera(truth.centers)[tracks.frame][:, np.searchsorted(truth.ids, tracks.ids)]
     error = tracks.points - exact
-    seen = tracks.seen
+    seen = tracks.visible
     rigid = [aligned(p[s], e[s]) for p, e, s in zip(tracks.points, exact, seen, strict=True)]
     return error[seen], (error / tracks.sigma)[seen], np.concatenate(rigid)
 
@@ -82,45 +100,48 @@ def test_two_cameras(process, films):
 def test_frames_of_the_tracks(process, films):
     truth = load_truth(films / "a.npz").centers
     own, quality = process("a.mkv", "b.mkv")
-    assert quality["frame"] == "of camera left, x right, y down, z ahead"
-    world, quality = process("a.mkv", "b.mkv", more=["--frame", "world"])
-    assert quality["frame"] == "the world of cameras.toml"
+    assert "left" in quality["frame"]
+    world, quality = process("a.mkv", "b.mkv", world=True)
+    assert "cameras.toml" in quality["frame"]
     assert np.abs(LEFT.rotation - np.eye(3)).max() > 0.5  # another frame than the first camera's
     assert rms(np.linalg.norm(world.points - truth[world.frame], axis=-1)) < 0.05
     assert np.allclose(LEFT.to_camera(world.points), own.points, atol=1e-3)
     x, y, z = np.moveaxis(own.points, -1, 0)
     sx, sy, sz = np.moveaxis(own.sigma, -1, 0)
     for up, axes, sigma in (("y", (x, -y, -z), (sx, sy, sz)), ("z", (x, z, -y), (sx, sz, sy))):
-        tracks, quality = process("a.mkv", "b.mkv", more=["--up", up])
-        assert f"{up} up" in quality["frame"]
+        tracks = change_axes(own, "camera", up)
         assert np.allclose(tracks.points, np.stack(axes, -1), atol=0)
         assert np.allclose(tracks.sigma, np.stack(sigma, -1), atol=0)
-    assert "--source-up" in process("a.mkv", "b.mkv", more=["--frame", "world", "--up", "y"])
 
 
-def test_converted_tracks_are_turned_when_asked(process, tmp_path, capsys):
+def test_only_the_axes_of_the_first_camera_are_turned(refuse, monkeypatch):
+    monkeypatch.setattr("defsense_fab.capture.videos.video_tracks.detect_videos", None)
+    assert "--source-up" in refuse("--frame", "world", "--up", "y")
+
+
+def test_converted_tracks_are_turned_on_request(process, tmp_path, capsys):
     tracks, _ = process("a.mkv", "b.mkv")
+    source, out, back = (tmp_path / n for n in ("out.csv", "z.npz", "back.csv"))
+    write_tracks(source, tracks)
+    tracks = read_tracks(source)
 
     def convert(*words):
         return command(capsys, "capture", "convert", *words)
 
-    source, out, back = (tmp_path / n for n in ("out.csv", "z.npz", "back.csv"))
-    code, said, _ = convert(source, out, "--up", "z", "--source-up", "camera")
-    assert code == 0
-    assert "frame: x right, y ahead, z up" in said
+    assert convert(source, out, "--up", "z", "--source-up", "camera")[0] == 0
     x, y, z = np.moveaxis(tracks.points, -1, 0)
     assert np.allclose(read_tracks(out).points, np.stack([x, z, -y], -1), atol=0)
-    assert "y up" in convert(out, back, "--up", "y", "--source-up", "z")[1]
+    assert convert(out, back, "--up", "y", "--source-up", "z")[0] == 0
     assert np.allclose(read_tracks(back).points, np.stack([x, -y, -z], -1), atol=0)
-    assert "frame: as it was" in convert(source, back)[1]
+    assert convert(source, back)[0] == 0
     assert np.allclose(read_tracks(back).points, tracks.points, atol=0)
-    code, _, (error,) = convert(source, back, "--up", "y")
-    assert code == 2
-    assert "--source-up" in error
-    assert "--up" in convert(source, back, "--source-up", "y")[2][0]
+    for given, missing in (("--up", "--source-up"), ("--source-up", "--up")):
+        code, _, (error,) = convert(source, back, given, "y")
+        assert code == 2
+        assert missing in error
 
 
-def test_one_camera_says_how_uncertain_its_depth_is(process, films):
+def test_one_camera_gives_an_uncertain_depth(process, films):
     tracks, quality = process("a.mkv", calibration="one.toml")
     error, z, _ = compare(tracks, films / "a.mkv")
     assert rms(error[:, 2]) < 0.6
@@ -129,14 +150,14 @@ def test_one_camera_says_how_uncertain_its_depth_is(process, films):
     assert quality["residual"] is None
 
 
-def test_videos_that_began_apart(process, films):
+def test_videos_that_started_at_different_times(process, films):
     tracks, quality = process("a.mkv", "late.mkv")
     assert quality["offsets"] == pytest.approx([0, 0.05], abs=1e-3)
-    assert "not in step" in quality["warnings"][0]
+    assert codes(quality)[0] == "videos-not-synchronous"
     _, z, rigid = compare(tracks, films / "a.mkv")
     assert rms(rigid) < 0.1  # the last frames have one camera
     assert rms(z) < 1.5
-    again, quality = process("a.mkv", "late.mkv", more=["--offsets", "1,1.05"])
+    again, quality = process("a.mkv", "late.mkv", offsets=[1, 1.05])
     assert quality["offsets"] == pytest.approx([0, 0.05])
     assert np.nanmax(np.abs(again.points - tracks.points)) < 0.3
     assert again.time[0] == 0  # of the first video, whatever is added
@@ -146,7 +167,7 @@ def test_lost_frames_without_a_gap_in_the_stamps(process, films):
     truth = load_truth(films / "drops.npz")
     assert (np.diff(truth.number) > 1).sum() >= 2
     tracks, quality = process("long.mkv", "drops.mkv")
-    assert any("fell out of step" in w for w in quality["warnings"])
+    assert "frames-lost" in codes(quality)
     error, z, _ = compare(tracks, films / "long.mkv")
     assert np.abs(error).max() < 1.0  # one frame too late is 3 mm and more
     assert np.median(np.linalg.norm(error, axis=1)) < 0.04
@@ -162,10 +183,11 @@ def test_other_rates_codecs_and_folders_of_images(process, films):
     (films / "pictures").mkdir()
     for k, image in enumerate(images(films / "b.mkv")):
         cv2.imwrite(str(films / "pictures" / f"{k:02d}.png"), image)
-    with_images, _ = process("a.mkv", "pictures", more=["--rate", "30"])
+    with_images, _ = process("a.mkv", "pictures", rate=30.0)
     plain, _ = process("a.mkv", "b.mkv")
     assert with_images.points == pytest.approx(plain.points, abs=1e-6)
-    assert "--rate" in process("a.mkv", "pictures")
+    with raises(CaptureError, "frame-rate-missing"):
+        process("a.mkv", "pictures")
 
 
 def test_damaged_videos(process, films):
@@ -176,52 +198,58 @@ def test_damaged_videos(process, films):
     (films / "bad.mkv").write_bytes(bytes(bad))
     tracks, quality = process("a.mkv", "bad.mkv")
     error, z, _ = compare(tracks, films / "a.mkv")
-    assert any("picture before once more" in w for w in quality["warnings"])
+    assert "frames-repeated" in codes(quality)
     assert np.abs(error).max() < 1.0
     assert rms(z) < 1.3
     (films / "half.mkv").write_bytes(whole[: len(whole) // 2])
     _, quality = process("a.mkv", "half.mkv")
-    assert any("ends early" in w for w in quality["warnings"])
+    assert "video-ends-early" in codes(quality)
     for name, content in (("empty", b""), ("text", b"hello\n" * 999), ("head", whole[:3000])):
         (films / f"{name}.mkv").write_bytes(content)
-        assert f"{name}.mkv" in process("a.mkv", f"{name}.mkv")
+        with raises(CaptureError, "video-unreadable") as caught:
+            process("a.mkv", f"{name}.mkv")
+        assert caught.value.where.endswith(f"{name}.mkv")
 
 
-def test_cameras_that_are_not_those_of_the_videos(process, films):
+def test_cameras_that_do_not_belong_to_the_videos(process, films):
     text = (films / "cameras.toml").read_text("utf-8")
 
-    def error(cameras, *videos, **options):
-        if isinstance(cameras, str):
-            (films / "x.toml").write_text(cameras)
-        else:
-            write_rig(films / "x.toml", cameras, {})
-        return process(*(videos or ("a.mkv", "b.mkv")), calibration="x.toml", **options)
+    def check(code, calibrated, videos=("a.mkv", "b.mkv"), **data):
+        write_rig(films / "x.toml", calibrated, {})
+        with raises(CaptureError, code, **data):
+            process(*videos, calibration="x.toml")
 
-    assert "another order" in error([LEFT, RIGHT], "b.mkv", "a.mkv")
-    assert "another order" in error([RIGHT, LEFT])
+    check("camera-order-differs", [LEFT, RIGHT], ("b.mkv", "a.mkv"))
+    check("camera-order-differs", [RIGHT, LEFT])
     for unit, factor in (("m", 1e-3), ("cm", 0.1)):
         scaled = [replace(c, translation=factor * c.translation) for c in (LEFT, RIGHT)]
-        assert f"is in {unit}, it must be in mm" in error(scaled)
-    assert "resolution" in error([replace(c, size=(640, 480)) for c in (LEFT, RIGHT)])
+        check("calibration-unit-wrong", scaled, unit=unit)
+    check("image-size-differs", [replace(c, size=(640, 480)) for c in (LEFT, RIGHT)])
     moved = replace(RIGHT, translation=RIGHT.translation + np.array([0, 60, 0]))
-    assert "been moved" in error([LEFT, moved])
-    assert "arrange" in error([replace(c, translation=np.zeros(3)) for c in (LEFT, RIGHT)])
-    assert "2 cameras (left, right), there are 1" in error([LEFT, RIGHT], "a.mkv")
-    assert "given twice" in error([LEFT, RIGHT], "a.mkv", "a.mkv")
-    for pattern, value in (
-        (r"translation = \[[^,]*", "translation = [nan"), (r"size = .*", "size = [nan, 360]"),
-        (r"size = .*", "size = [1e300, 360]"), (r"matrix = .*", 'matrix = "no"'),
-    ):  # fmt: skip
-        said = error(re.sub(pattern, value, text, count=1))
-        assert said.count("x.toml") == 1
-        assert "[cam_0]" in said
+    check("calibration-wrong", [LEFT, moved])
+    check("camera-poses-missing", [replace(c, translation=np.zeros(3)) for c in (LEFT, RIGHT)])
+    check("camera-count-differs", [LEFT, RIGHT], ("a.mkv",), cameras=2, count=1)
+    check("video-repeated", [LEFT, RIGHT], ("a.mkv", "a.mkv"))
+    for pattern, value, code in (
+        (r"translation = \[[^,]*", "translation = [nan", None),
+        (r"size = .*", "size = [nan, 360]", "not-a-number"),
+        (r"size = .*", "size = [1e300, 360]", "image-size-invalid"),
+        (r"matrix = .*", 'matrix = "no"', "not-a-number"),
+    ):
+        (films / "x.toml").write_text(re.sub(pattern, value, text, count=1))
+        with pytest.raises(CaptureError) as caught:
+            process("a.mkv", "b.mkv", calibration="x.toml")
+        assert code in (None, caught.value.code)
+        assert str(caught.value).count("x.toml") == 1
+        assert caught.value.data["table"] == "cam_0"
 
 
 def test_wrong_tags(process, films):
-    said = process("a.mkv", "b.mkv", size=20)
-    assert "look 22 mm large" in said
-    said = process("a.mkv", "b.mkv", more=["--dictionary", "APRILTAG_36H11"])
-    assert "give --dictionary 4X4_50" in said
+    with raises(CaptureError, "tag-size-wrong") as caught:
+        process("a.mkv", "b.mkv", size=20)
+    assert caught.value.data["measured"] == pytest.approx(22, abs=0.5)
+    with raises(CaptureError, "tag-dictionary-differs", dictionary="4X4_50"):
+        process("a.mkv", "b.mkv", family="APRILTAG_36H11")
 
     def twice(t):
         return Scene(tags(t, [0, 1, 2, 3, 4, 0]))
@@ -232,37 +260,44 @@ def test_wrong_tags(process, films):
     take(films / "twice.mkv", LEFT, twice, 0.3)
     tracks, quality = process("twice.mkv", "b.mkv")
     assert (np.isin(tracks.ids, range(6))).all()
-    assert any("tags 0 twice" in w for w in quality["warnings"])
+    assert "tags-repeated" in codes(quality)
     take(films / "nothing.mkv", RIGHT, nothing, 0.3)
     _, quality = process("a.mkv", "nothing.mkv")
-    assert any("no tag in any frame" in w for w in quality["warnings"])
+    assert "no-tag-in-video" in codes(quality)
 
 
 @pytest.mark.parametrize(
-    ("more", "words"),
+    ("options", "code"),
     [
-        (["--offsets", "0"], "1 given for 2"), (["--offsets", "0,nan"], "give seconds"),
-        (["--offsets", "0,x"], "write numbers"), (["--rate", "nan"], "frames per second"),
-        (["--smooth", "0"], "give seconds"), (["--dictionary", "9X9"], "not known"),
-        (["--tag-size", "nan"], "black square"),
+        ({"offsets": [0.0]}, "offset-count-differs"),
+        ({"offsets": [0.0, np.nan]}, "offset-invalid"),
+        ({"family": "9X9"}, "unknown-tag-dictionary"),
+        ({"size": np.nan}, "tag-size-out-of-range"),
     ],
-)  # fmt: skip
-def test_bad_options_are_refused_before_the_work(process, monkeypatch, more, words):
-    monkeypatch.setattr("defsense_fab.capture.videos.video_tracks.detect_video", None)
-    assert words in process("a.mkv", "b.mkv", more=more)
+)
+def test_invalid_arguments_are_refused_before_detection(process, monkeypatch, options, code):
+    monkeypatch.setattr("defsense_fab.capture.videos.video_tracks.detect_videos", None)
+    with raises(CaptureError, code):
+        process("a.mkv", "b.mkv", **options)
 
 
-def test_places_that_cannot_be_written(process, films, tmp_path, monkeypatch):
-    monkeypatch.setattr("defsense_fab.capture.videos.video_tracks.detect_video", None)
-    assert "no folder" in process("a.mkv", "b.mkv", out=tmp_path / "none" / "x.csv")
-    assert "suffixes" in process("a.mkv", "b.mkv", out=tmp_path / "x.docx")
-    (films / "dir.csv").mkdir()
-    assert "is a folder" in process("a.mkv", "b.mkv", out=films / "dir.csv")
+@pytest.mark.parametrize("more", [("--offsets", "0,x"), ("--rate", "nan"), ("--smooth", "0")])
+def test_invalid_options_are_refused_before_detection(refuse, monkeypatch, more):
+    monkeypatch.setattr("defsense_fab.capture.videos.video_tracks.detect_videos", None)
+    assert more[0] in refuse(*more)
 
 
-def test_a_full_disk(process, films, monkeypatch):
+def test_outputs_that_cannot_be_written(refuse, films, tmp_path, monkeypatch):
+    monkeypatch.setattr("defsense_fab.capture.videos.video_tracks.detect_videos", None)
+    for out in (tmp_path / "none" / "x.csv", tmp_path / "x.docx", films / "dir.csv"):
+        if out.name == "dir.csv":
+            out.mkdir()
+        assert str(out) in refuse(out=out)
+
+
+def test_a_full_disk(refuse, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("defsense_fab.core.storage.files.Path.replace", full)
-    assert "disk is full" in process("a.mkv", "b.mkv")
+    refuse()

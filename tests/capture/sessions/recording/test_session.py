@@ -77,7 +77,7 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     assert q["runs"][0]["sync"]["method"] in (("motion",) if often else ("motion", "arrival"))
     assert q["runs"][0]["sync"]["error_ms"] < (50 if often else 100)
     t = read_tracks(session.folder / "aligned.csv")
-    t = t.part(np.isin(t.frame, result.tracks.frame))
+    t = t.select(np.isin(t.frame, result.tracks.frame))
     several = t.sigma[..., 2] < 0.3
     # The last two move at rest, too, which tilts the rest pose in the design's frame: what counts
     # is that the anchor stays.
