@@ -14,10 +14,10 @@ from ..core.mesh import Surface
 from ..core.storage.files import storage_errors
 from ..geometry.printing.export import write_stl
 from .arguments import array, number, of_kind, path, shown
-from .starts.body_unit import body_unit
-from .starts.dropped_body import DroppedBody, look_at, worth_telling
+from .starts.dropped_body import choose_unit
+from .starts.dropped_body import DroppedBody, load_body_file, notable_repairs
 from .starts.first_device import check_edge_length
-from .starts.units import unit_name, unusual
+from .starts.units import parse_unit, describe_unusual_size
 
 
 def write_body(
@@ -30,9 +30,9 @@ def write_body(
     for what is none of these, DeviceError for units that cannot be, or must be given, and for edges
     that do not suit the body."""
     if units is not None:
-        unit_name(of_kind(units, "units", str))
+        parse_unit(of_kind(units, "units", str))
     found = _found(body)
-    unit = body_unit(found, units, 'units="{}"')
+    unit = choose_unit(found, units, 'units="{}"')
     check_edge_length(found, unit, number(edge_length, "edge_length"))
     name = f"{found.name}{found.suffix}"
     with storage_errors(folder):
@@ -40,16 +40,16 @@ def write_body(
             target = folder / inner
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(content)
-    size = unusual(found.size(unit))
-    notes = [f"the body was mended: {line}" for line in worth_telling(found.repairs(unit))]
+    size = describe_unusual_size(found.size(unit))
+    notes = [f"the body was mended: {line}" for line in notable_repairs(found.repairs(unit))]
     return found.table(name, unit), (*notes, *([size] if size else []))
 
 
 def _found(body: object) -> DroppedBody:
     if isinstance(body, str | os.PathLike):
-        return look_at(path(body, "body", BodyError))
+        return load_body_file(path(body, "body", BodyError))
     with tempfile.TemporaryDirectory(prefix="defsense-") as made, storage_errors(Path(made)):
-        return look_at(_file_of(body, Path(made)))
+        return load_body_file(_file_of(body, Path(made)))
 
 
 def _file_of(body: Any, folder: Path) -> Path:

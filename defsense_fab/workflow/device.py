@@ -27,8 +27,8 @@ from .bodies import write_body
 from .build.build import build
 from .build.stages import STAGES
 from .poses import DrawnCord, Pose, region_tables
-from .starts.starting_devices import put_device
-from .starts.defaults import MOST_CORDS
+from .starts.starting_devices import write_device
+from .starts.defaults import MAX_CORDS
 from .study.points.studied_device import changed_values, studied_text
 
 _BUILD = "build"
@@ -121,7 +121,7 @@ class Device:
             BodyError: The body is not a closed solid.
             DeviceError: Another value is invalid; messages name it as `device.toml` does.
         """
-        count = None if sensors is None else whole(sensors, "sensors", most=MOST_CORDS)
+        count = None if sensors is None else whole(sensors, "sensors", most=MAX_CORDS)
         further = plain_table({} if values is None else values)
         tables = plain_table({
             "schema": 1,
@@ -210,7 +210,7 @@ class Device:
                 for file in own_files(self._folder)
             }
         files.pop(DEVICE, None)
-        put_device(path(folder, "folder", StorageError), files, self.text)
+        write_device(path(folder, "folder", StorageError), files, self.text)
         return Device.load(folder)
 
     def build(self, until: str = "report", progress: Progress = silent) -> Path:

@@ -92,7 +92,12 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
     inside = device.source.resolve()
     for path in out.values():
         if not path.resolve().is_relative_to(inside):
-            raise StorageError(f"{path}: leads out of the device's folder; build it again")
+            raise StorageError(
+                "leads out of the device's folder",
+                code="outside-device-folder",
+                where=path,
+                action="Build the device again",
+            )
     taken: dict[str, Path | None] = {fold_name(n): p.resolve() for n, p in out.items()}
     taken |= dict.fromkeys(map(fold_name, others))
     for path in _sources(device, folder, inside):
@@ -102,8 +107,11 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
             name = _free(f"outside/{path.name}", taken)
         if taken.setdefault(fold_name(name), path) != path:
             raise StorageError(
-                f"{path}: another file of the zip has its name, or differs from it in capitals"
-                " alone; rename it, or move it to another folder of the device"
+                "another file of the zip has the same name, apart from upper and lower case",
+                code="names-collide",
+                where=path,
+                action="Rename it, or move it to another folder of the device",
+                name=name,
             )
         out[name] = path
     return out

@@ -17,7 +17,7 @@ from ...capture.cameras.image_sources import one_thread_per_call
 from ...capture.cameras.rig_file import write_rig
 from ...capture.clocks.led_schedule import LED_PERIOD_MS
 from ...capture.sessions.camera_recorder import CameraRecorder
-from ...capture.sessions.result_files import QUALITY
+from ...capture.sessions.results import QUALITY
 from ...capture.sessions.session import BOARD, CAMERAS, LOG, Log, create, load
 from ...capture.tags.tag_patterns import dictionary
 from ...capture.videos.video_detection import compile_detector

@@ -18,13 +18,13 @@ from ...capture.files.formats import read_tracks, write_tracks
 from ...capture.files.track_conversion import frame_grid
 from ...capture.readout.recording import read_recording
 from ...capture.sessions.camera_recorder import FILM_RATE
-from ...capture.sessions.processed_session import ProcessedSession
+from ...capture.sessions.results import ProcessedSession
 from ...capture.sessions.recorded_tags import CameraRecording, read_camera_tags
 from ...capture.sessions.rest_frame import lay_on_rest
-from ...capture.sessions.rest_resistance import rest_resistances
-from ...capture.sessions.result_files import REPORT, TRACKS, quantiles, write_results
-from ...capture.sessions.run_steps import begun, resting
-from ...capture.sessions.sample_table import ClockPart
+from ...capture.sessions.signals import rest_resistances
+from ...capture.sessions.results import quantiles, REPORT, TRACKS, write_results
+from ...capture.sessions.session import begun, resting
+from ...capture.sessions.results import ClockPart
 from ...capture.sessions.session import BOARD, CAMERAS, CaptureSession, ending, load, read_log
 from ...capture.sessions.signals import (
     motion,

@@ -1,4 +1,4 @@
-"""The two ends of a body: regions to hold and to move it by, and poses between them."""
+"""The two ends of a body: regions that hold and move it, and poses between them."""
 
 from __future__ import annotations
 
@@ -11,29 +11,35 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.mesh import Surface, facet_crosses
 
-#: Poses of one end against the other, and what each is.
+#: Poses of one end against the other, and their descriptions.
 END_POSES = {
     "bend": "the tip turns to where the body is thinnest",
     "bend_side": "the tip turns to the other side",
     "twist": "the tip turns about the body's length",
     "pull": "the tip is drawn away from the base",
 }
-_END = 15  # of the longest axis: a region at either end
-_EDGES = 1.5  # a narrower region's strain depends on the mesh
-_SLANTED = 1.1  # a body is this much longer along its own axis than along x, y or z
-_SLENDER = 0.6  # of that length, its width: else its own axis says little
-_STANDS = 1.15  # what is so much lower than long still stands, rather than lies
-_HEAVIER = 0.05  # of the length: so far from the middle the centre of mass lies at a thick end
-_FLAT = 3.0  # wider than that many times its thickness a body does not bend sideways
-#: Degrees for each time that the body is longer than thick, the least and the most.
-_BEND, _TWIST = (6.0, 8.0, 30.0), (9.0, 12.0, 45.0)
-_PULL = 0.1  # of the length
+END_FRACTION = 15  # length of the body over the depth of a region at either end
+MIN_REGION_EDGES = 1.5  # in narrower regions the strain depends on the mesh
+MIN_SLANTED_RATIO = 1.1  # length along the principal axis over that along x, y or z
+MAX_SLENDER_WIDTH = 0.6  # width over length: the axis of wider bodies is arbitrary
+STANDING_BONUS = 1.15  # a body stands even if it is this factor longer than high
+MIN_CENTER_OFFSET = 0.05  # of the length: offset of the center of mass towards a thick end
+MAX_SIDE_BEND_RATIO = 3.0  # width over thickness of bodies that bend sideways
+#: Degrees per ratio of length to thickness, and their smallest and largest value.
+BEND_DEG, TWIST_DEG = (6.0, 8.0, 30.0), (9.0, 12.0, 45.0)
+PULL_SHARE = 0.1  # of the length
 
 
 @dataclass(frozen=True)
 class BodyEnds:
-    """Unit `axes` (3, 3), one a row: from base to tip, across it the wider and the thinner side;
-    how far the body reaches along each, `low` and `high` (3,) mm from the origin."""
+    """The ends of a body.
+
+    Attributes:
+        axes: Unit vectors (3, 3), one per row: from base to tip, along the width, and along the
+            thickness.
+        low: Smallest coordinates (3,) mm of the body along these axes.
+        high: Largest coordinates (3,) mm.
+    """
 
     axes: Float
     low: Float
@@ -45,45 +51,53 @@ class BodyEnds:
         return self.high - self.low
 
     def region(self, name: str, edge_length: float) -> dict[str, Any]:
-        """`base` or `tip` as device.toml has it, where the mesh has edges so long, mm."""
-        axis = self.axes[0]
-        depth = min(max(self.size[0] / _END, _EDGES * edge_length), self.size[0] / 4)
-        at = self.low[0] + depth if name == "base" else self.high[0] - depth
-        normal = -axis if name == "base" else axis
-        return {"half_space": {"origin": numbers(at * axis), "normal": numbers(normal)}}
+        """Return the region `base` or `tip` for device.toml.
 
-    def usual(self) -> tuple[str, ...]:
-        """The poses that a hand gives such a body."""
-        flat = self.size[1] > _FLAT * self.size[2]
-        return ("bend", "twist") if flat else ("bend", "bend_side", "twist")
+        Args:
+            name: `base` or `tip`.
+            edge_length: Edge length of the mesh, mm.
+        """
+        axis = self.axes[0]
+        depth = min(max(self.size[0] / END_FRACTION, MIN_REGION_EDGES * edge_length), self.size[0] / 4)
+        position = self.low[0] + depth if name == "base" else self.high[0] - depth
+        normal = -axis if name == "base" else axis
+        return {"half_space": {"origin": round_numbers(position * axis), "normal": round_numbers(normal)}}
+
+    def default_poses(self) -> tuple[str, ...]:
+        """Return the poses that a hand gives such a body."""
+        is_flat = self.size[1] > MAX_SIDE_BEND_RATIO * self.size[2]
+        return ("bend", "twist") if is_flat else ("bend", "bend_side", "twist")
 
     def move(self, pose: str) -> dict[str, Any]:
-        """What one of END_POSES does to the tip, as device.toml has it."""
+        """Return the motion of the tip in one of END_POSES, for device.toml."""
         length, width, thickness = self.size
         if pose == "pull":
-            return {"translate": numbers(_PULL * length * self.axes[0])}
-        axis, across, (rate, least, most) = {
-            "bend": (self.axes[1], thickness, _BEND),
-            "bend_side": (self.axes[2], width, _BEND),
-            "twist": (self.axes[0], width, _TWIST),
+            return {"translate": round_numbers(PULL_SHARE * length * self.axes[0])}
+        axis, across, (rate, smallest, largest) = {
+            "bend": (self.axes[1], estimate_thickness, BEND_DEG),
+            "bend_side": (self.axes[2], width, BEND_DEG),
+            "twist": (self.axes[0], width, TWIST_DEG),
         }[pose]
-        degrees = round(float(np.clip(rate * length / across, least, most)))
-        return {"rotate": {"axis": numbers(axis), "degrees": degrees}, "translate": "free"}
+        degrees = round(float(np.clip(rate * length / across, smallest, largest)))
+        return {"rotate": {"axis": round_numbers(axis), "degrees": degrees}, "translate": "free"}
 
 
 def find_ends(surface: Surface) -> BodyEnds:
-    """Of a body in mm: along its longest side, or along its own axis where it lies slanted. A body
-    that stands is held at its foot, others at their thicker end."""
+    """Find the ends of a body in mm.
+
+    They are along its longest side, or along its principal axis if the body is slanted. The base is
+    the foot of a standing body, and the thicker end of others.
+    """
     center, axes = _principal(surface)
     extents = np.ptp(surface.vertices, axis=0)
-    own = np.ptp(surface.vertices @ axes.T, axis=0)
-    if own[0] < _SLANTED * extents.max() or own[1:].max() > _SLENDER * own[0]:
-        axes = np.eye(3)[np.argsort(-extents * [1, 1, _STANDS], kind="stable")]
+    principal = np.ptp(surface.vertices @ axes.T, axis=0)
+    if principal[0] < MIN_SLANTED_RATIO * extents.max() or principal[1:].max() > MAX_SLENDER_WIDTH * principal[0]:
+        axes = np.eye(3)[np.argsort(-extents * [1, 1, STANDING_BONUS], kind="stable")]
     along = surface.vertices @ axes[0]
     middle, length = (along.min() + along.max()) / 2, np.ptp(along)
-    upright = int(np.abs(axes[0]).argmax()) == 2
-    turned = axes[0, 2] < 0 if upright else center @ axes[0] - middle > _HEAVIER * length
-    if turned:
+    is_upright = int(np.abs(axes[0]).argmax()) == 2
+    is_reversed = axes[0, 2] < 0 if is_upright else center @ axes[0] - middle > MIN_CENTER_OFFSET * length
+    if is_reversed:
         axes = axes * np.array([[-1.0], [1.0], [1.0]])
     reach = surface.vertices @ axes.T
     sides = np.ptp(reach, axis=0)
@@ -93,7 +107,7 @@ def find_ends(surface: Surface) -> BodyEnds:
 
 
 def _principal(surface: Surface) -> tuple[Float, Float]:
-    """Centre of mass (3,) and principal axes (3, 3), the longest first, each a row."""
+    """Return the center of mass (3,) and the principal axes (3, 3) in rows, the longest first."""
     corners = surface.vertices[surface.faces]
     start = surface.vertices.mean(axis=0)
     tets = corners - start  # with `start` as their fourth corner
@@ -108,13 +122,16 @@ def _principal(surface: Surface) -> tuple[Float, Float]:
     return center + start, axes * signs[:, None]
 
 
-def thickness(surface: Surface) -> float:
-    """Of the body mm, at most: its smallest extent, or what its volume and area say of walls."""
+def estimate_thickness(surface: Surface) -> float:
+    """Return the largest possible thickness of a body, mm.
+
+    It is the smallest extent, or the thickness of walls with the volume and area of the body.
+    """
     area = np.linalg.norm(facet_crosses(surface.vertices, surface.faces), axis=1).sum() / 2
     return float(min(np.ptp(surface.vertices, axis=0).min(), 6 * surface.volume / area))
 
 
-def numbers(vector: Sequence[float] | Float) -> list[float]:
-    """As device.toml has them: four digits, whole ones without a point."""
+def round_numbers(vector: Sequence[float] | Float) -> list[float]:
+    """Return numbers for device.toml: four digits, and integers without a point."""
     rounded = [float(f"{v:.4g}") + 0.0 for v in np.round(np.asarray(vector, float), 4)]
     return [int(v) if v.is_integer() else v for v in rounded]

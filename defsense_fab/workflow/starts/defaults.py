@@ -1,7 +1,7 @@
-"""What a first device is of where nothing is said; apart, since help tells it before more loads."""
+"""Defaults of a first device, in a module without heavy imports, because the help shows them."""
 
 from __future__ import annotations
 
-PROCESS, CORD, CORDS = "fdm-tpu", "rubber-2mm", 3
-#: That are to be found at most.
-MOST_CORDS = 16
+DEFAULT_PROCESS, DEFAULT_CORD, DEFAULT_CORDS = "fdm-tpu", "rubber-2mm", 3
+#: Largest number of cords that can be proposed.
+MAX_CORDS = 16

@@ -1,11 +1,11 @@
-"""A file of a body as it came, looked at: its surface, the unit that it is likely in."""
+"""Files of bodies as users give them: their surface, the unit of their lengths, and repairs."""
 
 from __future__ import annotations
 
 import ast
 import re
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,69 +14,82 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import BodySpec
-from ...core.errors import BodyError
+from ...core.errors import BodyError, DeviceError
 from ...core.mesh import Surface
 from ...core.storage.file_names import safe_name
 from ...core.storage.files import storage_errors
-from ...geometry.bodies.body import load_body
+from ...geometry.bodies.body import SIZE_RANGE_MM, load_body
 from ...geometry.bodies.body_file import read_body_file
 from ...geometry.bodies.mesh_files import FORMAT_NAMES, detect_format
-from .body_ends import thickness
-from .units import UNITS, likely_unit
+from .body_ends import estimate_thickness
+from .units import UNIT_WORDS, UNITS, guess_unit, parse_unit
 
-_THICK, _LONG, _MOST_TETS = 5, 10, 60000
-#: So many tets has a volume of the cube of their edge length.
-TETS = 8.5
+EDGES_PER_THICKNESS, EDGES_PER_LENGTH, MAX_TETS = 5, 10, 60000  # of the default mesh
+#: Tets in the volume of a cube whose side is their edge length.
+TETS_PER_CUBE = 8.5
 SCRIPT = ".py"
 _MM = re.compile(r"\bmm(?=3?\b)")
 
 
 @dataclass(frozen=True)
 class DroppedBody:
-    """A body's file as it came: its `content`, a `name` that is safe beside others and has no
-    suffix, the `suffix` by its content; its `surface` as the file is read, whose lengths are mm if
-    the file is in the `own` unit of its format; the `unit` that it is likely in, and whether that
-    is `doubtful`; what was `repaired`. Of a script also the `parameters` that it has defaults for,
-    and the `others` that it needs, by their place beside it."""
+    """A file of a body.
+
+    Attributes:
+        content: Content of the file.
+        name: A safe file name without suffix.
+        suffix: Suffix that fits the content.
+        surface: The surface, in mm if the file is in the unit of its format.
+        unit: The most likely unit of the file.
+        is_doubtful: Whether that unit is doubtful.
+        repaired: Repairs of the surface, in words.
+        parameters: Defaults of the parameters of a script.
+        others: Other files that a script needs, by their path relative to it.
+        format_unit: Unit of the file's format.
+    """
 
     content: bytes
     name: str
     suffix: str
     surface: Surface
     unit: str
-    doubtful: bool
+    is_doubtful: bool
     repaired: tuple[str, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     others: Mapping[str, bytes] = field(default_factory=dict)
-    own: str = "mm"
+    format_unit: str = "mm"
 
     @property
     def key(self) -> str:
-        """What it is called under [body] of device.toml."""
+        """Its key in [body] of device.toml: `step`, `script` or `mesh`."""
         return {".step": "step", SCRIPT: "script"}.get(self.suffix, "mesh")
 
     def scale(self, unit: str) -> float:
-        """[body] scale of device.toml where the file is in that unit."""
-        return UNITS[unit] / UNITS[self.own]
+        """Return the scale in [body] of device.toml if the file is in a unit."""
+        return UNITS[unit] / UNITS[self.format_unit]
 
     def size(self, unit: str) -> Float:
-        """Extents (3,) mm where the file is in that unit."""
+        """Return the extents (3,) mm if the file is in a unit."""
         return np.asarray(np.ptp(self.surface.vertices, axis=0) * self.scale(unit))
 
-    def told_size(self, unit: str) -> str:
-        """The same in words."""
+    def format_size(self, unit: str) -> str:
+        """Return the extents as text, if the file is in a unit."""
         return " x ".join(f"{x:,.4g}" if x < 1e4 else f"{x:,.0f}" for x in self.size(unit)) + " mm"
 
     def repairs(self, unit: str) -> tuple[str, ...]:
-        """What was repaired, told in that unit, in which the file is; in the file's lengths where
-        that is not the unit of its format."""
+        """Return the repairs in words, with lengths in the unit in which the file is."""
         if self.scale(unit) == 1:
             return self.repaired
-        word = unit if self.own == "mm" else "of the file's lengths"
+        word = unit if self.format_unit == "mm" else "of the file's lengths"
         return tuple(_MM.sub(word, line) for line in self.repaired)
 
     def table(self, file: str, unit: str) -> dict[str, Any]:
-        """`[body]` of a device.toml beside which it lies as `file`, in that unit."""
+        """Return the table `[body]` of device.toml.
+
+        Args:
+            file: Name of the file next to device.toml.
+            unit: Unit of the file.
+        """
         body: dict[str, Any] = {self.key: file}
         if self.parameters:
             body["parameters"] = dict(self.parameters)
@@ -87,67 +100,86 @@ class DroppedBody:
         return body
 
     def in_mm(self, unit: str) -> Surface:
-        """Its surface where the file is in that unit."""
+        """Return the surface in mm if the file is in a unit."""
         return Surface(self.surface.vertices * self.scale(unit), self.surface.faces)
 
     def edge_length(self, unit: str) -> float:
-        """A fifth of the thickness, within what can be solved soon, mm."""
+        """Return the default edge length, mm: a fifth of the thickness, if that is solved quickly."""
         surface = self.in_mm(unit)
-        edge = min(thickness(surface) / _THICK, self.size(unit).max() / _LONG)
-        return float(f"{max(edge, float(np.cbrt(TETS * surface.volume / _MOST_TETS))):.2g}")
+        edge = min(estimate_thickness(surface) / EDGES_PER_THICKNESS, self.size(unit).max() / EDGES_PER_LENGTH)
+        return float(f"{max(edge, float(np.cbrt(TETS_PER_CUBE * surface.volume / MAX_TETS))):.2g}")
 
 
-def worth_telling(repairs: Iterable[str]) -> list[str]:
-    """Without what is done to every file of some kinds: STL has each vertex several times."""
+def notable_repairs(repairs: Iterable[str]) -> list[str]:
+    """Return the repairs without merged vertices, which every STL file has."""
     return [line for line in repairs if not line.startswith("merged")]
 
 
-def look_at(path: Path) -> DroppedBody:
+def load_body_file(path: Path) -> DroppedBody:
     """A body's file on this machine: a script, which is run, or what `look_at_file` takes. Raises
     BodyError, StorageError."""
     if path.is_dir():
-        raise BodyError(f"{path}: is a folder; give the file of a body")
+        raise BodyError(
+            "is a folder", code="file-is-folder", where=path, action="Give the file of a body"
+        )
     if not path.exists():
-        raise BodyError(f"{path}: no such file; check its name and folder")
+        raise BodyError(
+            "does not exist",
+            code="file-not-found",
+            where=path,
+            action="Check its name and folder",
+        )
     with storage_errors(path):
         content = path.read_bytes()
     if not content:
-        raise BodyError(f"{path}: is empty; export the body again")
+        raise BodyError(
+            "is empty", code="file-empty", where=path, action="Export the body again"
+        )
     if path.suffix.lower() == SCRIPT:
-        return _look_at_script(path, content)
-    return look_at_file(path.name, content)
+        return _load_script(path, content)
+    return load_body_content(path.name, content)
 
 
-def look_at_file(name: str, content: bytes) -> DroppedBody:
-    """What was dropped. Raises BodyError for what is no body, by its content."""
+def load_body_content(name: str, content: bytes) -> DroppedBody:
+    """Load a body from the content of a STEP or mesh file.
+
+    Args:
+        name: Name of the file; its suffix is not used.
+        content: Content of the file.
+
+    Raises:
+        BodyError: The content is neither STEP nor a mesh (`unknown-format`), or not a body.
+    """
     suffix = detect_format(content)
     shown = safe_name(name)
     if suffix is None:
         raise BodyError(
-            f"{shown}: is neither STEP nor a mesh by what is in it; export the body as STEP,"
-            f" {FORMAT_NAMES}"
+            "its content is neither STEP nor a mesh",
+            code="unknown-format",
+            where=shown,
+            action=f"Export the body as STEP, {FORMAT_NAMES}",
         )
     with tempfile.TemporaryDirectory(prefix="defsense-") as folder:
         path = Path(folder) / f"{shown}{suffix}"
         path.write_bytes(content)
-        found = read_body_file(path)
-    longest = float(np.ptp(found.surface.vertices, axis=0).max())
-    own = next((name for name, mm in UNITS.items() if mm == found.unit), "mm")
-    unit, doubtful = ("mm", False)
+        body = read_body_file(path)
+    longest = float(np.ptp(body.surface.vertices, axis=0).max())
+    format_unit = next((name for name, mm in UNITS.items() if mm == body.unit), "mm")
+    unit, is_doubtful = ("mm", False)
     if suffix != ".step":
-        unit, doubtful = likely_unit(longest / UNITS[own], own)
+        unit, is_doubtful = guess_unit(longest / UNITS[format_unit], format_unit)
     return DroppedBody(
-        content, shown, suffix, found.surface, unit, doubtful, found.repairs, own=own
+        content, shown, suffix, body.surface, unit, is_doubtful, body.repairs, format_unit=format_unit
     )
 
 
-def _look_at_script(path: Path, content: bytes) -> DroppedBody:
+def _load_script(path: Path, content: bytes) -> DroppedBody:
     path = path.absolute()
     body = load_body(BodySpec("script", path, {}))
-    beside = [s.path for s in body.sources if s.content and s.path.is_relative_to(path.parent)]
+    used = [s.path for s in body.sources if s.content and s.path.is_relative_to(path.parent)]
     with storage_errors(path):
         others = {
-            p.relative_to(path.parent).as_posix(): p.read_bytes() for p in beside if p != path
+            p.relative_to(path.parent).as_posix(): p.read_bytes() for p in used if p != path
         }
     return DroppedBody(
         content, safe_name(path.name), SCRIPT, body.surface, "mm", False, body.repairs,
@@ -156,18 +188,91 @@ def _look_at_script(path: Path, content: bytes) -> DroppedBody:
 
 
 def _defaults(script: bytes) -> dict[str, Any]:
-    """Of body(...), those that device.toml can hold."""
-    found: dict[str, Any] = {}
+    """Return the defaults of body(...) that device.toml can contain."""
+    defaults: dict[str, Any] = {}
     for node in ast.parse(script).body:
         if not isinstance(node, ast.FunctionDef) or node.name != "body":
             continue
         a = node.args
-        places = a.posonlyargs + a.args
-        pairs = [*zip(places[len(places) - len(a.defaults) :], a.defaults, strict=True)]
+        arguments = a.posonlyargs + a.args
+        pairs = [*zip(arguments[len(arguments) - len(a.defaults) :], a.defaults, strict=True)]
         pairs += [(k, d) for k, d in zip(a.kwonlyargs, a.kw_defaults, strict=True) if d]
         for argument, default in pairs:
             if argument in a.posonlyargs:
-                continue  # parameters are given by their names
+                continue  # parameters are passed by name
             if isinstance(default, ast.Constant) and isinstance(default.value, str | int | float):
-                found[argument.arg] = default.value
-    return found
+                defaults[argument.arg] = default.value
+    return defaults
+
+
+def choose_unit(
+    body: DroppedBody, units: str | None, ask: Callable[[], str] | None = None
+) -> str:
+    """Return the unit of a file.
+
+    Args:
+        body: The file.
+        units: The unit, if the user gives one.
+        ask: Asks the user for a doubtful unit; None if nobody can be asked.
+
+    Raises:
+        DeviceError: There is no such unit (`unknown-unit`), the file has a unit of its own
+            (`unit-not-applicable`), or nobody can be asked for a doubtful unit (`unit-doubtful`).
+        BodyError: No device has that size (`body-size-impossible`).
+    """
+    unit = body.unit
+    if units is not None:
+        unit = parse_unit(units)
+        if body.key != "mesh" and unit != "mm":
+            raise DeviceError(
+                f"{units} is given, but a STEP file contains its unit, and a script returns mm",
+                code="unit-not-applicable",
+                where="units",
+                action="Leave it out",
+                unit=unit,
+            )
+    elif body.is_doubtful and ask is not None:
+        unit = ask()
+    elif body.is_doubtful:
+        raise _doubtful_unit(body)
+    check_unit(body, unit)
+    return unit
+
+
+def _doubtful_unit(body: DroppedBody) -> DeviceError:
+    unit, format_unit = body.unit, body.format_unit
+    if unit == format_unit:
+        problem = (
+            f"in {UNIT_WORDS[unit]} the body is {body.format_size(unit)}, which is unusual for a"
+            " soft device"
+        )
+        action = f"Give units {unit} if that is right, or another unit"
+    else:
+        problem = (
+            f"in {UNIT_WORDS[format_unit]} the body would be {body.format_size(format_unit)};"
+            f" in {UNIT_WORDS[unit]} it is {body.format_size(unit)}"
+        )
+        action = f"Give units {unit}, or another unit"
+    return DeviceError(problem, code="unit-doubtful", where="units", action=action, unit=unit)
+
+
+def check_unit(body: DroppedBody, unit: str) -> None:
+    """Check that the body has the size of a device if its file is in a unit.
+
+    Raises:
+        BodyError: No device has that size (`body-size-impossible`).
+    """
+    size = float(np.linalg.norm(body.size(unit)))
+    if not SIZE_RANGE_MM[0] <= size <= SIZE_RANGE_MM[1]:
+        action = (
+            f"Choose another unit than {UNIT_WORDS[unit]}"
+            if body.key == "mesh"
+            else "Export it again in its true unit"
+        )
+        raise BodyError(
+            f"would be {size:,.3f} mm across",
+            code="body-size-impossible",
+            where=body.name,
+            action=action,
+            size=size,
+        )

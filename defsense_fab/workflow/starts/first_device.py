@@ -19,12 +19,12 @@ from ...core.schema.reference import commented
 from ...core.storage.files import storage_errors, unused_path, write_text
 from ...core.storage.package_data import read_rows
 from ...geometry.bodies.meshing.mesh_lock import FILE as MESH_LOCK
-from .body_ends import END_POSES, BodyEnds, find_ends, numbers
-from .body_unit import check_unit
-from .dropped_body import TETS, DroppedBody
-from .starting_devices import put_device
+from .body_ends import END_POSES, BodyEnds, find_ends, round_numbers
+from .dropped_body import check_unit
+from .dropped_body import TETS_PER_CUBE, DroppedBody
+from .starting_devices import write_device
 from .units import UNIT_WORDS, UNITS
-from .defaults import CORD, CORDS, MOST_CORDS, PROCESS
+from .defaults import DEFAULT_CORD, DEFAULT_CORDS, MAX_CORDS, DEFAULT_PROCESS
 
 MODES = "modes"
 _MOST_TETS = 1_000_000
@@ -36,7 +36,7 @@ _MATERIALS = {
 }  # fmt: skip
 
 
-def usual_material(process: str) -> str:
+def default_material(process: str) -> str:
     """A row of materials.csv that is made by this row of printers.csv. Raises DeviceError for a row
     of one's own."""
     for start, material in _MATERIALS.items():
@@ -56,21 +56,21 @@ class FirstDevice:
     material: str
     edge_length: float
     poses: tuple[str, ...] = ()
-    cord: str = CORD
-    process: str = PROCESS
+    cord: str = DEFAULT_CORD
+    process: str = DEFAULT_PROCESS
     cords: int | None = 0
 
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
             raise DeviceError(f"units {self.unit!r}: there is {', '.join(UNITS)}")
-        if self.cords is not None and not 0 <= self.cords <= MOST_CORDS:
+        if self.cords is not None and not 0 <= self.cords <= MAX_CORDS:
             raise DeviceError(f"cords {self.cords}: give a number from 1 to {MOST_CORDS}")
         if self.poses:
             check_poses(self.poses)
 
     def cords_for(self, poses: int) -> int:
         """How many are to be found where there are so many poses."""
-        return max(CORDS, poses) if self.cords is None else self.cords
+        return max(DEFAULT_CORDS, poses) if self.cords is None else self.cords
 
 
 def check_poses(names: tuple[str, ...]) -> None:
@@ -83,7 +83,7 @@ def check_poses(names: tuple[str, ...]) -> None:
         )
 
 
-def begin_from(
+def create_first_device(
     dropped: DroppedBody, folder: Path, first: FirstDevice, progress: Progress = silent
 ) -> tuple[str, ...]:
     """Write the body and its device.toml into a folder, which may not be there yet; returns the
@@ -110,7 +110,7 @@ def begin_from(
         device = parse_device(text, trial, complete)
         if first.poses and "states" not in tomlkit.parse(text):
             text = _with_states(text, device.states)
-    put_device(folder, files, commented(text, DeviceFile))
+    write_device(folder, files, commented(text, DeviceFile))
     return tuple(p.name for p in device.poses)
 
 
@@ -150,7 +150,7 @@ def check_edge_length(dropped: DroppedBody, unit: str, edge_length: float) -> No
     """Raises DeviceError for elements that are no length, larger than the body is thick, or more
     than can be solved."""
     thick = float(dropped.size(unit).min())
-    least = float(np.cbrt(TETS * dropped.in_mm(unit).volume / _MOST_TETS))
+    least = float(np.cbrt(TETS_PER_CUBE * dropped.in_mm(unit).volume / _MOST_TETS))
     if not least <= edge_length <= thick:
         raise DeviceError(
             f"edge length {edge_length:g} mm: give one from {least:.2g} mm (a million elements) to"
@@ -168,7 +168,7 @@ def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
     tables: dict[str, Any] = {
         "body": _nested(dropped.table(file, first.unit)),
         "material": {"name": first.material},
-        "mesh": {"edge_length": numbers([first.edge_length])[0]},
+        "mesh": {"edge_length": round_numbers([first.edge_length])[0]},
         "regions": _regions(ends, first),
         "outputs": {"markers": 40, "anchor": "base"},
         "cord": {"name": first.cord},

@@ -1,4 +1,4 @@
-"""Devices that come with the package, to begin with."""
+"""Devices of the package that users can start from."""
 
 from __future__ import annotations
 
@@ -18,13 +18,19 @@ from ...core.schema.reference import commented
 from ...core.storage.files import replace_file, storage_errors, write_text
 from ...core.storage.package_data import package_data
 
-_one = threading.Lock()  # two people may begin at once
+_write_lock = threading.Lock()  # several users may create devices at once
 _FOLDER = package_data("devices")
 
 
 @dataclass(frozen=True)
 class StartingDevice:
-    """Its folder among the package's data, what it is called on a button, and what it is."""
+    """A device of the package.
+
+    Attributes:
+        name: Name of its folder in the package's data.
+        title: Title on buttons.
+        about: Description.
+    """
 
     name: str
     title: str
@@ -32,28 +38,28 @@ class StartingDevice:
 
     @property
     def script(self) -> bytes | None:
-        """The program that makes its body; None where it is a mesh."""
-        told = tomlkit.parse((_FOLDER / self.name / DEVICE).read_text(encoding="utf-8"))
-        name = told.unwrap()["body"].get("script")
+        """The program that makes its body; None for a mesh."""
+        document = tomlkit.parse((_FOLDER / self.name / DEVICE).read_text(encoding="utf-8"))
+        name = document.unwrap()["body"].get("script")
         return None if name is None else (_FOLDER / self.name / name).read_bytes()
 
     @property
     def cord(self) -> str:
-        """Its row of cords.csv."""
-        told = tomlkit.parse((_FOLDER / self.name / DEVICE).read_text(encoding="utf-8"))
-        return str(told.unwrap()["cord"]["name"])
+        """Name of its cord in cords.csv."""
+        document = tomlkit.parse((_FOLDER / self.name / DEVICE).read_text(encoding="utf-8"))
+        return str(document.unwrap()["cord"]["name"])
 
     @property
     def picture(self) -> bytes:
-        """A PNG file."""
+        """Its picture as PNG."""
         return (_FOLDER / f"{self.name}.png").read_bytes()
 
 
-STARTS = (
+STARTING_DEVICES = (
     StartingDevice(
-        "bar", "Bar", "Three cords tell bends up and down, and twists. A script makes the body."
+        "bar", "Bar", "Three cords sense bends up and down, and twists. A script makes the body."
     ),
-    StartingDevice("twist-bar", "Twist bar", "One cord tells left from right twists."),
+    StartingDevice("twist-bar", "Twist bar", "One cord distinguishes left and right twists."),
     StartingDevice(
         "cube", "Cube", "Pressed, sheared and twisted; planes of three cords cross inside."
     ),
@@ -61,16 +67,25 @@ STARTS = (
 )
 
 
-def begin_with(start: StartingDevice, folder: Path, name: str, cord: str | None = None) -> None:
-    """Put the device into a folder, which may not be there yet, under a `name` of its own, and with
-    another `cord` where one is given. Raises StorageError where the folder has a device or one of
-    its files, and where it cannot be written."""
+def create_starting_device(start: StartingDevice, folder: Path, name: str, cord: str | None = None) -> None:
+    """Copy a device of the package to a folder.
+
+    Args:
+        start: The device.
+        folder: The folder, which is created if needed.
+        name: Name of the new device.
+        cord: Name of another cord; None for that of the device.
+
+    Raises:
+        StorageError: The folder has a device or one of its files (`file-exists`), or cannot be
+            written.
+    """
     source = _FOLDER / start.name
     document: Any = tomlkit.parse((source / DEVICE).read_text(encoding="utf-8"))
     document["name"] = name
     if cord is not None and cord != start.cord:
         document["cord"]["name"] = cord
-        document["cord"].pop("noise", None)  # that of the cord before
+        document["cord"].pop("noise", None)  # it is the noise of the previous cord
     body = document["body"]
     file = str(body.get("script") or body.get("mesh"))
     content = (source / file).read_bytes()
@@ -78,28 +93,36 @@ def begin_with(start: StartingDevice, folder: Path, name: str, cord: str | None 
     with tempfile.TemporaryDirectory(prefix="defsense-") as other:
         (Path(other) / file).touch()
         parse_device(text, Path(other))
-    put_device(folder, {file: content}, text)
+    write_device(folder, {file: content}, text)
 
 
-def put_device(folder: Path, files: Mapping[str, bytes], text: str) -> None:
-    """Write the body's `files`, then the device's, whole or none of them. A file that is there as
-    it would be written stays. Raises StorageError."""
-    with _one:
-        made = [p for p in (folder, *folder.parents) if not p.exists()]  # innermost first
+def write_device(folder: Path, files: Mapping[str, bytes], text: str) -> None:
+    """Write the files of a body and device.toml, or none of them. Identical files are kept.
+
+    Args:
+        folder: The folder, which is created if needed.
+        files: Contents of the files of the body by name.
+        text: Content of device.toml.
+
+    Raises:
+        StorageError: A file exists with another content (`file-exists`), or cannot be written.
+    """
+    with _write_lock:
+        created = [p for p in (folder, *folder.parents) if not p.exists()]  # innermost first
         written: list[Path] = []
         try:
             with storage_errors(folder):
                 folder.mkdir(parents=True, exist_ok=True)
             if (folder / DEVICE).exists():
-                raise StorageError(f"{folder / DEVICE}: is there already; choose another folder")
+                raise _file_exists(folder / DEVICE)
             for name, content in files.items():
                 path = folder / name
                 if path.is_file() and path.read_bytes() == content:
                     continue
                 if path.exists():
-                    raise StorageError(f"{path}: is there already; choose another folder")
+                    raise _file_exists(path)
                 with storage_errors(path):
-                    made = [*(p for p in path.parents if not p.exists()), *made]
+                    created = [*(p for p in path.parents if not p.exists()), *created]
                     path.parent.mkdir(parents=True, exist_ok=True)
                 with replace_file(path) as temporary:
                     written.append(path)
@@ -108,7 +131,13 @@ def put_device(folder: Path, files: Mapping[str, bytes], text: str) -> None:
         except BaseException:
             for path in written:
                 path.unlink(missing_ok=True)
-            for path in made:
-                with suppress(OSError):  # someone else's files may have come
+            for path in created:
+                with suppress(OSError):  # others may have added files
                     path.rmdir()
             raise
+
+
+def _file_exists(path: Path) -> StorageError:
+    return StorageError(
+        "exists already", code="file-exists", where=path, action="Choose another folder"
+    )

@@ -17,10 +17,10 @@ from defsense_fab.core.schema.reference import commented
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.workflow.starts import starting_devices
 from defsense_fab.workflow.starts.body_ends import find_ends
-from defsense_fab.workflow.starts.dropped_body import DroppedBody, look_at, look_at_file
-from defsense_fab.workflow.starts.first_device import FirstDevice, begin_from, usual_material
-from defsense_fab.workflow.starts.starting_devices import STARTS, begin_with
-from defsense_fab.workflow.starts.units import UNITS, likely_unit
+from defsense_fab.workflow.starts.dropped_body import DroppedBody, load_body_file, load_body_content
+from defsense_fab.workflow.starts.first_device import FirstDevice, create_first_device, default_material
+from defsense_fab.workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
+from defsense_fab.workflow.starts.units import UNITS, guess_unit
 from tests.conftest import box_surface
 from tests.support.places import DEVICES
 
@@ -41,9 +41,9 @@ def unexplained(text):
     return {key for key, told in seen.items() if not told}
 
 
-@pytest.mark.parametrize("start", STARTS, ids=[s.name for s in STARTS])
+@pytest.mark.parametrize("start", STARTING_DEVICES, ids=[s.name for s in STARTING_DEVICES])
 def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
-    begin_with(start, tmp_path / "new" / "grip", "grip")
+    create_starting_device(start, tmp_path / "new" / "grip", "grip")
     device = load_device(tmp_path / "new" / "grip")
     assert device.name == "grip"
     first = load_device(DEVICES / start.name)
@@ -61,7 +61,7 @@ def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "bar.py").write_text("mine")
     with pytest.raises(StorageError, match="is there already"):
-        begin_with(STARTS[0], tmp_path, "grip")
+        create_starting_device(STARTING_DEVICES[0], tmp_path, "grip")
     assert (tmp_path / "bar.py").read_text("utf-8") == "mine"
     assert not (tmp_path / "device.toml").exists()
 
@@ -74,18 +74,18 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch):
     (tmp_path / "mine").mkdir()
     for folder in (tmp_path / "x" / "y", tmp_path / "mine"):
         with pytest.raises(StorageError, match="the disk is full"):
-            begin_with(STARTS[0], folder, "grip")
+            create_starting_device(STARTING_DEVICES[0], folder, "grip")
     assert [p.name for p in tmp_path.rglob("*")] == ["mine"]  # nothing half-written
     (tmp_path / "file").touch()
     with pytest.raises(StorageError, match="Not a directory"):
-        begin_with(STARTS[0], tmp_path / "file" / "x", "grip")
+        create_starting_device(STARTING_DEVICES[0], tmp_path / "file" / "x", "grip")
 
 
 @pytest.mark.parametrize("unit", ["mm", "inch", "m"])
 def test_a_dropped_mesh_becomes_a_device_in_mm_held_at_one_end(unit, tmp_path):
     body = dropped(unit)
     assert body.edge_length(unit) == pytest.approx(6.0)
-    begin_from(body, tmp_path, FirstDevice('a "grip"', unit, "tango-plus", 6.0))
+    create_first_device(body, tmp_path, FirstDevice('a "grip"', unit, "tango-plus", 6.0))
     device = load_device(tmp_path, complete=False)
     assert device.name == 'a "grip"'
     assert device.body.path.read_bytes() == b"content"
@@ -98,16 +98,16 @@ def test_a_dropped_mesh_becomes_a_device_in_mm_held_at_one_end(unit, tmp_path):
 
 
 def test_a_dropped_step_has_its_own_unit(tmp_path):
-    begin_from(dropped(suffix=".step"), tmp_path, FirstDevice("grip", "mm", "tango-plus", 6.0))
+    create_first_device(dropped(suffix=".step"), tmp_path, FirstDevice("grip", "mm", "tango-plus", 6.0))
     spec = load_device(tmp_path, complete=False).body
     assert (spec.kind, spec.path.name) == ("step", "my-bar.step")
 
 
 def test_a_dropped_body_whose_cavity_is_filled_says_so_in_its_device(tmp_path):
     filled = replace(dropped(), repaired=("filled a closed cavity of 120 mm3 around (1, 2, 3)",))
-    begin_from(filled, tmp_path / "a", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    create_first_device(filled, tmp_path / "a", FirstDevice("grip", "mm", "tango-plus", 6.0))
     assert load_device(tmp_path / "a", complete=False).body.fill_cavities
-    begin_from(dropped(), tmp_path / "b", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    create_first_device(dropped(), tmp_path / "b", FirstDevice("grip", "mm", "tango-plus", 6.0))
     assert not load_device(tmp_path / "b", complete=False).body.fill_cavities
 
 
@@ -125,31 +125,31 @@ def test_what_is_no_device_is_not_written(tmp_path):
         (("x", "mm", "tango-plus", 6.0, ("modes", "bend")), DeviceError),
     ):
         with pytest.raises(error):
-            begin_from(dropped(), tmp_path / "new", FirstDevice(*values))
+            create_first_device(dropped(), tmp_path / "new", FirstDevice(*values))
     assert not (tmp_path / "new").exists()
 
 
 def test_units_are_asked_for_where_they_are_doubtful():
-    assert likely_unit(150.0) == ("mm", False)
-    assert likely_unit(6.0) == ("inch", True)
-    assert likely_unit(1.0) == ("inch", True)
-    assert likely_unit(0.15) == ("m", True)
-    assert likely_unit(15.0) == ("inch", True)  # too small for a cord, if it were mm
-    assert likely_unit(900.0) == ("mm", True)
-    assert likely_unit(0.15, "m") == ("m", False)
-    assert likely_unit(150.0, "m") == ("mm", True)
-    assert likely_unit(180_000.0) == ("um", True)
-    assert likely_unit(1e7) == ("mm", True)
+    assert guess_unit(150.0) == ("mm", False)
+    assert guess_unit(6.0) == ("inch", True)
+    assert guess_unit(1.0) == ("inch", True)
+    assert guess_unit(0.15) == ("m", True)
+    assert guess_unit(15.0) == ("inch", True)  # too small for a cord, if it were mm
+    assert guess_unit(900.0) == ("mm", True)
+    assert guess_unit(0.15, "m") == ("m", False)
+    assert guess_unit(150.0, "m") == ("mm", True)
+    assert guess_unit(180_000.0) == ("um", True)
+    assert guess_unit(1e7) == ("mm", True)
 
 
 def test_an_upload_that_is_no_body_is_told_by_its_content():
     with pytest.raises(BodyError, match=r"^x: is neither STEP nor a mesh"):
-        look_at_file("x.stl", b"import os")
+        load_body_content("x.stl", b"import os")
 
 
 def test_a_chosen_device_is_whole_and_says_its_states(tmp_path):
     first = FirstDevice("wand", "mm", "ninjaflex-85a", 6.0, ("bend", "twist", "pull"), cords=3)
-    assert begin_from(dropped(), tmp_path, first) == ("bend", "twist", "pull")
+    assert create_first_device(dropped(), tmp_path, first) == ("bend", "twist", "pull")
     device = load_device(tmp_path)
     assert device.propose == 3
     text = (tmp_path / "device.toml").read_text(encoding="utf-8")
@@ -178,7 +178,7 @@ def test_a_slanted_tapered_body_is_held_at_its_thick_end_along_its_own_axis():
 
 
 def test_every_process_has_a_material():
-    assert {usual_material(p) for p in read_rows("printers.csv")} <= set(read_rows("materials.csv"))
+    assert {default_material(p) for p in read_rows("printers.csv")} <= set(read_rows("materials.csv"))
 
 
 def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
@@ -189,9 +189,9 @@ def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
         "def body(length=110, *, more=None):\n    return Cylinder(RADIUS, length)\n",
         encoding="utf-8",
     )
-    found = look_at(tmp_path / "grip.py")
+    found = load_body_file(tmp_path / "grip.py")
     assert (found.parameters, list(found.others)) == ({"length": 110}, ["sizes.py"])
-    begin_from(found, tmp_path / "new", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    create_first_device(found, tmp_path / "new", FirstDevice("grip", "mm", "tango-plus", 6.0))
     device = load_device(tmp_path / "new", complete=False)
     assert device.body.parameters == {"length": 110}
     assert (tmp_path / "new" / "sizes.py").read_text(encoding="utf-8") == "RADIUS = 15\n"
@@ -199,7 +199,7 @@ def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
 
 def test_a_process_of_ones_own_needs_its_material_told():
     with pytest.raises(DeviceError, match="say which material"):
-        usual_material("my-printer")
+        default_material("my-printer")
 
 
 def test_only_parameters_that_can_be_given_by_name_are_written(tmp_path):
@@ -209,11 +209,11 @@ def test_only_parameters_that_can_be_given_by_name_are_written(tmp_path):
         "def body(length=60.0, /, width=20.0):\n    return Box(length, width, 20)\n",
         encoding="utf-8",
     )
-    assert look_at(script).parameters == {"width": 20.0}
+    assert load_body_file(script).parameters == {"width": 20.0}
 
 
 def test_a_cord_that_is_the_starts_own_keeps_its_noise(tmp_path):
     for name, cord in (("same", "rubber-2mm"), ("none", None)):
-        begin_with(STARTS[0], tmp_path / name, "bar", cord)
+        create_starting_device(STARTING_DEVICES[0], tmp_path / name, "bar", cord)
     told = [(tmp_path / n / "device.toml").read_text(encoding="utf-8") for n in ("same", "none")]
     assert told[0] == told[1]

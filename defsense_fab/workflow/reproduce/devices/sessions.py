@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ....capture.files.formats import read_tracks
-from ....capture.sessions.result_files import ALIGNED
+from ....capture.sessions.results import ALIGNED
 from ....core.device.build_folder import build_folder
 from ....core.device.device import Device
 from ....core.markers import FILE as MARKERS
