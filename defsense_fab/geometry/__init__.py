@@ -1,1 +1,1 @@
-"""Bodies, tetrahedra, planes and curves, channels, splits, export."""
+"""Model bodies, channels, parts, moulds and the specimen, and arrange parts for printing."""

@@ -221,7 +221,8 @@ def cut_across(
     )
     crossed_cords = find_crossed_channels(made, part, plane, rules)
     crossing_note = (
-        f"; the channels of {', '.join(crossed_cords)} continue across it, so see that no glue or edge"
+        f"; the channels of {', '.join(crossed_cords)} continue across it, so see that no glue"
+        f" or edge"
         " stands in them"
         if crossed_cords
         else ""
