@@ -1,4 +1,4 @@
-"""A bar twisted exactly, with markers on its upper half."""
+"""Provide a bar that is twisted exactly, with markers on its upper face."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ LIMITS = Limits(wall=1.2, min_radius=5.0, clearance=3.4, channel_diameter=2.2)
 
 @pytest.fixture(scope="module")
 def problem(bar, bar_mesh):
-    """Exact twists of -45 to 45 degrees imposed on the nodes."""
+    """Return a problem with exact twists of -45 to 45 degrees at the nodes."""
     mesh = QuadraticMesh.from_linear(bar_mesh)
 
     def twisted(p, angle):

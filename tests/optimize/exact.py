@@ -31,7 +31,7 @@ UNSEEN = list(itertools.product((-0.75, -0.25, 0.25, 0.75), (0.25, 0.75)))
 
 
 def displacement(points, bend, twist):
-    """(p, 3) of points (p, 3) mm at fractions of the full bend and twist."""
+    """Return displacements (p, 3) mm of points at fractions of the full bend and twist."""
     x, y, z = points.T
     a = twist * np.pi / 4 * x / LENGTH
     y, z = y * np.cos(a) - z * np.sin(a), y * np.sin(a) + z * np.cos(a)
@@ -43,7 +43,7 @@ def displacement(points, bend, twist):
 
 
 def problem(bar_surface, mesh, states, decoder="affine", noise=0.0):
-    """States as pairs of fractions, rest left out."""
+    """Return the problem with states given as pairs of fractions, without rest."""
     quadratic = QuadraticMesh.from_linear(mesh)
     return Problem(
         Surface(bar_surface.vertices, bar_surface.faces),

@@ -1,4 +1,4 @@
-"""Elimination of boundary conditions: the reduced gradient and Hessian by finite differences."""
+"""Check the reduced gradient and Hessian by finite differences, and loads."""
 
 import numpy as np
 import pytest

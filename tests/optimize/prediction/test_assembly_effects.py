@@ -35,7 +35,7 @@ def overstretched(length, wires, joints=2, pocket=7.0):
     return find_overstretched_cords(load_device(BAR), made, [BuiltCord(path, 0.0, 0.05)])
 
 
-def test_a_cord_held_at_both_ends_takes_an_open_joint_if_it_is_long_enough():
+def test_a_long_cord_survives_an_open_joint():
     device = load_device(BAR)
     most = device.cord.max_strain
     just = 1.05 * MIN_JOINT_OPENING_MM / (most - 0.05)
@@ -49,7 +49,7 @@ def test_a_cord_held_at_both_ends_takes_an_open_joint_if_it_is_long_enough():
     )  # which does not know how far it will be stretched
 
 
-def test_a_cord_with_an_end_that_waits_is_pulled_out_of_its_mouth():
+def test_a_cord_crimped_late_needs_length():
     device = load_device(BAR)
     reach = device.cord.ferrule_length / 2 + 5.0
     just = 1.05 * (7.0 - device.cord.ferrule_length / 2 + reach) / (device.cord.max_strain - 0.05)
@@ -89,7 +89,7 @@ def measured(note):
     return note.values["tension"], note.values["displacement"]
 
 
-def test_the_pull_of_a_held_cord_is_told_with_what_it_does(device, coarse):
+def test_the_pull_of_a_held_cord_deforms_the_body_like_a_beam(device, coarse):
     """As a beam bends under 3 MPa times 8 % on 3.14 mm2, 12 mm off its axis, fixed over 10 mm."""
     (note,) = check_cord_pull(device, coarse, [BuiltCord(PATH, 0.0, 0.08)], 0.5)
     force, moved = measured(note)
@@ -99,19 +99,19 @@ def test_the_pull_of_a_held_cord_is_told_with_what_it_does(device, coarse):
     assert not check_cord_pull(device, coarse, [BuiltCord(PATH, 0.0, 0.08)], 3.0)
 
 
-def test_what_is_told_does_not_grow_where_finer_elements_give_way_to_a_cord_s_end(device, coarse):
+def test_the_displacement_does_not_depend_on_the_mesh(device, coarse):
     middle = [BuiltCord(PATH * [1, 1, 0], 0.0, 0.08)]
     (one,), (other,) = (check_cord_pull(device, t, middle, 0.0) for t in (coarse, task((30, 6, 6))))
     assert measured(one)[1] == pytest.approx(measured(other)[1], rel=0.06)
     assert measured(one)[1] == pytest.approx(0.754 * 130 / (0.6 * 900), rel=0.1)
 
 
-def test_cords_on_both_sides_pull_against_each_other(device, coarse):
+def test_cords_on_both_sides_balance(device, coarse):
     both = [BuiltCord(PATH * [1, 1, k], 0.0, 0.08) for k in (1, -1)]
     assert not check_cord_pull(device, coarse, both, 0.5)
 
 
-def test_nothing_is_said_of_cords_that_do_not_pull(device, coarse):
+def test_cords_that_do_not_pull_give_no_note(device, coarse):
     cord = BuiltCord(PATH, 0.0, 0.08)
     assert not check_cord_pull(device, coarse, [replace(cord, prestretch=None)], 0.0)
     assert not check_cord_pull(device, coarse, [replace(cord, prestretch=0.0)], 0.0)
@@ -121,7 +121,7 @@ def test_nothing_is_said_of_cords_that_do_not_pull(device, coarse):
     assert not check_cord_pull(loose, coarse, [cord], 0.0)
 
 
-def test_bonded_cords_that_are_stiffer_than_the_body_are_told(device):
+def test_stiff_bonded_cords_give_a_warning(device):
     bonded = replace(device, fabrication=replace(device.fabrication, assembly="bonded"))
     firm = replace(bonded, material=replace(bonded.material, young_modulus=12.0))
     layout = SimpleNamespace(sensors=())

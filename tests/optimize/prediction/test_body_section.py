@@ -57,14 +57,14 @@ def test_the_variance_over_rest_and_two_states_is_exact(body):
         assert body.spread(quantity, None, ALONG) == pytest.approx(expected, abs=1e-14)
 
 
-def test_a_range_is_that_of_all_states_or_of_one(body):
+def test_a_range_covers_all_states_or_one(body):
     quantity = Quantity("along")
     far = [abs(length(m) - 1) for m in (A, B)]
     assert body.spread(quantity, 1, ALONG) == pytest.approx(far[0])
     assert body.spread(quantity, None, ALONG) == pytest.approx(max(far))
 
 
-def test_a_section_is_drawn_where_the_state_has_it(body):
+def test_a_section_moves_with_the_state(body):
     section = body.cut(PLANE)
     moved = body.positions(section.at, section.points, 2)
     np.testing.assert_allclose(moved, section.points @ (np.eye(3) + B).T, atol=1e-9)
@@ -85,7 +85,7 @@ def test_half_a_body_lies_behind_the_plane(body):
     assert len(faces) > 10
 
 
-def test_a_plane_that_misses_is_told_by_how_much(body):
+def test_a_plane_outside_the_body_is_refused(body):
     beyond = Plane.from_normal(np.array([0, 0, 9.0]), np.eye(3)[2], np.eye(3)[0])
     with raises(LayoutError, "plane-misses-body") as caught:
         body.cut(beyond)

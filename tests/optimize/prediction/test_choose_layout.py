@@ -80,7 +80,7 @@ def weigh(monkeypatch, bar):
     return run
 
 
-def test_of_those_about_as_good_the_simplest_is_taken(straight, weigh):
+def test_the_simplest_of_similar_layouts_is_chosen(straight, weigh):
     found = [layout(straight, 0.50, 3), layout(straight, 0.51, 3), layout(straight, 0.52, 2)]
     chosen, trials, _ = weigh(found, [(0.500, 5, 0), (0.502, 4, 0), (0.520, 3, 1)])
     assert (chosen.built, chosen.parts) == (0.502, 4)  # three parts, but something is to be said
@@ -97,13 +97,13 @@ def test_an_end_without_a_pocket_counts_as_a_part(straight, weigh):
     assert (chosen.parts, chosen.free_ends) == (5, 0)
 
 
-def test_the_most_accurate_is_taken_by_its_error_as_built(straight, weigh):
+def test_accuracy_is_judged_as_built(straight, weigh):
     found = [layout(straight, 0.50, 3), layout(straight, 0.51, 3)]
     chosen, _, _ = weigh(found, [(0.60, 2, 0), (0.55, 6, 3)], prefer="accuracy")
     assert chosen.built == 0.55
 
 
-def test_what_cannot_be_made_gives_way_to_the_next(straight, weigh):
+def test_the_next_layout_replaces_one_that_cannot_be_made(straight, weigh):
     found = [layout(straight, 0.5, 3), layout(straight, 0.7, 3), layout(straight, 0.9, 3)]
     chosen, trials, tried = weigh(found, ["in pieces", (0.71, 4, 1), (0.91, 2, 0)])
     assert chosen.built == 0.71
@@ -114,7 +114,7 @@ def test_what_cannot_be_made_gives_way_to_the_next(straight, weigh):
     assert [t.problem for t in trials] == ["in pieces", "too thin", "too long"]
 
 
-def test_what_cannot_be_cast_gives_way_to_the_next(straight, weigh):
+def test_the_next_layout_replaces_one_that_cannot_be_cast(straight, weigh):
     found = [layout(straight, 0.50, 3), layout(straight, 0.51, 3), layout(straight, 0.90, 3)]
     made = [(0.50, 3, 0), (0.51, 4, 0), (0.91, 5, 0)]
     chosen, trials, _ = weigh(found, made, kind="cast", locks={3})
@@ -126,7 +126,7 @@ def test_what_cannot_be_cast_gives_way_to_the_next(straight, weigh):
     assert [t.problem for t in trials] == [f"mould of {n} parts locks" for n in (3, 4, 5)]
 
 
-def test_fewer_planes_are_shown_whatever_they_cost(straight, weigh):
+def test_layouts_with_fewer_planes_are_always_tried(straight, weigh):
     found = [layout(straight, 0.5, 3), layout(straight, 1.5, 1), layout(straight, 2.5, 4)]
     chosen, trials, _ = weigh(found, [(0.5, 4, 0), (1.5, 2, 0), (2.5, 9, 0)])
     assert chosen.built == 0.5
@@ -136,7 +136,7 @@ def test_fewer_planes_are_shown_whatever_they_cost(straight, weigh):
     assert [(t.planes, t.problem) for t in trials] == [(1, "in pieces"), (3, None), (2, None)]
 
 
-def test_slivers_come_last_and_one_layout_counts_once(straight):
+def test_slivers_come_last_and_equal_layouts_are_dropped(straight):
     found = [
         layout(straight, 0.4, 2, slivers=True),
         layout(straight, 0.5, 2),
@@ -150,7 +150,7 @@ def test_slivers_come_last_and_one_layout_counts_once(straight):
     ]
 
 
-def test_planes_along_the_faces_are_simpler_and_always_shown(straight, weigh):
+def test_planes_along_faces_are_simpler_and_always_tried(straight, weigh):
     found = [tilted(layout(straight, e, 2)) for e in (0.50, 0.52)] + [layout(straight, 0.9, 2)]
     made = [(0.50, 3, 0), (0.52, 3, 0), (0.90, 3, 0)]
     chosen, trials, _ = weigh(found, made)

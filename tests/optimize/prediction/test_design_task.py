@@ -37,7 +37,7 @@ def test_channels_are_long_enough_for_the_stretch_between_two_ends(bar):
     assert np.isinf(layout_limits(bar).longest)
 
 
-def test_where_no_state_is_unseen_no_decoder_is_chosen_by_its_fit(bar):
+def test_without_unseen_states_only_the_affine_decoder_is_a_candidate(bar):
     left = SimpleNamespace(unseen=SimpleNamespace(how=LEFT_OUT))
     none = SimpleNamespace(unseen=SimpleNamespace(how=NONE))
     assert candidate_decoders(bar, left) == DECODERS
@@ -45,7 +45,7 @@ def test_where_no_state_is_unseen_no_decoder_is_chosen_by_its_fit(bar):
     assert candidate_decoders(replace(bar, decoder="kernel"), none) == ("kernel",)
 
 
-def test_pieces_reach_as_far_as_the_cut_list_says(bar):
+def test_lengths_of_channels_follow_from_pieces(bar):
     """A piece of 100 mm: 5 mm of slack, half a ferrule in each of two pockets of 7 mm. It reaches
     further as it is stretched, where that is known; by 6 % about, where it is not."""
     short = replace(bar, cord=replace(bar.cord, lengths=(60.0, 100.0)))
@@ -62,7 +62,7 @@ def test_pieces_reach_as_far_as_the_cut_list_says(bar):
     assert caught.value.data["needed"] == pytest.approx(34.0)
 
 
-def test_how_cords_sense_before_they_have_ends(bar):
+def test_the_signal_model_before_ends_are_known(bar):
     model, noise = signal_model(bar)
     assert not model.local
     assert (model.hidden, model.series) == (pytest.approx(11.45 - 2, abs=0.5), 0)
@@ -83,7 +83,7 @@ def test_how_cords_sense_before_they_have_ends(bar):
 @pytest.mark.parametrize(
     ("pockets", "hidden", "beyond"), [(True, 5.0, 0.0), (True, 0.0, 0.0), (False, 0.0, 44.0)]
 )
-def test_cord_hangs_out_where_there_are_no_pockets(bar, pockets, hidden, beyond):
+def test_cords_extend_beyond_the_body_without_pockets(bar, pockets, hidden, beyond):
     """However shallow pockets are; 20 mm at either end, 2 mm from a path's end to the skin."""
     task = SimpleNamespace(
         fabrication=with_(bar, pockets=pockets).fabrication,

@@ -29,7 +29,7 @@ def test_a_stroke_that_crosses_the_body_ends_just_below_the_skin():
     np.testing.assert_allclose(line[:, 1], 5 * np.sin(line[:, 0] / 25), atol=0.7)
 
 
-def test_ends_near_the_skin_go_on_to_it_and_others_stay():
+def test_only_ends_near_the_skin_are_extended():
     curve = fit_stroke(BODY, PLANE, wave(12, 100))
     assert curve.points[0, 0] == pytest.approx(1.0, abs=0.3)
     np.testing.assert_allclose(curve.points[-1], [100, 5 * np.sin(4)], atol=0.5)
@@ -47,7 +47,7 @@ def test_the_longest_part_within_a_body_is_taken():
     assert curve.points[0, 0] > 35
 
 
-def test_what_cannot_be_a_cord_is_told():
+def test_invalid_strokes_are_refused():
     beside = Plane.from_normal(np.array([0.0, 0, 40]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
     with raises(LayoutError, "plane-misses-body"):
         fit_stroke(BODY, beside, wave(0, 150))

@@ -41,7 +41,7 @@ def found_on(judge, sensors, length):
 
 @pytest.mark.parametrize("assembly", ["held", "bonded", "free"])
 @pytest.mark.parametrize("length", [36.0, None])
-def test_drops_are_those_of_the_judge(device, live_bar, assembly, length):
+def test_drops_match_the_judge(device, live_bar, assembly, length):
     made = replace(device.fabrication, assembly="bonded" if assembly == "free" else assembly,
                    pockets=assembly != "free")  # fmt: skip
     device = replace(device, fabrication=made)
@@ -58,7 +58,7 @@ def test_drops_are_those_of_the_judge(device, live_bar, assembly, length):
     assert found.best_drop == np.nanmax(found.drop) > 0.01
 
 
-def test_one_decoder_alone_and_no_cord_yet(device, live_bar):
+def test_a_single_decoder_and_no_cord(device, live_bar):
     judge = LayoutJudge(replace(device, decoder="affine"), live_bar.folder / "build")
     found = found_on(judge, (), 36.0)
     cord = best_sensor(found, found.best, "next", judge)
@@ -67,7 +67,7 @@ def test_one_decoder_alone_and_no_cord_yet(device, live_bar):
     assert found.error - found.best_drop == pytest.approx(judged.error, rel=1e-6)
 
 
-def test_a_quadratic_decoder_stands_in_for_a_slow_one(device, live_bar):
+def test_a_quadratic_decoder_replaces_a_slow_one(device, live_bar):
     build, sensors = live_bar.folder / "build", device.sensors
     slow = AddedCord(LayoutJudge(replace(device, decoder="kernel"), build), sensors)
     quadratic = LayoutJudge(replace(device, decoder="quadratic"), build)
@@ -77,7 +77,7 @@ def test_a_quadratic_decoder_stands_in_for_a_slow_one(device, live_bar):
     np.testing.assert_array_equal(slow.errors(signals, noise), expected)
 
 
-def test_a_cord_that_can_be_made_breaks_no_limit(device, live_bar):
+def test_a_proposed_cord_keeps_the_limits(device, live_bar):
     judge = LayoutJudge(device, live_bar.folder / "build")
     found = found_on(judge, device.sensors, None)
     cord = best_sensor(found, found.best, "next", judge)
@@ -89,7 +89,7 @@ def test_a_cord_that_can_be_made_breaks_no_limit(device, live_bar):
     assert np.isnan(again.drop[near])
 
 
-def test_a_short_cord_lies_deep_enough_and_holds_its_point(device, live_bar):
+def test_a_short_cord_is_deep_enough_and_passes_through_its_point(device, live_bar):
     judge = LayoutJudge(device, live_bar.folder / "build")
     found = found_on(judge, device.sensors, 40.0)
     for at in np.flatnonzero(np.isfinite(found.drop))[::40]:
@@ -103,7 +103,7 @@ def test_a_short_cord_lies_deep_enough_and_holds_its_point(device, live_bar):
         assert depth.min() > judge.task.design.limits.depth - 0.3
 
 
-def test_who_stops_asking_has_a_coarse_map_first(device, live_bar):
+def test_the_coarse_map_comes_first(device, live_bar):
     judge = LayoutJudge(device, live_bar.folder / "build")
     shares = []
     for found in map_next_cord(judge, section_of(judge), PLANE, device.sensors, 36.0):
@@ -115,6 +115,6 @@ def test_who_stops_asking_has_a_coarse_map_first(device, live_bar):
     assert len(shares) > 1
 
 
-def test_short_is_what_the_limits_allow(device, live_bar):
+def test_a_short_cord_keeps_the_limits(device, live_bar):
     judge = LayoutJudge(device, live_bar.folder / "build")
     assert shortest_cord(judge.task) == np.ceil(judge.task.design.limits.shortest) == 34.0

@@ -1,4 +1,4 @@
-"""What is shown of a pose while it is changed is what a build finds."""
+"""Compare previews of edited poses with the results of a build."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from defsense_fab.optimize.prediction.pose_preview import (
     load_ramp,
     unreached_message,
 )
+from defsense_fab.store.build import Build
 from defsense_fab.store.fields import load_levels
 from defsense_fab.store.mesh import load_mesh, load_mesh_record, load_region_nodes, save_mesh
 from defsense_fab.workflow.build import stage_simulate
@@ -44,7 +45,7 @@ def simulated(small_bar, tmp_path_factory):
     mesh = load_mesh(build)
     tags = {name: shape.contains(mesh.nodes) for name, shape in device.regions.items()}
     save_mesh(build, mesh, tags, load_mesh_record(build))
-    stage_simulate.run(device, build, lambda *_: None)
+    stage_simulate.run(device, Build(build), lambda *_: None)
     return device
 
 
@@ -61,7 +62,7 @@ def turned(pose, degrees, axis=(0.0, -1.0, 0.0)):
     return replace(pose, handles=(handle,))
 
 
-def test_a_pose_led_by_hand_ends_where_the_build_finds_it(simulated, preview):
+def test_an_edited_pose_matches_the_build(simulated, preview):
     bend = simulated.poses[0]
     fields = load_levels(simulated.source / "build", bend.name)
     assert sorted(fields) == [0.25, 0.5, 0.75, 1.0]
@@ -93,7 +94,7 @@ def test_without_a_coarse_mesh_there_is_the_fine_answer(simulated):
     alone.close()
 
 
-def test_handles_are_told_where_they_lie(simulated, preview):
+def test_positions_of_handles_are_returned(simulated, preview):
     found = preview.edit(simulated.poses[0])
     center = found.centers["tip"]
     assert center[0] < 145.0  # bent away from where it was
@@ -107,7 +108,7 @@ def test_handles_are_told_where_they_lie(simulated, preview):
     assert preview.edit(pulled).moved[:, 2].max() > 2.0
 
 
-def test_a_pose_that_cannot_be_solved_says_how_far_it_came_and_leaves_the_last(simulated, preview):
+def test_an_unsolved_pose_reports_its_share_and_keeps_the_last(simulated, preview):
     bend = simulated.poses[0]
     before = preview.edit(bend)
     crushed = replace(bend.handles[0], rotation=np.zeros(3), translation=np.array([-400.0, 0, 0]))
@@ -115,14 +116,14 @@ def test_a_pose_that_cannot_be_solved_says_how_far_it_came_and_leaves_the_last(s
     assert failed.moved is None
     assert failed.status is Status.NOT_REACHED
     assert 0 < failed.share < 0.5
-    assert "`bend` cannot be solved beyond 12% of its ramp: lower" in unreached_message(
-        "bend", 0.12
-    )
+    message = unreached_message("bend", 0.12)
+    assert "`bend`" in message
+    assert "12%" in message
     again = preview.edit(bend)
     assert np.abs(again.moved - before.moved).max() < CLOSE
 
 
-def test_what_is_stopped_leaves_the_last_and_a_newer_one_only_the_fine_answer(simulated, preview):
+def test_stopping_keeps_the_last_pose_and_a_newer_pose_skips_the_fine_answer(simulated, preview):
     bend = simulated.poses[0]
     before = preview.edit(bend)
     seen = []
@@ -135,7 +136,7 @@ def test_what_is_stopped_leaves_the_last_and_a_newer_one_only_the_fine_answer(si
     assert np.abs(preview.edit(bend).moved - before.moved).max() < CLOSE
 
 
-def test_a_pose_that_the_body_cannot_have_is_refused(simulated, preview):
+def test_an_invalid_pose_is_refused(simulated, preview):
     bend = simulated.poses[0]
     with raises(DeviceError, "body-not-held", pose=bend.name):
         preview.edit(replace(bend, fixed=()))
@@ -161,7 +162,7 @@ def test_the_mesh_follows_regions_as_a_build_would_mesh_them(simulated, preview)
     np.testing.assert_array_equal(preview.surface.vertices, rest)
 
 
-def test_a_ramp_comes_from_the_build_as_long_as_it_is_of_this_pose(simulated, preview):
+def test_a_ramp_is_loaded_from_a_build_of_the_same_pose(simulated, preview):
     folder, bend = simulated.source / "build", simulated.poses[0]
     full = preview.edit(bend).moved
     ramp = load_ramp(folder, preview, bend, full)
@@ -177,9 +178,7 @@ def test_a_ramp_comes_from_the_build_as_long_as_it_is_of_this_pose(simulated, pr
     assert load_ramp(folder, preview, new, full) is None
 
 
-def test_a_ramp_leaves_out_what_lies_before_rest_and_beyond_the_pose(
-    simulated, preview, monkeypatch
-):
+def test_a_ramp_ignores_amplitudes_outside_0_to_1(simulated, preview, monkeypatch):
     """Mixtures of one pose with a weight below 0 or above 1."""
     folder, bend = simulated.source / "build", simulated.poses[0]
     levels = load_levels(folder, bend.name)
@@ -190,7 +189,7 @@ def test_a_ramp_leaves_out_what_lies_before_rest_and_beyond_the_pose(
     assert np.abs(ramp.at(0.0)).max() == 0
 
 
-def test_a_ramp_that_no_build_has_is_followed_from_rest(simulated, preview):
+def test_other_ramps_are_solved_from_rest(simulated, preview):
     bend = turned(simulated.poses[0], 40)
     full = preview.edit(bend).moved
     seen = []
@@ -213,7 +212,7 @@ def test_a_ramp_that_no_build_has_is_followed_from_rest(simulated, preview):
 
 
 def test_without_a_mesh_there_is_no_preview(simulated, tmp_path):
-    with pytest.raises(CaptureError, match="is not built"):
+    with raises(CaptureError, "not-built"):
         load_preview(replace(simulated, source=tmp_path))
 
 

@@ -19,7 +19,7 @@ def region(low, high):
     return Box(np.array([low, -1.0, -1.0]), np.array([high, 1.0, 1.0]))
 
 
-def test_a_box_holds_the_points_and_has_corners_that_a_person_would_write():
+def test_a_fitted_box_holds_the_points_and_has_round_corners():
     points = np.array([[140.02, -15, -15], [150, 15, 15.0]])
     box = fit_box(points, 150.0)
     assert box.low.tolist() == [139.0, -16.0, -16.0]

@@ -1,4 +1,4 @@
-"""States that tell nothing, values that are not finite, silent cords, too many features."""
+"""Check problems with equal states, infinite values, silent cords or too many features."""
 
 from dataclasses import replace
 
@@ -10,16 +10,16 @@ from defsense_fab.optimize.studies.risks import find_risks
 from tests.support.errors import raises
 
 
-def quiet(fraction, message):
+def ignore(fraction, message):
     pass
 
 
-def test_states_that_are_all_alike_are_refused(problem):
+def test_equal_states_are_refused(problem):
     with raises(LayoutError, "nothing-to-sense"):
         replace(problem, markers=np.zeros_like(problem.markers))
 
 
-def test_a_field_that_is_not_finite_is_named(problem):
+def test_a_field_that_is_not_finite_is_refused(problem):
     fields = problem.fields.copy()
     fields[1, 5, 0] = np.nan
     with raises(LayoutError, "not-finite", quantity="field", state=2):
@@ -30,21 +30,23 @@ def test_a_field_that_is_not_finite_is_named(problem):
         replace(problem, markers=markers)
 
 
-def test_cords_that_tell_nothing_are_named(problem, straight):
+def test_silent_cords_give_warnings(problem, straight):
     still = replace(problem, fields=np.zeros_like(problem.fields))
     drawn = [straight("a", y=6), straight("b", y=-6)]
-    found = optimize_layout(still, drawn, np.random.default_rng(0), quiet, starts=1, candidates=200)
+    found = optimize_layout(
+        still, drawn, np.random.default_rng(0), ignore, starts=1, candidates=200
+    )
     warnings = find_risks(still, found.sensors)
     assert [(w.code, w.cord) for w in warnings] == [("cord-silent", "a"), ("cord-silent", "b")]
     assert find_risks(problem, [straight("a", y=9, z=9)]) == []
 
 
-def test_more_features_than_states_are_answered_with_a_warning(problem):
+def test_more_features_than_states_give_a_warning(problem):
     few = replace(
         problem, fields=problem.fields[:2], markers=problem.markers[:3], decoder="quadratic"
     )
     found = optimize_layout(
-        few, [], np.random.default_rng(0), quiet, extra=3, starts=1, candidates=1500
+        few, [], np.random.default_rng(0), ignore, extra=3, starts=1, candidates=1500
     )
     assert np.isfinite(found.rmse)
     assert ("features-exceed-states", 9) in [

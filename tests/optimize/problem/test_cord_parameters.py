@@ -1,4 +1,4 @@
-"""What is free in a layout: planes that keep their direction, and cords that share a plane."""
+"""Check the freedom of planes with a fixed direction and of planes shared by cords."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from defsense_fab.optimize.refinement.descent import jitter
 
 
 @pytest.mark.parametrize("free", [("path", "offset"), ("offset",)])
-def test_a_plane_without_that_freedom_keeps_its_direction(straight, free):
+def test_a_plane_with_a_fixed_direction_keeps_it(straight, free):
     drawn = (straight("a", y=3.0, z=2.0, free=free),)
     for seed in range(5):
         (moved,) = jitter(drawn, np.random.default_rng(seed), tied=False)

@@ -1,4 +1,4 @@
-"""Depth on a grid against the exact depth."""
+"""Compare the depth on a grid with the exact depth."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.conftest import box_surface
 
 
 def two_boxes(gap):
-    """Two boxes beside each other, one of them hollow."""
+    """Return two boxes next to each other, one of them hollow."""
     parts = [
         box_surface([-20, -20, -20], [20, 20, 20]),
         box_surface([20 + gap, -20, -20], [60, 20, 20]),
@@ -30,8 +30,8 @@ def test_the_grid_has_the_exact_depth_at_its_nodes(gap):
     grid = DepthGrid(surface)
     shape = grid.depths.shape
     nodes = grid.origin + grid.spacing * np.stack(np.indices(shape), axis=-1)
-    told, flat = SignedDistance(surface), nodes.reshape(-1, 3)
-    exact = np.where(told.inside(flat), 1, -1) * told.unsigned(flat)
+    exact_depth, flat = SignedDistance(surface), nodes.reshape(-1, 3)
+    exact = np.where(exact_depth.inside(flat), 1, -1) * exact_depth.unsigned(flat)
     exact = exact.reshape(shape)
     np.testing.assert_array_equal(grid.depths, exact)
     assert (exact > 0).any()

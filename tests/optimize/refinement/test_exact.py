@@ -1,4 +1,4 @@
-"""The method's numbers on exact fields: one cord on twist, three on ramps and on mixtures."""
+"""Reproduce the method's numbers on exact fields: cords on twist, on ramps and on mixtures."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def make(bar):
 
 
 def design(problem, cords, seed=0, **more):
-    """The layout, and the RMSE without noise on the states that it was designed on."""
+    """Return the optimized layout of so many cords."""
     rng = np.random.default_rng(seed)
     found = optimize_layout(problem, [], rng, lambda f, m: None, extra=cords, **more)
     assert not verify(found.sensors, problem.surface, problem.limits).violations
@@ -31,7 +31,7 @@ def design(problem, cords, seed=0, **more):
 
 
 def error(problem, sensors, on=None):
-    """RMSE (mm) without noise of the decoder for `problem`, over the states of `on`."""
+    """Return the RMSE (mm) without noise of the decoder for `problem` on the states of `on`."""
     on = on or problem
     trained, tested = (
         np.stack([p.signals(sample_path(s)) for s in sensors], axis=1) for p in (problem, on)
@@ -44,8 +44,8 @@ def error(problem, sensors, on=None):
     return float(np.sqrt(square[0 if on is problem else 1 :].mean()))
 
 
-def test_floors_are_those_of_the_method(make):
-    """The table of the analytic prototypes: 1.174, 0.236 and 0.950 mm."""
+def test_floors_match_the_analytic_prototypes(make):
+    """The analytic prototypes have floors of 1.174, 0.236 and 0.950 mm."""
     assert make(exact.TWISTS).floor(1) == pytest.approx(1.174, abs=1e-3)
     assert make(exact.RAMPS).floor(3) == pytest.approx(0.236, abs=1e-3)
     assert make(exact.MIXTURES).floor(3) == pytest.approx(0.950, abs=1e-3)
@@ -63,7 +63,7 @@ def test_three_cords_on_ramps(make):
     assert max(found) < 1.05 * min(found)
 
 
-def test_mixtures_scored_on_unseen_ones(make):
+def test_errors_on_unseen_mixtures(make):
     for decoder, limit in (("affine", 1.12), ("quadratic", 0.10)):
         problem = make(exact.MIXTURES, decoder=decoder)
         unseen = replace(make(exact.UNSEEN), decoder=decoder)
@@ -72,7 +72,7 @@ def test_mixtures_scored_on_unseen_ones(make):
 
 @pytest.mark.slow
 def test_a_fitted_response_gives_layouts_as_good_as_the_true_one(make):
-    """A curved cord, its response as a calibration finds it: slope and curvature a little off."""
+    """Slope and curvature of the fitted response deviate a little, as after a calibration."""
     spec = {True: {"k": 2.0, "q": 8.0}, False: {"k": 1.94, "q": 9.0}}
     true, fitted = (
         replace(

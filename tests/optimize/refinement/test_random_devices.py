@@ -1,6 +1,6 @@
-"""Random bodies, fields, limits and drawings: every result keeps every limit, or there is a reason.
+"""Optimize random devices: every result keeps every limit, or the device is refused.
 
-DEFSENSE_RANDOM_DEVICES sets how many; 200 take about three minutes.
+DEFSENSE_RANDOM_DEVICES sets their number; 200 take about three minutes.
 """
 
 import os
@@ -29,7 +29,7 @@ _TOLERANCE = 0.05  # mm
 
 
 def body(rng):
-    """A box of random proportions, tapered, bulged and bent at random, as tets and surface."""
+    """Return a box of random proportions, tapered, bulged and bent, as tets and surface."""
     size = rng.uniform([60, 24, 20], [180, 60, 40])
     mesh = structured_bar([0, -0.5, -0.5], [1, 0.5, 0.5], [12, 4, 4])
     x, y, z = mesh.nodes.T
@@ -48,7 +48,7 @@ def body(rng):
 
 
 def fields(rng, points, size, draw):
-    """Bends, twists and pulls at random, and a smooth wave; (s, p, 3)."""
+    """Return random bends, twists, pulls and a smooth wave, (s, p, 3)."""
     x = points[:, 0] / size[0]
     y, z = points[:, 1], points[:, 2]
     out = []
@@ -83,7 +83,7 @@ def device(rng):
 
 
 def drawing(rng, size, count):
-    """Straight cords along the body, somewhere: not all of them fit."""
+    """Return straight cords at random places along the body; not all of them fit."""
     out = []
     for i in range(count):
         at = np.array([0, *(rng.uniform(-0.35, 0.35, 2) * size[1:])])
@@ -96,17 +96,16 @@ def drawing(rng, size, count):
     return out
 
 
-def least_gap(a, b):
+def min_gap(a, b):
     return cKDTree(a).query(b)[0].min()
 
 
 @cache
-def made(seed):
-    """Whether a random device gets a layout, which keeps every limit, or else is refused with a
-    reason."""
+def has_layout(seed):
+    """Return whether a random device gets a layout, and check it, or its refusal."""
     rng = np.random.default_rng(seed)
     problem, size = device(rng)
-    if rng.random() < 0.3:  # the pieces of cord at hand are neither short nor long
+    if rng.random() < 0.3:  # only a range of cord lengths is available
         lengths = sorted(rng.uniform(0.6, 1.4, 2) * size[0])
         bounds = replace(problem.limits, shortest=lengths[0], longest=lengths[1])
         problem = replace(problem, limits=bounds)
@@ -114,15 +113,15 @@ def made(seed):
     extra = int(rng.integers(0 if drawn else 1, 3))
     planes = [None, 1][int(rng.integers(2))]
     search = {"extra": extra, "planes": planes, "starts": 2, "finalists": 1, "candidates": 1500}
-    reason = None
+    refusal = None
     try:
         found = optimize_layout(problem, drawn, rng, lambda f, m: None, **search)
     except LayoutError as error:
-        reason = error
+        refusal = error
     broken = verify(drawn, problem.surface, problem.limits).violations
-    if broken or reason:
-        assert reason.code == (broken[0].code if broken else "no-room-for-cords")
-        assert not broken or reason.data["cords"] == broken[0].cords
+    if broken or refusal:
+        assert refusal.code == (broken[0].code if broken else "no-room-for-cords")
+        assert not broken or refusal.data["cords"] == broken[0].cords
         return False
     allowed = max(planes or len(found.sensors), len(distinct_planes([s.plane for s in drawn])))
     assert len(distinct_planes([s.plane for s in found.sensors])) <= allowed
@@ -140,7 +139,7 @@ def made(seed):
     paths = [s.plane.to_world(s.curve.sample(200)) for s in found.sensors]
     for i, path in enumerate(paths):
         for other in paths[:i]:
-            assert least_gap(path, other) > limits.clearance - _TOLERANCE
+            assert min_gap(path, other) > limits.clearance - _TOLERANCE
     for before, after in zip(drawn, found.sensors, strict=False):
         assert after.name == before.name
         if "plane" not in before.free:
@@ -154,10 +153,10 @@ def made(seed):
 
 
 @pytest.mark.parametrize("seed", range(COUNT))
-def test_results_keep_the_limits_or_say_why_not(seed):
-    made(seed)
+def test_results_keep_the_limits_or_have_a_reason(seed):
+    has_layout(seed)
 
 
 def test_most_devices_get_a_layout():
-    """Measured: 83 of 120, 18 to 25 of any thirty; what is drawn does not fit in the others."""
-    assert sum(made(seed) for seed in range(COUNT)) >= COUNT // 2
+    """Measured: 83 of 120, 18 to 25 of any thirty; in the others the drawing does not fit."""
+    assert sum(has_layout(seed) for seed in range(COUNT)) >= COUNT // 2

@@ -1,4 +1,4 @@
-"""Gradients, constraints, the independent check, and the saddle point of symmetric drawings."""
+"""Check gradients, constraints, the independent check and searches on a twisted bar."""
 
 import itertools
 from dataclasses import replace
@@ -47,8 +47,8 @@ def test_objective_gradient_by_finite_differences(problem, straight, decoder, en
         assert gradient[i] == pytest.approx(slope, rel=1e-3, abs=1e-5 * value)
 
 
-def test_fused_signals_are_those_of_the_arrays(problem, straight):
-    """And their slopes those of the reference, with F formed at every point."""
+def test_fused_signals_match_the_reference(problem, straight):
+    """Slopes are compared with a reference that forms F at every point."""
     paths = [sample_path(straight("a", y=5)), sample_path(straight("b", y=-4, z=3))[:70]]
     rng = np.random.default_rng(0)
     paths = [p + rng.normal(0, 0.5, p.shape) for p in paths]
@@ -82,8 +82,8 @@ def test_constraint_derivatives_by_finite_differences(problem, straight, pocket)
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
 
 
-def test_turns_where_a_path_nearly_stands_still(straight):
-    """Short tangents that turn, and none: below the least speed the curvature counts as there."""
+def test_curvature_where_a_path_nearly_stops(straight):
+    """With short or zero tangents, curvature is evaluated at the minimum speed."""
     cord = CordParameters(straight(free=["path"]))
     tangents = len(cord.rows) // 2
     x = np.zeros(cord.size).reshape(-1, 2)
@@ -103,8 +103,8 @@ def test_turns_where_a_path_nearly_stands_still(straight):
         assert by[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-4)
 
 
-def test_what_a_path_may_slow_down_to_is_that_again_for_its_result(straight):
-    """A descent that begins where another ended may not go below its least speed."""
+def test_the_minimum_speed_is_the_same_for_the_result(straight):
+    """A descent that starts from the result of another keeps its minimum speed."""
     cord = CordParameters(straight(free=["path"]))
     tangents = len(cord.rows) // 2
     x = np.zeros(cord.size).reshape(-1, 2)
@@ -115,8 +115,8 @@ def test_what_a_path_may_slow_down_to_is_that_again_for_its_result(straight):
     )
 
 
-def test_channels_lie_deeper_where_their_pockets_are():
-    """In the cone of an inlet, beside the pocket, and beyond it."""
+def test_channels_are_deeper_at_their_pockets():
+    """Check the cone of an inlet, the channel next to the pocket, and the rest."""
     limits = replace(LIMITS, pocket=(11.0, 4.0))
     need, growth = required_depth(np.array([1.0, 8.0, 12.0]), limits)
     beside, beyond = limits.wall + 2.0, limits.wall + limits.channel_diameter / 2
@@ -125,7 +125,7 @@ def test_channels_lie_deeper_where_their_pockets_are():
     assert (growth > 0).tolist() == [True, False, False]
 
 
-def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, straight):
+def test_the_optimizer_leaves_the_saddle_of_a_symmetric_drawing(problem, straight):
     drawn = straight()
     objective = Objective(problem, [CordParameters(drawn)])
     start = layout_error(problem, [drawn])
@@ -198,7 +198,7 @@ def test_the_straight_runs_to_the_surface_are_checked_too(bar):
     assert "wall-too-thin" in {p.code for p in problems}, problems
 
 
-def test_a_path_that_turns_back_on_itself_is_found(bar, straight):
+def test_a_path_with_a_cusp_is_found(bar, straight):
     points = straight().curve.points
     tangents = [[8, 0], [8, 0], [26, 0], [26, 0], [-26, 0], [26, 0], [8, 0], [8, 0]]
     problems = verify([_locked(points, tangents)], bar, LIMITS).violations
@@ -214,7 +214,7 @@ def test_thin_slices_between_planes_are_slivers(problem, straight):
 
 
 def test_slivers_between_many_planes(problem, straight):
-    """Twenty planes could bound a million cells; only those that hold something are looked at."""
+    """Twenty planes could bound a million cells; only cells with points are considered."""
     layout = [straight(str(i), y=8 * np.sin(i), z=0.9 * i - 9) for i in range(20)]
     turned = Rotation.from_euler("x", 0.3).as_matrix()
     layout = [
@@ -224,7 +224,7 @@ def test_slivers_between_many_planes(problem, straight):
     assert ThinParts(problem)(layout)
 
 
-def test_a_plane_that_a_locked_cord_holds_is_no_freedom(problem, straight):
+def test_a_plane_with_a_locked_cord_is_fixed(problem, straight):
     drawn = [straight("a", y=6, z=3, free=[]), straight("b", y=-6, z=3, free=["plane"])]
     for planes in (None, 1):
         found = optimize_layout(
@@ -241,7 +241,7 @@ def test_a_plane_that_a_locked_cord_holds_is_no_freedom(problem, straight):
     assert found.sensors[1].plane.coincides(drawn[0].plane)
 
 
-def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
+def test_cords_fit_the_available_pieces(problem, straight):
     drawn = [straight("a", y=5)]
     search = {"starts": 2, "candidates": 1000}
     bounds = replace(LIMITS, shortest=140.0, longest=150.8)
@@ -313,8 +313,11 @@ def test_nearest_points_by_brute_force():
 
 @pytest.mark.parametrize("decoder", DECODERS)
 def test_selection_against_brute_force(problem, decoder):
-    """No exchange of one cord betters what was selected: it is mostly the best pair of all, but
-    where only an exchange of both at once would help (4 of these 20 problems at most) it is not."""
+    """No exchange of one cord improves the selection.
+
+    It is usually the best pair; in at most 4 of these 20 problems only an exchange of both cords
+    would improve it.
+    """
     problem = replace(problem, noise=0.1, marker_weights=np.full(5, 0.2), decoder=decoder)
     paths = np.stack([np.array([[i * 100.0, 0, 0], [i * 100.0 + 1, 0, 0]]) for i in range(12)])
     pairs = list(itertools.combinations(range(12), 2))
@@ -334,7 +337,7 @@ def test_selection_against_brute_force(problem, decoder):
 
 
 def stretch(hidden, *lines):
-    """Polylines (p, 3) without the ends in which the first one is `hidden` mm long."""
+    """Cut `hidden` mm of the first polyline (p, 3) off both ends of all polylines."""
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(lines[0], axis=0), axis=1)))
     inner = along[(along > hidden) & (along < along[-1] - hidden)]
     at = np.concatenate([[hidden], inner, [along[-1] - hidden]])
@@ -353,8 +356,7 @@ def stretch(hidden, *lines):
 @pytest.mark.parametrize("local", [True, False])
 @pytest.mark.parametrize("ends", [(0.0, 0.0, 0.0), (9.3, 0.0, 40.0), (0.0, 44.0, 49.0)])
 def test_signals_and_slopes_of_any_response(problem, straight, model, coefficients, local, ends):
-    """Those of cords as they are built in, over their noise, and finite differences along a random
-    direction."""
+    """Compare with signals of built cords divided by their noise, and finite differences."""
     spec = ResponseSpec(model, coefficients, (-0.1, 0.1))
     response, (hidden, series, contact) = build_response(spec), ends
     sense = SignalModel(response, local, *ends)
@@ -386,9 +388,8 @@ def test_signals_and_slopes_of_any_response(problem, straight, model, coefficien
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_descents_come_to_keeps_the_limits(problem, straight, seed):
-    """Curvature is kept between the samples, too, and where a path slows down, or descents are in
-    vain."""
+def test_results_of_descents_keep_the_limits(problem, straight, seed):
+    """Otherwise curvature could break the limit between samples, or where a path slows down."""
     problem = replace(problem, limits=replace(LIMITS, min_radius=8.0))
     drawn = [straight("a", y=6, free=["path"]), straight("b", z=-6, free=["path"])]
     rng = np.random.default_rng(seed)
@@ -397,8 +398,8 @@ def test_what_descents_come_to_keeps_the_limits(problem, straight, seed):
     assert found.rmse < 0.25 * layout_error(problem, drawn)
 
 
-def test_a_search_that_is_followed_comes_to_the_same(problem, straight):
-    """Whoever follows it sees layouts that become better, and those that a descent passes."""
+def test_callbacks_do_not_change_a_search(problem, straight):
+    """`watch` sees improving layouts, and `follow` every layout of a descent."""
     drawn = [straight("a", y=6, free=["path"]), straight("b", z=-6, free=["path"])]
     kept, passed = [], []
 

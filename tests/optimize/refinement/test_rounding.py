@@ -1,4 +1,4 @@
-"""What is free of a layout has few digits; the rest is as it was given."""
+"""Check that free quantities of a layout are rounded and fixed ones are not."""
 
 from dataclasses import replace
 
@@ -18,8 +18,8 @@ def cord():
     return Sensor("a", plane, Hermite(points, catmull_rom(points)), frozenset())
 
 
-def moved(sensor, by):
-    """By what another processor may come to."""
+def perturb(sensor, by):
+    """Perturb a sensor by as much as results differ between processors."""
     rng = np.random.default_rng(1)
     curve, plane = sensor.curve, sensor.plane
     points, tangents, origin, normal, x_axis = (
@@ -31,9 +31,9 @@ def moved(sensor, by):
     )
 
 
-def test_layouts_that_differ_by_rounding_are_told_alike(cord):
+def test_layouts_that_differ_by_rounding_become_equal(cord):
     free = replace(cord, free=frozenset({"path", "plane"}))
-    (one,), (other,) = round_layout((free,)), round_layout((moved(free, 1e-10),))
+    (one,), (other,) = round_layout((free,)), round_layout((perturb(free, 1e-10),))
     assert np.array_equal(one.curve.points, other.curve.points)
     assert np.array_equal(one.curve.tangents, other.curve.tangents)
     assert np.array_equal(one.plane.origin, other.plane.origin)
@@ -41,7 +41,7 @@ def test_layouts_that_differ_by_rounding_are_told_alike(cord):
     assert np.abs(sample_path(one) - sample_path(free)).max() < 5e-4
 
 
-def test_what_was_given_stays_as_it_is(cord):
+def test_fixed_quantities_are_not_rounded(cord):
     assert round_layout((cord,))[0].curve is cord.curve
     assert round_layout((cord,))[0].plane is cord.plane
     (path,) = round_layout((replace(cord, free=frozenset({"path"})),))
@@ -57,7 +57,7 @@ def test_what_was_given_stays_as_it_is(cord):
 @pytest.mark.parametrize("kinds", [("path plane", ""), ("", "path plane"), ("path",) * 2,
     ("path plane",) * 2, ("path plane", "path offset"), ("path offset",) * 2])  # fmt: skip
 def test_cords_in_one_slanted_plane_stay_in_it(cord, kinds):
-    """Frames far apart: what a direction is rounded by counts 300 mm away."""
+    """The rounding of a direction matters between frames that are 300 mm apart."""
     rng = np.random.default_rng(2)
     for _ in range(50):
         plane = Plane.from_normal(*rng.normal(size=(3, 3)))
@@ -68,17 +68,17 @@ def test_cords_in_one_slanted_plane_stay_in_it(cord, kinds):
             replace(cord, plane=p, free=frozenset(k.split()))
             for p, k in zip(frames, kinds, strict=True)
         ]
-        told = round_layout(tuple(pair))
-        assert told[0].plane.coincides(told[1].plane)
-        assert told[1].plane.coincides(told[0].plane)
-        for before, after in zip(pair, told, strict=True):
+        rounded = round_layout(tuple(pair))
+        assert rounded[0].plane.coincides(rounded[1].plane)
+        assert rounded[1].plane.coincides(rounded[0].plane)
+        for before, after in zip(pair, rounded, strict=True):
             assert np.abs(sample_path(after) - sample_path(before)).max() < 1e-3
             assert after.free == before.free
             if not before.free:
                 assert after.plane is before.plane
 
 
-def test_the_search_tells_few_digits(problem):
+def test_a_search_returns_rounded_layouts(problem):
     found = optimize_layout(
         problem, (), np.random.default_rng(0), lambda *_: None, extra=1, starts=1, finalists=1,
         candidates=500,

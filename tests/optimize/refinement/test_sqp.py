@@ -1,4 +1,4 @@
-"""Steps of the sequential quadratic programme: an unsolved programme tells nothing."""
+"""Check that sequential quadratic programming ignores unsolved programs."""
 
 from typing import Any
 
@@ -14,10 +14,10 @@ def _bowl(x: np.ndarray) -> QuadraticModel:
     return QuadraticModel(value=1 + float(x @ x), gradient=2 * x, hessian=2 * np.eye(len(x)))
 
 
-def test_an_unsolved_programme_shrinks_the_step_and_nothing_else(
+def test_an_unsolved_program_only_shrinks_the_step(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """daqp leaves the arrays of a programme that it gives up as it found them in memory."""
+    """daqp returns uninitialized arrays for a program that it cannot solve."""
     solve, given_up = daqp.solve, []
 
     def sometimes(H: np.ndarray, *rest: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The paper's baselines keep the limits, and the search beats them; its joint iteration."""
+"""Check the paper's baselines and its joint iteration against the search."""
 
 from dataclasses import replace
 from functools import partial
@@ -39,15 +39,15 @@ def test_full_beats_visual_beats_manual(bends):
     assert np.abs(along) == pytest.approx(np.repeat([[1.0, 0, 0]], 6, axis=0))
 
 
-def test_where_no_straight_cord_fits_it_is_said(bends):
+def test_baselines_without_room_are_refused(bends):
     tight = replace(bends, limits=replace(bends.limits, shortest=200.0))
-    for lay in (manual_layout, partial(visual_layout, rng=np.random.default_rng(0))):
+    for place in (manual_layout, partial(visual_layout, rng=np.random.default_rng(0))):
         with raises(LayoutError, "no-room-for-cords", count=3):
-            lay(tight, 3)
+            place(tight, 3)
 
 
 @pytest.mark.parametrize("size", [(40.0, 40.0, 40.0), (30.0, 40.0, 40.0), (40.0, 40.0, 30.0)])
-def test_the_middle_plane_of_a_body_whose_edges_are_alike(size):
+def test_the_middle_plane_of_a_body_with_equal_edges(size):
     plane = middle_plane(box_surface([0, 0, 0], size))
     assert plane.axes[:, 0] @ plane.normal == 0
     assert np.array(size) @ np.abs(plane.axes[:, 0]) == max(size)
@@ -55,7 +55,7 @@ def test_the_middle_plane_of_a_body_whose_edges_are_alike(size):
 
 
 def test_the_joint_problem_has_the_same_stationary_points(bends):
-    """At the best map its gradient by the paths is that with the map eliminated, by the map 0."""
+    """At the best map the gradient by the paths is that of the objective, and by the map zero."""
     layout = visual_layout(bends, 2, np.random.default_rng(0))
     residual, jacobian, start, objective = joint.system(bends, layout, penalty=0.0)
     size = sum(c.size for c in objective.cords)

@@ -1,4 +1,4 @@
-"""Which directions of planes are simple, and layouts that keep to them."""
+"""Check simple directions of planes, and layouts in such planes."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def test_directions_are_those_of_large_flat_faces():
     assert np.abs(found @ turn) == pytest.approx(np.eye(3)[[2, 1, 0]], abs=1e-9)
 
 
-def test_a_body_without_flat_faces_has_the_axes_of_its_coordinates():
+def test_a_body_without_flat_faces_uses_the_coordinate_axes():
     ball = trimesh.creation.icosphere(subdivisions=3, radius=20)
     assert (face_directions(surface(ball)) == np.eye(3)).all()
 
 
-def test_where_faces_leave_space_open_axes_square_to_them_are_added():
-    """Flat ends of a rod alone; two faces of a thin wedge."""
+def test_perpendicular_axes_complete_the_directions_of_faces():
+    """A rod has only flat ends; a thin wedge has two faces."""
     rod = trimesh.creation.cylinder(15.0, 100.0, sections=96)
     assert np.abs(face_directions(surface(rod))) == pytest.approx(np.eye(3)[[2, 0, 1]], abs=1e-9)
     turn = Rotation.from_euler("xyz", [20, 30, 40], degrees=True).as_matrix()
@@ -44,14 +44,14 @@ def test_where_faces_leave_space_open_axes_square_to_them_are_added():
     assert np.abs(found[2:] @ found[0]) == pytest.approx([0, 0], abs=1e-9)
 
 
-def test_a_scan_of_many_directions_has_no_flat_faces():
+def test_a_scan_has_no_flat_faces():
     ball = trimesh.creation.icosphere(subdivisions=6, radius=20)
     ball.vertices[:, 2] *= 1.3
     assert (face_directions(surface(ball)) == np.eye(3)).all()
 
 
-def test_a_drawing_does_not_take_the_place_of_planes_along_the_faces(problem):
-    """It may well be better; it is weighed beside them."""
+def test_a_drawing_does_not_replace_planes_along_the_faces(problem):
+    """The drawing may be better; it competes separately."""
     drawn = optimize_layout(
         problem, (), np.random.default_rng(0), lambda *_: None, extra=1, candidates=2000
     ).sensors

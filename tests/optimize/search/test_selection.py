@@ -1,4 +1,4 @@
-"""Candidates for new cords beside cords that stay as they are."""
+"""Select new cords next to fixed ones."""
 
 import numpy as np
 import pytest
@@ -15,10 +15,10 @@ def straight(name, y):
     return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset())
 
 
-@pytest.mark.parametrize("apart", [3.6, 4.8])
-def test_a_cord_is_found_beside_two_that_lie_close_to_each_other(problem, apart):
-    """They keep their clearance of 3.4 mm, by less than coarse samples of paths could tell."""
-    locked = (straight("a", -apart / 2), straight("b", apart / 2))
+@pytest.mark.parametrize("distance", [3.6, 4.8])
+def test_a_cord_is_added_next_to_two_close_cords(problem, distance):
+    """The fixed cords keep their clearance of 3.4 mm by less than coarse samples can resolve."""
+    locked = (straight("a", -distance / 2), straight("b", distance / 2))
     assert not verify(locked, problem.surface, problem.limits).violations
     found = optimize_layout(
         problem, locked, np.random.default_rng(1), lambda *_: None, extra=1, starts=1,

@@ -1,4 +1,4 @@
-"""More cords never do worse, the knee, the next cord, and cords that share planes."""
+"""Check layouts of increasing numbers of cords, the knee, added cords and shared planes."""
 
 from dataclasses import replace
 
@@ -13,21 +13,21 @@ from tests.optimize.conftest import LIMITS
 from tests.support.errors import raises
 
 
-def quiet(fraction, message):
+def ignore(fraction, message):
     pass
 
 
 def test_the_error_never_rises_with_the_number_of_cords(problem):
-    found = list(layouts_by_count(problem, [1, 2, 3], 0, quiet))
+    found = list(layouts_by_count(problem, [1, 2, 3], 0, ignore))
     errors = [layout_error(problem, layout) for _, layout in found]
     assert [n for n, _ in found] == [1, 2, 3]
     assert errors == sorted(errors, reverse=True)
     assert not any(verify(layout, problem.surface, LIMITS).violations for _, layout in found)
 
 
-def test_a_study_that_goes_on_finds_the_same(problem):
-    whole = list(layouts_by_count(problem, [1, 2], 0, quiet, planes=1))
-    ((count, layout),) = layouts_by_count(problem, [2], 0, quiet, begin=whole[0][1], planes=1)
+def test_a_continued_study_finds_the_same(problem):
+    whole = list(layouts_by_count(problem, [1, 2], 0, ignore, planes=1))
+    ((count, layout),) = layouts_by_count(problem, [2], 0, ignore, begin=whole[0][1], planes=1)
     assert count == 2
     assert layout_error(problem, layout) == layout_error(problem, whole[1][1])
     assert len(distinct_planes([s.plane for s in layout])) == 1
@@ -35,7 +35,7 @@ def test_a_study_that_goes_on_finds_the_same(problem):
 
 def test_the_next_cord_leaves_the_others(problem, straight):
     drawn = [straight("a", y=6), straight("b", y=-6)]
-    layout = add_cord(problem, drawn, np.random.default_rng(0), quiet)
+    layout = add_cord(problem, drawn, np.random.default_rng(0), ignore)
     assert list(layout[:2]) == drawn
     assert len(layout) == 3
     assert layout_error(problem, layout) < layout_error(problem, drawn)
@@ -48,7 +48,7 @@ def test_a_limit_on_planes(problem, planes):
         problem,
         [],
         np.random.default_rng(0),
-        quiet,
+        ignore,
         extra=3,
         planes=planes,
         starts=2,
@@ -59,7 +59,7 @@ def test_a_limit_on_planes(problem, planes):
     assert found.rmse <= layout_error(problem, found.initial)
 
 
-def test_a_limit_on_planes_leaves_drawn_cords_where_they_are(problem, straight):
+def test_a_limit_on_planes_keeps_the_planes_of_drawn_cords(problem, straight):
     locked = [straight("a", y=6, z=8, free=[]), straight("b", y=6, z=-8, free=["path"])]
     joined = [straight("a", y=6, z=8), straight("b", y=-6, z=8)]
     for drawn, extra in ((locked, 1), (locked[:1], 1), (joined, 0), (joined, 1)):
@@ -68,7 +68,7 @@ def test_a_limit_on_planes_leaves_drawn_cords_where_they_are(problem, straight):
             problem,
             drawn,
             np.random.default_rng(0),
-            quiet,
+            ignore,
             extra=extra,
             planes=1,
             starts=2,
@@ -110,7 +110,7 @@ def test_more_cords_than_fit_are_refused(problem):
     tight = replace(problem, limits=replace(LIMITS, clearance=70.0))
     with raises(LayoutError, "no-room-for-cords", count=4) as caught:
         optimize_layout(
-            tight, [], np.random.default_rng(0), quiet, extra=4, starts=2, candidates=2000
+            tight, [], np.random.default_rng(0), ignore, extra=4, starts=2, candidates=2000
         )
     assert caught.value.data["found"] in (1, 2, 3)
 

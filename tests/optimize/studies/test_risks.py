@@ -1,4 +1,4 @@
-"""Whether it is told that there are too few cords, by floors as devices had them."""
+"""Check the warning about too few cords with floors of real devices."""
 
 from types import SimpleNamespace
 
@@ -9,7 +9,7 @@ from defsense_fab.optimize.studies.risks import check_cord_count
 
 
 @pytest.mark.parametrize(
-    ("cords", "floors", "unseen", "free", "wanted"),
+    ("cords", "floors", "unseen", "free", "advised"),
     [
         (1, (7.6, 2.1), 9.46, 9.4, 2),  # a bend and a twist by one cord
         (1, (7.6, 5.3, 0.1), 9.0, 8.9, 3),  # three poses by one cord
@@ -21,13 +21,13 @@ from defsense_fab.optimize.studies.risks import check_cord_count
     ],
 )
 @pytest.mark.parametrize(("states", "how"), [(20, "held out"), (20, "none"), (3, "held out")])
-def test_too_few_cords_are_told(cords, floors, unseen, free, wanted, states, how):
-    """Not by the floors of three states, which any two signals reach, nor by fitted ones."""
+def test_too_few_cords_give_a_warning(cords, floors, unseen, free, advised, states, how):
+    """Floors of three states, which any two signals reach, and fitted errors give no warning."""
     problem = SimpleNamespace(
         markers=np.zeros((states, 1, 3)),
         floor=lambda n: floors[min(n - cords, len(floors) - 1)],
     )
     prediction = SimpleNamespace(noise=(0.002,) * cords, floor=floors[0], unseen=unseen, how=how)
-    said = check_cord_count(problem, prediction, free)
-    assert len(said) == (wanted is not None and states == 20 and how == "held out")
-    assert [(r.code, r.count) for r in said] == [("too-few-cords", wanted)] * len(said)
+    risks = check_cord_count(problem, prediction, free)
+    assert len(risks) == (advised is not None and states == 20 and how == "held out")
+    assert [(r.code, r.count) for r in risks] == [("too-few-cords", advised)] * len(risks)

@@ -1,4 +1,4 @@
-"""The predicted band against devices that are simulated frame by frame and trained by a library."""
+"""Compare the predicted band with devices simulated frame by frame and trained by a library."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ EXACT = Tolerances(offset=0, gauge=0, amplitude=0, prestretch=0, compression=0)
 
 
 def band_of(problem, layout, rng, unseen, **options):
-    """With bonded cords that sense on their whole length, and joints without resistance."""
+    """Return the band of bonded cords that sense on their whole length, with ideal joints."""
     cords = [BuiltCord(sample_path(s), 0.0, None) for s in layout]
     reading = CordReading(problem.sense.response, 14.5, problem.noise, 0.0)
     options = {"tolerances": Tolerances(compression=0)} | options
@@ -26,13 +26,13 @@ def band_of(problem, layout, rng, unseen, **options):
 
 
 def every(problem):
-    """All states are trained on and tested."""
+    """Return folds that train and test on all states."""
     k = np.arange(len(problem.markers))
     return UnseenStates(NONE, ((k, k),), ((k[1:], TWISTS),))
 
 
 def random_layout(straight, rng):
-    """Two wavy cords in tilted planes; limits do not matter here."""
+    """Return two wavy cords; they need not keep the limits."""
     layout = []
     for name, y in (("a", 6.0), ("b", -6.0)):
         sensor = straight(name, y=y + rng.uniform(-2, 2), z=rng.uniform(-4, 4))
@@ -44,8 +44,10 @@ def random_layout(straight, rng):
 
 
 def built(problem, layout, rng):
-    """Test RMSE (mm) of one device: cords shifted as a whole by up to 0.3 mm, gauge factors and
-    amplitudes 5 % off; trained on 1,400 noisy frames, tested on 600 others."""
+    """Return the test RMSE (mm) of one device, trained on 1,400 noisy frames and tested on 600.
+
+    Cords are shifted by up to 0.3 mm; gauge factors and amplitudes deviate by 5 %.
+    """
     amplitude = 1 + rng.normal(0, 0.05, len(problem.fields))
     columns = []
     for sensor in layout:
@@ -65,8 +67,8 @@ def built(problem, layout, rng):
     return np.sqrt(((off**2).sum(2) @ problem.marker_weights).mean())
 
 
-def test_the_band_of_straight_cords_does_not_hang_by_rounding(problem, straight):
-    """A straight path lies in many planes; where a cord may wander is the same in each run."""
+def test_the_band_of_straight_cords_does_not_depend_on_rounding(problem, straight):
+    """A straight path lies in many planes, but a cord must wander equally in each run."""
     path = sample_path(straight("a", y=6.0))
     reading = CordReading(problem.sense.response, 14.5, problem.noise, 0.0)
     bands = []
@@ -81,7 +83,7 @@ def test_the_band_of_straight_cords_does_not_hang_by_rounding(problem, straight)
     assert np.ptp(bands, axis=0).max() < 1e-9
 
 
-def test_the_band_holds_nine_devices_of_ten(problem, straight):
+def test_the_band_contains_nine_of_ten_devices(problem, straight):
     problem = replace(problem, noise=0.001)
     rng = np.random.default_rng(0)
     ratios, inside = [], []
@@ -92,10 +94,10 @@ def test_the_band_holds_nine_devices_of_ten(problem, straight):
         ratios += [m / layout_error(problem, layout) for m in measured]
         inside += [band.low <= m <= band.high for m in measured]
     assert np.median(ratios) == pytest.approx(1, abs=0.1)
-    assert np.mean(inside) >= 0.8  # of 60: 90 % less two standard deviations
+    assert np.mean(inside) >= 0.8  # 90 % minus two standard deviations of 60 devices
 
 
-def test_without_tolerances_the_band_is_about_the_expected_error(problem, straight):
+def test_without_tolerances_the_band_surrounds_the_expected_error(problem, straight):
     layout = random_layout(straight, np.random.default_rng(1))
     band = band_of(problem, layout, np.random.default_rng(2), every(problem), tolerances=EXACT)
     assert band.low < layout_error(problem, layout) < band.high
@@ -104,9 +106,8 @@ def test_without_tolerances_the_band_is_about_the_expected_error(problem, straig
     assert wide.high - wide.low > 2 * (band.high - band.low)
 
 
-def test_states_that_are_held_out_cost_more_than_those_fitted(problem, straight):
-    """The full amplitudes are tested by decoders that know the smaller ones alone: what is neither
-    noise nor tolerance shows in the band."""
+def test_errors_of_held_out_states_are_larger(problem, straight):
+    """Decoders trained on small amplitudes are tested on full ones, which the band must show."""
     layout = random_layout(straight, np.random.default_rng(1))
     k = np.arange(len(problem.markers))
     size = np.linalg.norm(problem.markers, axis=2).mean(axis=1)
