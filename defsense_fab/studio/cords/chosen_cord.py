@@ -18,7 +18,7 @@ from ..edits.cords import (
     smooth,
 )
 from ..edits.edit import Edit
-from ..edits.tables import free_name
+from ..edits.edit import free_name
 from ..workbench.workbench import Workbench
 from .cord_scene import PARTS, Part
 
@@ -113,28 +113,28 @@ class ChosenCord:
         if event.client is None or self.name is None or name in ("", self.name):
             return
         before, self.name = self.name, name
-        if not self._bench.do(rename_cord(before, name)):
+        if not self._bench.apply(rename_cord(before, name)):
             self.name = before
             self._redraw()
 
     def _freed(self, event: Any) -> None:
         if event.client is not None and self.name is not None:
-            self._bench.do(set_freedoms(self.name, _FREE[self._free.value]))
+            self._bench.apply(set_freedoms(self.name, _FREE[self._free.value]))
 
     def _edit(self, edit: Callable[[Sensor], Edit]) -> None:
         chosen = self.sensor(self._bench.project.device.sensors)
         if chosen is None:
-            self._bench.say("Choose a cord first.")
+            self._bench.show_message("Choose a cord first.")
             return
-        self._bench.do(edit(chosen))
+        self._bench.apply(edit(chosen))
 
     def _delete(self) -> None:
         name = self.name
         if name is None:
-            self._bench.say("Choose a cord first.")
+            self._bench.show_message("Choose a cord first.")
             return
         self.name = None
-        self._bench.do(remove_cord(name))
+        self._bench.apply(remove_cord(name))
 
     def _longer(self, cord: Sensor) -> Edit:
         spans = np.linalg.norm(np.diff(cord.curve.points, axis=0), axis=1)
@@ -145,7 +145,7 @@ class ChosenCord:
     def _delete_point(self) -> None:
         at, self.touched = self.touched, None
         if at is None:
-            self._bench.say("Drag a point first: the one that was dragged last is deleted.")
+            self._bench.show_message("Drag a point first: the one that was dragged last is deleted.")
         else:
             self._edit(lambda cord: delete_point(cord.name, at))
 

@@ -9,18 +9,18 @@ import numpy as np
 from ...core.curve import Hermite, Plane
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError
-from ...optimize.prediction.layout_judge import Judged
+from ...optimize.prediction.layout_judge import JudgedLayout
 from ..edits.cords import add_cord, bend_at, move_point, set_path, set_plane
-from ..edits.tables import free_name
-from ..workbench.latest import Latest
+from ..edits.edit import free_name
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .chosen_cord import ChosenCord
-from .comparison import comparison
+from .cord_results import comparison
 from .cord_scene import CordScene, Part, with_point
-from .cord_words import broken_cords, error_table, limit_words
+from .cord_results import broken_cords, error_table, limit_words
 from .drawing import Drawing
-from .signal_bars import signal_bars
+from .cord_results import signal_bars
 from .snapping import Snapping
 
 NOT_BUILT = "Simulate the poses first: their expected error follows the cords then."
@@ -37,21 +37,21 @@ class CordsMode(Mode):
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(bench)
-        self._before: Judged | None = None  # the drag that is under way
-        self._shown: Judged | None = None
+        self._before: JudgedLayout | None = None  # the drag that is under way
+        self._shown: JudgedLayout | None = None
         self._scene: CordScene | None = None
         self._snapping: Snapping | None = None
         self._drawing = Drawing(bench, self._stroke)
         self._cord = ChosenCord(bench, self.redraw)
-        self._quick = Latest(self._judged, bench.fail)
-        self._limits_work = Latest(self._checked, bench.fail)
-        self._slow = Latest(self._weighed, bench.fail)
-        self._proposals = Latest(self._proposed, bench.fail)
+        self._quick = LatestWorker(self._judged, bench.show_error)
+        self._limits_work = LatestWorker(self._checked, bench.show_error)
+        self._slow = LatestWorker(self._weighed, bench.show_error)
+        self._proposals = LatestWorker(self._proposed, bench.show_error)
 
     @property
     def judged(self) -> int:
         """How often cords have been judged."""
-        return self._quick.done
+        return self._quick.done_count
 
     def add_panel(self) -> None:
         gui, button = self.bench.server.gui, self.bench.button
@@ -88,7 +88,7 @@ class CordsMode(Mode):
     def enter(self) -> None:
         self.redraw()
 
-    def built(self) -> None:
+    def on_build_loaded(self) -> None:
         if self._scene is not None:
             self._scene.clear()  # what is drawn is of the build before
         self._drawing.close()
@@ -96,7 +96,7 @@ class CordsMode(Mode):
             radius = self.bench.project.device.cord.diameter / 2
             self._scene = CordScene(self.bench.server, radius, self.bench.size, self.drawn)
 
-    def device_changed(self) -> None:
+    def on_device_changed(self) -> None:
         self.redraw()
 
     def choose(self, name: str | None) -> None:
@@ -133,21 +133,21 @@ class CordsMode(Mode):
         """A straight cord along the body."""
         judge = self.bench.judge
         if judge is None:
-            self.bench.say(NOT_BUILT)
+            self.bench.show_message(NOT_BUILT)
             return
         self._add(judge.new_cord(self._new_name()))
 
     def propose(self) -> None:
         """The cord that lowers the error most, found beside the page."""
         if self.bench.judge is None:
-            self.bench.say(NOT_BUILT)
+            self.bench.show_message(NOT_BUILT)
             return
-        self.bench.say("Looking for the cord that lowers the error most ...")
+        self.bench.show_message("Looking for the cord that lowers the error most ...")
         self._proposals.give(self.bench.project.device.sensors)
 
     def redraw(self) -> None:
         """The cords as the device has them now."""
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             sensors = self.bench.project.device.sensors
             self._cord.show(sensors)
             self._drawing.offer()
@@ -173,7 +173,7 @@ class CordsMode(Mode):
 
     def _add(self, cord: Sensor) -> None:
         self._cord.name = cord.name
-        self.bench.do(add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
+        self.bench.apply(add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
 
     def _stroke(self, plane: Plane, curve: Hermite) -> None:
         """A line was drawn: a new cord, or the chosen one anew where that is asked."""
@@ -181,7 +181,7 @@ class CordsMode(Mode):
         if self._cord.redraws and chosen is not None and chosen.plane.coincides(plane):
             local = (plane.to_world(curve.points) - chosen.plane.origin) @ chosen.plane.axes
             ways = curve.tangents @ plane.axes[:, :2].T @ chosen.plane.axes
-            self.bench.do(set_path(chosen.name, Hermite(local[:, :2], ways[:, :2])))
+            self.bench.apply(set_path(chosen.name, Hermite(local[:, :2], ways[:, :2])))
             return
         self._add(Sensor(self._new_name(), plane, curve, frozenset({"path"})))
 
@@ -197,10 +197,10 @@ class CordsMode(Mode):
 
     def _write(self, sensor: Sensor, part: Part, at: int) -> bool:
         if part == "plane":
-            return self.bench.do(set_plane(sensor.name, sensor.plane))
+            return self.bench.apply(set_plane(sensor.name, sensor.plane))
         if part == "tangents":
-            return self.bench.do(bend_at(sensor.name, at, sensor.curve))
-        return self.bench.do(move_point(sensor.name, at, sensor.curve.points[at]))
+            return self.bench.apply(bend_at(sensor.name, at, sensor.curve))
+        return self.bench.apply(move_point(sensor.name, at, sensor.curve.points[at]))
 
     def _with(self, sensor: Sensor) -> Cords:
         sensors = self.bench.project.device.sensors
@@ -255,14 +255,14 @@ class CordsMode(Mode):
         try:
             cord = judge.propose(self._new_name(), sensors, self._searching)
         except DefsenseError as error:
-            self.bench.fail(error)
+            self.bench.show_error(error)
             return
         after = judge.judge((*sensors, cord), quick=True)
         cord = replace(cord, name=self._new_name())  # another may have been drawn meanwhile
         self._add(cord)
         if after is not None:
             was = f"from {before.error:.2f} " if before is not None else ""
-            self.bench.say(f"`{cord.name}` takes the expected error {was}to {after.error:.2f} mm.")
+            self.bench.show_message(f"`{cord.name}` takes the expected error {was}to {after.error:.2f} mm.")
 
     def _searching(self, share: float, _: str) -> None:
-        self.bench.say(f"Looking for the cord that lowers the error most: {share:.0%}")
+        self.bench.show_message(f"Looking for the cord that lowers the error most: {share:.0%}")

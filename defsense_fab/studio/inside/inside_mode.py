@@ -9,21 +9,21 @@ from ...core.curve import Plane, sample_path
 from ...core.errors import DefsenseError, LayoutError
 from ...optimize.prediction.body_section import BodySection
 from ...optimize.prediction.layout_judge import LayoutJudge
-from ...optimize.prediction.next_cord import NextCord, sensor_of, shortest
+from ...optimize.prediction.next_cord import NextCord, best_sensor, shortest_cord
 from ..edits.cords import add_cord
-from ..edits.tables import free_name
-from ..workbench.latest import Latest
+from ..edits.edit import free_name
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
-from .heat_search import Asked, HeatSearch
-from .looks import NEXT_CORD, point_words
-from .next_cord_panel import NextCordPanel, drop_words
-from .plane_gizmo import PlaneGizmo
+from .next_cord import Asked, HeatSearch
+from .section_quantities import NEXT_CORD, point_words
+from .next_cord import drop_words, NextCordPanel
+from .section_planes import PlaneGizmo
 from .section_panel import SectionPanel
 from .section_picture import Pictures, Wanted
 from .section_planes import axis_plane, first_plane, first_state, offsets
 from .section_view import hit_point
-from .section_work import SectionWork
+from .section_worker import SectionWork
 
 _NOT_BUILT = "Simulate the poses first: then the body can be looked into."
 _AWAY = 1.6  # of a straight look, times the body's size
@@ -44,7 +44,7 @@ class InsideMode(Mode):
         self._found: NextCord | None = None  # of what was asked
         self.work = SectionWork(bench, self.clicked, self._drawn, self._failed)
         self.search = HeatSearch(self._searched, self._map_found, self._search_failed)
-        self._prepare = Latest(_prepare, bench.fail)
+        self._prepare = LatestWorker(_prepare, bench.show_error)
 
     def add_panel(self) -> None:
         bench = self.bench
@@ -79,7 +79,7 @@ class InsideMode(Mode):
         self.work.close()
         self._prepare.close()
 
-    def built(self) -> None:
+    def on_build_loaded(self) -> None:
         shown = self.bench.mode == self.label
         if shown:
             self._hide()
@@ -89,11 +89,11 @@ class InsideMode(Mode):
             body = BodySection(task.everything.locator, task.everything.fields, task.names)
             self._pictures, self._plane = Pictures(body), first_plane(self._vertices)
             self.panel.built(task.names, first_state(task.weights))
-            self.next.begin(shortest(task))
+            self.next.begin(shortest_cord(task))
         if shown:
             self.enter()
 
-    def device_changed(self) -> None:
+    def on_device_changed(self) -> None:
         self.panel.cords(self.bench.project.device.sensors)
         self._ask(moving=False)
 
@@ -132,12 +132,12 @@ class InsideMode(Mode):
                 " the other kind."
             )
         names = [sensor.name for sensor in self.bench.project.device.sensors]
-        cord = sensor_of(found, found.best, free_name("cord", names), judge)
-        if self.bench.do(add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free))):
+        cord = best_sensor(found, found.best, free_name("cord", names), judge)
+        if self.bench.apply(add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free))):
             told = f"`{cord.name}` drawn: expected error {-found.best_drop:+.2f} mm"
             if asked.length is not None:
                 told += ". Its ends lie inside the body: drag them to the skin in Cords"
-            self.bench.say(told)
+            self.bench.show_message(told)
 
     def clicked(self, origin: Float, direction: Float) -> None:
         """Tell what is known where a ray meets the section."""
@@ -156,7 +156,7 @@ class InsideMode(Mode):
 
     def _along(self, axis: int) -> None:
         if self._pictures is None:
-            self.bench.say("Simulate the poses first: then there is something to look into.")
+            self.bench.show_message("Simulate the poses first: then there is something to look into.")
             return
         self.set_plane(axis_plane(self._vertices, axis))
 
@@ -185,7 +185,7 @@ class InsideMode(Mode):
 
     def _ask(self, *, moving: bool) -> None:
         """Draw the section as it is wanted now."""
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             if self._plane is not None and self._gizmo is not None:
                 self._ask_for(self._plane, moving)
 
@@ -239,7 +239,7 @@ class InsideMode(Mode):
         self.next.searched(share)
 
     def _map_found(self, asked: Asked, found: NextCord) -> None:
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             if asked is not self._asked:
                 return
             self._found = found

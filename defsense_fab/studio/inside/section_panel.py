@@ -10,7 +10,7 @@ import numpy as np
 from ...core.curve import Plane
 from ...core.device.device import Sensor
 from ..workbench.workbench import Workbench
-from .looks import LOOKS, Look
+from .section_quantities import Look, LOOKS
 
 _AXES = ("X", "Y", "Z")
 _NO_PLANE, _ANGLE = "choose a cord", "the angle below"

@@ -13,9 +13,9 @@ from ...mechanics.elements.point_location import LocatedPoints
 from ...mechanics.elements.section import Section
 from ...optimize.prediction.body_section import BodySection, Kind, Quantity, directions_along
 from ...optimize.prediction.next_cord import NextCord
-from .color_bar import color_bar
-from .color_maps import Scale
-from .looks import Look, reach_words
+from .color_scale import color_bar
+from .color_scale import Scale
+from .section_quantities import Look, reach_words
 
 #: Dots of a coarse section, about, of one state and where all of them count.
 _DOTS, _FEWER = 700, 350

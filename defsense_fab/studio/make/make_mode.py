@@ -9,12 +9,12 @@ from ...core.errors import DefsenseError
 from ...workflow.build.build import first_outdated
 from ...workflow.build.export import describe_changes, export, export_name
 from ...workflow.build.options import describe_options, recorded_options
-from ..workbench.latest import Latest
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .built_device import BuiltDevice, Note, load_built
-from .flight import fly
-from .make_words import state_words, step_words, table_words
+from .parts_scene import fly
+from .built_device import state_words, step_words, table_words
 from .parts_scene import PartsScene
 
 _ALL = "All parts"
@@ -33,12 +33,12 @@ class MakeMode(Mode):
         self._scene: PartsScene | None = None
         self._step, self._entered = 0, False
         self._notes: list[Any] = []
-        bench.begun.append(self._begun)
+        bench.on_build_started.append(self._begun)
         self._mark: Any = None
-        self.loading = Latest(self._load, bench.fail)
-        self.checking = Latest(self._check, bench.fail)
-        self.flying = Latest(self._fly, bench.fail)
-        self.exporting = Latest(self._export, bench.fail)
+        self.loading = LatestWorker(self._load, bench.show_error)
+        self.checking = LatestWorker(self._check, bench.show_error)
+        self.flying = LatestWorker(self._fly, bench.show_error)
+        self.exporting = LatestWorker(self._export, bench.show_error)
 
     def add_panel(self) -> None:
         bench, gui = self.bench, self.bench.server.gui
@@ -71,7 +71,7 @@ class MakeMode(Mode):
     def enter(self) -> None:
         self._entered = True
         self._draw()
-        self.device_changed()
+        self.on_device_changed()
 
     def leave(self) -> None:
         self._entered = False
@@ -81,11 +81,11 @@ class MakeMode(Mode):
         if self.bench.body is not None:
             self.bench.body.visible = True
 
-    def built(self) -> None:
+    def on_build_loaded(self) -> None:
         self._cancel.visible = self.bench.builds.running
         self.loading.give(None)
 
-    def device_changed(self) -> None:
+    def on_device_changed(self) -> None:
         self.checking.give(None)
 
     def close(self) -> None:
@@ -99,7 +99,7 @@ class MakeMode(Mode):
 
     def choose(self, step: int) -> None:
         """A step of the guide from 1 on, or 0 for all parts."""
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             self._step = step
             self._unmark()
             self._steps.value = self._steps.options[step]
@@ -111,7 +111,7 @@ class MakeMode(Mode):
 
     def export(self, client: Any) -> None:
         """Write the zip, and send it to the browser that asked, if any."""
-        self.bench.say("Writing the zip ...")
+        self.bench.show_message("Writing the zip ...")
         self.exporting.give(client)
 
     def _begun(self) -> None:
@@ -122,7 +122,7 @@ class MakeMode(Mode):
             self.choose(self._steps.options.index(self._steps.value))
 
     def _slid(self) -> None:
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             if self._scene is not None and self._entered:
                 self._scene.move(self._apart.value)
 
@@ -133,8 +133,8 @@ class MakeMode(Mode):
             found = load_built(device, build_folder(device))
         except (DefsenseError, OSError) as error:
             found = None
-            bench.fail(error)
-        with bench.drawing:
+            bench.show_error(error)
+        with bench.drawing_lock:
             if self._scene is not None:
                 self._scene.remove()
             self.device, self._scene, self._step = found, None, 0
@@ -151,7 +151,7 @@ class MakeMode(Mode):
         self._state.content = state_words(
             self.device is not None,
             None if stage is None else stage.title,
-            self.bench.problem,
+            self.bench.build_error,
             describe_changes(device, folder)
             if stage is not None
             else describe_options(recorded_options(device, folder)),
@@ -200,7 +200,7 @@ class MakeMode(Mode):
         bench = self.bench
         if note.place is None or bench.surface is None:
             return
-        with bench.drawing:
+        with bench.drawing_lock:
             self._unmark()
             self._step = 0
             self._steps.value, self._apart.value = _ALL, 0.0
@@ -222,6 +222,6 @@ class MakeMode(Mode):
         device = self.bench.project.device
         path = device.source / export_name(device)
         names = export(device, path)
-        self.bench.say(f"{len(names)} files in {path}")
+        self.bench.show_message(f"{len(names)} files in {path}")
         if client is not None:
             client.send_file_download(path.name, path.read_bytes(), save_immediately=True)

@@ -15,25 +15,35 @@ from ...core.errors import CalibrationError, DefsenseError
 from ...core.storage.session_manifest import FILE
 from ...twin.live.sample_sources import open_source
 from ..edits.body import use_response
-from ..workbench.process_work import ProcessWork
-from ..workbench.thread_work import ThreadWork
+from ..workbench.background_job import BackgroundJob, run_with_progress
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 from . import jobs
 from .measurement_screen import MeasurementScreen
-from .measurement_words import response_words
+from .measurement_screen import response_words
 
 _RESPONSE = "response.json"
 _LEAVES = 10.0  # s that a measurement has to end
 
 
-class CalibrationPart(ThreadWork):
+class CalibrationPart:
     """A folder of the panel; one measurement at a time, on a thread, and fits in a process."""
 
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
-        self.work = ProcessWork("work", self._progress, self._ended)
+        self.work = BackgroundJob("work", self._progress, self._ended)
         self._told_of: Callable[[Any], str] = str
+        self.worker = LatestWorker[Callable[[], None]](lambda work: work(), bench.show_error)
         self.screen: MeasurementScreen | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a measurement is prepared, runs or ends."""
+        return self.worker.busy
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until no measurement runs; return False after `timeout_s`."""
+        return self.worker.wait(timeout_s)
 
     def add_panel(self) -> None:
         gui, bench = self._bench.server.gui, self._bench
@@ -70,7 +80,7 @@ class CalibrationPart(ThreadWork):
             return
         self._start.disabled = True
         self._tell("Preparing ...")
-        self.begin(self._go)
+        self.worker.give(self._go)
 
     def simulate(self) -> None:
         """Sessions of simulated specimens of the device's cord."""
@@ -95,7 +105,7 @@ class CalibrationPart(ThreadWork):
 
     def use(self) -> None:
         """The response in place of the data sheet's."""
-        if self._bench.do(use_response(_RESPONSE)):
+        if self._bench.apply(use_response(_RESPONSE)):
             self._tell(
                 "The device uses the measured response: *Optimise* and build it anew under *Make*."
             )
@@ -105,7 +115,8 @@ class CalibrationPart(ThreadWork):
         """What was measured stays, and can be gone on with."""
         if self.screen is not None:
             self.screen.press("q")
-        self.wait(_LEAVES)
+        self.worker.wait(_LEAVES)
+        self.worker.close()
         self.work.close()
 
     def _go(self) -> None:
@@ -128,15 +139,15 @@ class CalibrationPart(ThreadWork):
             raise CalibrationError(
                 f"{place}: lies outside of the device's folder; copy the specimen's folder there"
             )
-        about = sessions.specimen_of(place)
+        about = sessions.read_specimen(place)
         folder = (place if place.is_dir() else place.parent) / "session"
-        session, begun = sessions.begin_or_go_on(folder, sessions.usual(about))
+        session, begun = sessions.create_or_resume(folder, sessions.default_settings(about))
         try:
             settings = ReadoutSettings(channels=3, average=session.average, rate=session.rate)
             opened = open_source(
                 self._port.value.strip(), settings, session.geometry, session.length
             )
-            with self._bench.drawing:
+            with self._bench.drawing_lock:
                 self.screen = MeasurementScreen(self._bench, self._folder)
             self._tell("")
             run_guided_measurement(session, opened.source, self.screen, opened.hands)
@@ -144,7 +155,7 @@ class CalibrationPart(ThreadWork):
             if not begun:
                 sessions.discard_empty(session)
             raise
-        left, total = len(sessions.unfinished(session)), len(session.steps)
+        left, total = len(sessions.unfinished_steps(session)), len(session.steps)
         if left:
             return (
                 f"{total - left} of {total} readings are done: *Measure a specimen* goes on;"
@@ -158,14 +169,14 @@ class CalibrationPart(ThreadWork):
             return
         self._told_of, self._cancel.visible = told_of, True
         self._tell("Starting ...")
-        self.work.start(job)
+        self.work.start(run_with_progress, job)
 
     def _progress(self, share: float, told: str) -> None:
         self._tell(f"{told} ({share:.0%})")
 
-    def _ended(self, problem: str | None, result: Any) -> None:
+    def _ended(self, error: DefsenseError | None, result: Any) -> None:
         self._cancel.visible = False
-        self._tell(f"**{problem}**" if problem is not None else self._told_of(result))
+        self._tell(f"**{error}**" if error is not None else self._told_of(result))
 
     def _fitted(self, result: Any) -> str:
         self._use.visible = True

@@ -29,7 +29,7 @@ def record_twin(
 
 def process(sessions: Sequence[Path], progress: Progress) -> list[str]:
     """`defsense capture process`: lines on each session."""
-    from ...capture.sessions.result_files import REPORT
+    from ...capture.sessions.results import REPORT
     from ...workflow.sessions.processing import process_session
 
     out = []

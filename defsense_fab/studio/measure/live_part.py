@@ -14,10 +14,10 @@ from ...runtime.live.run_choices import changed_since
 from ...runtime.outputs.live_file import LiveSettings, parse_output, read_live_file
 from ...runtime.view.live_view import PagePlace
 from ...store.layout import LAYOUT, load_layout
-from ..workbench.latest import Latest
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 from .live_session import LiveSession
-from .training_words import notes_list, test_words
+from .result_texts import notes_list, test_words
 
 _NONE = "none"
 _NO_MODEL = (
@@ -35,7 +35,7 @@ class LivePart:
         """Of the mode with that label."""
         self._bench, self._label = bench, label
         self.session = LiveSession(self._tell, self._changed)
-        self._looking = Latest(self._look, self._failed)
+        self._looking = LatestWorker(self._look, self._failed)
         self._models: list[KnownModel] = []
         self._ports: list[KnownPort] = []
         self._hidden = False  # the workbench's body, by this
@@ -73,7 +73,7 @@ class LivePart:
     def enter(self) -> None:
         """Its mode is shown."""
         if self.session.busy:
-            self._bench.say("")  # that it goes on is seen
+            self._bench.show_message("")  # that it goes on is seen
         self.refresh()
         self._show()
 
@@ -81,7 +81,7 @@ class LivePart:
         """Another mode is shown: the loop goes on."""
         self._show(shown=False)
         if self.session.busy:
-            self._bench.say(f"The live loop goes on; *Stop* in {self._label} ends it.")
+            self._bench.show_message(f"The live loop goes on; *Stop* in {self._label} ends it.")
 
     def refresh(self) -> None:
         """Look for models and ports; on a thread."""
@@ -148,7 +148,7 @@ class LivePart:
 
     def _changed(self) -> None:
         """It runs, or has ended."""
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             running = self.session.run is not None
             self._buttons(busy=running)
             self._show()
@@ -171,7 +171,7 @@ class LivePart:
 
     def _look(self, device: Device) -> None:
         models, ports = known_models(device), known_ports(device)
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self._models, self._ports = models, ports
             _offer(self._model, tuple(m.path.name for m in models) or (_NONE,))
             _offer(self._port, tuple(dict.fromkeys(p.label for p in ports)))

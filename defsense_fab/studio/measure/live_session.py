@@ -9,7 +9,7 @@ from pathlib import Path
 from ...core.errors import DefsenseError
 from ...runtime.live.live_device import live_device
 from ...runtime.live.live_run import LiveRun, RunOptions, live_run
-from ..workbench.thread_work import ThreadWork
+from ..workbench.latest_worker import LatestWorker
 
 _LOOK = 0.2  # s between looks whether it is to end
 _LEAVES = 10.0  # s that it has to end
@@ -19,14 +19,26 @@ class _Stopped(Exception):
     """It was stopped before it ran."""
 
 
-class LiveSession(ThreadWork):
+class LiveSession:
     """One run at a time. `told` hears what is going on, in sentences; `changed` is called once it
     runs and once it has ended; both on a thread of this. `run` is there while it runs."""
 
     def __init__(self, told: Callable[[str], None], changed: Callable[[], None]) -> None:
         self._told, self._changed = told, changed
         self._lock, self._stop = threading.Lock(), threading.Event()
+        self.worker = LatestWorker[Callable[[], None]](
+            lambda work: work(), lambda error: told(f"**{error}**")
+        )
         self.run: LiveRun | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a run is prepared, runs or ends."""
+        return self.worker.busy
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until no run runs; return False after `timeout_s`."""
+        return self.worker.wait(timeout_s)
 
     def start(self, model: Path, folder: Path, options: RunOptions) -> bool:
         """Run a model on the device in a folder; whether it began, which it does not while another
@@ -35,7 +47,8 @@ class LiveSession(ThreadWork):
             if self.busy:
                 return False
             self._stop = threading.Event()
-            self.begin(self._go, model, folder, options, self._stop)
+            stop = self._stop
+            self.worker.give(lambda: self._go(model, folder, options, stop))
         return True
 
     def stop(self) -> None:
@@ -45,7 +58,8 @@ class LiveSession(ThreadWork):
     def close(self) -> None:
         """Stop, and wait for the end."""
         self.stop()
-        self.wait(_LEAVES)
+        self.worker.wait(_LEAVES)
+        self.worker.close()
 
     def _go(self, model: Path, folder: Path, options: RunOptions, stop: threading.Event) -> None:
         run: LiveRun | None = None

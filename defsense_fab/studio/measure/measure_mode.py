@@ -36,7 +36,7 @@ class MeasureMode(Mode):
     def leave(self) -> None:
         self.live.leave()
 
-    def device_changed(self) -> None:
+    def on_device_changed(self) -> None:
         if self.bench.mode == self.label:
             self.live.refresh()
             self.training.refresh()

@@ -13,7 +13,7 @@ from ...core.storage.file_names import name_problem
 from ...core.storage.files import unused_path
 from ...twin.filming.camera_kinds import DEFAULT_CAMERA_KIND
 from ...twin.live.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
-from ..workbench.thread_work import ThreadWork
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 from .recording_screen import RecordingScreen
 
@@ -21,13 +21,23 @@ _LEAVES = 10.0  # s that a recording has to end
 _TWIN_CAMERAS = (1, 2, DEFAULT_CAMERA_KIND)  # seed, number and kind
 
 
-class RecordingPart(ThreadWork):
+class RecordingPart:
     """A folder of the panel; one recording at a time, on a thread. `recorded` is called once it has
     ended."""
 
     def __init__(self, bench: Workbench, recorded: Callable[[], None]) -> None:
         self._bench, self._recorded = bench, recorded
+        self.worker = LatestWorker[Callable[[], None]](lambda work: work(), bench.show_error)
         self.screen: RecordingScreen | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a recording is prepared, runs or ends."""
+        return self.worker.busy
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until no recording runs; return False after `timeout_s`."""
+        return self.worker.wait(timeout_s)
 
     def add_panel(self) -> None:
         gui, bench = self._bench.server.gui, self._bench
@@ -70,13 +80,14 @@ class RecordingPart(ThreadWork):
         options, folder = self._options(), self._bench.project.folder / name
         self._start.disabled, self._asked.visible = True, False
         self._told.content = "Preparing ..."
-        self.begin(self._go, folder, options)
+        self.worker.give(lambda: self._go(folder, options))
 
     def close(self) -> None:
         """What was recorded stays, and can be gone on with."""
         if self.screen is not None:
             self.screen.press("q")
-        self.wait(_LEAVES)
+        self.worker.wait(_LEAVES)
+        self.worker.close()
 
     def _options(self) -> CaptureOptions:
         words = tuple(self._cameras.value.replace(",", " ").split()) or (NONE,)
@@ -107,11 +118,11 @@ class RecordingPart(ThreadWork):
         markers = read_markers(device.source / "markers")
         with ExitStack() as stack:
             setup = set_up_capture(device, markers, folder, options, stack, self._note)
-            with self._bench.drawing:
+            with self._bench.drawing_lock:
                 self.screen = RecordingScreen(self._bench, self._folder, setup.session.channels)
             self._told.content = ""
             done = setup.record(self.screen)
-        steps = len(sessions.finished(setup.session)), len(setup.session.steps)
+        steps = len(sessions.finished_steps(setup.session)), len(setup.session.steps)
         if done:
             self._name.value = unused_path(folder).name
             return (

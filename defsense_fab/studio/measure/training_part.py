@@ -10,14 +10,15 @@ from typing import Any
 from ...capture.sessions.known_sessions import KnownSession, known_sessions
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
+from ...core.errors import DefsenseError
 from ...store.layout import LAYOUT
 from ...training.models.model_file import MODEL
 from ...workflow.sessions.twin_sessions import session_folder
-from ..workbench.latest import Latest
-from ..workbench.process_work import ProcessWork
+from ..workbench.background_job import BackgroundJob, run_with_progress
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 from . import jobs
-from .training_words import evaluated_words, notes_list, short, trained_words
+from .result_texts import evaluated_words, notes_list, short, trained_words
 
 _NO_SESSION = "Choose a session that is processed, or record one first."
 _BUSY = "Something is under way here; wait for it, or cancel it."
@@ -29,8 +30,8 @@ class TrainingPart:
 
     def __init__(self, bench: Workbench, trained: Callable[[], None]) -> None:
         self._bench, self._trained = bench, trained
-        self.work = ProcessWork("work", self._progress, self._ended)
-        self._looking = Latest(self._look, bench.fail)
+        self.work = BackgroundJob("work", self._progress, self._ended)
+        self._looking = LatestWorker(self._look, bench.show_error)
         self._sessions: list[KnownSession] = []
         self._boxes: dict[Path, Any] = {}
         self._rows: list[Any] = []  # of the sessions' folder
@@ -100,7 +101,7 @@ class TrainingPart:
 
     def process(self) -> None:
         """The sessions that were recorded, and are not processed yet."""
-        raw = [s.folder for s in self._sessions if s.raw]
+        raw = [s.folder for s in self._sessions if s.is_raw]
         if raw:
             self._do(partial(jobs.process, raw), notes_list)
 
@@ -138,7 +139,7 @@ class TrainingPart:
         self._told.content, self._bar.value = "Starting ...", 0.0
         self._result.content, self._open.visible = "", False
         self._bar.visible = self._cancel.visible = True
-        self.work.start(job)
+        self.work.start(run_with_progress, job)
 
     def _fail(self, told: str) -> None:
         self._told.content = f"**{told}**"
@@ -147,10 +148,10 @@ class TrainingPart:
         self._bar.value = 100 * share
         self._told.content = told
 
-    def _ended(self, problem: str | None, result: Any) -> None:
+    def _ended(self, error: DefsenseError | None, result: Any) -> None:
         self._bar.visible = self._cancel.visible = False
-        if problem is not None:
-            self._fail(problem)
+        if error is not None:
+            self._fail(str(error))
             return
         self._told.content = ""
         self._result.content = self._told_of(result)
@@ -187,11 +188,11 @@ class TrainingPart:
 
     def _look(self, device: Device) -> None:
         sessions = known_sessions(device)
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             if sessions == self._sessions and self._rows:
                 return
             self._offer_seed(device)
-            self._process.visible = any(s.raw for s in sessions)
+            self._process.visible = any(s.is_raw for s in sessions)
             was = {folder: box.value for folder, box in self._boxes.items()}
             for row in self._rows:
                 row.remove()
@@ -209,7 +210,7 @@ class TrainingPart:
             newest = session is useful[-1]
             box = gui.add_checkbox(
                 short(session.folder, device.source), was.get(session.folder, newest),
-                hint=session.about,
+                hint=session.summary,
             )  # fmt: skip
             self._boxes[session.folder] = box
             self._rows.append(box)

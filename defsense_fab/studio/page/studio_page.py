@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from ...core.errors import DefsenseError
@@ -11,13 +11,72 @@ from ..device.device_mode import DeviceMode
 from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
 from ..measure.measure_mode import MeasureMode
-from ..optimise.optimise_mode import OptimiseMode
+from ..optimize.optimize_mode import OptimiseMode
 from ..poses.poses_mode import PosesMode
 from ..project.agreement import Agreement
 from ..project.project import Project
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
-from .introduction import Introduction
+
+# A walk through the studio, a step for each mode.
+
+#: The mode, and what one does there.
+STEPS = (
+    ("Device", "**The body.** Its sizes are sliders here; its material, cord and printer are"
+     " chosen from the catalogue. All that you change is written to `device.toml`, and *Undo*"
+     " takes it back."),
+    ("Poses", "**What it must sense.** Each pose holds some regions and moves others. Choose one,"
+     " and turn its gizmo: the body follows. Then press *Simulate the poses*, here or in"
+     " *Optimise*."),
+    ("Inside", "**Where it stretches.** A section through the body, coloured by its stretch in a"
+     " pose. The heat map tells where the next cord would help most."),
+    ("Cords", "**The sensors.** Press *Draw by hand* and draw a line along the body, or *Propose a"
+     " cord*. Choose a cord, and drag its points: the expected error follows. What breaks a limit"
+     " turns red."),
+    ("Optimise", "**Better paths.** The optimiser moves the cords that are not locked, and the"
+     " error falls. Take its cords, or keep yours."),
+    ("Make", "**The parts.** *Build everything* cuts the body along the cords' planes, grooves the"
+     " faces, and writes parts, cut list and guide. Step through the assembly, and export it all."),
+    ("Measure", "**It senses.** Without a printed device its digital twin stands in: record a"
+     " session, train, and watch the live model."),
+)  # fmt: skip
+
+
+class Introduction:
+    """In a folder of the panel; `enter` goes to a mode. Steps of modes that are not there are left
+    out."""
+
+    def __init__(self, gui: Any, modes: Collection[str], enter: Callable[[str], None]) -> None:
+        self._steps = [step for step in STEPS if step[0] in modes]
+        self._enter, self._at = enter, 0
+        self._folder = gui.add_folder("Introduction", visible=False)
+        with self._folder:
+            self._text = gui.add_markdown("")
+            self._next = gui.add_button("Next")
+            self._next.on_click(lambda _: self.go(self._at + 1))
+            gui.add_button("Back").on_click(lambda _: self.go(self._at - 1))
+            gui.add_button("Leave the introduction").on_click(lambda _: self.leave())
+
+    def begin(self) -> None:
+        """From the first step."""
+        self.go(0)
+
+    def go(self, at: int) -> None:
+        """To a step; behind the last one it is over."""
+        if at >= len(self._steps):
+            self.leave()
+            return
+        self._at = max(at, 0)
+        mode, text = self._steps[self._at]
+        self._text.content = f"{self._at + 1} of {len(self._steps)}: {text}"
+        self._next.label = "Next" if self._at + 1 < len(self._steps) else "Done"
+        self._folder.visible = True
+        self._enter(mode)
+
+    def leave(self) -> None:
+        """Away with it; it can be begun again."""
+        self._folder.visible = False
+
 
 MODES: tuple[type[Mode], ...] = (
     DeviceMode,
@@ -41,7 +100,7 @@ class StudioPage:
         self._unread = False  # the file as it is now cannot be read, which is told
         self._add_panel()
         project.watchers.append(self._changed)
-        self.bench.loaded.append(self._loaded)
+        self.bench.on_build_loaded.append(self._loaded)
         self.bench.load()
         self.enter(next(iter(self.modes)))
 
@@ -58,19 +117,19 @@ class StudioPage:
             self.bench.project.refresh()
             if self._unread:
                 self._unread = False
-                self.bench.say("")
+                self.bench.show_message("")
         except DefsenseError as error:
             self._unread = True
-            self.bench.fail(error)
+            self.bench.show_error(error)
         for mode in self.modes.values():
             try:
                 mode.look()
             except Exception as error:  # told on the page: the studio goes on
-                self.bench.fail(error)
+                self.bench.show_error(error)
 
     def enter(self, label: str) -> None:
         """Show a mode's part of the panel, and what it has in the scene."""
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             if label == self.bench.mode:
                 return
             if self.bench.mode:
@@ -88,7 +147,7 @@ class StudioPage:
         self._mode = gui.add_button_group("Mode", tuple(self.modes))
         self._mode.on_click(lambda _: self.enter(self._mode.value))
         self._step = gui.add_button_group("Step", ("Undo", "Redo"), hint="Ctrl+Z and Ctrl+Shift+Z")
-        self._step.on_click(lambda _: bench.tried(steps[self._step.value]))
+        self._step.on_click(lambda _: bench.run_action(steps[self._step.value]))
         self._steps = gui.add_markdown("")
         bench.add_message()
         self._introduction = Introduction(gui, self.modes, self.enter)
@@ -127,11 +186,11 @@ class StudioPage:
 
     def _changed(self, told: str) -> None:
         # What was done is read beside Undo already.
-        self.bench.say("" if told == self.bench.project.undoes else told)
+        self.bench.show_message("" if told == self.bench.project.undo_name else told)
         self._draw()
 
     def _loaded(self) -> None:
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             for mode in self.modes.values():
                 mode.built()
         self._draw()
@@ -139,10 +198,10 @@ class StudioPage:
     def _draw(self) -> None:
         """The page as the device is now."""
         project = self.bench.project
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             self._title.content = f"## {project.device.name}"
-            named = (("Undo", project.undoes), ("Redo", project.redoes))
+            named = (("Undo", project.undo_name), ("Redo", project.redo_name))
             self.bench.follow()
             self._steps.content = "; ".join(f"{word}: {step}" for word, step in named if step)
             for mode in self.modes.values():
-                mode.device_changed()
+                mode.on_device_changed()

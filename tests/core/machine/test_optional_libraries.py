@@ -26,11 +26,11 @@ _GUARDED_ELSEWHERE = {
     "runtime/view/live_view.py": "drawn on a page that serve_page has opened",
     "runtime/view/upload_limit.py": "drawn on a page that serve_page has opened",
     "studio/measure/recording_screen.py": "drawn on a page that serve_page has opened",
-    "studio/optimise/watched_search.py": "drawn on a page that serve_page has opened",
+    "studio/optimize/watched_search.py": "drawn on a page that serve_page has opened",
     "runtime/outputs/midi_ports.py": "describes itself which of two packages has it",
     "workflow/study/runs/cluster.py": "called once `connected` has imported it",
     "workflow/study/results/study_table.py": "writes CSV without it",
-    "workflow/doctor/programs.py": "in another process, whose end is reported",
+    "workflow/doctor/machine.py": "in another process, whose end is reported",
 }
 
 

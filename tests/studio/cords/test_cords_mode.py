@@ -40,11 +40,11 @@ def test_an_error_follows_a_point_that_is_dragged_and_is_written_when_it_is_let_
     cords.drawn(moved, "points", 2, True)
     device = load_device(cords.bench.project.folder)
     np.testing.assert_allclose(device.sensors[0].curve.points[2], place, atol=1e-3)
-    assert cords.bench.project.undoes == f"move control point 3 of `{sensor.name}`"
+    assert cords.bench.project.undo_name == f"move control point 3 of `{sensor.name}`"
     cords.bench.project.undo()
     assert cords.bench.project.text == text
     assert error_told(cords) == before
-    assert cords.bench.project.redoes is not None
+    assert cords.bench.project.redo_name is not None
 
 
 def test_cords_are_added_and_deleted(cords):
@@ -69,8 +69,8 @@ def test_what_breaks_a_limit_is_told(cords):
 
 def test_cords_are_judged_by_the_printer_and_decoder_that_there_are_now(cords):
     before = cords.bench.judge
-    cords.bench.do(set_value("fabrication", "wall", 6.5))
-    assert cords.bench._judging.wait(LONG)
+    cords.bench.apply(set_value("fabrication", "wall", 6.5))
+    assert cords.bench.wait(LONG)
     assert cords.bench.judge is not before
     assert cords._limits_work.wait(LONG)
     assert "6.50 mm is needed" in cords._limits.content

@@ -8,8 +8,8 @@ import pytest
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.studio.cords.cord_scene import with_point, with_tangent
-from defsense_fab.studio.cords.planes import moved, planes
-from defsense_fab.studio.cords.sketch import on_plane
+from defsense_fab.studio.cords.drawing import moved, planes
+from defsense_fab.studio.cords.drawing import on_plane
 from defsense_fab.studio.cords.snapping import MIDDLE, SKIN, Snapping
 from defsense_fab.studio.edits.cords import smooth
 from tests.conftest import box_surface
@@ -89,13 +89,13 @@ def test_a_stroke_becomes_a_cord_and_another_takes_its_place(cords):
     cords._drawing._done(plane, stroke)
     (new,) = set(sensors(cords)) - before
     assert cords._cord.name == new
-    assert cords.bench.project.undoes == f"draw `{new}`"
+    assert cords.bench.project.undo_name == f"draw `{new}`"
     drawn = sensors(cords)[new].curve
     cords._cord._again.value = True
     cords._drawing._done(plane, stroke * [1, -1])
     assert set(sensors(cords)) - before == {new}
     np.testing.assert_allclose(sensors(cords)[new].curve.points, drawn.points * [1, -1], atol=2e-3)
-    assert cords.bench.project.undoes == f"redraw `{new}`"
+    assert cords.bench.project.undo_name == f"redraw `{new}`"
     cords._drawing._done(plane, stroke + np.array([0, 500]))
     assert "outside of the body's section" in cords.bench._message.content
 
@@ -104,7 +104,7 @@ def test_tangents_planes_and_copies_are_written(cords):
     name, cord_ = next(iter(sensors(cords).items()))
     cords.choose(name)
     cords.drawn(with_tangent(cord_, 1, np.array([9.0, 5.0])), "tangents", 1, True)
-    assert cords.bench.project.undoes == f"bend `{name}` at control point 2"
+    assert cords.bench.project.undo_name == f"bend `{name}` at control point 2"
     np.testing.assert_allclose(sensors(cords)[name].curve.tangents[1], [9, 5])
     cords._cord._edit(lambda s: smooth(s.name))
     tangents = sensors(cords)[name].curve.tangents

@@ -7,10 +7,10 @@ import struct
 import numpy as np
 import pytest
 
-from defsense_fab.studio.inside.color_bar import color_bar, tick_words
-from defsense_fab.studio.inside.color_maps import Scale, rounded_up
-from defsense_fab.studio.inside.looks import LOOKS, NEXT_CORD, reach_words
-from defsense_fab.studio.inside.unlit_mesh import unlit_mesh
+from defsense_fab.studio.inside.color_scale import color_bar, tick_words
+from defsense_fab.studio.inside.color_scale import rounded_up, Scale
+from defsense_fab.studio.inside.section_quantities import LOOKS, NEXT_CORD, reach_words
+from defsense_fab.studio.inside.section_view import unlit_mesh
 
 
 def test_ends_of_ranges_are_good_to_read():

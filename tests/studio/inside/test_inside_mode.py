@@ -8,11 +8,11 @@ import pytest
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
-from defsense_fab.optimize.prediction.next_cord import next_cord
+from defsense_fab.optimize.prediction.next_cord import map_next_cord
 from defsense_fab.studio.edits.cords import remove_cord
-from defsense_fab.studio.inside import heat_search
-from defsense_fab.studio.inside.looks import LOOKS, NEXT_CORD
-from defsense_fab.studio.inside.plane_gizmo import plane_at
+from defsense_fab.studio.inside import next_cord
+from defsense_fab.studio.inside.section_quantities import LOOKS, NEXT_CORD
+from defsense_fab.studio.inside.section_planes import plane_at
 from defsense_fab.studio.inside.section_planes import axis_plane, first_state, offsets
 from defsense_fab.studio.inside.section_view import hit_point
 
@@ -95,7 +95,7 @@ def test_what_fails_in_a_search_is_told_beside_it(inside, monkeypatch):
     def broken(*args):
         raise LayoutError("nothing can be said of these cords")
 
-    monkeypatch.setattr(heat_search, "next_cord", broken)
+    monkeypatch.setattr(next_cord, "map_next_cord", broken)
     look_for_cords(inside)
     assert inside.next._told.content == "**nothing can be said of these cords**"
 
@@ -151,7 +151,7 @@ def test_a_heat_map_becomes_a_cord_and_is_undone(inside):
     assert len(sensors) == before + 1
     judged = inside.bench.judge.judge(sensors, quick=True)
     assert judged.error == pytest.approx(found.error - found.best_drop, abs=0.01)
-    assert inside.bench.project.undoes == "draw `cord`"
+    assert inside.bench.project.undo_name == "draw `cord`"
     assert "expected error" in inside.bench._message.content
     settled(inside)
     assert inside._found.error == pytest.approx(judged.error)  # beside the new cord
@@ -170,13 +170,13 @@ def held_search(monkeypatch):
     begun, go, seen = threading.Event(), threading.Event(), []
 
     def slow(*args):
-        for known in next_cord(*args):
+        for known in map_next_cord(*args):
             seen.append(known)
             begun.set()
             assert go.wait(LONG)
             yield known
 
-    monkeypatch.setattr(heat_search, "next_cord", slow)
+    monkeypatch.setattr(next_cord, "map_next_cord", slow)
     return begun, go, seen
 
 
@@ -208,7 +208,7 @@ def test_a_search_ends_when_plane_or_cords_change(studio_page, inside, held_sear
     if change == "plane":
         inside.moved(axis_plane(inside._vertices, 2), False)
     elif change == "cords":
-        inside.bench.do(remove_cord(inside.bench.project.device.sensors[0].name))
+        inside.bench.apply(remove_cord(inside.bench.project.device.sensors[0].name))
     else:
         studio_page.enter("Cords")
     assert inside._asked is not old

@@ -10,7 +10,7 @@ import zipfile
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.report.guide.hands.steps import guide_steps
+from defsense_fab.report.guide.assembly.steps import guide_steps
 from defsense_fab.studio.make.built_device import Note
 from defsense_fab.workflow.build import export as export_module
 from defsense_fab.workflow.build.export import export

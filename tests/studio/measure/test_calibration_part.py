@@ -88,7 +88,7 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     calibration.use()
     device = load_device(folder)
     assert device.cord.compression == "measured"
-    assert bench.project.undoes == "use the measured response response.json"
+    assert bench.project.undo_name == "use the measured response response.json"
     bench.project.undo()
     assert bench.project.text == before
     assert fit_response([folder / "mine"]).data["k_res"] == again["k_res"]
@@ -144,4 +144,4 @@ def test_simulated_specimens_are_named(calibration, monkeypatch):
 def test_the_page_and_the_command_want_the_same():
     about = {"length": 150.0, "geometry": Geometry(8.0, 2.0), "radii": [75.0, 100.0, 150.0]}
     options = argparse.Namespace(**dict.fromkeys(calibrate_record._PLAN))
-    assert calibrate_record._wanted(options, about) == sessions.usual(about)
+    assert calibrate_record._wanted(options, about) == sessions.default_settings(about)

@@ -182,7 +182,7 @@ def test_a_model_of_other_cords_is_refused_with_what_to_do(live, studio_page):
 def test_cords_that_were_changed_since_the_build_are_told(live, studio_page):
     bench = studio_page.bench
     sensor = bench.project.device.sensors[0]
-    assert bench.do(add_cord("new", sensor.plane, sensor.curve, []))
+    assert bench.apply(add_cord("new", sensor.plane, sensor.curve, []))
     live.refresh()
     assert live.looked(LONG)
     assert "- left, middle, new: a cord of device.toml, and not built" in live._known.content

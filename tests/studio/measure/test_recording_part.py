@@ -11,9 +11,9 @@ import pytest
 from defsense_fab.capture.readout.reader import Reader
 from defsense_fab.capture.sessions.guided_recording import CameraView, CaptureView
 from defsense_fab.core.markers import Markers, write_markers_file
-from defsense_fab.studio.measure.camera_pictures import WIDTH, small_picture
+from defsense_fab.studio.measure.recording_screen import small_picture, WIDTH
 from defsense_fab.studio.measure.recording_screen import RecordingScreen
-from defsense_fab.studio.measure.recording_words import coverage_bars, step_words
+from defsense_fab.studio.measure.recording_screen import coverage_bars, step_words
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
 from defsense_fab.twin.electronics.replayed_cords import ReplayedCords
 from defsense_fab.twin.live import capture_setup

@@ -12,9 +12,8 @@ import pytest
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.store.layout import layout_hash, load_layout
 from defsense_fab.studio.measure import jobs
-from defsense_fab.studio.measure.training_words import decoder_table
-from defsense_fab.studio.workbench.beside import CANCELLED
-from defsense_fab.studio.workbench.process_work import ProcessWork
+from defsense_fab.studio.measure.result_texts import decoder_table
+from defsense_fab.studio.workbench.background_job import CANCELLED, BackgroundJob
 from defsense_fab.training.models.model_file import load_model
 
 LONG = 60.0
@@ -50,11 +49,11 @@ class Inline:
     def __init__(self, part):
         self.part = part
 
-    def start(self, job):
+    def start(self, run, job):
         try:
             result = job(lambda *_: None)
         except TrainingError as error:
-            self.part._ended(str(error), None)
+            self.part._ended(error, None)
         else:
             self.part._ended(None, result)
         return True
@@ -184,7 +183,7 @@ def test_a_model_of_the_simulation_is_made_in_a_process_and_work_is_cancelled(tr
 
     part, folder = training, training._bench.project.folder
     (folder / "model.json").unlink()
-    part.work = ProcessWork("work", part._progress, end)
+    part.work = BackgroundJob("work", part._progress, end)
     part.simulate()
     part.train()
     assert "Something is under way" in part._told.content
@@ -197,4 +196,4 @@ def test_a_model_of_the_simulation_is_made_in_a_process_and_work_is_cancelled(tr
     part.simulate()
     part.work.cancel()
     assert over.wait(LONG)
-    assert ended[1] == (CANCELLED, None)
+    assert (ended[1][0].code, ended[1][1]) == (CANCELLED, None)

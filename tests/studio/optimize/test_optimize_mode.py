@@ -57,7 +57,7 @@ def test_a_search_is_seen_and_its_best_is_taken_and_undone(studio_page):
     assert len(mode.search._curve.data[0]) == 3
     assert "| bend_up |" in mode.search._poses.content
     mode.take_best()
-    assert bench.project.undoes == "take the optimised cords"
+    assert bench.project.undo_name == "take the optimised cords"
     taken = load_device(bench.project.folder).sensors
     best = mode.search.record.best.sensors
     for a, b in zip(taken, best, strict=True):
@@ -91,11 +91,8 @@ def test_layouts_are_compared_and_one_is_taken(made_page):
     assert known.taken
     assert known.parts == 2
     assert "(about " in mode.compared._weigh.label
-    heard = threading.Event()
-    ended = mode.compared._ended
-    mode.compared.work._ended = lambda problem: (ended(problem), heard.set())
     mode.compared.weigh()
-    assert heard.wait(LONG)
+    assert mode.compared.work.wait(LONG)
     assert mode.compared._state.content == ""
     by_name = {one.name: one for one in mode.compared.layouts}
     assert set(by_name) == {known.name, "as drawn", "by eye"}
@@ -104,7 +101,7 @@ def test_layouts_are_compared_and_one_is_taken(made_page):
     assert drawn.parts == known.parts
     assert drawn.band == pytest.approx(known.band)
     mode.compared.choose("by eye")
-    assert set(mode.compared._tubes._tubes) == {s.name for s in by_name["by eye"].sensors}
+    assert mode.compared._tubes.names == {s.name for s in by_name["by eye"].sensors}
     text = bench.project.text
     mode.compared.take()
     assert [s.name for s in bench.project.device.sensors] == ["cord-1", "cord-2"]
@@ -148,9 +145,8 @@ def test_a_search_that_is_watched_and_paused_gives_what_the_command_gives(made_p
     path.write_text(text[:at] + '\nfree = ["path"]' + text[at:], encoding="utf-8")
     made_page.look()
     shutil.copytree(bench.project.folder, tmp_path / "other")
-    over, stood = threading.Event(), threading.Event()
+    over = threading.Event()
     bench.on_build_loaded.append(over.set)
-    bench.builds._paused = lambda stands: stood.set() if stands else None
 
     def first(_):
         bench.on_layout_found.remove(first)
@@ -158,7 +154,7 @@ def test_a_search_that_is_watched_and_paused_gives_what_the_command_gives(made_p
 
     bench.on_layout_found.append(first)
     assert bench.build("optimize")
-    assert stood.wait(LONG)
+    assert wait_for(lambda: bench.builds.state == "paused")
     assert mode._pause.label == "Go on"
     mode.pause()
     assert over.wait(LONG)

@@ -11,9 +11,9 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import LayoutError
 from ...optimize.prediction.body_section import BodySection
-from ..workbench.latest import Latest
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
-from .looks import NEXT_CORD
+from .section_quantities import NEXT_CORD
 from .section_picture import Picture, Pictures, Wanted
 from .section_view import Clicked, SectionView
 
@@ -42,7 +42,7 @@ class SectionWork:
         self.picture: Picture | None = None  # the fine section that is shown
         self.coarse = 0  # how often dots have been drawn
         self._changed = threading.Event()
-        self._latest = Latest(self._work, self._failed)
+        self._latest = LatestWorker(self._work, self._failed)
 
     def open(self, pictures: Pictures, size: float) -> None:
         """Begin to draw a body of a `size` mm."""
@@ -68,7 +68,7 @@ class SectionWork:
 
     def mark(self, point: Float) -> None:
         """A dot at a point (3,) mm until the next section."""
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             if self._view is not None:
                 self._view.mark(point)
 
@@ -84,7 +84,7 @@ class SectionWork:
         try:
             if wanted.moving:
                 dots = pictures.coarse(wanted)
-                with self._bench.drawing:
+                with self._bench.drawing_lock:
                     if self._view is not view:
                         return
                     view.show_coarse(*dots)
@@ -101,7 +101,7 @@ class SectionWork:
         """The whole body, beside which the plane lies."""
         vertices, faces = body.skin
         vertices = body.carried(vertices, wanted.state)
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             if self._view is view:
                 self.picture = None
                 view.clear()
@@ -118,7 +118,7 @@ class SectionWork:
         line = _line(wanted, _ARROW * size)
         line = None if line is None else body.carried(line, state)
         radius = _THIN * self._bench.project.device.cord.diameter / 2
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             if self._view is not view:
                 return
             self.picture = picture
@@ -130,12 +130,12 @@ class SectionWork:
             view.mark(None)
             self._drawn(wanted, picture.bar)
         self._changed.wait(_READ)
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             if self._view is view:
                 view.settle()
 
     def _failed(self, error: Exception) -> None:
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self.picture = None
             self._told(error)
 

@@ -7,7 +7,7 @@ from ...store.layout import LAYOUT, load_layout
 from ..edits.cords import take_cords
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
-from .compared_panel import ComparedPanel
+from .layout_comparison import ComparedPanel
 from .error_map import ErrorMap
 from .watched_search import WatchedSearch
 
@@ -24,8 +24,8 @@ class OptimiseMode(Mode):
         self.compared = ComparedPanel(bench)
         self.errors = ErrorMap(bench)
         self._stands = False
-        bench.begun.append(self._begun)
-        bench.seen.append(self.search.see)
+        bench.on_build_started.append(self._begun)
+        bench.on_layout_found.append(self.search.see)
 
     def add_panel(self) -> None:
         bench, gui = self.bench, self.bench.server.gui
@@ -63,11 +63,11 @@ class OptimiseMode(Mode):
         self.compared.show(False)
         self.errors.leave()
 
-    def built(self) -> None:
+    def on_build_loaded(self) -> None:
         runs = self.bench.builds.running
         self._running(runs)
         if not runs:
-            left = self.bench.problem is not None and self.search.record.best is not None
+            left = self.bench.build_error is not None and self.search.record.best is not None
             self._best.visible = left
             self.search.done()
         self.compared.load()
@@ -82,34 +82,34 @@ class OptimiseMode(Mode):
         """Or go on after a pause."""
         builds = self.bench.builds
         if not builds.running:
-            self.bench.say("Nothing is running that could be paused.")
+            self.bench.show_message("Nothing is running that could be paused.")
             return
         self._stands = not self._stands
         self._pause.label = "Go on" if self._stands else "Pause"
         if self._stands:
             builds.pause()
-            self.bench.say("It pauses at its next step.")
+            self.bench.show_message("It pauses at its next step.")
         else:
-            builds.go_on()
-            self.bench.say("It goes on.")
+            builds.resume()
+            self.bench.show_message("It goes on.")
 
     def take(self) -> None:
         """Write the optimised cords in place of those that are drawn."""
         folder = build_folder(self.bench.project.device)
         if not (folder / LAYOUT).exists():
-            self.bench.say("Optimise the cords first.")
+            self.bench.show_message("Optimise the cords first.")
             return
         sensors = [record.sensor() for record in load_layout(folder).by_channel()]
-        self.bench.do(take_cords(sensors))
+        self.bench.apply(take_cords(sensors))
 
     def take_best(self) -> None:
         """Write the best cords that the search has come to; it ends."""
         best = self.search.record.best
         if best is None:
-            self.bench.say("No search has come to cords that keep every limit yet.")
+            self.bench.show_message("No search has come to cords that keep every limit yet.")
             return
         self.bench.builds.cancel()
-        self.bench.do(take_cords(best.sensors))
+        self.bench.apply(take_cords(best.sensors))
 
     def _begun(self) -> None:
         self.search.begin()

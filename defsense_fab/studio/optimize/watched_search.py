@@ -2,22 +2,72 @@
 
 from __future__ import annotations
 
+import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError
-from ...optimize.prediction.layout_judge import Judged, LayoutJudge
-from ..workbench.build_work import SeenLayout
+from ...optimize.prediction.layout_judge import JudgedLayout, LayoutJudge
+from ..workbench.build_job import CandidateLayout
 from ..workbench.cord_tubes import CordTubes
-from ..workbench.latest import Latest
+from ..workbench.latest_worker import LatestWorker
+from ..workbench.page_tables import escape_cell, full_pose_errors
 from ..workbench.workbench import Workbench
-from .search_record import SearchRecord, pose_table
+
+# What a search for cords has come to so far.
+
+_MOST = 1200  # points of the curve; every other one goes when there are more
+
+
+@dataclass
+class SearchRecord:
+    """Of one build: the curve, as s of work, the error (mm) of the layout that was passed then and
+    of the best until then; the `best` layout that keeps every limit, and what is expected of it."""
+
+    best: CandidateLayout | None = None
+    judged: JudgedLayout | None = None
+    _rows: list[tuple[float, float, float]] = field(default_factory=list)
+    _begun: float = 0.0
+
+    def add(self, seen: CandidateLayout, judged: JudgedLayout | None) -> bool:
+        """Whether it is the best so far; `judged` is None where nothing can be said of it."""
+        if judged is None:
+            return False
+        better = seen.kept and (self.judged is None or judged.error < self.judged.error)
+        if better:
+            self.best, self.judged = seen, judged
+        least = math.nan if self.judged is None else self.judged.error
+        if not self._rows:
+            self._begun = seen.seconds
+        self._rows.append((seen.seconds - self._begun, judged.error, least))
+        if len(self._rows) > _MOST:
+            self._rows = self._rows[::2]
+        return better
+
+    @property
+    def curve(self) -> tuple[Float, Float, Float]:
+        """Seconds, errors on the way and least errors (n,), of which some may be unknown (NaN)."""
+        rows = np.array(self._rows, float).reshape(-1, 3)
+        return rows[:, 0].copy(), rows[:, 1].copy(), rows[:, 2].copy()
+
+
+def pose_table(before: Mapping[str, float] | None, now: Mapping[str, float]) -> str:
+    """Markdown: the error of each pose at its extreme, as drawn and now, of errors by state."""
+    was = {} if before is None else full_pose_errors(before)
+    rows = full_pose_errors(now)
+    lines = ["| pose | as drawn | now |", "|---|---:|---:|"]
+    for pose, mm in rows.items():
+        drawn = f"{was[pose]:.2f}" if pose in was else "-"
+        lines.append(f"| {escape_cell(pose)} | {drawn} | **{mm:.2f}** mm |")
+    return "\n".join(lines)
+
 
 #: As drawn, on the way, and the best so far: grey, orange and blue.
 DRAWN, PASSING, BEST = (120, 120, 120), (230, 140, 30), (31, 119, 180)
@@ -32,9 +82,9 @@ class _Run:
     device: Device
     record: SearchRecord = field(default_factory=SearchRecord)
     judge: LayoutJudge | None = None
-    drawn: Judged | None = None
+    drawn: JudgedLayout | None = None
 
-    def load(self, seen: SeenLayout) -> LayoutJudge:
+    def load(self, seen: CandidateLayout) -> LayoutJudge:
         """The judge of the poses that this build has: they may be newer than those of the page."""
         if self.judge is None:
             folder = seen.folder if seen.folder.exists() else build_folder(self.device)
@@ -43,7 +93,7 @@ class _Run:
         return self.judge
 
 
-def _judged(judge: LayoutJudge, sensors: Sequence[Sensor]) -> Judged | None:
+def _judged(judge: LayoutJudge, sensors: Sequence[Sensor]) -> JudgedLayout | None:
     """None where nothing can be said of them: on its way a descent may leave the body."""
     try:
         return judge.judge(sensors, quick=True)
@@ -57,10 +107,10 @@ class WatchedSearch:
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
         self._lock = threading.Lock()
-        self._kept: list[SeenLayout] = []
-        self._passing: SeenLayout | None = None
+        self._kept: list[CandidateLayout] = []
+        self._passing: CandidateLayout | None = None
         self._run = _Run(bench.project.device)
-        self.worker = Latest(self._look, bench.fail)
+        self.worker = LatestWorker(self._look, bench.show_error)
         self._present = CordTubes(bench.server, "/optimise/present")
         self._best = CordTubes(bench.server, "/optimise/best")
         self._sketch = CordTubes(bench.server, "/optimise/drawn")
@@ -97,7 +147,7 @@ class WatchedSearch:
             self._kept, self._passing = [], None
             self._run = _Run(self._bench.project.device)
 
-    def see(self, seen: SeenLayout) -> None:
+    def see(self, seen: CandidateLayout) -> None:
         """From the build's thread; returns at once."""
         with self._lock:
             if seen.kept:
@@ -131,11 +181,11 @@ class WatchedSearch:
         judge = run.load(passing)
         for seen in [*(k for k in kept if k is not passing), passing]:
             run.record.add(seen, _judged(judge, seen.sensors))
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             if run is self._run:
                 self._draw(passing)
 
-    def _draw(self, passing: SeenLayout | None) -> None:
+    def _draw(self, passing: CandidateLayout | None) -> None:
         run = self._run
         judged, best = run.record.judged, run.record.best
         if judged is not None:
@@ -152,7 +202,7 @@ class WatchedSearch:
         self._present.show(present, PASSING, 0.8 * radius)
 
 
-def _told(judged: Judged, drawn: Judged | None) -> str:
+def _told(judged: JudgedLayout, drawn: JudgedLayout | None) -> str:
     was = "" if drawn is None else f", as drawn {drawn.error:.2f} mm"
     return (
         f"### {judged.error:.2f} mm\nexpected on unseen states of the best so far (blue)"

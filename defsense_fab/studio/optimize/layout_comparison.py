@@ -3,29 +3,137 @@ be taken."""
 
 from __future__ import annotations
 
+import html
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ...core.device.build_folder import build_folder
 from ...core.errors import DefsenseError, StorageError
 from ...core.storage.files import digest
 from ...optimize.prediction.compare_layouts import (
-    ComparedLayout,
     compare_layouts,
-    seconds_of,
-    weighed_layouts,
+    ComparedLayout,
+    estimate_seconds,
+    load_tried_layouts,
 )
 from ...store.layout import LAYOUT
 from ...workflow.build.build import first_outdated
 from ...workflow.study.cord_count import studied_layouts
 from ..edits.cords import take_cords
-from ..workbench.beside import BesideWork, Teller
+from ..workbench.background_job import BackgroundJob, JobReporter
 from ..workbench.cord_tubes import CordTubes
-from ..workbench.latest import Latest
+from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
-from .compared_words import compared_table, said_of, scatter
+
+# What the page says of layouts that are compared, and the picture of their errors.
+
+_BLUE, _ORANGE = "#1f77b4", "#e68c1e"
+_WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP = 300, 170, 44, 34, 12
+
+
+def compared_table(layouts: Sequence[ComparedLayout]) -> str:
+    """Markdown: a row a layout."""
+    lines = ["| layout | mm | 90 % | parts | cords | planes |", "|---|---:|---|---:|---:|---:|"]
+    for one in layouts:
+        band = f"{one.band[0]:.2f}–{one.band[1]:.2f}" if one.band else "?"
+        parts = "cannot be made" if one.problem else "?" if one.parts is None else str(one.parts)
+        name = f"**{html.escape(one.name)}**" if one.taken else html.escape(one.name)
+        lines.append(
+            f"| {name} | {_mm(one.error)} | {'' if one.problem else band} | {parts} |"
+            f" {len(one.sensors)} | {one.planes} |"
+        )
+    lines += ["", "error on unseen states; 90 %: of built devices; bold: taken by the build; parts"
+              " ?: not made on trial, as designed"]  # fmt: skip
+    if not any(one.name.startswith("study") for one in layouts):
+        lines[-1] += "; `defsense study` adds other numbers of cords"
+    return "\n".join(lines)
+
+
+def said_of(one: ComparedLayout) -> str:
+    """Markdown: what there is to say of one layout."""
+    notes = [one.problem] if one.problem else list(one.warnings)
+    return "\n".join(f"- {html.escape(note)}" for note in notes if note)
+
+
+def scatter(layouts: Sequence[ComparedLayout], chosen: str | None) -> str:
+    """HTML: error with its band against the number of parts, and against that of cords."""
+    shown = [one for one in layouts if math.isfinite(one.error) and one.error > 0]
+    if not shown:
+        return ""
+    return _picture(shown, chosen, "parts", lambda one: one.parts) + _picture(
+        shown, chosen, "cords", lambda one: len(one.sensors)
+    )
+
+
+def _picture(
+    layouts: Sequence[ComparedLayout],
+    chosen: str | None,
+    what: str,
+    count: Callable[[ComparedLayout], int | None],
+) -> str:
+    """On a logarithmic scale; in the colour of the page's text, legible in light and dark."""
+    placed = [(n, one) for one in layouts if (n := count(one)) is not None]
+    if not placed:
+        return ""
+    low, high = min(n for n, _ in placed) - 0.5, max(n for n, _ in placed) + 0.5
+    errors = [mm for _, one in placed for mm in (one.error, *(one.band or ()))]
+    bottom, top = 0.8 * min(errors), 1.25 * max(errors)
+    room = _WIDTH - _LEFT - 8, _HEIGHT - _BOTTOM - _TOP
+
+    def x(n: float) -> float:
+        return float(_LEFT + room[0] * (n - low) / (high - low))
+
+    def y(mm: float) -> float:
+        return float(_TOP + room[1] * math.log(top / mm) / math.log(top / bottom))
+
+    out = [
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="100%" font-size="11" fill="currentColor"'
+        f' role="img" aria-label="error against {what}">'
+    ]
+    out += [
+        f'<line x1="{_LEFT}" x2="{_WIDTH - 8}" y1="{y(mm):.1f}" y2="{y(mm):.1f}"'
+        ' stroke="currentColor" opacity="0.2"/>'
+        f'<text x="{_LEFT - 5}" y="{y(mm) + 4:.1f}" text-anchor="end">{mm:g}</text>'
+        for mm in _ticks(bottom, top)
+    ]
+    out += [
+        f'<text x="{x(n):.1f}" y="{_HEIGHT - 18}" text-anchor="middle">{n}</text>'
+        for n in sorted({n for n, _ in placed})
+    ]
+    out += [
+        f'<text x="{(_LEFT + _WIDTH) / 2}" y="{_HEIGHT - 4}" text-anchor="middle">{what}</text>',
+        f'<text x="2" y="{_TOP - 2}">mm</text>',
+    ]
+    for k, (n, one) in enumerate(placed):
+        beside = sum(m == n for m, _ in placed[:k])
+        at = x(n) + 9 * (-1) ** beside * ((beside + 1) // 2)
+        color, size = (_ORANGE, 6) if one.name == chosen else (_BLUE, 4)
+        if one.band:
+            low_y, high_y = y(one.band[0]), y(one.band[1])
+            out.append(
+                f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{low_y:.1f}" y2="{high_y:.1f}"'
+                f' stroke="{color}" stroke-width="2"/>'
+            )
+        told = f"{html.escape(one.name)}: {_mm(one.error)} mm"
+        out.append(
+            f'<circle cx="{at:.1f}" cy="{y(one.error):.1f}" r="{size}" fill="{color}">'
+            f"<title>{told}</title></circle>"
+        )
+    return "".join([*out, "</svg>"])
+
+
+def _ticks(bottom: float, top: float) -> list[float]:
+    """1, 2 and 5 times powers of ten between the two."""
+    powers = range(math.floor(math.log10(bottom)), math.ceil(math.log10(top)) + 1)
+    every = [float(f"{k}e{power}") for power in powers for k in (1, 2, 5)]
+    return [mm for mm in every if bottom <= mm <= top]
+
+
+def _mm(error: float) -> str:
+    return f"{error:.2f}" if math.isfinite(error) else "?"
+
 
 _NONE = "none"
 _NOTHING = "No layouts yet: optimise the cords first."
@@ -45,8 +153,8 @@ class ComparedPanel:
         self._key: str | None = None  # of the layout that these are about
         self._shown = False
         self._tubes = CordTubes(bench.server, "/compared")
-        self.work = BesideWork("comparison", self._progress, self._ended, self._found)
-        self.worker = Latest(self._read, bench.fail)
+        self.work = BackgroundJob("comparison", self._progress, self._ended, self._found)
+        self.worker = LatestWorker(self._read, bench.show_error)
 
     def add_panel(self) -> None:
         """Numbers, picture, choice."""
@@ -74,7 +182,7 @@ class ComparedPanel:
 
     def choose(self, name: str) -> None:
         """Show the layout of that name in three dimensions."""
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self._chosen = name
             self._draw()
 
@@ -82,19 +190,19 @@ class ComparedPanel:
         """Write its cords in place of those that are drawn."""
         one = self._one()
         if one is None or not one.sensors:
-            self._bench.say("Choose a layout first.")
+            self._bench.show_message("Choose a layout first.")
             return
-        self._bench.do(take_cords(one.sensors))
+        self._bench.apply(take_cords(one.sensors))
 
     def weigh(self) -> None:
         """Compute what is not known yet."""
         bench = self._bench
         folder = build_folder(bench.project.device)
         if not self.layouts:
-            bench.say(_NOTHING)
+            bench.show_message(_NOTHING)
             return
         if bench.builds.running:
-            bench.say("A build is running; cancel it, or wait for it, and weigh then.")
+            bench.show_message("A build is running; cancel it, or wait for it, and weigh then.")
             return
         stage = first_outdated(bench.project.device, "simulate")
         if stage is not None:
@@ -102,8 +210,8 @@ class ComparedPanel:
                 f"the {_STALE[stage.name]} have changed since they were simulated: press 'Optimise"
                 " the cords' first, then weigh"
             )
-        if not self.work.begin(_compare, bench.project.folder, folder):
-            bench.say("They are being weighed already.")
+        if not self.work.start(_compare, bench.project.folder, folder):
+            bench.show_message("They are being weighed already.")
             return
         self._stop.visible = True
 
@@ -124,21 +232,21 @@ class ComparedPanel:
         folder = build_folder(device)
         try:
             key = digest(folder / LAYOUT)
-            weighed, seconds = weighed_layouts(folder), seconds_of(device, folder)
+            weighed, seconds = load_tried_layouts(folder), estimate_seconds(device, folder)
             found = [*weighed, *studied_layouts(device, folder)]
         except (DefsenseError, OSError):
             key, found, seconds = None, [], 0.0
         if key == self._key and found:
             return  # another stage was built: what was weighed still holds
         self.work.cancel()
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self._key, self.layouts = key, _ranked(found)
             self._weigh.label = f"Weigh all (about {_rounded(seconds)} s)" if found else "Weigh all"
             self._state.content = ""
             self._draw()
 
     def _found(self, one: ComparedLayout) -> None:
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             others = [o for o in self.layouts if o.name != one.name]
             self.layouts = _ranked([*others, one])
             self._draw()
@@ -146,9 +254,9 @@ class ComparedPanel:
     def _progress(self, share: float, told: str) -> None:
         self._state.content = f"{share:.0%}: {told}"
 
-    def _ended(self, problem: str | None) -> None:
+    def _ended(self, error: DefsenseError | None, _: None) -> None:
         self._stop.visible = False
-        self._state.content = "" if problem is None else f"**{problem}**"
+        self._state.content = "" if error is None else f"**{error}**"
 
     def _draw(self) -> None:
         names = (_NONE, *(one.name for one in self.layouts))
@@ -177,10 +285,10 @@ def _rounded(seconds: float) -> int:
     return max(5 * round(seconds / 5), 5)
 
 
-def _compare(teller: Teller, source: Path, folder: Path) -> None:
+def _compare(reporter: JobReporter, source: Path, folder: Path) -> None:
     """In the other process."""
     from ...core.device.device_file import load_device
     from ...core.machine.processes import one_blas_thread
 
     with one_blas_thread():  # as builds have it
-        compare_layouts(load_device(source), folder, teller.found, teller.progress)
+        compare_layouts(load_device(source), folder, reporter.item, reporter.progress)

@@ -11,9 +11,9 @@ from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.optimize.prediction.compare_layouts import ComparedLayout
 from defsense_fab.optimize.prediction.layout_judge import JudgedLayout
-from defsense_fab.studio.optimise.color_scale import color_bar, colored
-from defsense_fab.studio.optimise.compared_words import compared_table, said_of, scatter
-from defsense_fab.studio.optimise.search_record import SearchRecord, pose_table
+from defsense_fab.studio.optimize.error_map import color_bar, colored
+from defsense_fab.studio.optimize.layout_comparison import compared_table, said_of, scatter
+from defsense_fab.studio.optimize.watched_search import pose_table, SearchRecord
 from defsense_fab.studio.workbench.build_job import CandidateLayout
 
 

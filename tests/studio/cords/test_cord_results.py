@@ -9,26 +9,26 @@ from defsense_fab.optimize.limits.verification import (
     LayoutCheck,
     LimitViolation,
 )
-from defsense_fab.optimize.prediction.layout_judge import Judged
-from defsense_fab.studio.cords.cord_words import broken_cords, error_table, limit_words
-from defsense_fab.studio.workbench.pose_errors import extremes
+from defsense_fab.optimize.prediction.layout_judge import JudgedLayout
+from defsense_fab.studio.cords.cord_results import broken_cords, error_table, limit_words
+from defsense_fab.studio.workbench.page_tables import full_pose_errors
 
 PER_STATE = {"rest": 0.1, "bend@0.5": 0.8, "bend@1": 2.0, "twist@1": 1.0, "bend@1+twist@1": 9.0}
 
 
 def judged(error):
-    return Judged(error, "quadratic", PER_STATE, tuple(PER_STATE), np.zeros((5, 2)))
+    return JudgedLayout(error, "quadratic", PER_STATE, tuple(PER_STATE), np.zeros((5, 2)))
 
 
 def test_each_pose_is_told_at_its_extreme():
-    assert extremes(PER_STATE) == {"bend": 2.0, "twist": 1.0}
+    assert full_pose_errors(PER_STATE) == {"bend": 2.0, "twist": 1.0}
     lines = error_table(judged(1.234), None).splitlines()
     assert lines[:2] == ["### 1.23 mm", "expected on unseen states (quadratic)"]
     assert lines[-2:] == ["| bend | 2.00 | █████████ |", "| twist | 1.00 | ████ |"]
 
 
 def test_a_name_neither_ends_its_cell_nor_is_taken_for_html():
-    told = Judged(1.0, "affine", {"a|<b>@1": 1.0}, ("a|<b>@1",), np.zeros((1, 1)))
+    told = JudgedLayout(1.0, "affine", {"a|<b>@1": 1.0}, ("a|<b>@1",), np.zeros((1, 1)))
     assert error_table(told, None).splitlines()[-1].startswith("| a\\|&lt;b&gt; | 1.00 |")
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.arrays import parse_points, format_point
-from defsense_fab.report.guide.hands.steps import GuideStep
+from defsense_fab.report.guide.assembly.steps import GuideStep
 from defsense_fab.report.guide.tables import GuideTable
 from defsense_fab.studio.make.built_device import notes
-from defsense_fab.studio.make.flight import approach, fly
-from defsense_fab.studio.make.make_words import state_words, step_words, table_words
+from defsense_fab.studio.make.parts_scene import approach, fly
+from defsense_fab.studio.make.built_device import state_words, step_words, table_words
 
 
 def test_places_in_messages_are_read_back():

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...optimize.prediction.body_section import Quantity
-from .color_maps import Scale
+from .color_scale import Scale
 
 _PERCENT = 100.0
 
