@@ -299,7 +299,7 @@ def _warnings(part_set: PartSet, openings: Sequence[ChannelOpening], rules: Part
     out = [check.note for check in part_set.checks if check.note]
     if len(part_set.seats) < rules.seats:
         out.append(
-            f"{len(part_set.seats)} of {rules.seats} marker seats of {rules.tag:opening} mm"
+            f"{len(part_set.seats)} of {rules.seats} marker seats of {rules.tag:g} mm"
             f" fit: the rest of"
             " the skin is curved, close to an edge, or thin above a cord"
         )
