@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BodyError, DeviceError, StorageError
-from ...workflow.starts.usual import CORD, CORDS, MOST_CORDS, PROCESS
+from ...workflow.starts.defaults import DEFAULT_CORD, DEFAULT_CORDS, DEFAULT_PROCESS, MAX_CORDS
 from ..output import progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
@@ -46,15 +46,15 @@ def add(commands: Commands) -> None:
         help="modes, which finds them by the body's natural modes, or some of bend, bend_side,"
         " twist and pull, with commas",
     )  # fmt: skip
-    sub.add_argument("--cord", metavar="NAME", help=f"a row of data/cords.csv ({CORD})")
+    sub.add_argument("--cord", metavar="NAME", help=f"a row of data/cords.csv ({DEFAULT_CORD})")
     sub.add_argument(
         "--cords",
         type=int,
         metavar="N",
-        help=f"how many are to be found (one a pose, at least {CORDS})",
+        help=f"how many are to be found (one a pose, at least {DEFAULT_CORDS})",
     )
     sub.add_argument("--name", help="of the device (that of the folder)")
-    sub.add_argument("--process", metavar="NAME", help=f"a row of data/printers.csv ({PROCESS})")
+    sub.add_argument("--process", metavar="NAME", help=f"a row of data/printers.csv ({DEFAULT_PROCESS})")
     sub.add_argument(
         "--material", metavar="NAME", help="a row of data/materials.csv (one that the process has)"
     )
@@ -71,7 +71,7 @@ def add(commands: Commands) -> None:
 def _new(options: argparse.Namespace) -> int:
     from ...core.device.device_file import DEVICE
     from ...core.storage.file_names import check_folder_name
-    from ...workflow.starts.starting_devices import STARTS
+    from ...workflow.starts.starting_devices import STARTING_DEVICES
 
     folder: Path = options.folder
     check_folder_name(folder)
@@ -86,7 +86,7 @@ def _new(options: argparse.Namespace) -> int:
         )
     asked = sys.stdin.isatty() and not options.json
     if not asked and options.body is None:
-        names = ", ".join(start.name for start in STARTS)
+        names = ", ".join(start.name for start in STARTING_DEVICES)
         raise DeviceError(f"--body: give one of {names}, or the file of a body")
     found = _body(options)
     begun = _from_file(found, options, asked) if found else _from_start(options, asked)
@@ -96,24 +96,24 @@ def _new(options: argparse.Namespace) -> int:
 
 def _body(options: argparse.Namespace) -> DroppedBody | None:
     """The body of a file; None where `options.body` names a device of the package."""
-    from ...workflow.starts.dropped_body import look_at
-    from ...workflow.starts.starting_devices import STARTS
+    from ...workflow.starts.dropped_body import load_body_file
+    from ...workflow.starts.starting_devices import STARTING_DEVICES
     from .new_questions import answered, ask_body
 
-    starts = {start.name for start in STARTS}
+    starts = {start.name for start in STARTING_DEVICES}
 
     def look(word: str) -> tuple[str, DroppedBody | None]:
         if word in starts:
             return word, None
         if not word.strip("'\" "):
-            raise DeviceError(f"--body: give one of {', '.join(s.name for s in STARTS)}, or a file")
+            raise DeviceError(f"--body: give one of {', '.join(s.name for s in STARTING_DEVICES)}, or a file")
         path = _path(word)
         if not path.exists() and not path.suffix:
             raise DeviceError(
-                f"{word}: is no file, and none of {', '.join(s.name for s in STARTS)}"
+                f"{word}: is no file, and none of {', '.join(s.name for s in STARTING_DEVICES)}"
             )
         with silent_stdout():
-            return word, look_at(path)
+            return word, load_body_file(path)
 
     if options.body is not None:
         return look(options.body)[1]
@@ -135,8 +135,8 @@ def _path(word: str) -> Path:
 def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device of the package, with its own body and poses."""
     from ...core.device.device_file import load_device
-    from ...workflow.starts.first_device import usual_material
-    from ...workflow.starts.starting_devices import STARTS, begin_with
+    from ...workflow.starts.first_device import default_material
+    from ...workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
     from .new_questions import answered, ask_cord, cord_row
 
     for name in ("units", "poses", "cords", "process", "material", "edge_length"):
@@ -145,13 +145,13 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
                 f"--{name.replace('_', '-')}: {options.body} comes with its own; leave the option"
                 " out and change device.toml afterwards"
             )
-    start = next(s for s in STARTS if s.name == options.body)
+    start = next(s for s in STARTING_DEVICES if s.name == options.body)
     cord = options.cord
     if cord is None and asked:
         cord = answered(lambda: ask_cord(start.cord), cord_row)
-    begin_with(start, options.folder, _name(options), cord and cord_row(cord))
+    create_starting_device(start, options.folder, _name(options), cord and cord_row(cord))
     device = load_device(options.folder)
-    material, printed = device.material.name, usual_material(device.fabrication.process)
+    material, printed = device.material.name, default_material(device.fabrication.process)
     note = (
         f"the example's body is computed as {material}; write what you print, such as {printed},"
         " under [material] before you build"
@@ -169,34 +169,34 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     """A device from a body of one's own."""
     from ...core.device.device_file import load_device
     from ...workflow.starts.body_ends import find_ends
-    from ...workflow.starts.body_unit import body_unit, check_unit
+    from ...workflow.starts.dropped_body import check_unit, choose_unit
     from ...workflow.starts.first_device import (
         FirstDevice,
-        begin_from,
         check_edge_length,
-        usual_material,
+        create_first_device,
+        default_material,
     )
-    from ...workflow.starts.units import unit_name, unusual
+    from ...workflow.starts.units import describe_unusual_size, parse_unit
     from .new_questions import answered, ask_poses, ask_unit, material_row, pose_names, process_row
 
-    process = process_row(PROCESS if options.process is None else options.process)
+    process = process_row(DEFAULT_PROCESS if options.process is None else options.process)
     named = options.material
-    material = usual_material(process) if named is None else material_row(named)
+    material = default_material(process) if named is None else material_row(named)
     cords, edge = options.cords, options.edge_length
-    if cords is not None and not 1 <= cords <= MOST_CORDS:  # none: devices that are drawn on
-        raise DeviceError(f"--cords {cords}: give a number from 1 to {MOST_CORDS}")
+    if cords is not None and not 1 <= cords <= MAX_CORDS:  # none: devices that are drawn on
+        raise DeviceError(f"--cords {cords}: give a number from 1 to {MAX_CORDS}")
 
     def checked(text: str) -> str:
-        unit = unit_name(text)
+        unit = parse_unit(text)
         check_unit(found, unit)
         _usual_cord(found, unit, process)
         return unit
 
     ask = (lambda: answered(lambda: ask_unit(found), checked)) if asked else None
-    unit = body_unit(found, options.units, "--units {}", ask)
+    unit = choose_unit(found, options.units, ask)
     if edge is not None:
         check_edge_length(found, unit, edge)
-    usual = find_ends(found.in_mm(unit)).usual()
+    usual = find_ends(found.in_mm(unit)).default_poses()
     poses = options.poses
     if poses is not None:
         poses = pose_names(poses)
@@ -208,7 +208,7 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
         poses or usual, cord, process, cords,
     )  # fmt: skip
     with silent_stdout(), progress_bars(options) as progress:
-        begin_from(found, options.folder, first, progress)
+        create_first_device(found, options.folder, first, progress)
     device = load_device(options.folder)
     size = found.size(unit)
     return {
@@ -217,7 +217,7 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
         "repaired": found.repairs(unit),
         "edge_length": device.mesh.edge_length,
         "poses": [p.name for p in device.poses], "cord": first.cord, "cords": device.propose,
-        "material": first.material, "process": process, "note": unusual(size),
+        "material": first.material, "process": process, "note": describe_unusual_size(size),
     }  # fmt: skip
 
 
@@ -233,7 +233,7 @@ def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked:
         return cord
 
     if named is not None or not asked:
-        return checked(CORD if named is None else named)
+        return checked(DEFAULT_CORD if named is None else named)
     usual = _usual_cord(found, unit, process)
     return answered(lambda: ask_cord(usual), checked)
 
@@ -247,8 +247,8 @@ def _usual_cord(found: DroppedBody, unit: str, process: str) -> str:
         with contextlib.suppress(BodyError):
             check_room(found, unit, cord, process)
             return cord
-    check_room(found, unit, CORD, process)
-    return CORD
+    check_room(found, unit, DEFAULT_CORD, process)
+    return DEFAULT_CORD
 
 
 def _name(options: argparse.Namespace) -> str:
@@ -259,7 +259,7 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
-    from ...workflow.starts.dropped_body import worth_telling
+    from ...workflow.starts.dropped_body import notable_repairs
 
     build = f"defsense build {shlex.quote(begun['device'])}"
     with results():
@@ -271,7 +271,7 @@ def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
         if "size_mm" in begun:
             x, y, z = begun["size_mm"]
             size = f", {x:g} x {y:g} x {z:g} mm"
-        mended = worth_telling(begun.get("repaired", ()))
+        mended = notable_repairs(begun.get("repaired", ()))
         say([
             f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
             *(f"Mended:  {line}" for line in mended),

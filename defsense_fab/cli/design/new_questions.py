@@ -26,9 +26,9 @@ def answered(ask: Callable[[], str], check: Callable[[str], T]) -> T:
 
 def ask_body() -> str:
     """The name of a device of the package, or a file."""
-    from ...workflow.starts.starting_devices import STARTS
+    from ...workflow.starts.starting_devices import STARTING_DEVICES
 
-    rows = [(start.name, start.about) for start in STARTS]
+    rows = [(start.name, start.about) for start in STARTING_DEVICES]
     return _choose(
         "Which body? Choose one of these, or type the path of your own file: a script (.py), STEP,"
         " or a mesh (STL, OBJ, PLY, 3MF, GLB).",
@@ -41,10 +41,11 @@ def ask_unit(found: DroppedBody) -> str:
     """The unit of a mesh whose size is not that of a device in mm."""
     from ...workflow.starts.units import UNIT_WORDS
 
-    unit = "so large" if found.unit == found.own else f"in {UNIT_WORDS[found.unit]}"
+    unit = "so large" if found.unit == found.format_unit else f"in {UNIT_WORDS[found.unit]}"
+    size = found.format_size(found.format_unit)
     return _choose(
-        f"In {UNIT_WORDS[found.own]} the body would be {found.told_size(found.own)}: is it {unit}?",
-        [(unit, f"{words}: {found.told_size(unit)}") for unit, words in UNIT_WORDS.items()],
+        f"In {UNIT_WORDS[found.format_unit]} the body would be {size}: is it {unit}?",
+        [(unit, f"{words}: {found.format_size(unit)}") for unit, words in UNIT_WORDS.items()],
         found.unit,
     )
 

@@ -1,1 +1,1 @@
-"""Devices begun: from one that comes with the package, or from a file of a body."""
+"""First devices: from examples of the package, and from files of bodies."""

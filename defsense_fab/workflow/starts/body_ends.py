@@ -58,10 +58,17 @@ class BodyEnds:
             edge_length: Edge length of the mesh, mm.
         """
         axis = self.axes[0]
-        depth = min(max(self.size[0] / END_FRACTION, MIN_REGION_EDGES * edge_length), self.size[0] / 4)
+        depth = min(
+            max(self.size[0] / END_FRACTION, MIN_REGION_EDGES * edge_length), self.size[0] / 4
+        )
         position = self.low[0] + depth if name == "base" else self.high[0] - depth
         normal = -axis if name == "base" else axis
-        return {"half_space": {"origin": round_numbers(position * axis), "normal": round_numbers(normal)}}
+        return {
+            "half_space": {
+                "origin": round_numbers(position * axis),
+                "normal": round_numbers(normal),
+            }
+        }
 
     def default_poses(self) -> tuple[str, ...]:
         """Return the poses that a hand gives such a body."""
@@ -74,7 +81,7 @@ class BodyEnds:
         if pose == "pull":
             return {"translate": round_numbers(PULL_SHARE * length * self.axes[0])}
         axis, across, (rate, smallest, largest) = {
-            "bend": (self.axes[1], estimate_thickness, BEND_DEG),
+            "bend": (self.axes[1], thickness, BEND_DEG),
             "bend_side": (self.axes[2], width, BEND_DEG),
             "twist": (self.axes[0], width, TWIST_DEG),
         }[pose]
@@ -91,12 +98,17 @@ def find_ends(surface: Surface) -> BodyEnds:
     center, axes = _principal(surface)
     extents = np.ptp(surface.vertices, axis=0)
     principal = np.ptp(surface.vertices @ axes.T, axis=0)
-    if principal[0] < MIN_SLANTED_RATIO * extents.max() or principal[1:].max() > MAX_SLENDER_WIDTH * principal[0]:
+    if (
+        principal[0] < MIN_SLANTED_RATIO * extents.max()
+        or principal[1:].max() > MAX_SLENDER_WIDTH * principal[0]
+    ):
         axes = np.eye(3)[np.argsort(-extents * [1, 1, STANDING_BONUS], kind="stable")]
     along = surface.vertices @ axes[0]
     middle, length = (along.min() + along.max()) / 2, np.ptp(along)
     is_upright = int(np.abs(axes[0]).argmax()) == 2
-    is_reversed = axes[0, 2] < 0 if is_upright else center @ axes[0] - middle > MIN_CENTER_OFFSET * length
+    is_reversed = (
+        axes[0, 2] < 0 if is_upright else center @ axes[0] - middle > MIN_CENTER_OFFSET * length
+    )
     if is_reversed:
         axes = axes * np.array([[-1.0], [1.0], [1.0]])
     reach = surface.vertices @ axes.T

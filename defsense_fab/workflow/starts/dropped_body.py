@@ -104,9 +104,12 @@ class DroppedBody:
         return Surface(self.surface.vertices * self.scale(unit), self.surface.faces)
 
     def edge_length(self, unit: str) -> float:
-        """Return the default edge length, mm: a fifth of the thickness, if that is solved quickly."""
+        """Return the default edge length, mm: a fifth of the thickness, or more for large bodies."""
         surface = self.in_mm(unit)
-        edge = min(estimate_thickness(surface) / EDGES_PER_THICKNESS, self.size(unit).max() / EDGES_PER_LENGTH)
+        edge = min(
+            estimate_thickness(surface) / EDGES_PER_THICKNESS,
+            self.size(unit).max() / EDGES_PER_LENGTH,
+        )
         return float(f"{max(edge, float(np.cbrt(TETS_PER_CUBE * surface.volume / MAX_TETS))):.2g}")
 
 
@@ -116,8 +119,12 @@ def notable_repairs(repairs: Iterable[str]) -> list[str]:
 
 
 def load_body_file(path: Path) -> DroppedBody:
-    """A body's file on this machine: a script, which is run, or what `look_at_file` takes. Raises
-    BodyError, StorageError."""
+    """Load a file of a body. Scripts are run.
+
+    Raises:
+        BodyError: There is no such file (`file-not-found`), or it is not a body.
+        StorageError: The file cannot be read.
+    """
     if path.is_dir():
         raise BodyError(
             "is a folder", code="file-is-folder", where=path, action="Give the file of a body"
@@ -132,9 +139,7 @@ def load_body_file(path: Path) -> DroppedBody:
     with storage_errors(path):
         content = path.read_bytes()
     if not content:
-        raise BodyError(
-            "is empty", code="file-empty", where=path, action="Export the body again"
-        )
+        raise BodyError("is empty", code="file-empty", where=path, action="Export the body again")
     if path.suffix.lower() == SCRIPT:
         return _load_script(path, content)
     return load_body_content(path.name, content)
@@ -169,7 +174,14 @@ def load_body_content(name: str, content: bytes) -> DroppedBody:
     if suffix != ".step":
         unit, is_doubtful = guess_unit(longest / UNITS[format_unit], format_unit)
     return DroppedBody(
-        content, shown, suffix, body.surface, unit, is_doubtful, body.repairs, format_unit=format_unit
+        content,
+        shown,
+        suffix,
+        body.surface,
+        unit,
+        is_doubtful,
+        body.repairs,
+        format_unit=format_unit,
     )
 
 
@@ -178,9 +190,7 @@ def _load_script(path: Path, content: bytes) -> DroppedBody:
     body = load_body(BodySpec("script", path, {}))
     used = [s.path for s in body.sources if s.content and s.path.is_relative_to(path.parent)]
     with storage_errors(path):
-        others = {
-            p.relative_to(path.parent).as_posix(): p.read_bytes() for p in used if p != path
-        }
+        others = {p.relative_to(path.parent).as_posix(): p.read_bytes() for p in used if p != path}
     return DroppedBody(
         content, safe_name(path.name), SCRIPT, body.surface, "mm", False, body.repairs,
         _defaults(content), others,
@@ -205,9 +215,7 @@ def _defaults(script: bytes) -> dict[str, Any]:
     return defaults
 
 
-def choose_unit(
-    body: DroppedBody, units: str | None, ask: Callable[[], str] | None = None
-) -> str:
+def choose_unit(body: DroppedBody, units: str | None, ask: Callable[[], str] | None = None) -> str:
     """Return the unit of a file.
 
     Args:

@@ -1,4 +1,4 @@
-"""A first device.toml for a body: held at one end, moved at the other, by what was chosen."""
+"""A first device.toml for a body that is held at one end and moved at the other."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ from ...core.storage.files import storage_errors, unused_path, write_text
 from ...core.storage.package_data import read_rows
 from ...geometry.bodies.meshing.mesh_lock import FILE as MESH_LOCK
 from .body_ends import END_POSES, BodyEnds, find_ends, round_numbers
-from .dropped_body import check_unit
-from .dropped_body import TETS_PER_CUBE, DroppedBody
+from .defaults import DEFAULT_CORD, DEFAULT_CORDS, DEFAULT_PROCESS, MAX_CORDS
+from .dropped_body import TETS_PER_CUBE, DroppedBody, check_unit
 from .starting_devices import write_device
-from .units import UNIT_WORDS, UNITS
-from .defaults import DEFAULT_CORD, DEFAULT_CORDS, MAX_CORDS, DEFAULT_PROCESS
+from .units import UNIT_WORDS, UNITS, unknown_unit
 
 MODES = "modes"
-_MOST_TETS = 1_000_000
-#: A material that each kind of process makes; the first whose name begins so.
+MAX_TETS = 1_000_000  # that can be solved
+#: Materials of processes, by the start of the process's name.
 _MATERIALS = {
     "fdm-tpu": "ninjaflex-85a", "polyjet-agilus": "agilus30-black", "polyjet": "tango-black-plus",
     "sla-elastic": "formlabs-elastic-50a", "sla-flexible": "formlabs-flexible-80a",
@@ -37,19 +36,41 @@ _MATERIALS = {
 
 
 def default_material(process: str) -> str:
-    """A row of materials.csv that is made by this row of printers.csv. Raises DeviceError for a row
-    of one's own."""
+    """Return the material in materials.csv that a process in printers.csv prints.
+
+    Raises:
+        DeviceError: The process is user-defined (`material-unknown`).
+    """
     for start, material in _MATERIALS.items():
         if process.startswith(start):
             return material
-    raise DeviceError(f"process {process}: say which material it prints, as --material NAME")
+    raise DeviceError(
+        f"the material of the process {process} is not known",
+        code="material-unknown",
+        where="process",
+        action="Give a material",
+        process=process,
+    )
 
 
 @dataclass(frozen=True)
 class FirstDevice:
-    """What is chosen of a device besides its body: the `unit` of the body's file; `poses`, names of
-    END_POSES, only MODES, or none yet; how many `cords` are to be found, none yet being 0, and None
-    as many as there are poses, which is what tells these apart, but three at least."""
+    """Choices for a first device, other than its body.
+
+    Attributes:
+        name: Name of the device.
+        unit: Unit of the body's file.
+        material: Name of the material.
+        edge_length: Edge length of the mesh, mm.
+        poses: Names of END_POSES, only MODES, or none yet.
+        cord: Name of the cord.
+        process: Name of the printing process.
+        cords: Number of cords to find; 0 for none yet; None for as many as there are poses, so that
+            they can be distinguished, but at least three.
+
+    Raises:
+        DeviceError: A choice is invalid.
+    """
 
     name: str
     unit: str
@@ -62,105 +83,151 @@ class FirstDevice:
 
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
-            raise DeviceError(f"units {self.unit!r}: there is {', '.join(UNITS)}")
+            raise unknown_unit(self.unit)
         if self.cords is not None and not 0 <= self.cords <= MAX_CORDS:
-            raise DeviceError(f"cords {self.cords}: give a number from 1 to {MOST_CORDS}")
+            raise DeviceError(
+                f"must be 1 to {MAX_CORDS}, not {self.cords}",
+                code="out-of-range",
+                where="cords",
+                value=self.cords,
+            )
         if self.poses:
             check_poses(self.poses)
 
     def cords_for(self, poses: int) -> int:
-        """How many are to be found where there are so many poses."""
+        """Return the number of cords to find for a number of poses."""
         return max(DEFAULT_CORDS, poses) if self.cords is None else self.cords
 
 
 def check_poses(names: tuple[str, ...]) -> None:
-    """Raises DeviceError for other than only MODES, or names of END_POSES, each once."""
-    known = names == (MODES,) or (names and set(names) <= set(END_POSES))
-    if not known or len(set(names)) < len(names):
+    """Check names of poses.
+
+    Raises:
+        DeviceError: They are neither only MODES, nor different names of END_POSES (`unknown-pose`).
+    """
+    is_known = names == (MODES,) or (names and set(names) <= set(END_POSES))
+    if not is_known or len(set(names)) < len(names):
         raise DeviceError(
-            f"poses {','.join(names)}: write {MODES}, or some of {', '.join(END_POSES)} with"
-            " commas, each once"
+            f"{','.join(names)} are not valid poses",
+            code="unknown-pose",
+            where="poses",
+            action=f"Use {MODES}, or some of {', '.join(END_POSES)} with commas, each once",
+            poses=names,
         )
 
 
 def create_first_device(
     dropped: DroppedBody, folder: Path, first: FirstDevice, progress: Progress = silent
 ) -> tuple[str, ...]:
-    """Write the body and its device.toml into a folder, which may not be there yet; returns the
-    names of its poses. Raises BodyError for a body of impossible size, DeviceError for a device
-    that can be none, StorageError where there is a device, or the folder cannot be written: nothing
-    is then left in it."""
+    """Write a body and its device.toml to a folder. After an error nothing is left in it.
+
+    Args:
+        dropped: The body.
+        folder: The folder, which is created if needed.
+        first: Choices for the device.
+        progress: Called with the progress.
+
+    Returns:
+        The names of the poses.
+
+    Raises:
+        BodyError: The body has an impossible size, or no room for a cord.
+        DeviceError: The device is invalid.
+        StorageError: The folder has a device already, or cannot be written.
+    """
     check_unit(dropped, first.unit)
     check_edge_length(dropped, first.unit, first.edge_length)
     if first.cords_for(len(first.poses)):
         check_room(dropped, first.unit, first.cord, first.process)
-    file = _own_name(dropped, folder)
+    file = _free_name(dropped, folder)
     files = {file: dropped.content, **dropped.others}
     text = device_text(dropped, file, first)
-    with tempfile.TemporaryDirectory(prefix="defsense-") as other:  # is it a device?
+    with tempfile.TemporaryDirectory(
+        prefix="defsense-"
+    ) as other:  # check that it is a valid device
         trial = Path(other)
         for name, content in files.items():
             (trial / name).parent.mkdir(parents=True, exist_ok=True)
             (trial / name).write_bytes(content)
         if first.poses == (MODES,):
-            text = _with_modes(text, first, trial, progress)
+            text = _add_modes(text, first, trial, progress)
             if (trial / MESH_LOCK).exists():
                 files[MESH_LOCK] = (trial / MESH_LOCK).read_bytes()
         complete = bool(first.poses and first.cords_for(len(first.poses)))
         device = parse_device(text, trial, complete)
         if first.poses and "states" not in tomlkit.parse(text):
-            text = _with_states(text, device.states)
+            text = _add_states(text, device.states)
     write_device(folder, files, commented(text, DeviceFile))
     return tuple(p.name for p in device.poses)
 
 
 def check_room(dropped: DroppedBody, unit: str, cord: str, process: str) -> None:
-    """Raises BodyError for a body that is too thin for a cord and its walls, or too short for a
-    cord that stretches between its two ends."""
+    """Check that a body is thick enough for a cord and its walls, and long enough to stretch it.
+
+    User-defined processes and cords are not checked.
+
+    Raises:
+        BodyError: There is no room for the cord (`no-room-for-cord`).
+    """
     printers, cords = read_rows("printers.csv"), read_rows("cords.csv")
     if process not in printers or cord not in cords:
         return
     size, printer = dropped.size(unit), printers[process]
-    lacks = {name: _lacks(size, row, printer) for name, row in cords.items()}
-    if why := lacks[cord]:
-        fitting = [name for name, lack in lacks.items() if not lack]
-        remedy = f"take {' or '.join(fitting)}" if fitting else "make the body larger"
+    reasons = {name: _missing_room(size, row, printer) for name, row in cords.items()}
+    if reason := reasons[cord]:
+        fitting = [name for name, other in reasons.items() if not other]
+        remedy = f"Choose {' or '.join(fitting)}" if fitting else "Make the body larger"
         raise BodyError(
-            f"{dropped.name}: {why.format(cord)}: {remedy}, or check its unit ({UNIT_WORDS[unit]})"
+            reason.format(cord),
+            code="no-room-for-cord",
+            where=dropped.name,
+            action=f"{remedy}, or check its unit ({UNIT_WORDS[unit]})",
+            cord=cord,
+            fitting=tuple(fitting),
         )
 
 
-def _lacks(size: Float, cord: Mapping[str, str], printer: Mapping[str, str]) -> str:
-    """Why a body of these extents (3,) mm has no room for a cord, or nothing."""
+def _missing_room(size: Float, cord: Mapping[str, str], printer: Mapping[str, str]) -> str:
+    """Return why a body of extents (3,) mm has no room for a cord; empty if it has room."""
     row = {k: float(cord[k]) for k in ("diameter", "min_stretch", "ferrule_length")}
-    wide = row["diameter"] + 2 * sum(float(printer[k]) for k in ("wall", "clearance"))
-    least = row["min_stretch"] + 2 * row["ferrule_length"]
-    thick, long = float(size.min()), float(np.linalg.norm(size))
-    if thick < wide:
-        return f"is {thick:.3g} mm thin; the cord {{}} with its walls takes {wide:.2g} mm"
-    if long < least:
+    min_thickness = row["diameter"] + 2 * sum(float(printer[k]) for k in ("wall", "clearance"))
+    min_length = row["min_stretch"] + 2 * row["ferrule_length"]
+    thickness, diagonal = float(size.min()), float(np.linalg.norm(size))
+    if thickness < min_thickness:
         return (
-            f"is {long:.3g} mm from corner to corner; the cord {{}} takes at least {least:.3g} mm"
-            " with its two ends"
+            f"is {thickness:.3g} mm thick; the cord {{}} with its walls needs"
+            f" {min_thickness:.2g} mm"
+        )
+    if diagonal < min_length:
+        return (
+            f"is {diagonal:.3g} mm from corner to corner; the cord {{}} needs at least"
+            f" {min_length:.3g} mm with its two ends"
         )
     return ""
 
 
 def check_edge_length(dropped: DroppedBody, unit: str, edge_length: float) -> None:
-    """Raises DeviceError for elements that are no length, larger than the body is thick, or more
-    than can be solved."""
-    thick = float(dropped.size(unit).min())
-    least = float(np.cbrt(TETS_PER_CUBE * dropped.in_mm(unit).volume / _MOST_TETS))
-    if not least <= edge_length <= thick:
+    """Check the edge length of a mesh, mm.
+
+    Raises:
+        DeviceError: It is larger than the body is thick, or gives too many elements
+            (`out-of-range`).
+    """
+    largest = float(dropped.size(unit).min())
+    smallest = float(np.cbrt(TETS_PER_CUBE * dropped.in_mm(unit).volume / MAX_TETS))
+    if not smallest <= edge_length <= largest:
         raise DeviceError(
-            f"edge length {edge_length:g} mm: give one from {least:.2g} mm (a million elements) to"
-            f" {thick:.3g} mm (the body's thickness); fitted to this body it is"
-            f" {dropped.edge_length(unit):g} mm"
+            f"must be from {smallest:.2g} mm (a million elements) to {largest:.3g} mm (the"
+            f" thickness of the body), not {edge_length:g} mm",
+            code="out-of-range",
+            where="edge length",
+            action=f"The default for this body is {dropped.edge_length(unit):g} mm",
+            value=edge_length,
         )
 
 
 def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
-    """device.toml as a person would begin it, without comments and [states]."""
+    """Return a first device.toml, without comments and [states]."""
     surface = dropped.in_mm(first.unit)
     ends = find_ends(surface)
     document = tomlkit.document()
@@ -187,8 +254,8 @@ def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
     return tomlkit.dumps(document)
 
 
-def _own_name(dropped: DroppedBody, folder: Path) -> str:
-    """A free one, or that of the same file where it lies in the folder already."""
+def _free_name(dropped: DroppedBody, folder: Path) -> str:
+    """Return a free file name, or that of an identical file in the folder."""
     path = folder / f"{dropped.name}{dropped.suffix}"
     with storage_errors(path):
         if path.is_file() and path.read_bytes() == dropped.content:
@@ -212,9 +279,12 @@ def _poses(ends: BodyEnds, names: tuple[str, ...]) -> Any:
     return poses
 
 
-def _with_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) -> str:
-    """The device's text with its poses by natural modes, and cords for these. Raises DeviceError
-    where there is none."""
+def _add_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) -> str:
+    """Add poses by natural modes, and the number of cords for them.
+
+    Raises:
+        DeviceError: No mode can be a pose (`no-mode-is-pose`).
+    """
     from ..study.propose_poses import as_toml, continued, find_poses
 
     write_text(trial / DEVICE, text)
@@ -222,8 +292,10 @@ def _with_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) 
     if not found.poses:
         kinds = ", ".join(sorted({f"{m.kind} of order {m.order}" for m in found.modes}))
         raise DeviceError(
-            "poses modes: none of the body's lowest modes leads its far end as a whole (they are"
-            f" {kinds}); give --poses bend,twist in their place"
+            f"none of the lowest modes of the body moves its far end as a whole (they are {kinds})",
+            code="no-mode-is-pose",
+            where="poses modes",
+            action="Use the poses bend,twist instead",
         )
     if first.cords is None:
         document: Any = tomlkit.parse(text)
@@ -232,7 +304,7 @@ def _with_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) 
     return continued(text, as_toml(list(found.poses), "base", found.region))
 
 
-def _with_states(text: str, states: Any) -> str:
+def _add_states(text: str, states: Any) -> str:
     from ..study.propose_poses import states_table
 
     document = tomlkit.document()
@@ -245,6 +317,6 @@ def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _inline(values: Mapping[str, Any]) -> Any:
-    out = tomlkit.inline_table()
-    out.update(values)
-    return out
+    table = tomlkit.inline_table()
+    table.update(values)
+    return table

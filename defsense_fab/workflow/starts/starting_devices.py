@@ -67,7 +67,9 @@ STARTING_DEVICES = (
 )
 
 
-def create_starting_device(start: StartingDevice, folder: Path, name: str, cord: str | None = None) -> None:
+def create_starting_device(
+    start: StartingDevice, folder: Path, name: str, cord: str | None = None
+) -> None:
     """Copy a device of the package to a folder.
 
     Args:

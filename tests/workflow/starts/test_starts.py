@@ -1,4 +1,4 @@
-"""Devices begun, from those of the package and from files of bodies."""
+"""First devices, from those of the package and from files of bodies."""
 
 from __future__ import annotations
 
@@ -17,73 +17,78 @@ from defsense_fab.core.schema.reference import commented
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.workflow.starts import starting_devices
 from defsense_fab.workflow.starts.body_ends import find_ends
-from defsense_fab.workflow.starts.dropped_body import DroppedBody, load_body_file, load_body_content
-from defsense_fab.workflow.starts.first_device import FirstDevice, create_first_device, default_material
+from defsense_fab.workflow.starts.dropped_body import DroppedBody, load_body_content, load_body_file
+from defsense_fab.workflow.starts.first_device import (
+    FirstDevice,
+    create_first_device,
+    default_material,
+)
 from defsense_fab.workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
 from defsense_fab.workflow.starts.units import UNITS, guess_unit
 from tests.conftest import box_surface
+from tests.support.errors import raises
 from tests.support.places import DEVICES
 
 
-def dropped(unit="mm", suffix=".stl"):
+def drop_bar(unit="mm", suffix=".stl"):
     scale = UNITS[unit]
     surface = box_surface(np.array([0, -15, -15]) / scale, np.array([150, 15, 15]) / scale)
     return DroppedBody(b"content", "my-bar", suffix, surface, unit, unit != "mm", ())
 
 
-def unexplained(text):
-    """Keys and tables that have no comment where they first stand."""
-    seen = {}
+def find_uncommented(text):
+    """Return keys and tables without a comment at their first occurrence."""
+    commented_keys = {}
     lines = text.splitlines()
     for before, line in zip(["", *lines], lines, strict=False):
         if match := re.match(r"(\w+) =|(\[\[?(?:regions|poses|sensors)\]\]?)", line):
-            seen.setdefault(match[1] or match[2], before.startswith("# "))
-    return {key for key, told in seen.items() if not told}
+            commented_keys.setdefault(match[1] or match[2], before.startswith("# "))
+    return {key for key, is_commented in commented_keys.items() if not is_commented}
 
 
 @pytest.mark.parametrize("start", STARTING_DEVICES, ids=[s.name for s in STARTING_DEVICES])
-def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
+def test_starting_device_is_copied_under_another_name(start, tmp_path):
     create_starting_device(start, tmp_path / "new" / "grip", "grip")
     device = load_device(tmp_path / "new" / "grip")
     assert device.name == "grip"
     first = load_device(DEVICES / start.name)
     assert device.body.path.read_bytes() == first.body.path.read_bytes()
     text = (DEVICES / start.name / "device.toml").read_text(encoding="utf-8")
-    told = (device.source / "device.toml").read_text(encoding="utf-8")
+    written = (device.source / "device.toml").read_text(encoding="utf-8")
     renamed = text.replace(f'name = "{start.name}"', 'name = "grip"', 1)
-    assert told == commented(renamed, DeviceFile)
-    assert tomllib.loads(told) == tomllib.loads(text) | {"name": "grip"}
-    assert not unexplained(told) - set(device.regions)
+    assert written == commented(renamed, DeviceFile)
+    assert tomllib.loads(written) == tomllib.loads(text) | {"name": "grip"}
+    assert not find_uncommented(written) - set(device.regions)
     assert len(list(device.source.iterdir())) == 2
     assert start.picture.startswith(b"\x89PNG")
 
 
-def test_nothing_is_overwritten(tmp_path):
+def test_existing_files_are_not_overwritten(tmp_path):
     (tmp_path / "bar.py").write_text("mine")
-    with pytest.raises(StorageError, match="is there already"):
+    with raises(StorageError, "file-exists"):
         create_starting_device(STARTING_DEVICES[0], tmp_path, "grip")
     assert (tmp_path / "bar.py").read_text("utf-8") == "mine"
     assert not (tmp_path / "device.toml").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch):
+def test_folder_that_cannot_be_written_is_left_unchanged(tmp_path, monkeypatch):
     def full(path, text):
-        raise StorageError(f"{path}: the disk is full; free some space and run again")
+        raise StorageError("the disk is full", code="disk-full", where=path)
 
     monkeypatch.setattr(starting_devices, "write_text", full)
     (tmp_path / "mine").mkdir()
     for folder in (tmp_path / "x" / "y", tmp_path / "mine"):
-        with pytest.raises(StorageError, match="the disk is full"):
+        with raises(StorageError, "disk-full"):
             create_starting_device(STARTING_DEVICES[0], folder, "grip")
-    assert [p.name for p in tmp_path.rglob("*")] == ["mine"]  # nothing half-written
+    assert [p.name for p in tmp_path.rglob("*")] == ["mine"]  # no partial files
     (tmp_path / "file").touch()
-    with pytest.raises(StorageError, match="Not a directory"):
+    with pytest.raises(StorageError):
         create_starting_device(STARTING_DEVICES[0], tmp_path / "file" / "x", "grip")
 
 
 @pytest.mark.parametrize("unit", ["mm", "inch", "m"])
-def test_a_dropped_mesh_becomes_a_device_in_mm_held_at_one_end(unit, tmp_path):
-    body = dropped(unit)
+def test_mesh_becomes_a_device_in_mm_that_is_held_at_one_end(unit, tmp_path):
+    body = drop_bar(unit)
     assert body.edge_length(unit) == pytest.approx(6.0)
     create_first_device(body, tmp_path, FirstDevice('a "grip"', unit, "tango-plus", 6.0))
     device = load_device(tmp_path, complete=False)
@@ -97,21 +102,23 @@ def test_a_dropped_mesh_becomes_a_device_in_mm_held_at_one_end(unit, tmp_path):
     assert device.regions["tip"].contains(points).tolist() == [False, False, False, True, True]
 
 
-def test_a_dropped_step_has_its_own_unit(tmp_path):
-    create_first_device(dropped(suffix=".step"), tmp_path, FirstDevice("grip", "mm", "tango-plus", 6.0))
+def test_step_file_has_its_own_unit(tmp_path):
+    create_first_device(
+        drop_bar(suffix=".step"), tmp_path, FirstDevice("grip", "mm", "tango-plus", 6.0)
+    )
     spec = load_device(tmp_path, complete=False).body
     assert (spec.kind, spec.path.name) == ("step", "my-bar.step")
 
 
-def test_a_dropped_body_whose_cavity_is_filled_says_so_in_its_device(tmp_path):
-    filled = replace(dropped(), repaired=("filled a closed cavity of 120 mm3 around (1, 2, 3)",))
+def test_filled_cavity_is_declared_in_the_device(tmp_path):
+    filled = replace(drop_bar(), repaired=("filled a closed cavity of 120 mm3 around (1, 2, 3)",))
     create_first_device(filled, tmp_path / "a", FirstDevice("grip", "mm", "tango-plus", 6.0))
     assert load_device(tmp_path / "a", complete=False).body.fill_cavities
-    create_first_device(dropped(), tmp_path / "b", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    create_first_device(drop_bar(), tmp_path / "b", FirstDevice("grip", "mm", "tango-plus", 6.0))
     assert not load_device(tmp_path / "b", complete=False).body.fill_cavities
 
 
-def test_what_is_no_device_is_not_written(tmp_path):
+def test_invalid_devices_are_not_written(tmp_path):
     for values, error in (
         (("", "mm", "tango-plus", 6.0), DeviceError),
         (("x", "mm", "tango-plus", 0.0), DeviceError),
@@ -125,16 +132,16 @@ def test_what_is_no_device_is_not_written(tmp_path):
         (("x", "mm", "tango-plus", 6.0, ("modes", "bend")), DeviceError),
     ):
         with pytest.raises(error):
-            create_first_device(dropped(), tmp_path / "new", FirstDevice(*values))
+            create_first_device(drop_bar(), tmp_path / "new", FirstDevice(*values))
     assert not (tmp_path / "new").exists()
 
 
-def test_units_are_asked_for_where_they_are_doubtful():
+def test_units_are_guessed_from_the_size():
     assert guess_unit(150.0) == ("mm", False)
     assert guess_unit(6.0) == ("inch", True)
     assert guess_unit(1.0) == ("inch", True)
     assert guess_unit(0.15) == ("m", True)
-    assert guess_unit(15.0) == ("inch", True)  # too small for a cord, if it were mm
+    assert guess_unit(15.0) == ("inch", True)  # in mm it would be too small for a cord
     assert guess_unit(900.0) == ("mm", True)
     assert guess_unit(0.15, "m") == ("m", False)
     assert guess_unit(150.0, "m") == ("mm", True)
@@ -142,14 +149,14 @@ def test_units_are_asked_for_where_they_are_doubtful():
     assert guess_unit(1e7) == ("mm", True)
 
 
-def test_an_upload_that_is_no_body_is_told_by_its_content():
-    with pytest.raises(BodyError, match=r"^x: is neither STEP nor a mesh"):
+def test_content_that_is_no_body_is_rejected():
+    with raises(BodyError, "unknown-format"):
         load_body_content("x.stl", b"import os")
 
 
-def test_a_chosen_device_is_whole_and_says_its_states(tmp_path):
+def test_device_with_poses_and_cords_is_complete(tmp_path):
     first = FirstDevice("wand", "mm", "ninjaflex-85a", 6.0, ("bend", "twist", "pull"), cords=3)
-    assert create_first_device(dropped(), tmp_path, first) == ("bend", "twist", "pull")
+    assert create_first_device(drop_bar(), tmp_path, first) == ("bend", "twist", "pull")
     device = load_device(tmp_path)
     assert device.propose == 3
     text = (tmp_path / "device.toml").read_text(encoding="utf-8")
@@ -160,10 +167,10 @@ def test_a_chosen_device_is_whole_and_says_its_states(tmp_path):
     assert bend.rotation @ [1, 0, 0] == 0 != np.linalg.norm(bend.rotation)
     assert twist.rotation[1:].tolist() == [0, 0]
     assert pull.translation.tolist() == [15, 0, 0]
-    assert not unexplained(text) - {"base", "tip"}
+    assert not find_uncommented(text) - {"base", "tip"}
 
 
-def test_a_slanted_tapered_body_is_held_at_its_thick_end_along_its_own_axis():
+def test_slanted_tapered_body_is_held_at_its_thick_end():
     surface = box_surface(np.array([0.0, -15, -10]), np.array([150.0, 15, 10]))
     x = surface.vertices
     x = x * np.where(x[:, :1] > 75, [1, 0.5, 0.5], 1.0)
@@ -174,14 +181,16 @@ def test_a_slanted_tapered_body_is_held_at_its_thick_end_along_its_own_axis():
         assert np.degrees(np.arccos(ends.axes[0] @ [sign * c, sign * c, 0])) < 3
         assert ends.size == pytest.approx([150, 30, 20], rel=0.05)
     high = find_ends(Surface(np.roll(x, 2, axis=1) * [1, 1, -1], surface.faces[:, ::-1]))
-    assert high.axes[0].tolist() == [0, 0, 1]  # what stands is held at its foot
+    assert high.axes[0].tolist() == [0, 0, 1]  # a standing body is held at its foot
 
 
 def test_every_process_has_a_material():
-    assert {default_material(p) for p in read_rows("printers.csv")} <= set(read_rows("materials.csv"))
+    assert {default_material(p) for p in read_rows("printers.csv")} <= set(
+        read_rows("materials.csv")
+    )
 
 
-def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
+def test_files_that_a_script_imports_are_copied(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sizes.py").write_text("RADIUS = 15\n", encoding="utf-8")
     (tmp_path / "grip.py").write_text(
@@ -197,12 +206,12 @@ def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
     assert (tmp_path / "new" / "sizes.py").read_text(encoding="utf-8") == "RADIUS = 15\n"
 
 
-def test_a_process_of_ones_own_needs_its_material_told():
-    with pytest.raises(DeviceError, match="say which material"):
+def test_user_defined_process_needs_a_material():
+    with raises(DeviceError, "material-unknown", process="my-printer"):
         default_material("my-printer")
 
 
-def test_only_parameters_that_can_be_given_by_name_are_written(tmp_path):
+def test_only_parameters_that_can_be_passed_by_name_are_written(tmp_path):
     script = tmp_path / "bar.py"
     script.write_text(
         "from build123d import Box\n"
@@ -212,8 +221,8 @@ def test_only_parameters_that_can_be_given_by_name_are_written(tmp_path):
     assert load_body_file(script).parameters == {"width": 20.0}
 
 
-def test_a_cord_that_is_the_starts_own_keeps_its_noise(tmp_path):
+def test_unchanged_cord_keeps_its_noise(tmp_path):
     for name, cord in (("same", "rubber-2mm"), ("none", None)):
         create_starting_device(STARTING_DEVICES[0], tmp_path / name, "bar", cord)
-    told = [(tmp_path / n / "device.toml").read_text(encoding="utf-8") for n in ("same", "none")]
-    assert told[0] == told[1]
+    texts = [(tmp_path / n / "device.toml").read_text(encoding="utf-8") for n in ("same", "none")]
+    assert texts[0] == texts[1]
