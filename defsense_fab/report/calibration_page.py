@@ -36,7 +36,7 @@ def _figure(width: float = 9.0, height: float = 5.0) -> tuple[Any, Any]:
 def _band(found: Calibration, strain: Any) -> tuple[Any, Any, Any]:
     """w and its 95 % band in per cent: the slope's doubt, which grows with strain."""
     w = build_response(found.response)(strain)
-    low, high = (end / found.k_res for end in found.doubt.interval)
+    low, high = (end / found.k_res for end in found.uncertainty.interval)
     return 100 * w, 100 * w * low, 100 * w * high
 
 
@@ -83,7 +83,7 @@ def response_figure(found: Calibration, truth: Response | None = None) -> str:
 
 def _residuals(found: Calibration) -> str:
     figure, axes = _figure(9, 3.4)
-    fit = found.tried[found.response.model].fitted
+    fit = found.trials[found.response.model].fit
     left = 100 * (found.data.y - fit.predict(found.data))
     for p, piece in enumerate(found.pieces):
         own = found.data.piece == p

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capture.sessions.processed_session import ProcessedSession
+from ..capture.sessions.results import ProcessedSession
 from ..capture.sessions.session import CaptureSession
 from ..core.arrays import Float
 from .html import as_image, write_page
@@ -55,7 +55,7 @@ def _rows(session: CaptureSession, q: dict[str, Any]) -> list[tuple[str, str]]:
         return "-" if value is None else f"{value:.3f} mm"
 
     rows = [
-        ("recorded", session.begun),
+        ("recorded", session.started_at),
         ("length", _length(q)),
         ("aligned by", f"{q['aligned_by']}, {q['aligned_frames']:.0%} of the frames"),
         ("residual of the alignment",
@@ -99,7 +99,7 @@ def _seen(figure: Any, session: CaptureSession, result: ProcessedSession) -> Non
     t = result.aligned
     bins = min(len(t.time), 400)
     edges = np.linspace(0, len(t.time), bins + 1).astype(int)
-    share = np.array([t.seen[a : max(b, a + 1)].mean(0) for a, b in pairwise(edges)])
+    share = np.array([t.visible[a : max(b, a + 1)].mean(0) for a, b in pairwise(edges)])
     image = axes.imshow(
         share.T, aspect="auto", cmap="Greens", vmin=0, vmax=1, interpolation="nearest",
         extent=(t.time[0], t.time[-1], len(t.ids) - 0.5, -0.5),
@@ -132,7 +132,7 @@ def _course(figure: Any, session: CaptureSession, result: ProcessedSession) -> N
 def _quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
     left, right = figure.subplots(1, 2)
     t = result.aligned
-    sigma = lengths(t.sigma)[t.seen]
+    sigma = lengths(t.sigma)[t.visible]
     sigma = sigma[np.isfinite(sigma) & (sigma > 0)]
     if len(sigma):
         left.hist(np.log10(sigma), 60, color="#27c")

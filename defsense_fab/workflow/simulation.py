@@ -1,4 +1,4 @@
-"""The poses of a device as displacement fields."""
+"""Simulate the poses of a device, and work with the simulated states."""
 
 from __future__ import annotations
 
@@ -24,25 +24,45 @@ from . import arguments
 from .arguments import array, of_kind
 from .device import Device, table_html
 
-# Pictures that notebooks show and that can be saved.
+#: Largest distance of points outside of the body, as a share of the diagonal of the body.
+MAX_DISTANCE_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as the bytes of a `png` file: the last value of a notebook's cell is shown."""
+    """A picture; a notebook shows it if it is the last value of a cell.
+
+    Attributes:
+        png: Content of a PNG file.
+    """
 
     png: bytes
 
     @staticmethod
-    def of_uri(uri: str) -> Picture:
-        """Of a data URI with a PNG in it."""
+    def from_uri(uri: str) -> Picture:
+        """Return the picture in a data URI that contains a PNG file."""
         return Picture(base64.b64decode(uri.partition(",")[2]))
 
     def save(self, path: str | Path) -> Path:
-        """Write the .png file, whole or not at all. Raises StorageError, for other suffixes too."""
+        """Write a .png file, completely or not at all.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The file.
+
+        Raises:
+            StorageError: The suffix is not .png, or the file cannot be written.
+        """
         file = arguments.path(path, "path", StorageError)
         if file.suffix.lower() != ".png":
-            raise StorageError(f"{file}: a picture is a .png file; let its name end so")
+            raise StorageError(
+                "the name of a picture must end in .png",
+                code="wrong-suffix",
+                where=file,
+                suffix=file.suffix,
+            )
         with replace_file(file) as temporary:
             temporary.write_bytes(self.png)
         return file
@@ -51,51 +71,76 @@ class Picture:
         return self.png
 
 
-# Where points on a body go when it deforms, and those a little outside of it, as what is glued on.
-#
-# Fields are known inside the body alone: continued beyond it, their quadratic polynomials soon leave
-# everything that was simulated.
+def displace_points(mesh: TetMesh, points: Float, displacements: Float) -> Float:
+    """Return where points on or near a body are in deformed states.
 
-REACH = 0.1  # of the body's diagonal, by which points may be outside
+    Points outside of the body move rigidly with the nearest point of its surface, as things that
+    are glued to it do. Fields are not extrapolated, as their quadratic polynomials soon exceed all
+    simulated values outside of the body.
 
+    Args:
+        mesh: Tetrahedra of the body.
+        points: Points (p, 3) mm in the rest frame.
+        displacements: Displacements (s, n, 3) mm of the nodes of the quadratic mesh.
 
-def followed(mesh: TetMesh, points: Float, displacements: Float) -> Float:
-    """Points (p, 3) mm of the rest frame in each state, (s, p, 3) mm, with the displacements
-    (s, n, 3) mm of the quadratic mesh's nodes; outside of the body they are carried rigidly by the
-    place of it that is nearest. Raises DeviceError for points further outside than REACH."""
-    skin = SignedDistance(mesh.boundary())
-    outside = np.flatnonzero(~skin.inside(points))
-    on = points.copy()
-    on[outside] = skin.nearest(points[outside])
-    arms = points - on
-    _refuse_far(points, np.linalg.norm(arms, axis=1), mesh)
+    Returns:
+        The points (s, p, 3) mm in each state.
+
+    Raises:
+        DeviceError: A point is further outside than `MAX_DISTANCE_SHARE` of the diagonal.
+    """
+    distances = SignedDistance(mesh.boundary())
+    outside = np.flatnonzero(~distances.inside(points))
+    anchors = points.copy()
+    anchors[outside] = distances.nearest(points[outside])
+    arms = points - anchors
+    _refuse_distant(points, np.linalg.norm(arms, axis=1), mesh)
     locator = PointLocator(QuadraticMesh.from_linear(mesh))
-    moved = on + locator.displacement(locator.find(on), displacements)
-    there = locator.find(on[outside])
-    deformed = np.eye(3) + locator.gradient(there, displacements)
-    turns = nearest_rotations(deformed.reshape(-1, 3, 3)).reshape(deformed.shape)
-    moved[:, outside] += np.einsum("spij,pj->spi", turns, arms[outside])
+    moved = anchors + locator.displacement(locator.find(anchors), displacements)
+    outside_location = locator.find(anchors[outside])
+    deformed = np.eye(3) + locator.gradient(outside_location, displacements)
+    rotations = nearest_rotations(deformed.reshape(-1, 3, 3)).reshape(deformed.shape)
+    moved[:, outside] += np.einsum("spij,pj->spi", rotations, arms[outside])
     return np.asarray(moved)
 
 
-def _refuse_far(points: Float, distance: Float, mesh: TetMesh) -> None:
-    limit = REACH * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
-    far = int((distance > limit).sum())
-    if far:
+def _refuse_distant(points: Float, distance: Float, mesh: TetMesh) -> None:
+    limit = MAX_DISTANCE_SHARE * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    count = int((distance > limit).sum())
+    if count:
         worst = int(distance.argmax())
         raise DeviceError(
-            f"points: {far} of {len(points)} lie more than {limit:.3g} mm outside of the body, the"
-            f" furthest {format_point(points[worst])} by {distance[worst]:.3g} mm, where nothing was"
-            " simulated; give points in mm in the body's rest frame, on it or near it"
+            f"{count} of {len(points)} are more than {limit:.3g} mm outside of the body, where"
+            f" nothing was simulated; the point {format_point(points[worst])} is"
+            f" {distance[worst]:.3g} mm away",
+            code="points-outside",
+            where="points",
+            action="Give points on or near the body, in mm in its rest frame",
+            argument="points",
+            count=count,
+            limit=limit,
+            index=worst,
+            distance=float(distance[worst]),
         )
 
 
 @dataclass(frozen=True, repr=False)
 class Simulation:
-    """All s states of a `device`: their `names`, how much of each pose they have (`weights`), which
-    are `held_out` (s,) of the design; displacements (s, n, 3) mm of the n `nodes` (n, 3) mm in the
-    rest frame, and the largest principal `strains` (s, n). `cells` (m, 10) are quadratic tetrahedra
-    of these nodes, `surface` the body's own triangles at rest, `warnings` what is doubtful."""
+    """The simulated states of a device, created by `simulate`.
+
+    Attributes:
+        device: The device.
+        names: Names of the s states, as in "bend@1".
+        weights: Amount of each pose in each state, by name of the pose.
+        held_out: Whether each state (s,) is held out of the design.
+        nodes: Nodes (n, 3) mm in the rest frame.
+        cells: Quadratic tetrahedra (m, 10) of these nodes.
+        displacements: Displacements (s, n, 3) mm of the nodes.
+        strains: Largest principal strain (s, n) at the nodes.
+        surface: The triangles of the body at rest.
+        warnings: Reasons to doubt the results.
+        results: The results of the build.
+    """
 
     device: Device
     names: tuple[str, ...]
@@ -110,52 +155,89 @@ class Simulation:
     results: Build
 
     def index(self, state: str) -> int:
-        """The number of a state by its name, as in "bend@1". Raises DeviceError."""
+        """Return the index of a state.
+
+        Args:
+            state: Name of the state, as in "bend@1".
+
+        Raises:
+            DeviceError: There is no such state.
+        """
         of_kind(state, "state", str)
         if state not in self.names:
-            raise DeviceError(f"no state is called {state!r}; there are {', '.join(self.names)}")
+            raise DeviceError(
+                f"unknown state {state!r}",
+                code="state-unknown",
+                where="state",
+                action=f"Use one of {', '.join(self.names)}",
+                argument="state",
+            )
         return self.names.index(state)
 
     def displaced(self, points: ArrayLike) -> Float:
-        """Where points (p, 3) mm of the rest frame are in each state, (s, p, 3) mm. Points outside
-        of the body are carried rigidly by the place of it that is nearest, as what is glued on it.
-        Raises DeviceError for what is no points, and for points further outside than a tenth of the
-        body's diagonal, where nothing is known."""
-        return followed(self.results.mesh, _checked(points), self.displacements)
+        """Return where points are in each state.
+
+        Points outside of the body move rigidly with the nearest point of its surface, as things
+        that are glued to it do.
+
+        Args:
+            points: Points (p, 3) mm in the rest frame.
+
+        Returns:
+            The points (s, p, 3) mm in each state.
+
+        Raises:
+            DeviceError: The values are not points, or a point is further outside of the body than
+                a tenth of its diagonal.
+        """
+        return displace_points(self.results.mesh, _points(points), self.displacements)
 
     def picture(self, state: str) -> Picture:
-        """The deformed body from two sides, coloured by how far it moves, mm. Raises DeviceError
-        for a state that there is not."""
+        """Return a picture of the deformed body from two sides, colored by displacement in mm.
+
+        Args:
+            state: Name of the state.
+
+        Raises:
+            DeviceError: There is no such state.
+        """
         from ..geometry.bodies.orientation import viewing_axes
         from ..report.pictures.poses import color_bar
         from ..report.pictures.poses.errors import error_map
 
         skin = self.results.mesh.boundary()
-        at = self.index(state)
-        moved = self.displaced(skin.vertices)[at]
-        far = np.linalg.norm(moved - skin.vertices, axis=1)
-        scale = color_bar.scale("viridis", f"{state}: displacement, mm", float(far.max()))
+        index = self.index(state)
+        moved = self.displaced(skin.vertices)[index]
+        distance = np.linalg.norm(moved - skin.vertices, axis=1)
+        label = f"{state}: displacement, mm"
+        scale = color_bar.scale("viridis", label, float(distance.max()))
         shape = Surface(moved, skin.faces)
-        return Picture.of_uri(error_map(shape, far, viewing_axes(self.surface), scale))
+        return Picture.from_uri(error_map(shape, distance, viewing_axes(self.surface), scale))
 
     def __repr__(self) -> str:
         states, nodes = len(self.names), len(self.nodes)
         return f"<Simulation of {self.device.name!r}: {states} states, {nodes} nodes>"
 
     def _repr_html_(self) -> str:
-        far = np.linalg.norm(self.displacements, axis=2).max(axis=1)
-        strain = self.strains.max(axis=1)
+        distances = np.linalg.norm(self.displacements, axis=2).max(axis=1)
+        strains = self.strains.max(axis=1)
         rows = {
-            n: f"moves by up to {d:.1f} mm, strains by up to {e:.0%}"
-            for n, d, e in zip(self.names, far, strain, strict=True)
+            name: f"displacement up to {distance:.1f} mm, strain up to {strain:.0%}"
+            for name, distance, strain in zip(self.names, distances, strains, strict=True)
         }
         return table_html(f"States of {self.device.name}", rows)
 
 
 def simulate(device: Device, progress: Progress = silent) -> Simulation:
-    """Solve every state of a device, as `defsense build` does. Raises a DefsenseError: DeviceError
-    for what is no device, BodyError, MeshingError, SolveError for a pose that the body cannot
-    take."""
+    """Solve all states of a device, as `defsense build` does.
+
+    Args:
+        device: The device.
+        progress: Receives each stage's name, completed fraction and a message.
+
+    Raises:
+        DefsenseError: A stage failed; SolveError if a pose does not converge.
+    """
     of_kind(device, "device", Device)
     results = device.results("simulate", progress)
     fields, mesh = results.fields, results.quadratic_mesh
@@ -174,10 +256,18 @@ def simulate(device: Device, progress: Progress = silent) -> Simulation:
     )
 
 
-def _checked(points: ArrayLike) -> Float:
-    at = array(points, "points")
-    if at.ndim != 2 or at.shape[1] != 3:
-        raise DeviceError(f"points: must have shape (p, 3), in mm, not {at.shape}")
-    if not np.isfinite(at).all():
-        raise DeviceError("points: must be finite, in mm")
-    return at
+def _points(values: ArrayLike) -> Float:
+    points = array(values, "points")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise DeviceError(
+            f"must have shape (p, 3), in mm, not {points.shape}",
+            code="wrong-shape",
+            where="points",
+            argument="points",
+            shape=points.shape,
+        )
+    if not np.isfinite(points).all():
+        raise DeviceError(
+            "must be finite, in mm", code="not-finite", where="points", argument="points"
+        )
+    return points

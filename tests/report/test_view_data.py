@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.report.viewer.light_surface import light_faces
 from defsense_fab.report.viewer.page import in_script, view3d
-from defsense_fab.report.viewer.simplified import simplified
+from defsense_fab.report.viewer.simplified import light_faces, simplified
 from tests.report.twisted_bar import BACK, FRONT, TOP, displaced, twisted_bar
 
 

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from tests.support.grid import grid_of_tets
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.storage import typed_json
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
@@ -30,6 +29,7 @@ from defsense_fab.store.manifest import (
 )
 from defsense_fab.store.mesh import MeshRecord, save_mesh
 from tests.conftest import box_surface
+from tests.support.grid import grid_of_tets
 
 LENGTH, HALF = 120.0, 12.0  # mm
 TURN = np.radians(60)  # of the end, in the full twist

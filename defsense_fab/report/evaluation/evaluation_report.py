@@ -66,10 +66,13 @@ def check_folder(folder: Path) -> None:
         if p.name not in own and p.suffix not in (".svg", ".csv")
     ]
     if others or (any(folder.iterdir()) and not (folder / PAGE).exists()):
-        what = f"holds {others[0]}" if others and folder.is_dir() else "is there"
+        content = f"contains {others[0]}" if others and folder.is_dir() else "exists"
         raise TrainingError(
-            f"{folder}: {what}, is no evaluation and would be overwritten; give another folder with"
-            " --out"
+            f"{content} and is not an evaluation, so it would be overwritten",
+            code="not-an-evaluation",
+            where=folder,
+            action="Choose another output folder",
+            file=others[0] if others else None,
         )
 
 

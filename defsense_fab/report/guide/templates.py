@@ -14,10 +14,10 @@ from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import plane_section
 from ...store.layout import LayoutRecord
 from ...store.manifest import CordStretch, Manifest
+from .assembly.plan import BATCH, anchored_later
+from .assembly.steps import Joint
+from .assembly.wording import ENDS, called
 from .cord_lines import CordLine, cord_line
-from .hands.cord_facts import BATCH, anchored_later
-from .hands.steps import Joint
-from .hands.words import ENDS, called
 
 _BELOW = 0.05  # mm under the face, where its outline is taken
 

@@ -13,6 +13,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from .views import View
 
+# Colours of parts and cords in pictures, in their order.
+
+COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057", "#e07a5f", "#3d405b")
+
 INK, SOFT = "#1b262c", "#52616b"
 #: Sizes of letters in pixels: a picture may be shown at half its size.
 TEXT, SMALL = 22, 19

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,17 +12,112 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.device.device import Device
-from ...core.mesh import Surface
+from ...core.mesh import Surface, TetMesh
+from ...mechanics.elements.point_location import PointLocator
+from ...mechanics.elements.tet10 import QuadraticMesh
 from ...store.build import Build
 from ...store.manifest import Manifest, PartRecord
-from ..colors import COLORS
-from ..surface_errors import SurfaceErrors
-from .followers import CORD, Follower, followers
-from .light_surface import light_faces
-from .movement import PosePath, moved_points, pose_paths
-from .opening import followed, openings
-from .packed import Packed
-from .simplified import order_of, simplified
+from ..pictures.sheet import COLORS
+from ..surface_errors import SurfaceErrors, state_words
+from .followers import CORD, Follower, followers, move_with_parts, openings
+from .simplified import light_faces, order_of, simplified
+
+# Arrays of numbers as text inside a page: rounded to integers, deflated, base64.
+
+_ALIGNED = 4  # bytes: where a browser may lay an array of any of these types
+_TYPES: dict[str, type[np.integer[Any]]] = {
+    "u1": np.uint8,
+    "i2": np.int16,
+    "u2": np.uint16,
+    "u4": np.uint32,
+}
+
+
+class Packed:
+    """Arrays in the order in which they are added; each is known by its place."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+        self.index: list[tuple[str, int, int]] = []  #: Type, first byte, numbers of each array.
+
+    def add(self, numbers: Any, kind: str) -> int:
+        """Integers as type `kind`, little-endian; what is out of its range is set to its ends.
+        Returns the array's place."""
+        limits = np.iinfo(_TYPES[kind])
+        fit = np.clip(np.rint(np.asarray(numbers)), limits.min, limits.max)
+        data = fit.astype(np.dtype(_TYPES[kind]).newbyteorder("<"))
+        self._bytes += bytes(-len(self._bytes) % _ALIGNED)
+        self.index.append((kind, len(self._bytes), data.size))
+        self._bytes += data.tobytes()
+        return len(self.index) - 1
+
+    def lengths(self, mm: Float, step: float) -> int:
+        """Coordinates or ways (..., 3) mm as multiples of `step` mm, each axis on its own."""
+        return self.add(np.moveaxis(np.asarray(mm), -1, 0) / step, "i2")
+
+    def faces(self, faces: Int) -> int:
+        """Triangles (f, 3) of vertex numbers, as differences from the one before: of meshes whose
+        triangles follow one another these are small."""
+        flat = np.asarray(faces, np.int64).ravel()
+        steps = np.diff(flat, prepend=0)
+        return self.add((steps << 1) ^ (steps >> 63), "u2" if np.ptp(flat) < 2**15 else "u4")
+
+    def shares(self, values: Float, top: float) -> int:
+        """Values from 0 to `top` in 255 steps."""
+        return self.add(255 * np.asarray(values) / max(top, 1e-12), "u1")
+
+    def text(self) -> str:
+        """All arrays: base64 of their deflated bytes, the same for the same numbers."""
+        return base64.b64encode(zlib.compress(bytes(self._bytes), 6)).decode("ascii")
+
+
+# The poses that are played: the simulated shapes on the way to each, and what is read of them.
+
+
+@dataclass(frozen=True)
+class PosePath:
+    """From rest to a state: the states (k,) on the way, the state itself last, and how far along
+    it they are (k,), up to 1; whether the device was not designed for the state."""
+
+    name: str
+    states: Int
+    at: Float
+    held_out: bool
+
+
+def pose_paths(found: SurfaceErrors) -> list[PosePath]:
+    """Of the states that reports show."""
+    return [_path(found, i) for i in found.shown]
+
+
+def _path(found: SurfaceErrors, state: int) -> PosePath:
+    """All states that have the same poses in the same ratio and are not further along."""
+    full = found.weights[state]
+    at = {k: _fraction(weights, full) for k, weights in enumerate(found.weights)}
+    on = sorted((a, k) for k, a in at.items() if a is not None and (a < 1 or k == state))
+    return PosePath(
+        state_words(full),
+        np.array([k for _, k in on]),
+        np.array([a for a, _ in on]),
+        bool(found.held_out[state]),
+    )
+
+
+def _fraction(weights: Mapping[str, float], full: Mapping[str, float]) -> float | None:
+    """How far along the way to `full` a state is; None where it lies on another way."""
+    if {p for p, w in weights.items() if w} != {p for p, w in full.items() if w}:
+        return None
+    some = [weights[pose] / w for pose, w in full.items() if w]
+    least, most = min(some), max(some)
+    return least if 0 < least <= 1 + 1e-9 and most - least < 1e-6 else None
+
+
+def moved_points(mesh: TetMesh, points: Float, fields: Float) -> Float:
+    """Where points (p, 3) mm of the body at rest go in states with fields (k, n, 3) mm of its mesh:
+    their displacements (k, p, 3) mm."""
+    locator = PointLocator(QuadraticMesh.from_linear(mesh))
+    return locator.displacement(locator.find(points), np.ascontiguousarray(fields))
+
 
 _FINENESS = 20_000  # steps of coordinates along the device's size
 _ERROR_STEPS = 2000  # from no error to the largest along an axis
@@ -75,7 +172,7 @@ def scene(
             {"join": s.join, "cords": s.cords, "ways": _rounded(w)}
             for s, w in zip(manifest.assembly, ways, strict=True)
         ],
-        "followers": _followers(lengths, following, followed(following, parts, ways), gone),
+        "followers": _followers(lengths, following, move_with_parts(following, parts, ways), gone),
         "surface": _surface(lengths, found, states),
         "states": _states(build.prediction.signals[1:], found, states),
         "poses": [_pose(p, states) for p in paths],

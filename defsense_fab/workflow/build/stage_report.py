@@ -12,17 +12,15 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...decoding.expected_errors import MEANING
 from ...geometry.bodies.orientation import viewing_axes
-from ...report.colors import COLORS
-from ...report.guide.guide import assembly_guide
-from ...report.guide.guide_file import write_guide_file
+from ...report.guide.guide import assembly_guide, write_guide_file
 from ...report.guide.pdf import write_pdf
 from ...report.html import write_page
-from ...report.pictures.front import front
-from ...report.pictures.poses import color_bar
-from ...report.pictures.poses.errors import error_map
-from ...report.pictures.poses.sections import sections
-from ...report.pictures.poses.strain import PLANES, StrainField, strain_sections
-from ...report.pictures.routing import routing
+from ...report.pictures import color_bar
+from ...report.pictures.body_views import draw_routing
+from ...report.pictures.pose_pictures import PLANES, StrainField, draw_error_map, strain_sections
+from ...report.pictures.proposals import draw_trial_errors
+from ...report.pictures.sections import sections
+from ...report.pictures.sheet import COLORS
 from ...report.surface_errors import SurfaceErrors, state_words, surface_errors
 from ...report.viewer.page import view3d
 from ...report.viewer.scene import scene
@@ -41,7 +39,7 @@ def run(device: Device, build: Build, report: Report) -> None:
     paths = [s.points for s in layout.sensors]
     report(0.05, "routing")
     images: dict[str, Any] = {
-        "routing": routing(
+        "routing": draw_routing(
             surface,
             paths,
             list(layout.drawn),
@@ -58,7 +56,7 @@ def run(device: Device, build: Build, report: Report) -> None:
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
-    images["front"] = front(layout.weighed)
+    images["front"] = draw_trial_errors(layout.weighed)
     images["poses"] = _poses(device, build, found, frame, report)
     write_page(
         folder / "report.html",
@@ -109,7 +107,7 @@ def _poses(
                 "name": name,
                 "seen": not found.held_out[i],
                 "strain": strain_sections(field, rest, found.moved[i], planes, frame, strained),
-                "error": error_map(
+                "error": draw_error_map(
                     Surface(found.rest + found.moved[i], found.faces),
                     found.error[i],
                     frame,

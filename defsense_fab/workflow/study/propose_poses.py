@@ -228,7 +228,7 @@ def _plain(value: float) -> float:
 
 
 def _draw(found: Found, path: Path) -> None:
-    from ...report.pictures.modes import modes as draw_modes
+    from ...report.pictures.proposals import draw_modes
 
     mesh = found.mesh
     faces = boundary_faces(mesh)[:, :3]

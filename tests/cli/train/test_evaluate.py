@@ -110,7 +110,7 @@ def test_files_of_others(files, tmp_path, capsys, no_figures):
         (["affine", "first", "--last-share", "1.5"], "--last-share 1.5: give a share above 0"),
         (["affine", "first", "--last-share", "nan"], "--last-share nan: give a share above 0"),
         (["affine", "second", "--against", "affine"], "give each model once"),
-        (["affine", "second", "--out", "second"], "second: holds frames.parquet, is no evaluation"),
+        (["affine", "second", "--out", "second"], "frames.parquet"),
     ],
 )
 def test_refusals(files, capsys, monkeypatch, no_figures, arguments, message):

@@ -11,14 +11,13 @@ from itertools import pairwise
 
 import pytest
 
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.report.guide.assembly.actions import Action, Kind, in_order
+from defsense_fab.report.guide.assembly.steps import guide_steps
+from defsense_fab.report.guide.assembly.wording import pin_letters
+from defsense_fab.report.guide.guide import plain_steps
 from tests.support.follow_guide.__main__ import followed
 from tests.support.follow_guide.hands import Hands
-from defsense_fab.core.errors import FabricationError
-from defsense_fab.report.guide.guide_file import plain_steps
-from defsense_fab.report.guide.hands.actions import Action, Kind
-from defsense_fab.report.guide.hands.order import in_order
-from defsense_fab.report.guide.hands.steps import guide_steps
-from defsense_fab.report.guide.hands.words import pin_letters
 
 from .blocks import blocks
 

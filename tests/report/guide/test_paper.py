@@ -11,8 +11,8 @@ import pytest
 
 from defsense_fab.geometry.parts.records import Check
 from defsense_fab.report.guide import pdf
+from defsense_fab.report.guide.assembly.steps import guide_steps
 from defsense_fab.report.guide.guide import AssemblyStep, Guide, ShownPassage
-from defsense_fab.report.guide.hands.steps import guide_steps
 from defsense_fab.report.guide.tables import GuideTable, guide_checks
 from defsense_fab.report.guide.template_pages import CordStrip, CutFace
 from defsense_fab.report.guide.templates import face, strips

@@ -5,9 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from defsense_fab.report.pictures import labels
-from defsense_fab.report.pictures.panels import Panel, arranged
-from defsense_fab.report.pictures.poses import color_bar
+from defsense_fab.report.pictures import color_bar, labels
+from defsense_fab.report.pictures.body_views import Panel, arrange_panels
 
 
 def crosses(a, b, c, d):
@@ -62,7 +61,7 @@ def test_the_spot_of_a_region_is_inside_of_it():
 def test_panels_fill_their_picture_and_keep_apart(sizes):
     rim = (60.0, 4.0, 4.0, 90.0)
     panels = [Panel(np.array(s, float), rim, 260.0) for s in sizes]
-    plan = arranged(panels, 1100, 760)
+    plan = arrange_panels(panels, 1100, 760)
     assert plan.size[0] <= 1100 + 1e-6
     assert plan.size[1] <= 760 + 1e-6
     assert max(plan.size[0] / 1100, plan.size[1] / 760) > 0.99

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from defsense_fab.geometry.bodies.orientation import Y_UP, Z_UP
-from defsense_fab.report.pictures import labelled, views
-from defsense_fab.report.pictures.parts import exploded
-from defsense_fab.report.pictures.routing import routing
+from defsense_fab.report.pictures import part_pictures, views
+from defsense_fab.report.pictures.body_views import draw_routing
+from defsense_fab.report.pictures.part_pictures import exploded
 from defsense_fab.report.pictures.scene import Scene
 from tests.conftest import box_surface
 
@@ -66,14 +66,14 @@ def test_what_hides_is_told_from_what_is_hidden():
         again = scene.shot(views.front(Z_UP), 200, 200).image
         assert (again == before).all()
         around = [views.front(Z_UP), views.side(Z_UP)]
-        assert labelled.clearest(scene, around, ["near", "far"]) is around[1]
+        assert part_pictures.choose_clearest_view(scene, around, ["near", "far"]) is around[1]
 
 
 @pytest.mark.parametrize("size", [(20, 25, 300), (300, 200, 8), (40, 30, 25)])
 def test_nothing_is_cut_off_beside_body_and_parts(size):
     body = box_surface([0, 0, 0], size)
     cord = np.linspace([1, 1, 1], np.array(size) - 1.0, 9)
-    picture = image_of(routing(body, [cord], [], 1.0, Z_UP))
+    picture = image_of(draw_routing(body, [cord], [], 1.0, Z_UP))
     assert picture.shape[0] <= 768
     assert picture.shape[1] <= 1100
     assert (rim(picture, 1) == 255).all()

@@ -5,10 +5,9 @@ import pytest
 
 from defsense_fab.geometry.bodies.orientation import Z_UP
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.report.pictures.poses.color_bar import scale
-from defsense_fab.report.pictures.poses.mesh_cut import mesh_cut
-from defsense_fab.report.pictures.poses.sections import sections
-from defsense_fab.report.pictures.poses.strain import StrainField, strain_sections
+from defsense_fab.report.pictures.color_bar import scale
+from defsense_fab.report.pictures.pose_pictures import StrainField, cut_mesh, strain_sections
+from defsense_fab.report.pictures.sections import sections
 from defsense_fab.report.surface_errors import state_words
 from tests.conftest import structured_bar
 from tests.report.pictures.test_scene import image_of, rim
@@ -63,12 +62,12 @@ def test_an_arm_is_cut_through_hand_and_shoulder_not_through_the_middle(bar):
 def test_a_cut_has_the_area_and_the_values_of_its_field(bar):
     normal = np.array([0.6, 0.0, 0.8])
     value = bar.nodes @ [0.3, -0.2, 0.5]
-    cut = mesh_cut(bar.nodes, bar.cells, np.array([75, 0, 1.0]), normal, {"value": value})
+    cut = cut_mesh(bar.nodes, bar.cells, np.array([75, 0, 1.0]), normal, {"value": value})
     assert cut.area == pytest.approx(30 * 20 / 0.6, rel=1e-4)
     points = np.asarray(cut.points, float)
     assert (points - [75, 0, 1.0]) @ normal == pytest.approx(0, abs=1e-4)
     assert cut.point_data["value"] == pytest.approx(points @ [0.3, -0.2, 0.5], abs=1e-4)
-    beyond = mesh_cut(bar.nodes, bar.cells, np.array([500, 0, 0.0]), normal, {})
+    beyond = cut_mesh(bar.nodes, bar.cells, np.array([500, 0, 0.0]), normal, {})
     assert beyond.n_points == 0
 
 

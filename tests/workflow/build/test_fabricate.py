@@ -24,8 +24,8 @@ from defsense_fab.optimize.prediction import as_built
 from defsense_fab.optimize.prediction.as_built import fabricate, part_rules
 from defsense_fab.optimize.prediction.design_task import layout_limits
 from defsense_fab.report.guide.guide import assembly_guide
-from defsense_fab.report.guide.guide_file import plain_steps, write_guide_file
-from defsense_fab.report.guide.hands.steps import guide_steps
+from defsense_fab.report.guide.guide import plain_steps, write_guide_file
+from defsense_fab.report.guide.assembly.steps import guide_steps
 from defsense_fab.report.guide.pdf import write_pdf
 from defsense_fab.report.html import write_page
 from defsense_fab.sensing.built_cord import BuiltCord

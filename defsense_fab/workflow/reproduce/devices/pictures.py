@@ -85,7 +85,7 @@ def draw_device_pictures(
 def _draw(
     experiment: Experiment, devices: Mapping[str, Device], progress: Progress
 ) -> dict[str, Any]:
-    from ....report.pictures.poses import color_bar
+    from ....report.pictures import color_bar
     from ....report.pictures.sheet import Sheet
 
     plan, routing, frames = experiment.session, {}, {}
@@ -168,13 +168,13 @@ def _make_surface(live: LiveDevice) -> LiveSurface:
 
 def _draw_routing(device: Device) -> str:
     """Draw the body with its cords."""
-    from ....report.pictures import body_views, routing, views
+    from ....report.pictures import body_views, views
 
     folder = build_folder(device)
     surface, layout = load_surface(folder), load_layout(folder)
     cords = [c.points for c in layout.by_channel()]
     frame = viewing_axes(surface)
-    with routing.scene(surface, cords, [], device.cord.diameter / 2) as scene:
+    with body_views.routing_scene(surface, cords, [], device.cord.diameter / 2) as scene:
         seen = [body_views.Seen(scene, v) for v in (views.three_quarter(frame), views.front(frame))]
         return body_views.picture(seen, width=WIDTH_PX, height=HEIGHT_PX, least=1.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....core.arrays import Float
 from ....core.schema.types import is_number
-from ....report.colors import COLORS
+from ....report.pictures.sheet import COLORS
 from ..points.measures import meaning
 from ..points.parameters import is_numeric
 from ..runs.run_log import RunRecord

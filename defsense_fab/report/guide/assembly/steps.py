@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import groupby
@@ -14,11 +14,43 @@ from ....core.device.device import Device
 from ....core.errors import FabricationError
 from ....core.mesh import Surface
 from ....store.manifest import JoinedPin, Manifest
-from .actions import Action, Kind
-from .order import in_order
+from . import bench_work as bench
+from . import joint_work as joint
+from .actions import Action, Kind, in_order
 from .plan import actions
-from .sentences import sentences
-from .words import Words, called, named, pin_letters, sides
+from .wording import Words, called, named, pin_letters, sides
+
+# What the guide says of each action.
+
+_SAID: Mapping[Kind, Callable[[Words, Action], list[str]]] = {
+    Kind.PRINT: bench.print_parts,
+    Kind.CAST: bench.cast_parts,
+    Kind.TRY_PINS: bench.try_pins,
+    Kind.CUT: bench.cut,
+    Kind.CRIMP: bench.crimp,
+    Kind.MARK: bench.mark,
+    Kind.TRIM: bench.trim,
+    Kind.DRY_FIT: joint.dry_fit,
+    Kind.PINS: joint.pins,
+    Kind.LAY: joint.lay,
+    Kind.THREAD: bench.thread,
+    Kind.STRETCH: joint.stretch,
+    Kind.GLUE_END: joint.glue_end,
+    Kind.SET_END: joint.set_end,
+    Kind.WIRE: joint.wire,
+    Kind.GLUE: joint.glue,
+    Kind.SET: joint.set_glue,
+    Kind.PULL: bench.pull,
+    Kind.SEAT: bench.seat,
+    Kind.MEASURE: bench.measure,
+    Kind.CONNECT: bench.connect,
+}
+
+
+def sentences(words: Words, action: Action) -> tuple[str, ...]:
+    """What to do, and what to look out for."""
+    return tuple(_SAID[action.kind](words, action))
+
 
 _BENCH = {Kind.CUT, Kind.CRIMP, Kind.MARK, Kind.TRIM, Kind.MEASURE}
 

@@ -6,8 +6,8 @@ from ....core.device.device import Device
 from ....geometry.channels import cord_assembly
 from ....store.manifest import CutCord
 from .actions import Action, Expected
-from .cord_facts import BATCH, LAID, anchored_later
-from .words import ENDS, Words, called, limits
+from .plan import BATCH, LAID, anchored_later
+from .wording import ENDS, Words, called, limits
 
 
 def print_parts(w: Words, _: Action) -> list[str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..sheet import INK, SMALL, Sheet, extent
+from .sheet import INK, SMALL, Sheet, extent
 
 #: Scales whose lightness rises or falls evenly, so that those who tell few colours apart, and
 #: printers without colour, show their order too.

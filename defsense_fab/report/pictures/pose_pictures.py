@@ -2,20 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pyvista as pv
 
-from ....core.arrays import Float, Int
-from ....core.mesh import Surface
-from .. import body_views, views
-from ..scene import Scene, Shot, poly
-from ..sheet import SMALL, Sheet
-from ..views import View
-from . import color_bar
+from ...core.arrays import Float, Int
+from ...core.mesh import Surface
+from . import body_views, color_bar, views
 from .color_bar import Scale
-from .mesh_cut import mesh_cut
+from .scene import Scene, Shot, poly
 from .sections import Sections
+from .sheet import SMALL, Sheet
+from .views import View
+
+# By how much the surface that is read misses the true one, on the body.
+
+#: Pixels of a picture that stands beside another.
+ERROR_WIDTH, ERROR_HEIGHT = 820, 660
+
+
+def draw_error_map(surface: Surface, error: Float, frame: Float, scale: Scale) -> str:
+    """The deformed surface from two opposite sides, coloured by the error (mm) at its vertices
+    (n,); PNG as a data URI."""
+    mesh = poly(surface)
+    mesh.point_data["error"] = error
+    with Scene() as scene:
+        scene.colored(mesh, "error", scale.colors, scale.top)
+        return body_views.picture(
+            [body_views.Seen(scene, v) for v in (views.three_quarter(frame), views.behind(frame))],
+            footer=(color_bar.HEIGHT, _bar(scale)),
+            width=ERROR_WIDTH,
+            height=ERROR_HEIGHT,
+            least=1.0,
+        )
+
+
+def _bar(scale: Scale) -> body_views.Footer:
+    def draw(sheet: Sheet, x: float, y: float, width: float) -> None:
+        color_bar.draw(sheet, scale, x + 0.15 * width, y, 0.7 * width)
+
+    return draw
+
+
+# Quadratic tets cut by a plane.
+
+#: Eight linear tets in a quadratic one, by the numbers that VTK gives its nodes.
+_EIGHT = np.array([[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 9, 8],
+                   [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]])  # fmt: skip
+
+
+def cut_mesh(
+    nodes: Float, cells: Int, origin: Float, normal: Float, data: Mapping[str, Float]
+) -> Any:
+    """The plane's section through nodes (n, 3) mm and quadratic `cells` (m, 10), as a pyvista mesh
+    with the node `data` on it. Only cells that the plane meets are looked at."""
+    side = (nodes - origin) @ normal
+    of = side[cells]
+    met = cells[(of.min(1) <= 0) & (of.max(1) >= 0)]
+    tets = met[:, _EIGHT].reshape(-1, 4)
+    of = side[tets]
+    tets = tets[(of.min(1) <= 0) & (of.max(1) >= 0)]
+    used, small = np.unique(tets, return_inverse=True)
+    if not len(used):
+        return pv.PolyData()
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: small.reshape(-1, 4)}, nodes[used])
+    for name, values in data.items():
+        grid.point_data[name] = values[used]
+    return grid.slice(normal=tuple(normal), origin=tuple(origin))
+
 
 #: Pixels of a picture that stands beside another.
 WIDTH, HEIGHT = 820, 760
@@ -53,7 +110,7 @@ def strain_sections(
     with Scene() as a, Scene() as b, Scene() as c, Scene() as key:
         for scene, plane in zip((a, b, c), planes.all, strict=True):
             scene.outline(body)
-            cut = mesh_cut(field.nodes, field.cells, plane.origin, plane.normal, data)
+            cut = cut_mesh(field.nodes, field.cells, plane.origin, plane.normal, data)
             if cut.n_points:
                 cut = cut.warp_by_vector("displacement")
                 scene.colored(cut, "strain", scale.colors, scale.top, lit=False)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ....store.manifest import CutCord
 from .actions import Action
-from .cord_facts import anchored_later, joint_of, sliding, strained, wet_until
-from .words import ENDS, Words, called, first, named, pin_letters, sides
+from .plan import anchored_later, joint_of, sliding, strained, wet_until
+from .wording import ENDS, Words, called, first, named, pin_letters, sides
 
 
 def dry_fit(w: Words, action: Action) -> list[str]:

@@ -1,4 +1,4 @@
-"""A scene with the names of its parts beside it."""
+"""The parts of a device, moved apart."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...core.arrays import Float
-from . import labels
-from .body_views import FOOT
-from .panels import WIDTH
+from ...core.mesh import Surface
+from . import labels, views
+from .body_views import FOOT, WIDTH
 from .scene import Scene
-from .sheet import SMALL, SOFT, TEXT, Sheet
+from .sheet import COLORS, SMALL, SOFT, TEXT, Sheet
 from .views import View
+
+# A scene with the names of its parts beside it.
 
 _HEIGHT = 620
 _SMALL_SHOT = 260  # pixels: enough to see how much of each part shows
@@ -20,7 +22,7 @@ _CLEAR = 0.7  # of what a part shows on average: enough of the least for the fir
 _ENOUGH = 0.6  # of the best view's: how much of its least visible part the first has to show
 
 
-def picture(
+def draw_labelled_parts(
     scene: Scene,
     view: View,
     colors: Mapping[str, str],
@@ -60,7 +62,7 @@ def picture(
     return sheet.uri()
 
 
-def clearest(scene: Scene, views: Sequence[View], names: Sequence[str]) -> View:
+def choose_clearest_view(scene: Scene, views: Sequence[View], names: Sequence[str]) -> View:
     """Of some views the first that shows of every named thing about as much as any of them does of
     the one that it shows least."""
     least: list[float] = []
@@ -73,3 +75,17 @@ def clearest(scene: Scene, views: Sequence[View], names: Sequence[str]) -> View:
         least.append(min(shown))
     enough = _ENOUGH * max(least)
     return next(v for v, some in zip(views, least, strict=True) if some >= enough)
+
+
+def exploded(parts: Mapping[str, Surface], shifts: Mapping[str, Float], frame: Float) -> str:
+    """The parts, each moved by its shift (3,) mm, with their names, from the side that shows them
+    best. `frame` (3, 3) says how the body stands."""
+    colors = {n: COLORS[i % len(COLORS)] for i, n in enumerate(parts)}
+    moved = {n: Surface(s.vertices + shifts[n], s.faces) for n, s in parts.items()}
+    with Scene() as scene:
+        for name, surface in moved.items():
+            scene.solid(surface, colors[name], name=name)
+        sides = [views.three_quarter(frame), *views.around(frame)]
+        view = choose_clearest_view(scene, sides, list(parts))
+        centers = {n: s.bounds.mean(0) for n, s in moved.items()}
+        return draw_labelled_parts(scene, view, colors, centers)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....core.arrays import Bool, Float, format_point
+from ...core.arrays import Bool, Float, format_point
 
 _STRAINED = 0.25  # of the largest strain: less than this is not much
 _ASIDE = 0.2  # of the largest movement: less than this to the side is none
