@@ -1,6 +1,6 @@
 """Design, fabrication and use of soft objects that sense their own deformation.
 
-The Python interface is here, and is imported when it is first used (docs/python.md).
+This is the Python interface (docs/python.md). Each name is imported when it is first used.
 """
 
 from importlib import import_module
@@ -54,23 +54,31 @@ _MODULES = {
     "workflow.live_session": ("Live", "live"),
     "workflow.model": ("Model", "MovingSurface", "train"),
     "workflow.poses": (
-        "Drag", "DrawnCord", "Handle", "Pose", "Pressure", "Symmetry",
-        "box", "cylinder", "half_space", "sphere",
+        "Drag",
+        "DrawnCord",
+        "Handle",
+        "Pose",
+        "Pressure",
+        "Symmetry",
+        "box",
+        "cylinder",
+        "half_space",
+        "sphere",
     ),
     "workflow.recordings": ("dataset", "load_sessions", "record_twin"),
     "workflow.simulation": ("Picture", "Simulation", "simulate"),
-}  # fmt: skip
-_PLACES = {name: module for module, names in _MODULES.items() for name in names}
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 
-if not TYPE_CHECKING:  # for type checkers there is nothing but the names above
+if not TYPE_CHECKING:  # type checkers must only see the names above
 
     def __getattr__(name: str) -> object:
-        """A name of the interface, imported now."""
-        if name not in _PLACES:
+        """Return a name of the interface, importing its module now."""
+        if name not in _MODULE_OF:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module(f".{_PLACES[name]}", __name__), name)
+        return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_PLACES])
+    return sorted([*globals(), *_MODULE_OF])

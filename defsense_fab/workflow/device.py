@@ -27,8 +27,8 @@ from .bodies import write_body
 from .build.build import build
 from .build.stages import STAGES
 from .poses import DrawnCord, Pose, region_tables
-from .starts.starting_devices import write_device
 from .starts.defaults import MAX_CORDS
+from .starts.starting_devices import write_device
 from .study.points.studied_device import changed_values, studied_text
 
 _BUILD = "build"

@@ -1,4 +1,4 @@
-"""A device live: frames of what its read-out board says, as they come."""
+"""Run a model on a device, and iterate over its frames."""
 
 from __future__ import annotations
 
@@ -17,35 +17,43 @@ from ..core.errors import LiveError
 from ..core.progress import Progress, silent
 from ..runtime.frames.live_frame import LiveFrame
 from ..runtime.live.live_run import LiveRun, RunOptions, live_run
+from ..runtime.live.run_choices import TWIN
 from ..runtime.surface.live_surface import Mode
 from .arguments import array, called, of_kind, path, whole
 from .layout import Layout
-from .model import MODES, Model, fitting_device
+from .model import MODES, Model, fitting_device, unknown_mode
 
-_LOOK = 0.1  # s, after which it is looked whether the run goes on: Ctrl-C is heard between
-_RATES = 10, 500  # Hz
+_POLL_INTERVAL_S = 0.1  # between checks for the end of the run; Ctrl-C is handled at each
+_RATE_RANGE_HZ = 10, 500
 
 
 class Live:
-    """A run that was begun by `live`: `for frame in run` gives the newest frame, each once.
+    """A live run, created by `live`; do not instantiate it directly.
 
-    What is slower than the read-out board misses frames, which their `number` tells; nothing waits
-    for it. Leaving the loop in any way closes port and threads, as do `close`, the end of a `with`
-    block, and the end of a recording that is played. Each `LiveFrame` has `time` s, `markers`
-    (m, 3) mm and `radius` (m,) mm around them, `quality`, `signals` (c,), `controls` by the poses'
-    names, `notes`, and `vertices` (v, 3) mm of the surface, whose triangles are the run's `faces`
-    (f, 3), both None without a layout.
+    Iterating over it yields the newest frame, each frame once. A loop that is slower than the
+    read-out board skips frames, which the `number` of the frames shows; the board does not wait.
+    Leaving the loop in any way closes the port and the threads, as do `close`, the end of a `with`
+    block, and the end of a recording that is replayed.
+
+    A `LiveFrame` has `time` (s), `markers` (m, 3) mm and their uncertainty `radius` (m,) mm,
+    `quality`, `signals` (c,), `controls` by the names of the poses, `notes`, and `vertices` (v, 3)
+    mm of the surface (None without a layout).
+
+    Attributes:
+        faces: Triangles (f, 3) of the surface; None without a layout.
     """
 
-    def __init__(self, run: LiveRun, newest: _Newest, faces: Int | None, of: Layout | None) -> None:
-        """By `live`."""
+    def __init__(
+        self, run: LiveRun, newest: _NewestFrame, faces: Int | None, layout: Layout | None
+    ) -> None:
         self.faces = faces
-        self._run, self._newest, self._of = run, newest, of
+        self._run, self._newest = run, newest
+        self._layout = layout  # the run reads files of its device, which are deleted with it
         self._end = weakref.finalize(self, run.close)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know now, in sentences."""
+        """Present notes for the user, as sentences."""
         return tuple(map(str, (*self._run.notes, *self._run.loop.status.notes)))
 
     @property
@@ -54,44 +62,56 @@ class Live:
         return not self._end.alive
 
     def __iter__(self) -> Iterator[LiveFrame]:
-        """Raises LiveError once the run is closed, and what ends it: CaptureError for a port."""
+        """Iterate over the newest frames.
+
+        Raises:
+            LiveError: The run is closed.
+            CaptureError: The port failed.
+        """
         if self.closed:
-            raise LiveError(f"{self._run.port}: this run is closed; begin another with live(...)")
+            raise LiveError(
+                "this run is closed",
+                code="run-closed",
+                where=self._run.port,
+                action="Start another with live(...)",
+            )
         return self._frames()
 
     def close(self) -> None:
-        """Close port and threads; a second time nothing happens."""
+        """Close port and threads, if they are open."""
         self._end()
 
     def __enter__(self) -> Live:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.close()
 
     def _frames(self) -> Iterator[LiveFrame]:
         try:
             while not self.closed:
-                frame = self._newest.take(_LOOK)
+                frame = self._newest.take(_POLL_INTERVAL_S)
                 if frame is not None:
                     yield frame
-                elif not self._goes_on():
+                elif not self._is_running():
                     return
         finally:
             self.close()
 
-    def _goes_on(self) -> bool:
+    def _is_running(self) -> bool:
         try:
             return self._run.loop.wait(0.0)
         except RecordingEnd:
             return False
 
     def __repr__(self) -> str:
-        ended = ", closed" if self.closed else ""
-        return f"<Live {self._run.device!r} from {self._run.port}{ended}>"
+        state = ", closed" if self.closed else ""
+        return f"<Live {self._run.device!r} from {self._run.port}{state}>"
 
 
 def live(
@@ -106,60 +126,90 @@ def live(
     record: str | Path | None = None,
     progress: Progress = silent,
 ) -> Live:
-    """Begin to run a model on a device, as `defsense run` does (docs/live.md).
+    """Start to run a model on a device, as `defsense run` does (docs/live.md).
 
-    `port` is that of the read-out board ("/dev/ttyUSB0", "COM3", "socket://host:port"), "twin" for
-    a simulated device ("twin:unit=1,seed=7,minutes=5,cut=left@20-30"), or "replay:FILE" of a
-    recording; the board takes `rate` samples a second. The `layout` that the model was trained with
-    gives surface, poses and cords. R0 is measured while the device lies still at the beginning,
-    unless `rest_resistances` (c,) ohm are given; `divider_resistances` (c,) ohm of the read-out
-    board are those of the training. Both are in the order of the layout's cords, or of the model's
-    channels. `surface` as in `Model.surface`, None: without. Readings are kept in the folder
-    `record`, if that is given.
+    The channels of both arrays of resistances are in the order of the layout's cords, or without a
+    layout of the model's channels.
 
-    Raises LiveError for what does not go together, CaptureError for a port that cannot be opened,
-    StorageError where readings cannot be kept.
+    Args:
+        model: The model.
+        layout: The layout that the model was trained with. Surface and controls need it.
+        port: Port of the read-out board ("/dev/ttyUSB0", "COM3", "socket://host:port"), "twin" for
+            a simulated device ("twin:unit=1,seed=7,minutes=5,cut=left@20-30"), or "replay:FILE" for
+            a recording.
+        rate: Samples per second of the board, from 10 to 500.
+        rest_resistances: Resistances at rest (c,) ohm; None: measured at the start, while the
+            device must not move.
+        divider_resistances: Resistors of the dividers (c,) ohm; None: those of the training.
+        surface: As `mode` of `Model.surface`; None: without a surface.
+        record: Folder for a recording of the readings; None: they are not recorded.
+        progress: Receives each stage's name, completed fraction and a message.
+
+    Raises:
+        LiveError: An argument is invalid, or the layout does not fit the model.
+        CaptureError: The port cannot be opened.
+        StorageError: The recording cannot be written.
     """
     of_kind(model, "model", Model, LiveError)
     called(progress, LiveError)
     device = fitting_device(model.record, layout)
     if not isinstance(port, str) or not port:
-        raise LiveError(f"port {port!r}: must be text, as in '/dev/ttyUSB0' or 'twin'")
-    if layout is None and port.partition(":")[0] == "twin":
-        raise LiveError(f"port {port!r}: a twin needs the layout of its device; give it")
-    rate = whole(rate, "rate", LiveError, *_RATES)
+        raise LiveError(
+            f"must be text, not {port!r}",
+            code="not-a-port",
+            where="port",
+            action="Write it as '/dev/ttyUSB0', 'COM3' or 'twin'",
+            argument="port",
+        )
+    if layout is None and port.partition(":")[0] == TWIN:
+        raise LiveError(
+            f"{port!r} simulates a device, which needs its layout",
+            code="layout-missing",
+            where="port",
+            action="Give the layout",
+            argument="layout",
+        )
+    rate = whole(rate, "rate", LiveError, *_RATE_RANGE_HZ)
     if surface is not None and of_kind(surface, "surface", str, LiveError) not in MODES:
-        raise LiveError(f"surface {surface!r}: is unknown; there are {', '.join(MODES)}, and None")
-    newest = _Newest()
+        raise unknown_mode("surface", surface, None)
+    newest = _NewestFrame()
     options = RunOptions(
-        port, rate, _ohm("divider_resistances", divider_resistances, device.board_channels),
-        _ohm("rest_resistances", rest_resistances, device.board_channels),
-        surface=None if layout is None else surface, keep=record is not None,
-        record=None if record is None else path(record, "record", LiveError), views=(newest,),
-    )  # fmt: skip
+        port,
+        rate,
+        _resistances("divider_resistances", divider_resistances, device.board_channels),
+        _resistances("rest_resistances", rest_resistances, device.board_channels),
+        surface=None if layout is None else surface,
+        keep=record is not None,
+        record=None if record is None else path(record, "record", LiveError),
+        views=(newest,),
+    )
     run = live_run(device, options, progress)
     try:
         run.loop.start()
-    except BaseException:  # Ctrl-C, too
+    except BaseException:  # also KeyboardInterrupt
         run.close()
         raise
-    solved = device.rest if options.surface is not None else None
-    return Live(run, newest, None if solved is None else np.asarray(solved.faces, np.int64), layout)
+    rest = device.rest if options.surface is not None else None
+    return Live(run, newest, None if rest is None else np.asarray(rest.faces, np.int64), layout)
 
 
-def _ohm(name: str, values: ArrayLike | None, wired: tuple[str, ...]) -> Float | None:
+def _resistances(name: str, values: ArrayLike | None, channels: tuple[str, ...]) -> Float | None:
     if values is None:
         return None
     ohm = array(values, name, LiveError)
-    if ohm.shape != (len(wired),) or not (np.isfinite(ohm).all() and (ohm > 0).all()):
+    if ohm.shape != (len(channels),) or not (np.isfinite(ohm).all() and (ohm > 0).all()):
         raise LiveError(
-            f"{name}: must be {len(wired)} numbers above 0, in ohm, of {', '.join(wired)}"
+            f"must be {len(channels)} numbers above 0, in ohm, of {', '.join(channels)}",
+            code="not-resistances",
+            where=name,
+            argument=name,
+            channels=channels,
         )
     return ohm
 
 
-class _Newest:
-    """A view of the run that keeps the newest frame until it is taken."""
+class _NewestFrame:
+    """A receiver of frames that keeps the newest one until it is taken."""
 
     name, trouble, news = "Python", None, None
 
@@ -172,12 +222,12 @@ class _Newest:
             self._frame = frame
             self._changed.notify()
 
-    def take(self, seconds: float) -> LiveFrame | None:
-        """The newest that was not taken; None if none comes in so many s."""
+    def take(self, timeout: float) -> LiveFrame | None:
+        """Return the newest frame that was not taken; None if none arrives in `timeout` s."""
         with self._changed:
-            self._changed.wait_for(lambda: self._frame is not None, seconds)
+            self._changed.wait_for(lambda: self._frame is not None, timeout)
             frame, self._frame = self._frame, None
             return frame
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Release no resources."""

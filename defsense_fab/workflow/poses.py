@@ -1,4 +1,4 @@
-"""Poses and drawn cords as Python values, and as they stand in device.toml."""
+"""Regions, poses and drawn cords as Python values, and their tables in `device.toml`."""
 
 from __future__ import annotations
 
@@ -14,70 +14,122 @@ from ..core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere, shape
 from ..core.errors import DeviceError
 from .arguments import array, each_of, number, of_kind, plain, shown
 
-# Named parts of a body, in mm in its rest frame, and as they stand in device.toml.
-
 S = TypeVar("S", bound=Shape)
 
 
 def box(low: ArrayLike, high: ArrayLike) -> Box:
-    """The box between two corners (3,) mm, parallel to the axes, the first of which is lower than
-    the second in x, y and z. Raises DeviceError."""
-    return _checked(Box(_point("low", low), _point("high", high)))
+    """Return the box between two corners, parallel to the axes.
+
+    Args:
+        low: Corner (3,) mm with the lower coordinates.
+        high: Opposite corner (3,) mm, higher in x, y and z.
+
+    Raises:
+        DeviceError: A corner is not 3 finite numbers, or the box is empty.
+    """
+    return _validate_shape(Box(_point("low", low), _point("high", high)))
 
 
 def sphere(center: ArrayLike, radius: float) -> Sphere:
-    """The ball of a radius (mm) above 0 around a point (3,) mm. Raises DeviceError."""
+    """Return a ball.
+
+    Args:
+        center: Center (3,) mm.
+        radius: Radius above 0, mm.
+
+    Raises:
+        DeviceError: A value is invalid.
+    """
     return Sphere(_point("center", center), number(radius, "radius", above=0))
 
 
 def half_space(origin: ArrayLike, normal: ArrayLike) -> HalfSpace:
-    """What lies beyond the plane through `origin` (3,) mm, where `normal` (3,) points to, of any
-    length above 0. Raises DeviceError."""
-    return _checked(HalfSpace(_point("origin", origin), _point("normal", normal)))
+    """Return the space on one side of a plane.
+
+    Args:
+        origin: A point (3,) mm of the plane.
+        normal: Direction (3,) from the plane into the half-space, of any length above 0.
+
+    Raises:
+        DeviceError: A value is invalid.
+    """
+    return _validate_shape(HalfSpace(_point("origin", origin), _point("normal", normal)))
 
 
 def cylinder(start: ArrayLike, end: ArrayLike, radius: float) -> Cylinder:
-    """The cylinder of a radius (mm) above 0 about the line between two points (3,) mm that differ.
-    Raises DeviceError."""
+    """Return the cylinder about the line between two points.
+
+    Args:
+        start: Center (3,) mm of one end.
+        end: Center (3,) mm of the other end; it must differ from `start`.
+        radius: Radius above 0, mm.
+
+    Raises:
+        DeviceError: A value is invalid.
+    """
     ends = _point("start", start), _point("end", end)
-    return _checked(Cylinder(*ends, number(radius, "radius", above=0)))
+    return _validate_shape(Cylinder(*ends, number(radius, "radius", above=0)))
 
 
 def region_tables(regions: object) -> dict[str, Any]:
-    """As in the table `[regions]`. Raises DeviceError for what are no shapes by name."""
+    """Return regions as in the table `[regions]`.
+
+    Args:
+        regions: Shapes by name.
+
+    Raises:
+        DeviceError: They are not shapes by name.
+    """
     if not isinstance(regions, Mapping):
         raise DeviceError(
-            f'regions: must be a dict of shapes by name, as in {{"base": box(low, high)}}, not'
-            f" {shown(regions)}"
+            f"must be a dict of shapes by name, not {shown(regions)}",
+            code="not-a-dict",
+            where="regions",
+            action='Write them as in {"base": box(low, high)}',
+            argument="regions",
         )
     for name in regions:
         if not isinstance(name, str) or not name.strip():
-            raise DeviceError(f"regions: names must be text that is not empty, not {shown(name)}")
-    return {name: _table(name, shape) for name, shape in regions.items()}
+            raise DeviceError(
+                f"names must be text that is not empty, not {shown(name)}",
+                code="not-a-name",
+                where="regions",
+                argument="regions",
+            )
+    return {name: _region_table(name, shape) for name, shape in regions.items()}
 
 
-def _table(name: str, shape: object) -> dict[str, Any]:
+def _region_table(name: str, shape: object) -> dict[str, Any]:
     if isinstance(shape, Box):
         return {"box": [shape.low.tolist(), shape.high.tolist()]}
     kinds: dict[type, str] = {Sphere: "sphere", HalfSpace: "half_space", Cylinder: "cylinder"}
     if type(shape) not in kinds:
         raise DeviceError(
-            f"regions.{name}: must be made by box, sphere, half_space or cylinder, not"
-            f" {shown(shape)}"
+            f"must be a box, sphere, half-space or cylinder, not {shown(shape)}",
+            code="wrong-kind",
+            where=f"regions.{name}",
+            action="Use box, sphere, half_space or cylinder",
+            argument=f"regions.{name}",
         )
     return {kinds[type(shape)]: {k: np.asarray(v).tolist() for k, v in vars(shape).items()}}
 
 
-def _checked(shape: S) -> S:
-    if wrong := shape_problem(shape):
-        raise DeviceError(": ".join(wrong))
+def _validate_shape(shape: S) -> S:
+    if problem := shape_problem(shape):
+        name, text = problem
+        raise DeviceError(text, code="shape-empty", where=name, argument=name)
     return shape
 
 
 def _point(name: str, values: ArrayLike) -> Float:
     point = array(values, name)
     if point.shape != (3,) or not np.isfinite(point).all():
-        raise DeviceError(f"{name}: must be 3 finite numbers, not {values!r}")
+        raise DeviceError(
+            f"must be 3 finite numbers, not {values!r}",
+            code="not-a-point",
+            where=name,
+            argument=name,
+        )
     return point
 
 
@@ -86,11 +138,18 @@ Free = Literal["free"]
 
 @dataclass(frozen=True)
 class Handle:
-    """A `region` that is moved rigidly: turned by `degrees` about `axis` (3,) through the point
-    `about` (3,) mm (None: the region's centre), and moved by `translate` (3,) mm.
+    """A region that is moved as a rigid body.
 
-    What is "free" goes to where nothing acts against it: `degrees` of a hinge with that axis,
-    `axis` of a region that turns in any way, `translate` or each of its three components.
+    Components that are "free" take the value at which nothing acts against them: `degrees` of a
+    hinge about `axis`, `axis` of a region that may turn in any way, and `translate` or each of its
+    three components.
+
+    Attributes:
+        region: Name of the region.
+        axis: Axis of the rotation (3,), or "free".
+        degrees: Angle of the rotation, degrees, or "free".
+        translate: Translation (3,) mm; it or any of its components may be "free".
+        about: Point (3,) mm on the axis; None: the center of the region.
     """
 
     region: str
@@ -103,7 +162,12 @@ class Handle:
         of_kind(self.region, "region", str)
 
     def table(self) -> dict[str, Any]:
-        """As in `[[poses.handles]]`. Raises DeviceError for what says two things at once."""
+        """Return the handle as in `[[poses.handles]]`.
+
+        Raises:
+            DeviceError: A value has no form in `device.toml`, or the axis is free and an angle or
+                a point is given.
+        """
         return {
             "region": self.region,
             "rotate": self._rotate(),
@@ -114,8 +178,11 @@ class Handle:
         if isinstance(self.axis, str):
             if self.degrees != 0.0 or self.about is not None:
                 raise DeviceError(
-                    f"handle of {self.region!r}: has a free axis, and degrees or a point about"
-                    " which it turns; give an axis (3,) with these"
+                    "has a free axis, and also degrees or a point about which it turns",
+                    code="axis-contradictory",
+                    where=f"handle of {self.region!r}",
+                    action="Give an axis (3,) with degrees and about",
+                    region=self.region,
                 )
             return self.axis
         rotate = {"axis": plain(self.axis, "axis"), "degrees": plain(self.degrees, "degrees")}
@@ -126,7 +193,12 @@ class Handle:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """A flat `region` whose points stay in its plane, of this `normal` (3,)."""
+    """A flat region whose points stay in its plane.
+
+    Attributes:
+        region: Name of the region.
+        normal: Normal of the plane (3,).
+    """
 
     region: str
     normal: ArrayLike
@@ -135,27 +207,37 @@ class Symmetry:
         of_kind(self.region, "region", str)
 
     def table(self) -> dict[str, Any]:
-        """As in `symmetry`."""
+        """Return the plane of symmetry as in `symmetry`."""
         return {"region": self.region, "normal": plain(self.normal, "normal")}
 
 
 @dataclass(frozen=True)
 class Drag:
-    """A spring of so much `stiffness` (N/mm) that pulls the point `at` (3,) mm by (3,) mm `by`."""
+    """A spring that pulls a point of the body.
+
+    Attributes:
+        at: The point (3,) mm at rest.
+        by: Displacement (3,) mm of the spring's other end.
+        stiffness: Stiffness of the spring, N/mm.
+    """
 
     at: ArrayLike
     by: ArrayLike
     stiffness: float = 1.0
 
     def table(self) -> dict[str, Any]:
-        """As in `drags`."""
+        """Return the drag as in `drags`."""
         return {k: plain(getattr(self, k), k) for k in ("at", "by", "stiffness")}
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure of `value` MPa on the surface in a `region`, which it follows; positive pushes
-    inwards."""
+    """A pressure on the surface in a region, perpendicular to the deformed surface.
+
+    Attributes:
+        region: Name of the region.
+        value: Pressure, MPa; positive pushes inwards.
+    """
 
     region: str
     value: float
@@ -164,15 +246,23 @@ class Pressure:
         of_kind(self.region, "region", str)
 
     def table(self) -> dict[str, Any]:
-        """As in `pressures`."""
+        """Return the pressure as in `pressures`."""
         return {"region": self.region, "value": plain(self.value, "value")}
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A deformation that the device is to sense: regions by name that are `fixed`, `handles` that
-    are moved, planes of `symmetry`, points that `drags` pull, `pressures`, and `gravity` (3,) in
-    multiples of g (None: none)."""
+    """A deformation that the device must sense.
+
+    Attributes:
+        name: Name of the pose.
+        fixed: Names of the regions that do not move.
+        handles: Regions that are moved.
+        symmetry: Planes of symmetry.
+        drags: Springs that pull points.
+        pressures: Pressures on the surface.
+        gravity: Acceleration (3,) in multiples of g; None: without gravity.
+    """
 
     name: str
     fixed: Sequence[str] = ()
@@ -191,10 +281,14 @@ class Pose:
         each_of(self.pressures, "pressures", Pressure)
 
     def table(self) -> dict[str, Any]:
-        """As in `[[poses]]`."""
-        parts = {k: getattr(self, k) for k in ("handles", "symmetry", "drags", "pressures")}
+        """Return the pose as in `[[poses]]`.
+
+        Raises:
+            DeviceError: A value has no form in `device.toml`.
+        """
+        lists = {k: getattr(self, k) for k in ("handles", "symmetry", "drags", "pressures")}
         table: dict[str, Any] = {"name": self.name, "fixed": plain(self.fixed, "fixed")}
-        table |= {k: [each.table() for each in some] for k, some in parts.items() if len(some)}
+        table |= {k: [item.table() for item in items] for k, items in lists.items() if len(items)}
         if self.gravity is not None:
             table["gravity"] = plain(self.gravity, "gravity")
         return table
@@ -202,10 +296,18 @@ class Pose:
 
 @dataclass(frozen=True)
 class DrawnCord:
-    """A cord's path as it is drawn: `control_points` (k >= 4, 2) mm in the plane through `origin`
-    (3,) mm with this `normal` (3,) and `x_axis` (3,), and what the optimiser may change of it: its
-    "path", its "plane", or the plane's "offset" alone; nothing: the cord stays. `tangents` (k, 2)
-    mm at the points are those of Catmull and Rom where none are given."""
+    """The path of a cord as it is drawn in a plane.
+
+    Attributes:
+        name: Name of the cord.
+        control_points: Points of the path (k >= 4, 2) mm in the plane.
+        origin: Origin of the plane (3,) mm.
+        normal: Normal of the plane (3,).
+        x_axis: First axis (3,) of the plane.
+        free: What the optimizer may change: the "path", the "plane", or only the "offset" of the
+            plane along its normal. An empty sequence locks the cord.
+        tangents: Tangents (k, 2) mm at the points; None: Catmull-Rom tangents.
+    """
 
     name: str
     control_points: ArrayLike
@@ -220,7 +322,11 @@ class DrawnCord:
         each_of(self.free, "free", str)
 
     def table(self) -> dict[str, Any]:
-        """As in `[[sensors]]`."""
+        """Return the cord as in `[[sensors]]`.
+
+        Raises:
+            DeviceError: A value has no form in `device.toml`.
+        """
         table = {
             "name": self.name,
             "plane": {k: plain(getattr(self, k), k) for k in ("origin", "normal", "x_axis")},

@@ -1,4 +1,4 @@
-"""What a device said while it was moved: from sessions, from arrays, from its twin."""
+"""Datasets from sessions, arrays and simulated devices."""
 
 from __future__ import annotations
 
@@ -17,15 +17,27 @@ from ..twin.recordings.twin_recordings import simulate_recordings
 from .arguments import array, called, each_of, number, of_kind, path, whole
 from .layout import Layout
 
-_DAY = 86400.0  # s
-UNNAMED = "device"  # the name of one that was given none
+_MAX_TWIN_SESSION_S = 86400.0  # a day
+UNNAMED = "device"  # name of a device without a name
 
 
 def load_sessions(*sessions: str | Path) -> Dataset:
-    """Processed sessions, folders of datasets and XDF files as one dataset: each an argument.
-    Raises TrainingError for what is none of these, or does not go together."""
+    """Load recordings as one dataset.
+
+    Args:
+        sessions: Folders of processed sessions or datasets, and XDF files.
+
+    Raises:
+        TrainingError: A path is not a recording, or the recordings do not go together.
+    """
     if not sessions:
-        raise TrainingError("sessions: give at least one folder of a processed session")
+        raise TrainingError(
+            "must not be empty",
+            code="sessions-missing",
+            where="sessions",
+            action="Give at least one folder of a processed session",
+            argument="sessions",
+        )
     folders = tuple(path(s, f"sessions[{k}]", TrainingError) for k, s in enumerate(sessions))
     return DataFiles(folders).load()
 
@@ -40,30 +52,62 @@ def dataset(
     channels: Sequence[str],
     device: str = UNNAMED,
 ) -> Dataset:
-    """A recording of arrays, all taken at the same times.
+    """Return arrays that were sampled at the same times as a dataset of one recording.
 
-    `time` (t,) s, increasing; `resistances` (t, c) ohm, NaN where a channel gave none; `positions`
-    (t, m, 3) mm of m markers in the device's rest frame, NaN where one was not seen; those at rest,
-    (c,) ohm and (m, 3) mm; the names of the c `channels`, and of the `device`, which is that of the
-    layout that a model is trained with where none is given. Raises TrainingError for shapes that do
-    not go together, times that do not increase, and numbers that are none.
+    Args:
+        time: Times (t,) s, increasing.
+        resistances: Resistances (t, c) ohm; NaN where a channel has no value.
+        positions: Positions (t, m, 3) mm of the markers in the device's rest frame; NaN where a
+            marker was not visible.
+        rest_resistances: Resistances (c,) ohm at rest.
+        rest_positions: Positions (m, 3) mm of the markers at rest.
+        channels: Names of the c channels.
+        device: Name of the device; by default that of the layout that a model is trained with.
+
+    Raises:
+        TrainingError: Shapes do not go together, times do not increase, or a value is invalid.
     """
     of_kind(device, "device", str, TrainingError)
     names = each_of(channels, "channels", str, TrainingError)
-    when, ohm = _array("time", time, 1), _array("resistances", resistances, 2)
+    times, ohm = _array("time", time, 1), _array("resistances", resistances, 2)
     points = _array("positions", positions, 3)
-    rest = _array("rest_resistances", rest_resistances, 1)
-    places = _array("rest_positions", rest_positions, 2)
-    if not (np.isfinite(rest).all() and (rest > 0).all()):
-        raise TrainingError("rest_resistances: must be above 0, in ohm, and none NaN")
-    if not np.isfinite(places).all():
-        raise TrainingError("rest_positions: must be finite, in mm")
+    rest = validate_rest_resistances(_array("rest_resistances", rest_resistances, 1))
+    rest_points = _array("rest_positions", rest_positions, 2)
+    if not np.isfinite(rest_points).all():
+        raise TrainingError(
+            "must be finite, in mm",
+            code="not-finite",
+            where="rest_positions",
+            argument="rest_positions",
+        )
     for name, values in (("resistances", ohm), ("positions", points)):
         if np.isinf(values).any():
-            raise TrainingError(f"{name}: must not be infinite; NaN is where there is none")
+            raise TrainingError(
+                "must not be infinite",
+                code="not-finite",
+                where=name,
+                action="Use NaN where there is no value",
+                argument=name,
+            )
     sigma = np.full(points.shape, np.nan)
-    run = Recording("run", "session", "unit", when, ohm, rest, when, points, sigma)
-    return Dataset(device, "", names, np.arange(len(places)), places, (run,))
+    run = Recording("run", "session", "unit", times, ohm, rest, times, points, sigma)
+    return Dataset(device, "", names, np.arange(len(rest_points)), rest_points, (run,))
+
+
+def validate_rest_resistances(rest: Float) -> Float:
+    """Return resistances at rest if they are finite and above 0.
+
+    Raises:
+        TrainingError: One is not.
+    """
+    if np.isfinite(rest).all() and (rest > 0).all():
+        return rest
+    raise TrainingError(
+        "must be numbers above 0, in ohm, without NaN",
+        code="not-positive",
+        where="rest_resistances",
+        argument="rest_resistances",
+    )
 
 
 def record_twin(
@@ -75,15 +119,26 @@ def record_twin(
     unit: int = 1,
     progress: Progress = silent,
 ) -> Dataset:
-    """Training sessions of so many `seconds`, a day at most, of a simulated built device
-    (docs/twin.md): `unit` says which one of those that differ in how they were made, `seed` how the
-    hand moves it, both from 0 on. Raises TrainingError for what cannot be, CaptureError for a
-    device that no twin is made of."""
+    """Record training sessions of a simulated device as built (docs/twin.md).
+
+    Args:
+        layout: Layout of the device.
+        seconds: Duration of each session, s; at most a day.
+        sessions: Number of sessions.
+        seed: Selects how the device is moved, from 0.
+        unit: Selects one of the units of the device, from 0; units differ by tolerances of their
+            fabrication.
+        progress: Receives each stage's name, completed fraction and a message.
+
+    Raises:
+        TrainingError: An argument is invalid.
+        CaptureError: The device cannot be simulated.
+    """
     of_kind(layout, "layout", Layout, TrainingError)
     called(progress, TrainingError)
     return simulate_recordings(
-        layout.poses.device.record,
-        seconds=number(seconds, "seconds", TrainingError, above=0, most=_DAY),
+        layout.simulation.device.record,
+        seconds=number(seconds, "seconds", TrainingError, above=0, most=_MAX_TWIN_SESSION_S),
         sessions=whole(sessions, "sessions", TrainingError),
         seed=whole(seed, "seed", TrainingError, least=0),
         unit=whole(unit, "unit", TrainingError, least=0),
@@ -92,7 +147,13 @@ def record_twin(
 
 
 def _array(name: str, values: ArrayLike, dimensions: int) -> Float:
-    found = array(values, name, TrainingError)
-    if found.ndim != dimensions:
-        raise TrainingError(f"{name}: must have {dimensions} dimensions, not shape {found.shape}")
-    return found
+    converted = array(values, name, TrainingError)
+    if converted.ndim != dimensions:
+        raise TrainingError(
+            f"must have {dimensions} dimensions, not shape {converted.shape}",
+            code="wrong-shape",
+            where=name,
+            argument=name,
+            shape=converted.shape,
+        )
+    return converted

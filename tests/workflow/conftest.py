@@ -1,4 +1,4 @@
-"""A bar made in Python, simulated and given its cords once."""
+"""Fixtures: a small bar created in Python, its simulation, layout, sessions and model."""
 
 import pytest
 import trimesh
@@ -8,11 +8,11 @@ from defsense_fab.cli.main import main
 
 
 def small_bar(**changes):
-    """Bent and twisted, with one cord that stays where it is."""
+    """Return a bar that is bent and twisted, with one locked cord."""
     body = trimesh.creation.box(extents=[80, 20, 20])
     body.apply_translation([40, 0, 0])
     points = [[x, 0] for x in (1, 6, 25, 55, 74, 79)]
-    given = {
+    values = {
         "name": "small",
         "body": body,
         "material": "tango-black-plus",
@@ -28,7 +28,7 @@ def small_bar(**changes):
         "edge_length": 12.0,
         "values": {"states.ramp": [0.5, 1.0], "outputs.markers": 10, "design.decoder": "affine"},
     }
-    return df.Device.create(**(given | changes))
+    return df.Device.create(**(values | changes))
 
 
 @pytest.fixture(scope="session")
@@ -37,18 +37,18 @@ def device():
 
 
 @pytest.fixture(scope="session")
-def poses(device):
+def simulation(device):
     return df.simulate(device)
 
 
 @pytest.fixture(scope="session")
-def layout(poses):
-    return df.optimize(poses)
+def layout(simulation):
+    return df.optimize(simulation)
 
 
 @pytest.fixture(scope="session")
 def saved(device, tmp_path_factory):
-    """The device's folder, built by the commands but for its report."""
+    """Return the device's folder, built by the command line except for its report."""
     folder = tmp_path_factory.mktemp("saved") / "small"
     device.save(folder)
     assert main(["fabricate", str(folder)]) == 0
@@ -57,7 +57,7 @@ def saved(device, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def sessions(saved):
-    """Folders of two processed sessions of a minute, as a twin writes them."""
+    """Return the folders of two processed sessions of a minute, recorded by the twin."""
     out = saved.parent / "sessions"
     assert main(["twin", str(saved), "--minutes", "1", "--sessions", "2", "--out", str(out)]) == 0
     return [out / "session-1", out / "session-2"]
@@ -65,10 +65,10 @@ def sessions(saved):
 
 @pytest.fixture(scope="session")
 def twin(layout):
-    """A minute of a simulated built device."""
+    """Return a recording of a minute of the simulated device."""
     return df.record_twin(layout, seconds=60.0, seed=3)
 
 
 @pytest.fixture(scope="session")
 def model(twin, layout):
-    return df.train(twin, layout, decoder="affine", in_step=True)
+    return df.train(twin, layout, decoder="affine", is_synchronized=True)
