@@ -1,1 +1,1 @@
-"""The mode in which cords are drawn while their expected error is told."""
+"""The mode in which the user draws cords and sees their expected error."""

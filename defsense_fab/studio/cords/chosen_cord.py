@@ -1,4 +1,4 @@
-"""The part of the panel about the cord that is chosen."""
+"""The panel of the chosen cord."""
 
 from __future__ import annotations
 
@@ -17,80 +17,100 @@ from ..edits.cords import (
     set_freedoms,
     smooth,
 )
-from ..edits.edit import Edit
-from ..edits.edit import free_name
+from ..edits.edit import Edit, free_name
 from ..workbench.workbench import Workbench
-from .cord_scene import PARTS, Part
+from .cord_scene import HANDLE_KINDS, HandleKind
 
 _NONE = "none"
-_FREE: dict[str, tuple[str, ...]] = {
+_FREEDOMS: dict[str, tuple[str, ...]] = {
     "nothing (locked)": (),
     "its path": ("path",),
     "its plane": ("plane",),
     "path and plane": ("path", "plane"),
 }
-_MIRRORS = ("left and right", "front and back", "top and bottom")
+_MIRROR_AXES = {"left and right": 1, "front and back": 0, "top and bottom": 2}
 
 
 class ChosenCord:
-    """One cord at a time has handles, for all who look."""
+    """Choose a cord and edit it; all browsers see the same cord with handles.
+
+    Args:
+        bench: The workbench.
+        redraw: Called after another cord or another kind of handle was chosen.
+
+    Attributes:
+        name: Name of the chosen cord, or None.
+        last_point: Index of the control point that was dragged last, or None.
+    """
 
     def __init__(self, bench: Workbench, redraw: Callable[[], None]) -> None:
         self._bench, self._redraw = bench, redraw
         self.name: str | None = None
-        self.touched: int | None = None  # the control point that was dragged last
+        self.last_point: int | None = None
 
     def add_panel(self) -> None:
-        """Its buttons, in the folder that is open."""
+        """Add the controls to the open folder of the panel."""
         gui, button = self._bench.server.gui, self._bench.button
-        self._list = gui.add_dropdown("Cord", (_NONE,), hint="It has handles")
-        self._list.on_update(lambda event: self._listed(event))
-        self._name = gui.add_text("Name", "", hint="As on the parts and in the guide")
-        self._name.on_update(lambda event: self._renamed(event))
-        self._part = gui.add_dropdown("Handles on", PARTS, hint="What the handles move")
-        self._part.on_update(lambda event: self._redraw() if event.client else None)
-        self._snap = gui.add_checkbox("Snap", True, hint="To skin, middle, other cords' points")
-        self._again = gui.add_checkbox(
-            "Strokes redraw it", False, hint="A line drawn in its plane takes the place of its path"
+        self._list = gui.add_dropdown("Cord", (_NONE,), hint="Choose the cord that has handles")
+        self._list.on_update(self._choose_from_list)
+        self._name = gui.add_text("Name", "", hint="Name on the parts and in the guide")
+        self._name.on_update(self._rename)
+        self._handles = gui.add_dropdown(
+            "Handles on", HANDLE_KINDS, hint="Choose what the handles move"
         )
-        self._free = gui.add_dropdown(
-            "Optimiser moves", tuple(_FREE), hint="Of this cord; locked ones stay as drawn"
+        self._handles.on_update(lambda event: self._redraw() if event.client else None)
+        self._snap = gui.add_checkbox(
+            "Snap points", True, hint="Snap to the surface, the middle and other cords' points"
         )
-        self._free.on_update(lambda event: self._freed(event))
-        button("Add a point", "In its longest span", lambda: self._edit(self._longer))
-        button("Delete the point", "That was dragged last", self._delete_point)
-        button("Smooth", "Tangents follow from the points", lambda: self._edit(_smoothed))
-        self._side = gui.add_dropdown("Mirror", _MIRRORS, hint="Through the body's middle")
-        button("Mirrored copy", "Beyond the body's middle", lambda: self._edit(self._mirrored))
-        button("Delete the cord", "Undo brings it back", self._delete)
+        self._replace = gui.add_checkbox(
+            "Strokes replace its path", False, hint="Redraw the cord by a stroke in its plane"
+        )
+        self._freedom = gui.add_dropdown(
+            "Optimizer moves",
+            tuple(_FREEDOMS),
+            hint="Choose what the optimizer may change. A locked cord stays as drawn",
+        )
+        self._freedom.on_update(self._set_freedom)
+        button("Add a point", "Add a control point in the longest span", self.add_point)
+        button("Delete the point", "Delete the point that was dragged last", self.delete_point)
+        button("Smooth", "Compute the tangents from the points", self.smooth)
+        self._mirror = gui.add_dropdown(
+            "Mirror", tuple(_MIRROR_AXES), hint="Choose the sides of the body to swap"
+        )
+        button("Add a mirrored copy", "Mirror the cord at the body's middle", self.add_mirrored)
+        button("Delete the cord", "Delete it. Undo restores it", self.delete)
 
     @property
-    def part(self) -> Part:
-        """What its handles move."""
-        return next(part for part in PARTS if part == self._part.value)
+    def handle_kind(self) -> HandleKind:
+        """What the handles move."""
+        return next(kind for kind in HANDLE_KINDS if kind == self._handles.value)
 
     @property
-    def snaps(self) -> bool:
-        """Whether points that are dragged snap."""
+    def is_snapping(self) -> bool:
+        """Whether dragged points snap."""
         return bool(self._snap.value)
 
     @property
-    def redraws(self) -> bool:
-        """Whether a stroke takes the place of its path."""
-        return bool(self._again.value)
+    def is_replaced_by_strokes(self) -> bool:
+        """Whether a stroke in the cord's plane replaces its path."""
+        return bool(self._replace.value)
 
-    def sensor(self, sensors: Sequence[Sensor]) -> Sensor | None:
-        """The cord among these."""
+    @is_replaced_by_strokes.setter
+    def is_replaced_by_strokes(self, value: bool) -> None:
+        self._replace.value = value
+
+    def find(self, sensors: Sequence[Sensor]) -> Sensor | None:
+        """Return the chosen cord among these."""
         return next((s for s in sensors if s.name == self.name), None)
 
     def choose(self, name: str | None) -> None:
-        """Put handles on another."""
-        self.name, self.touched = name, None
+        """Put the handles on another cord, or on none."""
+        self.name, self.last_point = name, None
         self._redraw()
 
     def show(self, sensors: Sequence[Sensor]) -> None:
-        """The panel as the device is now."""
-        chosen = self.sensor(sensors)
+        """Show the chosen one of the device's cords in the controls."""
+        chosen = self.find(sensors)
         if chosen is None:
             self.name = None
         options = (_NONE, *(s.name for s in sensors))
@@ -98,17 +118,50 @@ class ChosenCord:
             self._list.options = options
         self._list.value = self.name or _NONE
         self._name.value = self.name or ""
-        for control in (self._name, self._free):
+        for control in (self._name, self._freedom):
             control.disabled = chosen is None
         if chosen is not None:
-            told = next(k for k, free in _FREE.items() if set(free) == set(chosen.free))
-            self._free.value = told
+            self._freedom.value = next(
+                label for label, free in _FREEDOMS.items() if set(free) == set(chosen.free)
+            )
 
-    def _listed(self, event: Any) -> None:
-        if event.client is not None:  # else set by the page itself
+    def add_point(self) -> None:
+        """Add a control point in the middle of the longest span."""
+        self._edit(self._insert_in_longest_span)
+
+    def delete_point(self) -> None:
+        """Delete the control point that was dragged last."""
+        index, self.last_point = self.last_point, None
+        if index is None:
+            self._bench.show_message(
+                "Drag a point first. The point that was dragged last is deleted.",
+                "no-point-dragged",
+            )
+        else:
+            self._edit(lambda cord: delete_point(cord.name, index))
+
+    def smooth(self) -> None:
+        """Compute the tangents from the control points."""
+        self._edit(lambda cord: smooth(cord.name))
+
+    def add_mirrored(self) -> None:
+        """Add a copy that is mirrored at the body's middle."""
+        self._edit(self._mirrored)
+
+    def delete(self) -> None:
+        """Delete the cord from the device."""
+        name = self.name
+        if name is None:
+            self._show_no_cord()
+            return
+        self.name = None
+        self._bench.apply(remove_cord(name))
+
+    def _choose_from_list(self, event: Any) -> None:
+        if event.client is not None:  # a user, not the program, has set it
             self.choose(None if self._list.value == _NONE else self._list.value)
 
-    def _renamed(self, event: Any) -> None:
+    def _rename(self, event: Any) -> None:
         name = self._name.value.strip()
         if event.client is None or self.name is None or name in ("", self.name):
             return
@@ -117,47 +170,31 @@ class ChosenCord:
             self.name = before
             self._redraw()
 
-    def _freed(self, event: Any) -> None:
+    def _set_freedom(self, event: Any) -> None:
         if event.client is not None and self.name is not None:
-            self._bench.apply(set_freedoms(self.name, _FREE[self._free.value]))
+            self._bench.apply(set_freedoms(self.name, _FREEDOMS[self._freedom.value]))
 
     def _edit(self, edit: Callable[[Sensor], Edit]) -> None:
-        chosen = self.sensor(self._bench.project.device.sensors)
+        chosen = self.find(self._bench.project.device.sensors)
         if chosen is None:
-            self._bench.show_message("Choose a cord first.")
+            self._show_no_cord()
             return
         self._bench.apply(edit(chosen))
 
-    def _delete(self) -> None:
-        name = self.name
-        if name is None:
-            self._bench.show_message("Choose a cord first.")
-            return
-        self.name = None
-        self._bench.apply(remove_cord(name))
+    def _show_no_cord(self) -> None:
+        self._bench.show_message("Choose a cord first.", "no-cord-chosen")
 
-    def _longer(self, cord: Sensor) -> Edit:
+    def _insert_in_longest_span(self, cord: Sensor) -> Edit:
         spans = np.linalg.norm(np.diff(cord.curve.points, axis=0), axis=1)
         k = int(spans.argmax())
-        self.touched = None
+        self.last_point = None
         return insert_point(cord.name, k + 1, cord.curve.sample(2)[2 * k + 1])
-
-    def _delete_point(self) -> None:
-        at, self.touched = self.touched, None
-        if at is None:
-            self._bench.show_message("Drag a point first: the one that was dragged last is deleted.")
-        else:
-            self._edit(lambda cord: delete_point(cord.name, at))
 
     def _mirrored(self, cord: Sensor) -> Edit:
         surface = self._bench.surface
         names = [s.name for s in self._bench.project.device.sensors]
         v = np.zeros((1, 3)) if surface is None else surface.vertices
         middle = (v.min(axis=0) + v.max(axis=0)) / 2
-        normal = np.eye(3)[(1, 0, 2)[_MIRRORS.index(self._side.value)]]
+        normal = np.eye(3)[_MIRROR_AXES[self._mirror.value]]
         name = free_name(f"{cord.name}-mirrored", names)
         return mirror_cord(cord.name, name, middle, normal)
-
-
-def _smoothed(cord: Sensor) -> Edit:
-    return smooth(cord.name)

@@ -1,7 +1,8 @@
-"""The mode in which cords are drawn while their expected error is told."""
+"""The mode in which the user draws cords and sees their expected error."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ...core.curve import Hermite, Plane
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError
+from ...optimize.limits.verification import LayoutCheck
 from ...optimize.prediction.layout_judge import JudgedLayout
 from ..edits.cords import add_cord, bend_at, move_point, set_path, set_plane
 from ..edits.edit import free_name
@@ -16,72 +18,95 @@ from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .chosen_cord import ChosenCord
-from .cord_results import comparison
-from .cord_scene import CordScene, Part, with_point
-from .cord_results import broken_cords, error_table, limit_words
-from .drawing import Drawing
-from .cord_results import signal_bars
-from .snapping import Snapping
+from .cord_results import (
+    CordComparison,
+    broken_cords,
+    compare_cords,
+    comparison_table,
+    error_table,
+    limits_table,
+    signal_bars,
+)
+from .cord_scene import CordScene, HandleKind, with_point
+from .drawing import DrawingPanel
+from .snapping import Snapper
 
-NOT_BUILT = "Simulate the poses first: their expected error follows the cords then."
-_REACH = 0.01  # of the body's size, that points snap over
+_NOT_SIMULATED = "Simulate the poses first. Then the expected error of the cords is shown here."
+_NOT_COMPARED = "Choose two cords to compare them."
+_SEARCHING = "Searching for the cord that lowers the error most"
+_SNAP_DISTANCE = 0.01  # times the body's size
+_NONE = "none"
 
 Cords = tuple[Sensor, ...]
 
 
 class CordsMode(Mode):
-    """The chosen cord has handles; the error follows while they are dragged."""
+    """Draw cords and drag their handles; the expected error follows.
+
+    Attributes:
+        chosen: The chosen cord and its controls.
+        drawing: The controls that draw new cords.
+        prediction: The latest prediction for the cords, or None.
+        check: The latest check of the limits, or None while there is nothing to check.
+        comparison: The latest comparison of two cords, or None.
+        error_worker: Predicts the error.
+        limits_worker: Checks the limits.
+        comparison_worker: Compares two cords and finds the best decoder.
+        proposal_worker: Searches for another cord.
+    """
 
     label = "Cords"
-    hint = "Draw cords, choose one, drag its points; the expected error follows."
+    hint = "Draw cords, choose one and drag its points. The expected error follows."
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(bench)
-        self._before: JudgedLayout | None = None  # the drag that is under way
-        self._shown: JudgedLayout | None = None
+        self.chosen = ChosenCord(bench, self.redraw)
+        self.drawing = DrawingPanel(bench, self._add_stroke)
+        self.prediction: JudgedLayout | None = None
+        self.check: LayoutCheck | None = None
+        self.comparison: CordComparison | None = None
+        self.error_worker = LatestWorker(self._show_error_of, bench.show_error)
+        self.limits_worker = LatestWorker(self._show_limits, bench.show_error)
+        self.comparison_worker = LatestWorker(self._show_comparison, bench.show_error)
+        self.proposal_worker = LatestWorker(self._propose, bench.show_error)
+        self._before_drag: JudgedLayout | None = None
         self._scene: CordScene | None = None
-        self._snapping: Snapping | None = None
-        self._drawing = Drawing(bench, self._stroke)
-        self._cord = ChosenCord(bench, self.redraw)
-        self._quick = LatestWorker(self._judged, bench.show_error)
-        self._limits_work = LatestWorker(self._checked, bench.show_error)
-        self._slow = LatestWorker(self._weighed, bench.show_error)
-        self._proposals = LatestWorker(self._proposed, bench.show_error)
-
-    @property
-    def judged(self) -> int:
-        """How often cords have been judged."""
-        return self._quick.done_count
+        self._snapper: Snapper | None = None
 
     def add_panel(self) -> None:
         gui, button = self.bench.server.gui, self.bench.button
-        self._error = gui.add_markdown(NOT_BUILT)
-        self._best = gui.add_markdown("")
+        self._error = gui.add_markdown(_NOT_SIMULATED)
+        self._best_decoder = gui.add_markdown("")
         with gui.add_folder("New cord"):
-            self._drawing.add_panel()
-            button("Straight cord", "Along the body, through its middle", self.add_straight)
-            button("Propose a cord", "The one that lowers the error most", self.propose)
+            self.drawing.add_panel()
+            button("Straight cord", "Add a cord along the body's middle", self.add_straight)
+            button("Propose a cord", "Add the cord that lowers the error most", self.propose)
         with gui.add_folder("Chosen cord"):
-            self._cord.add_panel()
+            self.chosen.add_panel()
         with gui.add_folder("Signals in each pose"):
             self._signals = gui.add_html("")
         with gui.add_folder("Limits"):
             self._limits = gui.add_markdown("")
-        with gui.add_folder("Compared", expand_by_default=False):
-            self._other = gui.add_dropdown("The chosen with", ("none",))
-            self._other.on_update(lambda _: self._give_slow())
-            self._compared = gui.add_markdown("Choose two cords.")
+        with gui.add_folder("Comparison", expand_by_default=False):
+            self._other = gui.add_dropdown("Compare with", (_NONE,))
+            self._other.on_update(lambda _: self._update_comparison())
+            self._comparison = gui.add_markdown(_NOT_COMPARED)
         command = self.bench.command
-        command("Straight cord", "A straight cord along the body", self.add_straight, "N")
-        command("Propose a cord", "The cord that lowers the error most", self.propose, "P")
-        command("Next cord", "Handles on the next cord", self.choose_next, "C")
+        command("Straight cord", "Add a straight cord along the body", self.add_straight, "N")
+        command("Propose a cord", "Add the cord that lowers the error most", self.propose, "P")
+        command("Next cord", "Put the handles on the next cord", self.choose_next, "C")
 
     def close(self) -> None:
-        for work in (self._quick, self._limits_work, self._slow, self._proposals):
-            work.close()
+        for worker in (
+            self.error_worker,
+            self.limits_worker,
+            self.comparison_worker,
+            self.proposal_worker,
+        ):
+            worker.close()
 
     def leave(self) -> None:
-        self._drawing.close()
+        self.drawing.close()
         if self._scene is not None:
             self._scene.clear()
 
@@ -90,179 +115,202 @@ class CordsMode(Mode):
 
     def on_build_loaded(self) -> None:
         if self._scene is not None:
-            self._scene.clear()  # what is drawn is of the build before
-        self._drawing.close()
+            self._scene.clear()  # it belongs to the previous build
+        self.drawing.close()
         if self.bench.surface is not None:
             radius = self.bench.project.device.cord.diameter / 2
-            self._scene = CordScene(self.bench.server, radius, self.bench.size, self.drawn)
+            self._scene = CordScene(self.bench.server, radius, self.bench.size, self.drag)
 
     def on_device_changed(self) -> None:
         self.redraw()
 
     def choose(self, name: str | None) -> None:
-        """Put handles on a cord."""
-        self._cord.choose(name)
+        """Put the handles on a cord."""
+        self.chosen.choose(name)
 
     def choose_next(self) -> None:
-        """Put handles on the cord behind the chosen one, the first behind the last."""
+        """Put the handles on the cord after the chosen one, and after the last on the first."""
         names = [s.name for s in self.bench.project.device.sensors]
         if names:
-            at = names.index(self._cord.name) + 1 if self._cord.name in names else 0
-            self.choose(names[at % len(names)])
+            index = names.index(self.chosen.name) + 1 if self.chosen.name in names else 0
+            self.choose(names[index % len(names)])
 
-    def drawn(self, sensor: Sensor, part: Part, at: int, ended: bool) -> Sensor:
-        """A hand has moved a control point, a tangent or the plane of a cord; it is written once
-        the hand lets go. The cord as it is to be: points snap."""
-        if part == "points":
-            sensor = self._snapped(sensor, at)
+    def compare_with(self, name: str | None) -> None:
+        """Compare the chosen cord with another one."""
+        self._other.value = name or _NONE
+        self._update_comparison()
+
+    def drag(self, sensor: Sensor, kind: HandleKind, index: int, has_ended: bool) -> Sensor:
+        """Follow the drag of a handle; write the cord once it is released.
+
+        Args:
+            sensor: The cord as dragged.
+            kind: What the handle moves.
+            index: Index of the handle.
+            has_ended: Whether the handle was released.
+
+        Returns:
+            The cord to draw; its point may have snapped.
+        """
+        if kind == "points":
+            sensor = self._snap(sensor, index)
         if self._scene is not None:
             self._scene.move(sensor)
-        if self._before is None:
-            self._before = self._shown
+        if self._before_drag is None:
+            self._before_drag = self.prediction
         cords = self._with(sensor)
-        self._quick.give(cords)
-        self._limits_work.give(cords)
-        if ended:
-            self._before = None
-            self._cord.touched = None if part == "plane" else at
-            if not self._write(sensor, part, at):
+        self.error_worker.give(cords)
+        self.limits_worker.give(cords)
+        if has_ended:
+            self._before_drag = None
+            self.chosen.last_point = None if kind == "plane" else index
+            if not self._write(sensor, kind, index):
                 self.redraw()
         return sensor
 
     def add_straight(self) -> None:
-        """A straight cord along the body."""
+        """Add a straight cord along the body."""
         judge = self.bench.judge
         if judge is None:
-            self.bench.show_message(NOT_BUILT)
+            self.bench.show_message(_NOT_SIMULATED, "not-simulated")
             return
         self._add(judge.new_cord(self._new_name()))
 
     def propose(self) -> None:
-        """The cord that lowers the error most, found beside the page."""
+        """Search in the background for the cord that lowers the error most, and add it."""
         if self.bench.judge is None:
-            self.bench.show_message(NOT_BUILT)
+            self.bench.show_message(_NOT_SIMULATED, "not-simulated")
             return
-        self.bench.show_message("Looking for the cord that lowers the error most ...")
-        self._proposals.give(self.bench.project.device.sensors)
+        self.bench.show_message(f"{_SEARCHING} ...", "searching")
+        self.proposal_worker.give(self.bench.project.device.sensors)
 
     def redraw(self) -> None:
-        """The cords as the device has them now."""
+        """Draw the device's cords, and update all numbers."""
         with self.bench.drawing_lock:
             sensors = self.bench.project.device.sensors
-            self._cord.show(sensors)
-            self._drawing.offer()
-            chosen = self._cord.name
-            others = tuple(s.name for s in sensors if s.name != chosen)
-            options = ("none", *others) if chosen else ("none",)
-            if tuple(self._other.options) != options:
-                kept = self._other.value
-                self._other.options = options
-                self._other.value = kept if kept in options else "none"
-            self._snapping = None
+            self.chosen.show(sensors)
+            self.drawing.update()
+            self._offer_others(sensors)
+            self._snapper = None
             if self._scene is not None and self.bench.mode == self.label:
-                self._scene.show(sensors, chosen, self._cord.part)
-        self._quick.give(sensors)
-        self._limits_work.give(sensors)
-        self._give_slow()
+                self._scene.show(sensors, self.chosen.name, self.chosen.handle_kind)
+        self.error_worker.give(sensors)
+        self.limits_worker.give(sensors)
+        self._update_comparison()
 
-    def _give_slow(self) -> None:
-        self._slow.give(self.bench.project.device.sensors)
+    def _offer_others(self, sensors: Sequence[Sensor]) -> None:
+        """Offer the other cords for the comparison."""
+        chosen = self.chosen.name
+        others = tuple(s.name for s in sensors if s.name != chosen)
+        options = (_NONE, *others) if chosen else (_NONE,)
+        if tuple(self._other.options) != options:
+            selected = self._other.value
+            self._other.options = options
+            self._other.value = selected if selected in options else _NONE
+
+    def _update_comparison(self) -> None:
+        self.comparison_worker.give(self.bench.project.device.sensors)
 
     def _new_name(self) -> str:
         return free_name("cord", [s.name for s in self.bench.project.device.sensors])
 
     def _add(self, cord: Sensor) -> None:
-        self._cord.name = cord.name
+        self.chosen.name = cord.name
         self.bench.apply(add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
 
-    def _stroke(self, plane: Plane, curve: Hermite) -> None:
-        """A line was drawn: a new cord, or the chosen one anew where that is asked."""
-        chosen = self._cord.sensor(self.bench.project.device.sensors)
-        if self._cord.redraws and chosen is not None and chosen.plane.coincides(plane):
-            local = (plane.to_world(curve.points) - chosen.plane.origin) @ chosen.plane.axes
-            ways = curve.tangents @ plane.axes[:, :2].T @ chosen.plane.axes
-            self.bench.apply(set_path(chosen.name, Hermite(local[:, :2], ways[:, :2])))
+    def _add_stroke(self, plane: Plane, curve: Hermite) -> None:
+        """Add a cord along a stroke, or replace the chosen one's path if the user wants that."""
+        chosen = self.chosen.find(self.bench.project.device.sensors)
+        replaces = self.chosen.is_replaced_by_strokes
+        if replaces and chosen is not None and chosen.plane.coincides(plane):
+            points = (plane.to_world(curve.points) - chosen.plane.origin) @ chosen.plane.axes
+            tangents = curve.tangents @ plane.axes[:, :2].T @ chosen.plane.axes
+            self.bench.apply(set_path(chosen.name, Hermite(points[:, :2], tangents[:, :2])))
             return
         self._add(Sensor(self._new_name(), plane, curve, frozenset({"path"})))
 
-    def _snapped(self, sensor: Sensor, at: int) -> Sensor:
+    def _snap(self, sensor: Sensor, index: int) -> Sensor:
         surface = self.bench.surface
-        if not self._cord.snaps or surface is None:
+        if not self.chosen.is_snapping or surface is None:
             return sensor
-        if self._snapping is None:
+        if self._snapper is None:
             others = [s for s in self.bench.project.device.sensors if s.name != sensor.name]
-            self._snapping = Snapping(surface, sensor.plane, others, _REACH * self.bench.size)
-        found = self._snapping(sensor.curve.points[at])
-        return with_point(sensor, at, found.place) if found.to else sensor
+            self._snapper = Snapper(surface, sensor.plane, others, _SNAP_DISTANCE * self.bench.size)
+        snap = self._snapper.snap(sensor.curve.points[index])
+        return with_point(sensor, index, snap.point) if snap.target else sensor
 
-    def _write(self, sensor: Sensor, part: Part, at: int) -> bool:
-        if part == "plane":
+    def _write(self, sensor: Sensor, kind: HandleKind, index: int) -> bool:
+        if kind == "plane":
             return self.bench.apply(set_plane(sensor.name, sensor.plane))
-        if part == "tangents":
-            return self.bench.apply(bend_at(sensor.name, at, sensor.curve))
-        return self.bench.apply(move_point(sensor.name, at, sensor.curve.points[at]))
+        if kind == "tangents":
+            return self.bench.apply(bend_at(sensor.name, index, sensor.curve))
+        return self.bench.apply(move_point(sensor.name, index, sensor.curve.points[index]))
 
     def _with(self, sensor: Sensor) -> Cords:
         sensors = self.bench.project.device.sensors
         return tuple(sensor if s.name == sensor.name else s for s in sensors)
 
-    # On threads of their own.
+    # The following methods run on the threads of the workers.
 
-    def _judged(self, sensors: Cords) -> None:
+    def _show_error_of(self, sensors: Cords) -> None:
         judge = self.bench.judge
         if judge is None:
-            self._error.content, self._signals.content = NOT_BUILT, ""
+            self._error.content, self._signals.content = _NOT_SIMULATED, ""
             return
-        found = judge.judge(sensors, quick=True)
-        self._shown = found
-        self._error.content = error_table(found, self._before)
+        judged = judge.judge(sensors, quick=True)
+        self.prediction = judged
+        self._error.content = error_table(judged, self._before_drag)
         names = [s.name for s in sensors]
-        self._signals.content = signal_bars(found, names, self._cord.name) if found else ""
+        self._signals.content = signal_bars(judged, names, self.chosen.name) if judged else ""
 
-    def _checked(self, sensors: Cords) -> None:
+    def _show_limits(self, sensors: Cords) -> None:
         judge = self.bench.judge
         if judge is None or not sensors:
-            self._limits.content = ""
+            self.check, self._limits.content = None, ""
             if self._scene is not None:
                 self._scene.mark(np.zeros((0, 3)), frozenset())
             return
-        names = [s.name for s in sensors]
         check = judge.check(sensors)
-        self._limits.content = limit_words(check, names)
+        self.check = check
+        self._limits.content = limits_table(check, [s.name for s in sensors])
         if self._scene is not None and self.bench.mode == self.label:
-            self._scene.mark(check.broken, broken_cords(check, names))
+            self._scene.mark(check.broken, broken_cords(check))
 
-    def _weighed(self, sensors: Cords) -> None:
+    def _show_comparison(self, sensors: Cords) -> None:
         judge = self.bench.judge
         best = judge.judge(sensors) if judge is not None and sensors else None
-        self._best.content = (
-            f"with the best decoder: **{best.error:.2f} mm** ({best.decoder})" if best else ""
+        self._best_decoder.content = (
+            f"With the best decoder ({best.decoder}): **{best.error:.2f} mm**" if best else ""
         )
-        chosen, other = self._cord.name, self._other.value
+        chosen, other = self.chosen.name, self._other.value
         names = [s.name for s in sensors]
         if judge is None or chosen not in names or other not in names:
-            self._compared.content = "Choose two cords."
+            self.comparison, self._comparison.content = None, _NOT_COMPARED
             return
-        found = judge.judge(sensors, quick=True)
-        if found is not None and chosen is not None:
-            self._compared.content = comparison(judge, sensors, found, chosen, other)
+        judged = judge.judge(sensors, quick=True)
+        if judged is not None and chosen is not None:
+            self.comparison = compare_cords(judge, sensors, judged, (chosen, other))
+            self._comparison.content = comparison_table(self.comparison)
 
-    def _proposed(self, sensors: Cords) -> None:
+    def _propose(self, sensors: Cords) -> None:
         judge = self.bench.judge
         if judge is None:
             return
         before = judge.judge(sensors, quick=True)
         try:
-            cord = judge.propose(self._new_name(), sensors, self._searching)
+            cord = judge.propose(self._new_name(), sensors, self._show_search)
         except DefsenseError as error:
             self.bench.show_error(error)
             return
         after = judge.judge((*sensors, cord), quick=True)
-        cord = replace(cord, name=self._new_name())  # another may have been drawn meanwhile
+        cord = replace(cord, name=self._new_name())  # the name may have been taken meanwhile
         self._add(cord)
         if after is not None:
-            was = f"from {before.error:.2f} " if before is not None else ""
-            self.bench.show_message(f"`{cord.name}` takes the expected error {was}to {after.error:.2f} mm.")
+            change = f"from {before.error:.2f} " if before is not None else ""
+            self.bench.show_message(
+                f"`{cord.name}` changes the expected error {change}to {after.error:.2f} mm.",
+                "cord-proposed",
+            )
 
-    def _searching(self, share: float, _: str) -> None:
-        self.bench.show_message(f"Looking for the cord that lowers the error most: {share:.0%}")
+    def _show_search(self, share: float, _: str) -> None:
+        self.bench.show_message(f"{_SEARCHING}: {share:.0%}", "searching")

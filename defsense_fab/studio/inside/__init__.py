@@ -1,2 +1,1 @@
-"""The mode in which one looks into the body: how a section of it is stretched, and where another
-cord would help."""
+"""The mode that cuts the body: its stretch in a section, and where another cord would help."""

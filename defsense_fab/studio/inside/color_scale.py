@@ -1,4 +1,4 @@
-"""The bar that says which number a colour stands for."""
+"""Color scales for color-blind people, on light and dark pages, and their color bars."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 
-# Colours of numbers, told apart by colour-blind people, in light and dark.
-
-#: Blue below, orange above (ColorBrewer's RdBu and PuOr); cividis; viridis.
+#: Blue below zero and orange above (ColorBrewer's RdBu and PuOr); cividis; viridis.
 _DIVERGING = (
     (5, 48, 97), (33, 102, 172), (67, 147, 195), (146, 197, 222), (209, 229, 240), (220, 220, 220),
     (254, 224, 182), (253, 184, 99), (224, 130, 20), (179, 88, 6), (127, 59, 8),
@@ -24,96 +22,119 @@ _VIRIDIS = (
     (68, 1, 84), (72, 40, 120), (62, 74, 137), (49, 104, 142), (38, 130, 142), (31, 158, 137),
     (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
 )  # fmt: skip
-_UNKNOWN = (150, 150, 150)
-#: Differences by less than this share are none.
-_ALIKE = 0.03
-#: Ends of ranges, times a power of ten: their quarters are short numbers.
-_ROUND = (1.0, 1.2, 1.6, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
+_UNKNOWN_COLOR = (150, 150, 150)
+_MIN_GAIN_SPREAD = 0.03  # share of the largest gain; smaller differences must not look large
+#: Ends of ranges, times a power of ten; their quarters have few digits.
+_ROUND_ENDS = (1.0, 1.2, 1.6, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
+_MINUS = "\u2212"
+
+# Layout of the color bar, in pixels of its drawing.
+_BAR_WIDTH, _BAR_HEIGHT, _BAR_MARGIN, _BAR_THICKNESS = 280, 44, 24, 18
+_BAR_STEPS = 64
+_BAR_TICKS = 5
 
 
 @dataclass(frozen=True)
-class Scale:
-    """Colours of numbers from `low` to `high`; those beyond have the colours of the ends, and those
-    that are not known (NaN) are grey."""
+class ColorScale:
+    """Colors of the numbers from `low` to `high`.
+
+    Numbers beyond the ends have the color of the end; unknown numbers (NaN) are gray.
+
+    Attributes:
+        low: Lower end.
+        high: Upper end.
+        anchors: RGB colors (0 to 255) at equal distances from `low` to `high`.
+    """
 
     low: float
     high: float
     anchors: tuple[tuple[int, int, int], ...]
 
     @classmethod
-    def about_zero(cls, reach: float) -> Scale:
-        """Symmetric; `reach` is rounded up."""
-        end = rounded_up(reach)
+    def symmetric(cls, reach: float) -> ColorScale:
+        """Return a scale from -reach to reach, which is rounded up."""
+        end = round_up(reach)
         return cls(-end, end, _DIVERGING)
 
     @classmethod
-    def spread(cls, reach: float) -> Scale:
-        """From 0 for variances."""
-        return cls(0.0, rounded_up(reach), _CIVIDIS)
+    def from_zero(cls, reach: float) -> ColorScale:
+        """Return a scale from 0 to `reach`, which is rounded up."""
+        return cls(0.0, round_up(reach), _CIVIDIS)
 
     @classmethod
-    def gain(cls, values: Float) -> Scale:
-        """Of what helps: from the least to the most that is known, of those above 0; from 0 where
-        they are nearly alike, so that small differences do not look large."""
-        known = np.maximum(values[np.isfinite(values)], 0.0)
-        high = float(known.max(initial=0.0)) or 1.0
-        low = float(known.min(initial=high))
-        return cls(low if high - low > _ALIKE * high else 0.0, high, _VIRIDIS)
+    def for_gains(cls, values: Float) -> ColorScale:
+        """Return a scale for gains: from the smallest to the largest positive number.
+
+        It starts at 0 if the numbers are nearly equal, so that small differences do not look large.
+        """
+        gains = np.maximum(values[np.isfinite(values)], 0.0)
+        high = float(gains.max(initial=0.0)) or 1.0
+        low = float(gains.min(initial=high))
+        return cls(low if high - low > _MIN_GAIN_SPREAD * high else 0.0, high, _VIRIDIS)
 
     def colors(self, values: Float) -> Float:
-        """(n, 3) from 0 to 1, as a screen shows them (sRGB)."""
+        """Return the sRGB colors (n, 3), 0 to 1, of values (n,)."""
         table = np.array(self.anchors) / 255
-        known = np.isfinite(values)
-        share = np.where(known, (values - self.low) / (self.high - self.low), 0.0)
-        at = np.clip(share, 0, 1) * (len(table) - 1)
-        out = np.stack([np.interp(at, np.arange(len(table)), c) for c in table.T], axis=1)
-        out[~known] = np.array(_UNKNOWN) / 255
-        return out
+        is_known = np.isfinite(values)
+        share = np.where(is_known, (values - self.low) / (self.high - self.low), 0.0)
+        position = np.clip(share, 0, 1) * (len(table) - 1)
+        colors = np.stack(
+            [np.interp(position, np.arange(len(table)), channel) for channel in table.T], axis=1
+        )
+        colors[~is_known] = np.array(_UNKNOWN_COLOR) / 255
+        return colors
 
 
-def rounded_up(reach: float) -> float:
-    """The next number that is good to read."""
-    if not np.isfinite(reach) or reach < 1e-12:
+def round_up(value: float) -> float:
+    """Return the next number with few digits, at least 1e-6."""
+    if not np.isfinite(value) or value < 1e-12:
         return 1e-6
-    power = 10.0 ** np.floor(np.log10(reach))
-    return float(next(r for r in (*_ROUND, 10.0) if r * power >= reach * (1 - 1e-9)) * power)
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(r for r in (*_ROUND_ENDS, 10.0) if r * power >= value * (1 - 1e-9)) * power)
 
 
-_WIDTH, _HEIGHT, _LEFT, _BAR = 280, 44, 24, 18
-_STEPS = 64
-_TICKS = 5
+def color_bar(scale: ColorScale, title: str, unit: str, note: str) -> str:
+    """Return a color bar with numbers below it as HTML.
 
+    Its text has the page's own color, light or dark.
 
-def color_bar(scale: Scale, title: str, unit: str, note: str) -> str:
-    """HTML: a title, the colours with numbers in a `unit` (may be empty) below, a `note`. Words
-    have the page's own colour, light or dark."""
-    width = _WIDTH - 2 * _LEFT
-    step = width / _STEPS
-    middles = scale.low + (np.arange(_STEPS) + 0.5) / _STEPS * (scale.high - scale.low)
+    Args:
+        scale: The color scale.
+        title: Text above the bar.
+        unit: Unit of the numbers; may be empty.
+        note: Text below the bar.
+    """
+    width = _BAR_WIDTH - 2 * _BAR_MARGIN
+    step = width / _BAR_STEPS
+    middles = scale.low + (np.arange(_BAR_STEPS) + 0.5) / _BAR_STEPS * (scale.high - scale.low)
+    rgb = np.rint(255 * scale.colors(middles)).astype(int).tolist()
     boxes = "".join(
-        f'<rect x="{_LEFT + k * step:.2f}" y="2" width="{step + 0.4:.2f}" height="{_BAR}"'
-        f' fill="rgb({r},{g},{b})"/>'
-        for k, (r, g, b) in enumerate(np.rint(255 * scale.colors(middles)).astype(int).tolist())
+        f'<rect x="{_BAR_MARGIN + k * step:.2f}" y="2" width="{step + 0.4:.2f}"'
+        f' height="{_BAR_THICKNESS}" fill="rgb({r},{g},{b})"/>'
+        for k, (r, g, b) in enumerate(rgb)
     )
+    bottom = _BAR_THICKNESS + 2
     ticks = "".join(
-        f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{_BAR + 2}" y2="{_BAR + 7}" stroke="currentColor"/>'
-        f'<text x="{x:.1f}" y="{_BAR + 20}" text-anchor="middle">{told}</text>'
-        for x, told in zip(
-            np.linspace(_LEFT, _LEFT + width, _TICKS), tick_words(scale), strict=True
+        f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{bottom}" y2="{bottom + 5}" stroke="currentColor"/>'
+        f'<text x="{x:.1f}" y="{bottom + 18}" text-anchor="middle">{label}</text>'
+        for x, label in zip(
+            np.linspace(_BAR_MARGIN, _BAR_MARGIN + width, _BAR_TICKS),
+            tick_labels(scale),
+            strict=True,
         )
     )
-    unit_told = f" ({html.escape(unit)})" if unit else ""
+    unit_text = f" ({html.escape(unit)})" if unit else ""
     return (
         '<div style="padding:0 0.8em;font-size:0.85em">'
-        f"<div><b>{html.escape(title)}</b>{unit_told}</div>"
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="100%" role="img"'
+        f"<div><b>{html.escape(title)}</b>{unit_text}</div>"
+        f'<svg viewBox="0 0 {_BAR_WIDTH} {_BAR_HEIGHT}" width="100%" role="img"'
         f' aria-label="{html.escape(title)}" font-size="11" fill="currentColor">'
         f"{boxes}{ticks}</svg>"
         f'<div style="opacity:0.8">{html.escape(note)}</div></div>'
     )
 
 
-def tick_words(scale: Scale) -> list[str]:
-    """The numbers under the bar, evenly from end to end."""
-    values = np.linspace(scale.low, scale.high, _TICKS)
-    return [f"{value + 0.0:.3g}".replace("-", "\u2212") for value in values.tolist()]
+def tick_labels(scale: ColorScale) -> list[str]:
+    """Return the numbers below the color bar, at equal distances from end to end."""
+    values = np.linspace(scale.low, scale.high, _BAR_TICKS)
+    return [f"{value + 0.0:.3g}".replace("-", _MINUS) for value in values.tolist()]

@@ -1,4 +1,4 @@
-"""The mode in which one sees why a cord lies where it lies, and where the next one would help."""
+"""The mode that shows the stretch inside the body, and where another cord would help."""
 
 from __future__ import annotations
 
@@ -15,59 +15,79 @@ from ..edits.edit import free_name
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
-from .next_cord import Asked, HeatSearch
-from .section_quantities import NEXT_CORD, point_words
-from .next_cord import drop_words, NextCordPanel
-from .section_planes import PlaneGizmo
+from .next_cord import NextCordPanel, NextCordSearch, SearchRequest, drop_text
 from .section_panel import SectionPanel
-from .section_picture import Pictures, Wanted
-from .section_planes import axis_plane, first_plane, first_state, offsets
-from .section_view import hit_point
-from .section_worker import SectionWork
+from .section_picture import SectionPicture, SectionRenderer, SectionRequest
+from .section_planes import PlaneGizmo, axis_plane, first_plane, first_state, plane_offsets
+from .section_quantities import NEXT_CORD
+from .section_view import hit_triangle
+from .section_worker import SectionWorker
 
-_NOT_BUILT = "Simulate the poses first: then the body can be looked into."
-_AWAY = 1.6  # of a straight look, times the body's size
+_NOT_SIMULATED = "Simulate the poses first to see the inside of the body."
+_VIEW_DISTANCE = 1.6  # of the camera from the section, times the body's size
 
 
 class InsideMode(Mode):
-    """A section through the body at rest or in a state, in colours, that a gizmo moves."""
+    """Show a section through the body at rest or in a state, with a handle that moves it.
+
+    Attributes:
+        plane: Plane of the section, or None before a build.
+        cord_map: The map of the benefit of another cord, or None.
+        search_request: The search that runs or has ended, or None.
+        sections: Draws the sections.
+        search: Searches for the best place of another cord.
+        panel: The section's controls.
+        next_panel: The search's controls.
+    """
 
     label = "Inside"
-    hint = "Cut the body with a plane: how it is stretched there, and where a cord would help."
+    hint = "Cut the body with a plane to see its stretch, and where another cord would help."
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(bench)
-        self._plane: Plane | None = None
+        self.plane: Plane | None = None
+        self.cord_map: NextCord | None = None
+        self.search_request: SearchRequest | None = None
+        self.sections = SectionWorker(bench, self.click, self._show_section, self._show_error)
+        self.search = NextCordSearch(
+            self._show_search_progress, self._show_map, self._show_search_error
+        )
         self._gizmo: PlaneGizmo | None = None
-        self._pictures: Pictures | None = None
-        self._asked: Asked | None = None  # what is sought, or was found or cancelled
-        self._found: NextCord | None = None  # of what was asked
-        self.work = SectionWork(bench, self.clicked, self._drawn, self._failed)
-        self.search = HeatSearch(self._searched, self._map_found, self._search_failed)
-        self._prepare = LatestWorker(_prepare, bench.show_error)
+        self._renderer: SectionRenderer | None = None
+        self._preparation = LatestWorker(_prepare_search, bench.show_error)
+
+    @property
+    def vertices(self) -> Float:
+        """Vertices of the body at rest, (v, 3) mm; only after a build."""
+        assert self.bench.surface is not None
+        return self.bench.surface.vertices
 
     def add_panel(self) -> None:
         bench = self.bench
         self.panel = SectionPanel(bench)
-        bench.button("Look straight at it", "Along the plane's normal", self._look_straight)
-        self.next = NextCordPanel(bench, self._search_again, self.cancel, self.draw_best)
-        bench.command("Look straight at the section", "Along its normal", self._look_straight, "L")
-        bench.command("Next state", "The section in the next state", self.next_state, "S")
-        self.panel.on_change = lambda: self._ask(moving=False)
-        self.panel.on_axis = self._along
+        bench.button(
+            "Face the section", "Point the camera along the plane's normal", self._face_section
+        )
+        self.next_panel = NextCordPanel(bench, self._restart_search, self.cancel, self.draw_best)
+        bench.command(
+            "Face the section", "Point the camera at the section", self._face_section, "L"
+        )
+        bench.command("Next state", "Show the section in the next state", self.next_state, "S")
+        self.panel.on_change = lambda: self._request_section(is_moving=False)
+        self.panel.on_axis = self._set_axis
         self.panel.on_plane = self.set_plane
-        self.panel.on_offset = self._slid
+        self.panel.on_offset = self._set_offset
 
     def enter(self) -> None:
-        if self._pictures is None or self._plane is None or self.bench.judge is None:
-            self.panel.say(_NOT_BUILT)
+        if self._renderer is None or self.plane is None or self.bench.judge is None:
+            self.panel.show_text(_NOT_SIMULATED)
             return
         if self.bench.body is not None:
             self.bench.body.visible = False
-        self._gizmo = PlaneGizmo(self.bench.server, self.bench.size, self._plane, self.moved)
-        self.work.open(self._pictures, self.bench.size)
-        self._prepare.give(self.bench.judge)
-        self._ask(moving=False)
+        self._gizmo = PlaneGizmo(self.bench.server, self.bench.size, self.plane, self.move_plane)
+        self.sections.open(self._renderer, self.bench.size)
+        self._preparation.give(self.bench.judge)
+        self._request_section(is_moving=False)
 
     def leave(self) -> None:
         self._hide()
@@ -76,202 +96,217 @@ class InsideMode(Mode):
 
     def close(self) -> None:
         self.search.close()
-        self.work.close()
-        self._prepare.close()
+        self.sections.close()
+        self._preparation.close()
 
     def on_build_loaded(self) -> None:
-        shown = self.bench.mode == self.label
-        if shown:
+        is_active = self.bench.mode == self.label
+        if is_active:
             self._hide()
-        self._pictures = None
+        self._renderer = None
         if self.bench.judge is not None and self.bench.surface is not None:
             task = self.bench.judge.task
             body = BodySection(task.everything.locator, task.everything.fields, task.names)
-            self._pictures, self._plane = Pictures(body), first_plane(self._vertices)
-            self.panel.built(task.names, first_state(task.weights))
-            self.next.begin(shortest_cord(task))
-        if shown:
+            self._renderer, self.plane = SectionRenderer(body), first_plane(self.vertices)
+            self.panel.set_states(task.names, first_state(task.weights))
+            self.next_panel.set_default_length(shortest_cord(task))
+        if is_active:
             self.enter()
 
     def on_device_changed(self) -> None:
-        self.panel.cords(self.bench.project.device.sensors)
-        self._ask(moving=False)
+        self.panel.set_cords(self.bench.project.device.sensors)
+        self._request_section(is_moving=False)
 
     def set_plane(self, plane: Plane) -> None:
         """Cut along another plane."""
-        self._plane = plane
+        self.plane = plane
         if self._gizmo is not None:
             self._gizmo.place(plane)
-        self._ask(moving=False)
+        self._request_section(is_moving=False)
 
-    def moved(self, plane: Plane, ended: bool) -> None:
-        """A hand has the gizmo there, and has perhaps let go."""
-        self._plane = plane
-        self._ask(moving=not ended)
+    def move_plane(self, plane: Plane, has_ended: bool) -> None:
+        """Follow the drag of the handle, which may have ended."""
+        self.plane = plane
+        self._request_section(is_moving=not has_ended)
 
     def next_state(self) -> None:
-        """The section in the state after the one that is shown, rest after the last."""
-        self.panel.next_state()
-        self._ask(moving=False)
+        """Show the section in the next state, and at rest after the last."""
+        self.panel.choose_next_state()
+        self._request_section(is_moving=False)
 
     def cancel(self) -> None:
-        """End the search for the place of a cord; a map that is shown stays."""
+        """Cancel the search for the best place of a cord; a map that is shown stays."""
         self.search.cancel()
-        if self._found is None:
-            self.next.say("Cancelled. Move the plane, or choose which cords to try, to look again.")
+        if self.cord_map is None:
+            self.next_panel.show_cancelled()
 
     def draw_best(self) -> None:
-        """The cord that lowers the error most, as a cord of the device. Raises LayoutError where
-        there is none yet."""
-        asked, found, judge = self._asked, self._found, self.bench.judge
-        if asked is None or found is None or judge is None:
-            raise LayoutError("Wait until it is known where a cord would help; then draw it.")
-        if found.best is None:
+        """Add the cord that lowers the error most to the device.
+
+        Raises:
+            LayoutError: The search has not ended, or no cord lowers the error.
+        """
+        request, cord_map, judge = self.search_request, self.cord_map, self.bench.judge
+        if request is None or cord_map is None or judge is None:
             raise LayoutError(
-                "No cord in this plane lowers the expected error: move the plane, or try cords of"
-                " the other kind."
+                "the best place of a cord is not known yet",
+                code="search-not-done",
+                action="Wait until the search has ended",
+            )
+        if cord_map.best is None:
+            raise LayoutError(
+                "no cord in this plane lowers the expected error",
+                code="no-better-cord",
+                action="Move the plane, or try cords of the other kind",
             )
         names = [sensor.name for sensor in self.bench.project.device.sensors]
-        cord = best_sensor(found, found.best, free_name("cord", names), judge)
+        cord = best_sensor(cord_map, cord_map.best, free_name("cord", names), judge)
         if self.bench.apply(add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free))):
-            told = f"`{cord.name}` drawn: expected error {-found.best_drop:+.2f} mm"
-            if asked.length is not None:
-                told += ". Its ends lie inside the body: drag them to the skin in Cords"
-            self.bench.show_message(told)
+            text = f"Added `{cord.name}`. Expected error: {-cord_map.best_drop:+.2f} mm"
+            if request.length is not None:
+                text += ". Its ends are inside the body; drag them to the surface in *Cords*"
+            self.bench.show_message(text, "cord-drawn")
 
-    def clicked(self, origin: Float, direction: Float) -> None:
-        """Tell what is known where a ray meets the section."""
-        picture, pictures = self.work.picture, self._pictures
-        if picture is None or pictures is None:
+    def click(self, origin: Float, direction: Float) -> None:
+        """Show the numbers of the point where a ray meets the section.
+
+        Args:
+            origin: Origin of the ray (3,) mm.
+            direction: Its direction (3,).
+        """
+        picture, renderer = self.sections.picture, self._renderer
+        if picture is None or renderer is None:
             return
-        hit = hit_point(origin, direction, picture.positions, picture.section.triangles)
+        hit = hit_triangle(origin, direction, picture.positions, picture.section.triangles)
         if hit is None:
             return
-        rest, now, stretches, variance = pictures.at_point(picture, *hit)
-        told = point_words(rest, now, stretches, variance)
-        if picture.wanted.look is NEXT_CORD and self._found is not None:
-            told += f"  \n{drop_words(self._found, rest)}"
-        self.panel.say_point(told)
-        self.work.mark(now)
+        values = renderer.probe(picture, *hit)
+        note = ""
+        if picture.request.quantity is NEXT_CORD and self.cord_map is not None:
+            note = drop_text(self.cord_map, values.rest)
+        self.panel.show_point(values, note)
+        self.sections.mark(values.position)
 
-    def _along(self, axis: int) -> None:
-        if self._pictures is None:
-            self.bench.show_message("Simulate the poses first: then there is something to look into.")
+    def _set_axis(self, axis: int) -> None:
+        if self._renderer is None:
+            self.bench.show_message(_NOT_SIMULATED, "not-simulated")
             return
-        self.set_plane(axis_plane(self._vertices, axis))
-
-    @property
-    def _vertices(self) -> Float:
-        """Of the body at rest, (v, 3) mm."""
-        assert self.bench.surface is not None
-        return self.bench.surface.vertices
+        self.set_plane(axis_plane(self.vertices, axis))
 
     def _hide(self) -> None:
-        self._forget()
-        self.work.shut()
+        self._forget_search()
+        self.sections.hide()
         if self._gizmo is not None:
             self._gizmo.remove()
             self._gizmo = None
 
-    def _slid(self, offset: float) -> None:
-        """The plane, so far (mm) from the body's middle along its normal."""
-        if self._plane is None:
+    def _set_offset(self, offset: float) -> None:
+        """Move the plane along its normal to an offset (mm) from the body's middle."""
+        if self.plane is None:
             return
-        by = offset - offsets(self._plane, self._vertices)[0]
-        self._plane = replace(self._plane, origin=self._plane.origin + by * self._plane.normal)
+        distance = offset - plane_offsets(self.plane, self.vertices)[0]
+        self.plane = replace(self.plane, origin=self.plane.origin + distance * self.plane.normal)
         if self._gizmo is not None:
-            self._gizmo.place(self._plane)
-        self._ask(moving=True)
+            self._gizmo.place(self.plane)
+        self._request_section(is_moving=True)
 
-    def _ask(self, *, moving: bool) -> None:
-        """Draw the section as it is wanted now."""
+    def _request_section(self, *, is_moving: bool) -> None:
+        """Draw the section that the controls describe, if the mode is active."""
         with self.bench.drawing_lock:
-            if self._plane is not None and self._gizmo is not None:
-                self._ask_for(self._plane, moving)
-
-    def _ask_for(self, plane: Plane, moving: bool) -> None:
-        panel = self.panel
-        if self._asked is not None and not self._wanted_still(self._asked):
-            self._forget()
-        self.next.show(panel.look is NEXT_CORD)
-        if panel.look is not NEXT_CORD:
-            self.search.cancel()
-        sensors = self.bench.project.device.sensors
-        self.work.give(
-            Wanted(
-                plane, panel.state, panel.look, panel.angle,
-                None if panel.along is None else sample_path(panel.along),
-                tuple(sample_path(sensor) for sensor in sensors),
-                self._found, panel.own_range, moving,
+            if self.plane is None or self._gizmo is None:
+                return
+            panel = self.panel
+            if self.search_request is not None and not self._is_current(self.search_request):
+                self._forget_search()
+            self.next_panel.show(panel.quantity is NEXT_CORD)
+            if panel.quantity is not NEXT_CORD:
+                self.search.cancel()
+            cord = panel.direction_cord
+            self.sections.give(
+                SectionRequest(
+                    plane=self.plane,
+                    state=panel.state,
+                    quantity=panel.quantity,
+                    angle=panel.angle,
+                    path=None if cord is None else sample_path(cord),
+                    cords=tuple(sample_path(s) for s in self.bench.project.device.sensors),
+                    next_cord=self.cord_map,
+                    has_state_range=panel.has_state_range,
+                    is_moving=is_moving,
+                )
             )
-        )  # fmt: skip
 
-    def _drawn(self, wanted: Wanted, bar: str) -> None:
-        """The fine section is there."""
-        self.panel.drawn(offsets(wanted.plane, self._vertices), bar)
-        pictures, judge = self._pictures, self.bench.judge
-        if wanted.look is not NEXT_CORD or self._asked is not None:
+    def _show_section(self, picture: SectionPicture) -> None:
+        """Show the numbers of a fine section, and start the search if it needs one."""
+        request = picture.request
+        offset, *limits = plane_offsets(request.plane, self.vertices)
+        self.panel.show_section(picture, offset, (limits[0], limits[1]))
+        renderer, judge = self._renderer, self.bench.judge
+        if request.quantity is not NEXT_CORD or self.search_request is not None:
             return
-        if pictures is not None and judge is not None and wanted.plane is self._plane:
+        if renderer is not None and judge is not None and request.plane is self.plane:
             sensors = self.bench.project.device.sensors
-            self._asked = Asked(judge, pictures.body, wanted.plane, sensors, self.next.length)
-            self.next.say("Looking where a cord would help ...")
-            self.search.start(self._asked)
+            self.search_request = SearchRequest(
+                judge, renderer.body, request.plane, sensors, self.next_panel.length
+            )
+            self.next_panel.show_start()
+            self.search.start(self.search_request)
 
-    def _wanted_still(self, asked: Asked) -> bool:
+    def _is_current(self, request: SearchRequest) -> bool:
         return (
-            asked.plane is self._plane
-            and asked.judge is self.bench.judge
-            and asked.sensors is self.bench.project.device.sensors
-            and asked.length == self.next.length
+            request.plane is self.plane
+            and request.judge is self.bench.judge
+            and request.sensors is self.bench.project.device.sensors
+            and request.length == self.next_panel.length
         )
 
-    def _search_again(self) -> None:
-        self._forget()
-        self._ask(moving=False)
+    def _restart_search(self) -> None:
+        self._forget_search()
+        self._request_section(is_moving=False)
 
-    def _forget(self) -> None:
-        """What was sought and found is of another plane, or beside other cords."""
+    def _forget_search(self) -> None:
+        """Forget a search and a map of another plane or other cords."""
         self.search.cancel()
-        self._asked = self._found = None
+        self.search_request = self.cord_map = None
 
-    def _searched(self, share: float | None) -> None:
-        self.next.searched(share)
+    def _show_search_progress(self, share: float | None) -> None:
+        self.next_panel.show_progress(share)
 
-    def _map_found(self, asked: Asked, found: NextCord) -> None:
+    def _show_map(self, request: SearchRequest, cord_map: NextCord) -> None:
         with self.bench.drawing_lock:
-            if asked is not self._asked:
+            if request is not self.search_request:
                 return
-            self._found = found
-            self.next.say_found(found)
-            self._ask(moving=False)
+            self.cord_map = cord_map
+            self.next_panel.show_map(cord_map)
+            self._request_section(is_moving=False)
 
-    def _look_straight(self) -> None:
-        """All browsers look along the normal at the section."""
-        plane = self._plane
+    def _face_section(self) -> None:
+        """Point the cameras of all browsers along the normal at the section."""
+        plane = self.plane
         if plane is None:
             return
-        place = plane.origin + _AWAY * self.bench.size * plane.normal
+        position = plane.origin + _VIEW_DISTANCE * self.bench.size * plane.normal
         for client in self.bench.server.get_clients().values():
             client.camera.up_direction = tuple(plane.axes[:, 1].tolist())
-            client.camera.position = tuple(place.tolist())
+            client.camera.position = tuple(position.tolist())
             client.camera.look_at = tuple(plane.origin.tolist())
 
-    def _search_failed(self, error: Exception) -> None:
-        self.next.say(_words(error))
+    def _show_search_error(self, error: Exception) -> None:
+        self.next_panel.show_error(error, _error_text(error))
 
-    def _failed(self, error: Exception) -> None:
-        """Told where the section's controls are."""
-        self.panel.say(_words(error))
-
-
-def _words(error: Exception) -> str:
-    """Markdown; what is no fault of the person's is told with its kind, for a report."""
-    known = isinstance(error, DefsenseError)
-    return f"**{error}**" if known else f"**This failed ({type(error).__name__}: {error}).**"
+    def _show_error(self, error: Exception) -> None:
+        """Show an error next to the section's controls."""
+        self.panel.show_error(error, _error_text(error))
 
 
-def _prepare(judge: LayoutJudge) -> None:
-    """What the first search needs, made while one looks at other things."""
+def _error_text(error: Exception) -> str:
+    """Return an error in markdown; a fault of the program has its kind, for a report."""
+    if isinstance(error, DefsenseError):
+        return f"**{error}**"
+    return f"**This failed ({type(error).__name__}: {error}).**"
+
+
+def _prepare_search(judge: LayoutJudge) -> None:
+    """Compute the cached properties that the first search needs, before the user asks for it."""
     problem = judge.task.everything
-    problem.depth, problem.grid  # noqa: B018 - made once, and kept
+    problem.depth, problem.grid  # noqa: B018 - properties that cache their values

@@ -1,10 +1,11 @@
-"""The part of the panel that is about the next cord."""
+"""The search for the best place of another cord, and its controls."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -13,16 +14,25 @@ from ...core.curve import Plane
 from ...core.device.device import Sensor
 from ...optimize.prediction.body_section import BodySection
 from ...optimize.prediction.layout_judge import LayoutJudge
-from ...optimize.prediction.next_cord import map_next_cord, NextCord
+from ...optimize.prediction.next_cord import NextCord, map_next_cord
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 
-# The search for the place of the next cord, beside the page.
+_SHORT, _THROUGH = "short cords", "from surface to surface"
+_MIN_LENGTH_MM, _MAX_LENGTH_MM = 10.0, 1000.0  # of a short cord
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Beside which `sensors`, in which `plane`, of which `length` (mm; None: from skin to skin)."""
+class SearchRequest:
+    """A search for the best place of another cord.
+
+    Attributes:
+        judge: Predicts the error of the cords.
+        body: The body.
+        plane: The plane of the cord.
+        sensors: The present cords.
+        length: Length of the cord, mm; None for cords from surface to surface.
+    """
 
     judge: LayoutJudge
     body: BodySection
@@ -31,151 +41,204 @@ class Asked:
     length: float | None
 
 
-class HeatSearch:
-    """One search at a time. `told` hears of the share that is done, 0 to 1, or None once nothing is
-    under way; `found` takes the coarse map and the fine one; all on a thread of this."""
+class NextCordSearch:
+    """Search for the best place of another cord, one search at a time, on a thread.
+
+    Args:
+        on_progress: Called with the completed share (0 to 1), and with None when no search runs.
+        on_map: Called with the coarse map and with the fine one.
+        on_error: Called with the error of a search.
+    """
 
     def __init__(
         self,
-        told: Callable[[float | None], None],
-        found: Callable[[Asked, NextCord], None],
-        failed: Callable[[Exception], None],
+        on_progress: Callable[[float | None], None],
+        on_map: Callable[[SearchRequest, NextCord], None],
+        on_error: Callable[[Exception], None],
     ) -> None:
-        self._told, self._found = told, found
+        self._on_progress, self._on_map = on_progress, on_map
         self._lock = threading.Lock()
-        self._wanted: Asked | None = None
-        self._work = LatestWorker(self._search, failed)
+        self._request: SearchRequest | None = None
+        self._worker = LatestWorker(self._search, on_error)
 
-    def start(self, asked: Asked) -> None:
-        """In place of what is under way."""
+    def start(self, request: SearchRequest) -> None:
+        """Start a search; it replaces the running one."""
         with self._lock:
-            self._wanted = asked
-        self._work.give(asked)
+            self._request = request
+        self._worker.give(request)
 
     def cancel(self) -> None:
-        """What is under way ends within some hundredths of a second, without a map."""
+        """End the running search without a map, within some hundredths of a second."""
         with self._lock:
-            self._wanted = None
+            self._request = None
 
-    def wait(self, seconds: float) -> bool:
-        """Whether nothing is under way within so many s."""
-        return self._work.wait(seconds)
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until no search runs; return False after `timeout_s`."""
+        return self._worker.wait(timeout_s)
 
     def close(self) -> None:
+        """End the search and its thread."""
         self.cancel()
-        self._work.close()
+        self._worker.close()
 
-    def _search(self, asked: Asked) -> None:
-        if self._wanted is not asked:
+    def _search(self, request: SearchRequest) -> None:
+        if self._request is not request:
             return
         try:
-            self._told(0.0)
-            for known in map_next_cord(
-                asked.judge, asked.body, asked.plane, asked.sensors, asked.length
+            self._on_progress(0.0)
+            for cord_map in map_next_cord(
+                request.judge, request.body, request.plane, request.sensors, request.length
             ):
-                if self._wanted is not asked:
+                if self._request is not request:
                     return
-                self._told(known.share if known.fine else 0.0)
-                if known.share == 1.0:
-                    self._found(asked, known)
+                self._on_progress(cord_map.share if cord_map.fine else 0.0)
+                if cord_map.share == 1.0:
+                    self._on_map(request, cord_map)
         finally:
-            self._told(None)
-
-
-_SHORT, _THROUGH = "short ones", "from skin to skin"
-_LEAST, _MOST = 10.0, 1000.0  # mm, of a short cord
+            self._on_progress(None)
 
 
 class NextCordPanel:
-    """Shown while one looks at where the next cord would help."""
+    """Controls of the search; visible while the section shows the benefit of another cord.
+
+    Args:
+        bench: The workbench.
+        on_change: Called when a user has chosen other cords to try.
+        on_cancel: Called to cancel the search.
+        on_draw: Called to draw the best cord.
+
+    Attributes:
+        status: State of the search that is shown.
+        is_searching: Whether the progress of a search is shown.
+        error: Error of the last search, or None.
+        cord_map: The map whose numbers are shown, or None.
+    """
 
     def __init__(
         self,
         bench: Workbench,
-        again: Callable[[], None],
-        cancel: Callable[[], None],
-        draw: Callable[[], None],
+        on_change: Callable[[], None],
+        on_cancel: Callable[[], None],
+        on_draw: Callable[[], None],
     ) -> None:
         gui = bench.server.gui
-        self._folder = gui.add_folder("The next cord", visible=False)
+        self.status: Literal["idle", "searching", "cancelled", "failed", "found"] = "idle"
+        self.is_searching = False
+        self.error: Exception | None = None
+        self.cord_map: NextCord | None = None
+        self._folder = gui.add_folder("Another cord", visible=False)
         with self._folder:
             self._kind = gui.add_dropdown(
-                "Cords tried", (_SHORT, _THROUGH),
-                hint="Short ones tell where; those from skin to skin can be made as they are",
-            )  # fmt: skip
+                "Cords to try",
+                (_SHORT, _THROUGH),
+                hint="Short cords show the best place. Cords from surface to surface can be made",
+            )
             self._length = gui.add_number(
-                "Length, mm", 30.0, min=_LEAST, max=_MOST, step=1.0, hint="Of a short cord"
+                "Length (mm)",
+                30.0,
+                min=_MIN_LENGTH_MM,
+                max=_MAX_LENGTH_MM,
+                step=1.0,
+                hint="Set the length of a short cord",
             )
             self._bar = gui.add_progress_bar(0.0, visible=False)
-            self._told = gui.add_markdown("")
-            self._draw = bench.button("Draw a cord there", "The orange one", draw, disabled=True)
-            self._cancel = bench.button("Cancel the search", "Keep what is shown", cancel)
+            self._text = gui.add_markdown("")
+            self._draw = bench.button(
+                "Draw the best cord", "Add the orange cord", on_draw, disabled=True
+            )
+            self._cancel = bench.button(
+                "Cancel the search", "Stop the search and keep the shown map", on_cancel
+            )
             self._cancel.visible = False
         for control in (self._kind, self._length):
-            control.on_update(lambda event: again() if event.client is not None else None)
+            control.on_update(lambda event: on_change() if event.client is not None else None)
         self._kind.on_update(lambda _: self._show_length())
 
     @property
     def length(self) -> float | None:
-        """Of the cords that are tried, mm; None from skin to skin."""
+        """Length of the cords to try, mm; None from surface to surface."""
         return float(self._length.value) if self._kind.value == _SHORT else None
 
-    def begin(self, shortest: float) -> None:
-        """With short cords of that length, mm."""
-        self._length.value = shortest
+    def set_default_length(self, length: float) -> None:
+        """Set the length of short cords, mm."""
+        self._length.value = length
 
     def choose(self, length: float | None) -> None:
-        """Which cords are tried, from a program."""
+        """Choose which cords are tried.
+
+        Args:
+            length: Length of short cords, mm, or None for cords from surface to surface.
+        """
         self._kind.value = _THROUGH if length is None else _SHORT
         if length is not None:
             self._length.value = length
         self._show_length()
 
-    def show(self, shown: bool) -> None:
-        self._folder.visible = shown
+    def show(self, is_visible: bool) -> None:
+        """Show or hide the controls."""
+        self._folder.visible = is_visible
 
-    def searched(self, share: float | None) -> None:
-        """A search has come so far, or is over."""
-        self._bar.visible = self._cancel.visible = share is not None
+    def show_progress(self, share: float | None) -> None:
+        """Show the completed share (0 to 1) of a search, or None when no search runs."""
+        self.is_searching = share is not None
+        self._bar.visible = self._cancel.visible = self.is_searching
         self._bar.value = 100 * (share or 0.0)
 
-    def say(self, told: str) -> None:
-        """Markdown; nothing can be drawn."""
-        self._told.content, self._draw.disabled = told, True
+    def show_start(self) -> None:
+        """Show that a search has started."""
+        self.status = "searching"
+        self._show_text("Searching for the best place of another cord ...")
 
-    def say_found(self, found: NextCord) -> None:
-        """What a map says."""
-        self._told.content = found_words(found, self.length)
-        self._draw.disabled = found.best is None
+    def show_cancelled(self) -> None:
+        """Show that the search was canceled."""
+        self.status = "cancelled"
+        self._show_text("Canceled. Move the plane or choose other cords to search again.")
+
+    def show_error(self, error: Exception, text: str) -> None:
+        """Show the error of a search, as a text in markdown."""
+        self.status = "failed"
+        self._show_text(text)
+        self.error = error
+
+    def show_map(self, cord_map: NextCord) -> None:
+        """Show the numbers of a map."""
+        self.status = "found"
+        self._show_text(map_text(cord_map, self.length))
+        self.cord_map = cord_map
+        self._draw.disabled = cord_map.best is None
+
+    def _show_text(self, text: str) -> None:
+        self.error = self.cord_map = None
+        self._text.content, self._draw.disabled = text, True
 
     def _show_length(self) -> None:
         self._length.visible = self._kind.value == _SHORT
 
 
-def found_words(found: NextCord, length: float | None) -> str:
-    """Markdown: the best place, the drop there, what was tried."""
-    kind = "from skin to skin" if length is None else f"of {length:g} mm"
-    tried = f"{found.tried} cords {kind} tried, {found.step:.1f} mm apart"
-    if not found.tried:
+def map_text(cord_map: NextCord, length: float | None) -> str:
+    """Return the best place, the decrease of the error and the tried cords in markdown."""
+    kind = "from surface to surface" if length is None else f"of {length:g} mm"
+    if not cord_map.tried:
         return (
-            f"No cord {kind} has room in this plane beside those that there are: move the plane,"
-            " or try the other kind of cords, or other lengths."
+            f"No cord {kind} fits in this plane next to the present cords. Move the plane, or try"
+            " other cords or lengths."
         )
-    if found.best is None:
-        return f"No cord here lowers the expected error of {found.error:.2f} mm; {tried}."
-    middle = format_point(found.ends[found.best].mean(axis=0))
+    tried = f"{cord_map.tried} cords {kind} were tried, {cord_map.step:.1f} mm apart"
+    if cord_map.best is None:
+        return f"No cord here lowers the expected error of {cord_map.error:.2f} mm. {tried}."
+    middle = format_point(cord_map.ends[cord_map.best].mean(axis=0))
+    best_error = cord_map.error - cord_map.best_drop
     return (
-        f"Best: **{found.error:.2f} → {found.error - found.best_drop:.2f} mm** about {middle};"
-        f" {tried}, by the fast decoders on unseen states."
+        f"Best place: **{cord_map.error:.2f} → {best_error:.2f} mm** near {middle}."
+        f" {tried}, judged in unseen states by the fast decoders."
     )
 
 
-def drop_words(found: NextCord, rest: Float) -> str:
-    """Of a point (3,) mm at rest, what a cord through it would do."""
-    away = np.linalg.norm(found.points - rest, axis=1)
-    at = int(away.argmin()) if len(away) else -1
-    if at < 0 or np.isnan(found.drop[at]) or away[at] > found.step:
-        return "no cord has room here"
-    return f"a cord through it changes the expected error by {-found.drop[at]:+.2f} mm".replace(
-        "+-", "-"
-    )
+def drop_text(cord_map: NextCord, rest: Float) -> str:
+    """Return the effect of a cord through a point (3,) mm at rest."""
+    distances = np.linalg.norm(cord_map.points - rest, axis=1)
+    index = int(distances.argmin()) if len(distances) else -1
+    if index < 0 or np.isnan(cord_map.drop[index]) or distances[index] > cord_map.step:
+        return "No cord fits here"
+    change = f"{-cord_map.drop[index]:+.2f}"
+    return f"Change of the expected error by a cord here: {change} mm"

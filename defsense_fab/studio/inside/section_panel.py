@@ -1,4 +1,4 @@
-"""The panel of the mode in which one looks inside."""
+"""The controls of the section."""
 
 from __future__ import annotations
 
@@ -10,151 +10,228 @@ import numpy as np
 from ...core.curve import Plane
 from ...core.device.device import Sensor
 from ..workbench.workbench import Workbench
-from .section_quantities import Look, LOOKS
+from .section_picture import SectionPicture
+from .section_quantities import (
+    LARGEST_STRETCH,
+    SECTION_QUANTITIES,
+    PointValues,
+    SectionQuantity,
+    point_text,
+)
 
 _AXES = ("X", "Y", "Z")
-_NO_PLANE, _ANGLE = "choose a cord", "the angle below"
-_HELP = "The cut follows the handle; click on it for numbers."
+_NO_CORD, _ANGLE = "choose a cord", "the angle below"
+_HELP = "Drag the handle to move the section. Click on the section to see its numbers."
 
 
 class SectionPanel:
-    """Its controls, and what they are set to. What is to be done is set by the mode."""
+    """Controls that choose the section.
+
+    Attributes:
+        on_change: Called after a user has changed a control; set by the mode.
+        on_axis: Called with the axis (0 to 2) of a plane's button; set by the mode.
+        on_plane: Called with the plane of a cord; set by the mode.
+        on_offset: Called with an offset of the plane, mm; set by the mode.
+        error: The error that is shown, or None.
+        point: Numbers of the clicked point, or None.
+    """
 
     def __init__(self, bench: Workbench) -> None:
         self._gui, self._sensors = bench.server.gui, tuple[Sensor, ...]()
-        self.on_change: Callable[[], None] = _nothing
-        self.on_axis: Callable[[int], None] = _nothing
-        self.on_plane: Callable[[Plane], None] = _nothing
-        self.on_offset: Callable[[float], None] = _nothing
-        self._placing = False
-        gui = self._gui
-        self._said = gui.add_markdown(_HELP)
-        self._look = self._chosen(
-            gui.add_dropdown(
-                "Colours",
-                [look.label for look in LOOKS],
-                initial_value=LOOKS[1].label,
-                hint="What they stand for",
-            )
-        )
-        self._state = self._chosen(
-            gui.add_dropdown("State", ("rest",), hint="The body at rest, or as it was simulated")
-        )
-        self._axis = gui.add_button_group("Plane", _AXES, hint="Square to an axis, in the middle")
-        self._axis.on_click(lambda _: self.on_axis(_AXES.index(self._axis.value)))
-        self._cord = gui.add_dropdown("Plane of", (_NO_PLANE,), hint="The plane of a cord")
-        self._cord.on_update(self._cord_chosen)
-        self._offset = gui.add_slider(
-            "Offset, mm", -1.0, 1.0, 0.1, 0.0, hint="From the body's middle, along the normal"
-        )
-        self._offset.on_update(self._slid)
-        self._along = self._chosen(
-            gui.add_dropdown("Along", (_ANGLE,), hint="The angle, or the cord's local direction")
-        )
-        self._angle = self._chosen(
-            gui.add_slider("Angle, °", 0, 180, 1, 0, hint="From the plane's x, the red arrow")
-        )
-        self._own = self._chosen(
-            gui.add_checkbox("Range of this state", False, hint="Or the same for all states")
-        )
-        self._bar = gui.add_html("")
-        self._point = gui.add_markdown("")
+        self.on_change: Callable[[], None] = _ignore
+        self.on_axis: Callable[[int], None] = _ignore
+        self.on_plane: Callable[[Plane], None] = _ignore
+        self.on_offset: Callable[[float], None] = _ignore
+        self.error: Exception | None = None
+        self.point: PointValues | None = None
+        self._is_placing = False
+        self._text = self._gui.add_markdown(_HELP)
+        self._add_section_controls()
+        self._add_direction_controls()
+        self._bar = self._gui.add_html("")
+        self._point_text = self._gui.add_markdown("")
         self._show_needed()
 
-    def built(self, states: Sequence[str], first: int) -> None:
-        """The states that there are, rest first, and which is shown at the beginning."""
-        before, known = self._state.value, len(self._state.options) > 1
-        self._state.options = tuple(states)
-        self._state.value = before if known and before in states else states[first]
+    def _add_section_controls(self) -> None:
+        gui = self._gui
+        self._quantity = self._watch(
+            gui.add_dropdown(
+                "Colors",
+                [quantity.label for quantity in SECTION_QUANTITIES],
+                initial_value=LARGEST_STRETCH.label,
+                hint="Choose the quantity that the colors show",
+            )
+        )
+        self._state = self._watch(
+            gui.add_dropdown("State", ("rest",), hint="Choose rest or a simulated state")
+        )
+        self._axis = gui.add_button_group(
+            "Normal", _AXES, hint="Put the plane in the middle, normal to an axis"
+        )
+        self._axis.on_click(lambda _: self.on_axis(_AXES.index(self._axis.value)))
+        self._cord = gui.add_dropdown(
+            "Plane of", (_NO_CORD,), hint="Put the plane on the plane of a cord"
+        )
+        self._cord.on_update(self._choose_cord)
+        self._offset = gui.add_slider(
+            "Offset (mm)",
+            -1.0,
+            1.0,
+            0.1,
+            0.0,
+            hint="Move the plane along its normal, from the body's middle",
+        )
+        self._offset.on_update(self._slide)
 
-    def cords(self, sensors: Sequence[Sensor]) -> None:
-        """The device's cords, as they are now."""
-        self._sensors = tuple(sensors)
-        names = [sensor.name for sensor in sensors]
-        for choice, first in ((self._cord, _NO_PLANE), (self._along, _ANGLE)):
-            before = choice.value
-            choice.options = (first, *names)
-            choice.value = before if before in names else first
+    def _add_direction_controls(self) -> None:
+        gui = self._gui
+        self._along = self._watch(
+            gui.add_dropdown(
+                "Direction", (_ANGLE,), hint="Choose an angle or a cord's local direction"
+            )
+        )
+        self._angle = self._watch(
+            gui.add_slider(
+                "Angle (°)",
+                0,
+                180,
+                1,
+                0,
+                hint="Set the angle from the plane's x axis, the red arrow",
+            )
+        )
+        self._state_range = self._watch(
+            gui.add_checkbox(
+                "Range of this state", False, hint="Fit the colors to this state instead of all"
+            )
+        )
 
     @property
-    def look(self) -> Look:
-        return next(look for look in LOOKS if look.label == self._look.value)
+    def quantity(self) -> SectionQuantity:
+        """The quantity that the colors show."""
+        return next(q for q in SECTION_QUANTITIES if q.label == self._quantity.value)
 
     @property
     def state(self) -> int:
-        """0 is rest."""
+        """Index of the state, 0 for rest."""
         return list(self._state.options).index(self._state.value)
 
     @property
     def angle(self) -> float:
-        """Radians."""
+        """Angle of the direction, radians."""
         return float(np.radians(self._angle.value))
 
     @property
-    def along(self) -> Sensor | None:
-        """The cord whose direction it is; None for the angle."""
+    def direction_cord(self) -> Sensor | None:
+        """The cord whose direction is used, or None for the angle."""
         return next((s for s in self._sensors if s.name == self._along.value), None)
 
     @property
-    def own_range(self) -> bool:
-        return bool(self._own.value)
+    def has_state_range(self) -> bool:
+        """Whether the range of the colors is that of this state alone."""
+        return bool(self._state_range.value)
 
-    def choose(self, look: Look, state: str = "rest") -> None:
-        """What is looked at, from a program."""
-        self._look.value, self._state.value = look.label, state
+    @property
+    def offset(self) -> float:
+        """Offset of the plane along its normal, mm."""
+        return float(self._offset.value)
+
+    @property
+    def max_offset(self) -> float:
+        """Largest offset at which the plane meets the body, mm."""
+        return float(self._offset.max)
+
+    def set_states(self, states: Sequence[str], first: int) -> None:
+        """Offer the states of a build.
+
+        Args:
+            states: Their names, rest first.
+            first: Index of the state to show, unless a user's choice still exists.
+        """
+        before, was_offered = self._state.value, len(self._state.options) > 1
+        self._state.options = tuple(states)
+        self._state.value = before if was_offered and before in states else states[first]
+
+    def set_cords(self, sensors: Sequence[Sensor]) -> None:
+        """Offer the cords of the device."""
+        self._sensors = tuple(sensors)
+        names = [sensor.name for sensor in sensors]
+        for control, first in ((self._cord, _NO_CORD), (self._along, _ANGLE)):
+            before = control.value
+            control.options = (first, *names)
+            control.value = before if before in names else first
+
+    def choose(self, quantity: SectionQuantity, state: str = "rest") -> None:
+        """Choose what the section shows."""
+        self._quantity.value, self._state.value = quantity.label, state
         self._show_needed()
 
-    def next_state(self) -> None:
-        """Rest after the last."""
+    def choose_next_state(self) -> None:
+        """Choose the next state, and rest after the last."""
         states = list(self._state.options)
         self._state.value = states[(self.state + 1) % len(states)]
 
-    def say(self, told: str) -> None:
-        """Markdown, in place of what is said at the beginning."""
-        self._said.content = told
+    def show_text(self, text: str) -> None:
+        """Show a text in markdown in place of the help."""
+        self.error, self._text.content = None, text
 
-    def drawn(self, offset: tuple[float, float, float], bar: str) -> None:
-        """A section has been drawn; where its plane is (see `offsets`), and its bar as HTML."""
-        at, low, high = offset
-        self._said.content, self._bar.content, self._point.content = _HELP, bar, ""
-        self._placing = True
+    def show_error(self, error: Exception, text: str) -> None:
+        """Show an error, as a text in markdown."""
+        self.error, self._text.content = error, text
+
+    def show_section(
+        self, picture: SectionPicture, offset: float, limits: tuple[float, float]
+    ) -> None:
+        """Show the color bar of a section and the offset of its plane.
+
+        Args:
+            picture: The section.
+            offset: Offset of its plane, mm.
+            limits: Smallest and largest offset that meet the body, mm.
+        """
+        low, high = limits
+        self.error = self.point = None
+        self._text.content, self._bar.content = _HELP, picture.bar
+        self._point_text.content = ""
+        self._is_placing = True
         self._offset.min, self._offset.max = round(low, 1), round(high, 1)
-        self._offset.value = round(min(max(at, low), high), 1)
-        self._placing = False
+        self._offset.value = round(min(max(offset, low), high), 1)
+        self._is_placing = False
 
-    def say_point(self, told: str) -> None:
-        """Markdown, of a point of the section."""
-        self._point.content = told
+    def show_point(self, values: PointValues, note: str = "") -> None:
+        """Show the numbers of a point, and a note in markdown below them."""
+        self.point = values
+        self._point_text.content = point_text(values) + (f"  \n{note}" if note else "")
 
-    def _chosen(self, control: Any) -> Any:
-        control.on_update(self._changed)
+    def _watch(self, control: Any) -> Any:
+        control.on_update(self._report_change)
         return control
 
-    def _changed(self, event: Any) -> None:
-        if event.client is None:  # set by the page itself
+    def _report_change(self, event: Any) -> None:
+        if event.client is None:  # set by the program, not by a user
             return
         self._show_needed()
         self.on_change()
 
     def _show_needed(self) -> None:
-        """Only what the chosen colours depend on."""
-        look = self.look
-        self._along.visible = look.along
-        self._angle.visible = look.along and self.along is None
-        self._own.visible = look.of_state
+        """Show only the controls on which the chosen quantity depends."""
+        quantity = self.quantity
+        self._along.visible = quantity.needs_direction
+        self._angle.visible = quantity.needs_direction and self.direction_cord is None
+        self._state_range.visible = quantity.varies_by_state
 
-    def _cord_chosen(self, event: Any) -> None:
+    def _choose_cord(self, event: Any) -> None:
         if event.client is None:
             return
         cord = next((s for s in self._sensors if s.name == self._cord.value), None)
         if cord is not None:
             self.on_plane(cord.plane)
-            self._cord.value = _NO_PLANE  # so that it can be chosen again
+            self._cord.value = _NO_CORD  # so that the same cord can be chosen again
 
-    def _slid(self, event: Any) -> None:
-        if event.client is not None and not self._placing:
+    def _slide(self, event: Any) -> None:
+        if event.client is not None and not self._is_placing:
             self.on_offset(float(self._offset.value))
 
 
-def _nothing(*_: Any) -> None:
-    """Until the mode says what is to be done."""
+def _ignore(*_: Any) -> None:
+    """Do nothing until the mode sets a callback."""

@@ -1,4 +1,4 @@
-"""A section's colours, coarse while a hand moves its plane, and fine."""
+"""Compute the colors of a section: coarse while its plane is dragged, and fine."""
 
 from __future__ import annotations
 
@@ -13,40 +13,49 @@ from ...mechanics.elements.point_location import LocatedPoints
 from ...mechanics.elements.section import Section
 from ...optimize.prediction.body_section import BodySection, Kind, Quantity, directions_along
 from ...optimize.prediction.next_cord import NextCord
-from .color_scale import color_bar
-from .color_scale import Scale
-from .section_quantities import Look, reach_words
+from .color_scale import ColorScale, color_bar
+from .section_quantities import PointValues, SectionQuantity, range_text
 
-#: Dots of a coarse section, about, of one state and where all of them count.
-_DOTS, _FEWER = 700, 350
-_FINE = 75  # edges of a fine one over the body's largest extent
-_ALL, _OWN = "the same for all states and planes", "of this state"
-_BEYOND = "1 % of the body is beyond the ends"
-#: What the stretches of a point are called.
-_NAMES: dict[str, Kind] = {
-    "along the direction": "along", "largest": "largest", "smallest": "smallest",
-}  # fmt: skip
+_COARSE_DOTS = 700  # about, of a quantity of one state
+_COARSE_DOTS_ALL_STATES = 350  # about, of a quantity of all states, which takes longer
+_FINE_EDGES = 75  # edges of the fine section along the body's largest extent
+_COMMON_RANGE, _STATE_RANGE = "the same for all states and planes", "of this state"
+_OUTLIERS = "1 % of the body is beyond the ends"
+_STRETCH_NAMES: dict[str, Kind] = {
+    "along the direction": "along",
+    "largest": "largest",
+    "smallest": "smallest",
+}
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """A `plane` through a `state` (0 is rest), what is looked at there, and along what: an `angle`
-    (radians, from the plane's x) or the `path` (q, 3) mm of a cord; the paths of all `cords`; where
-    the next one would help, once that is `found`; whether the bar's range is that of this state
-    alone; whether a hand is moving the plane."""
+class SectionRequest:
+    """A section to draw.
+
+    Attributes:
+        plane: Its plane, in the body at rest.
+        state: Index of the state, 0 for rest.
+        quantity: The quantity that its colors show.
+        angle: Direction of the stretch in the plane, radians from the plane's x axis.
+        path: (q, 3) mm, path of a cord whose local direction replaces the angle, or None.
+        cords: Paths of all cords, (p, 3) mm each.
+        next_cord: The map of the benefit of another cord, once it is computed.
+        has_state_range: Whether the range of the colors is that of this state alone.
+        is_moving: Whether a user is dragging the plane.
+    """
 
     plane: Plane
     state: int
-    look: Look
+    quantity: SectionQuantity
     angle: float
     path: Float | None
     cords: tuple[Float, ...]
-    found: NextCord | None
-    own_range: bool
-    moving: bool = False
+    next_cord: NextCord | None
+    has_state_range: bool
+    is_moving: bool = False
 
     def direction(self, points: Float) -> Float:
-        """At rest points (p, 3): (3,), or (p, 3) along a cord."""
+        """Return the direction at rest points (p, 3) mm: (3,), or (p, 3) along a cord."""
         if self.path is not None:
             return directions_along(self.path, points)
         c, s = np.cos(self.angle), np.sin(self.angle)
@@ -54,100 +63,140 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A fine section, where its vertices are in the state (v, 3) mm, its colours (v, 3), and the
-    bar as HTML."""
+class SectionPicture:
+    """A fine section.
 
-    wanted: Wanted
+    Attributes:
+        request: What it shows.
+        section: The section of the body at rest.
+        positions: (v, 3) mm, its vertices in the shown state.
+        colors: (v, 3), 0 to 1.
+        bar: The color bar as HTML.
+    """
+
+    request: SectionRequest
     section: Section
     positions: Float
     colors: Float
     bar: str
 
 
-class Pictures:
-    """Of one body."""
+class SectionRenderer:
+    """Compute sections of one body.
+
+    Args:
+        body: The body.
+    """
 
     def __init__(self, body: BodySection) -> None:
         self.body = body
-        self._scales: dict[tuple[Look, int | None], Scale] = {}
+        self._scales: dict[tuple[SectionQuantity, int | None], ColorScale] = {}
 
-    def coarse(self, wanted: Wanted) -> tuple[Float, Float, float]:
-        """Dots (p, 3) mm where they are in the state, their colours (p, 3), their distance at rest,
-        mm. Raises LayoutError where the plane misses the body."""
-        area = self.body.cut(wanted.plane).area
-        quantity = wanted.look.quantity
-        few = quantity is not None and quantity.variance
-        step = float(np.sqrt(area / (_FEWER if few else _DOTS)))
-        points, at = self.body.grid(wanted.plane, step)
-        numbers = self._numbers(wanted, points, at)
-        colors = self._scale(wanted).colors(numbers)
-        return self.body.positions(at, points, wanted.state), colors, step
+    def coarse(self, request: SectionRequest) -> tuple[Float, Float, float]:
+        """Compute dots on the section.
 
-    def fine(self, wanted: Wanted) -> Picture:
-        """Raises LayoutError where the plane misses the body."""
-        section = self.body.cut(wanted.plane).subdivide(self.body.size / _FINE)
-        numbers = self._numbers(wanted, section.points, section.at)
-        scale = self._scale(wanted)
-        note = reach_words(wanted.look, numbers)
-        if wanted.look.quantity is None:
-            note = "being computed" if wanted.found is None else f"{note}; grey: no cord has room"
+        Returns:
+            Positions (p, 3) mm in the state, colors (p, 3), and the distance of the dots at rest,
+            mm.
+
+        Raises:
+            LayoutError: The plane misses the body.
+        """
+        area = self.body.cut(request.plane).area
+        quantity = request.quantity.quantity
+        uses_all_states = quantity is not None and quantity.variance
+        count = _COARSE_DOTS_ALL_STATES if uses_all_states else _COARSE_DOTS
+        step = float(np.sqrt(area / count))
+        points, located = self.body.grid(request.plane, step)
+        numbers = self._numbers(request, points, located)
+        colors = self._scale(request).colors(numbers)
+        return self.body.positions(located, points, request.state), colors, step
+
+    def fine(self, request: SectionRequest) -> SectionPicture:
+        """Compute the fine section.
+
+        Raises:
+            LayoutError: The plane misses the body.
+        """
+        section = self.body.cut(request.plane).subdivide(self.body.size / _FINE_EDGES)
+        numbers = self._numbers(request, section.points, section.at)
+        scale = self._scale(request)
+        note = range_text(request.quantity, numbers)
+        if request.quantity.quantity is not None:
+            has_state_range = self._range_state(request) is not None
+            range_kind = _STATE_RANGE if has_state_range else _COMMON_RANGE
+            note = f"{note}; range {range_kind}; {_OUTLIERS}"
+        elif request.next_cord is None:
+            note = "computing ..."
         else:
-            note = f"{note}; range {_OWN if self._own(wanted) is not None else _ALL}; {_BEYOND}"
-        return Picture(
-            wanted,
+            note = f"{note}; gray: no cord fits"
+        return SectionPicture(
+            request,
             section,
-            self.body.positions(section.at, section.points, wanted.state),
+            self.body.positions(section.at, section.points, request.state),
             scale.colors(numbers),
-            color_bar(scale, wanted.look.title, wanted.look.unit, note),
+            color_bar(scale, request.quantity.title, request.quantity.unit, note),
         )
 
-    def at_point(
-        self, picture: Picture, triangle: int, weights: Float
-    ) -> tuple[Float, Float, dict[str, float], float]:
-        """Of a point of a section: its position at rest and in the state, its stretches by name,
-        and the variance over all states of what is looked at (or else of the largest stretch)."""
-        corners, wanted = picture.section.triangles[triangle], picture.wanted
-        at = picture.section.at
+    def probe(self, picture: SectionPicture, triangle: int, weights: Float) -> PointValues:
+        """Return the numbers of a point of a section.
+
+        The variance is that of the shown quantity if it has a direction, else that of the largest
+        stretch.
+
+        Args:
+            picture: The section.
+            triangle: Index of the triangle that contains the point.
+            weights: Weights (3,) of the triangle's corners.
+        """
+        corners, request = picture.section.triangles[triangle], picture.request
+        located = picture.section.at
         rest = weights @ picture.section.points[corners]
-        where = LocatedPoints(at.cell[corners[:1]], (weights @ at.bary[corners])[None])
-        direction = wanted.direction(rest[None])
+        at = LocatedPoints(located.cell[corners[:1]], (weights @ located.bary[corners])[None])
+        direction = request.direction(rest[None])
         stretches = {
-            name: float(self.body.values(where, Quantity(kind), wanted.state, direction)[0])
-            for name, kind in _NAMES.items()
+            name: float(self.body.values(at, Quantity(kind), request.state, direction)[0])
+            for name, kind in _STRETCH_NAMES.items()
         }
-        over = Quantity("along" if wanted.look.along else "largest", variance=True)
-        variance = float(self.body.values(where, over, wanted.state, direction)[0])
-        now = self.body.positions(where, rest[None], wanted.state)[0]
-        return rest, now, stretches, variance
+        kind: Kind = "along" if request.quantity.needs_direction else "largest"
+        spread = Quantity(kind, variance=True)
+        variance = float(self.body.values(at, spread, request.state, direction)[0])
+        position = self.body.positions(at, rest[None], request.state)[0]
+        return PointValues(rest, position, stretches, variance)
 
-    def _numbers(self, wanted: Wanted, points: Float, at: LocatedPoints) -> Float:
-        quantity, found = wanted.look.quantity, wanted.found
+    def _numbers(self, request: SectionRequest, points: Float, at: LocatedPoints) -> Float:
+        quantity, cord_map = request.quantity.quantity, request.next_cord
         if quantity is None:
-            return np.full(len(points), np.nan) if found is None else nearest_drop(found, points)
-        direction = wanted.direction(points)
-        return wanted.look.numbers(self.body.values(at, quantity, wanted.state, direction))
+            if cord_map is None:
+                return np.full(len(points), np.nan)
+            return nearest_drop(cord_map, points)
+        direction = request.direction(points)
+        return request.quantity.to_shown(self.body.values(at, quantity, request.state, direction))
 
-    def _scale(self, wanted: Wanted) -> Scale:
-        """While a hand moves the plane the range stays as it was."""
-        if wanted.look.quantity is None:
-            return Scale.gain(np.zeros(0) if wanted.found is None else wanted.found.drop)
-        key = (wanted.look, self._own(wanted))
-        if not (wanted.moving and key in self._scales):
-            direction = wanted.direction(self.body.middles)
-            reach = self.body.spread(wanted.look.quantity, key[1], direction)
-            self._scales[key] = wanted.look.scale(reach)
+    def _scale(self, request: SectionRequest) -> ColorScale:
+        """Return the color scale; its range does not change while the plane is dragged."""
+        quantity, cord_map = request.quantity.quantity, request.next_cord
+        if quantity is None:
+            return ColorScale.for_gains(np.zeros(0) if cord_map is None else cord_map.drop)
+        key = (request.quantity, self._range_state(request))
+        if not (request.is_moving and key in self._scales):
+            direction = request.direction(self.body.middles)
+            reach = self.body.spread(quantity, key[1], direction)
+            self._scales[key] = request.quantity.scale(reach)
         return self._scales[key]
 
-    def _own(self, wanted: Wanted) -> int | None:
-        """The state whose range it is, None for all; at rest there would be none."""
-        return wanted.state if wanted.own_range and wanted.look.of_state and wanted.state else None
+    def _range_state(self, request: SectionRequest) -> int | None:
+        """Return the state whose range is used, or None for all; rest has no range."""
+        uses_state = request.has_state_range and request.quantity.varies_by_state and request.state
+        return request.state if uses_state else None
 
 
-def nearest_drop(found: NextCord, points: Float) -> Float:
-    """The drop (p,) at rest points (p, 3): that of the grid's point in whose square they lie; NaN
-    where there is none."""
-    if not len(found.points):
+def nearest_drop(cord_map: NextCord, points: Float) -> Float:
+    """Return the decrease of the error (p,) mm at rest points (p, 3) mm.
+
+    It is that of the nearest point of the map's grid, and NaN farther away than a grid step.
+    """
+    if not len(cord_map.points):
         return np.full(len(points), np.nan)
-    away, which = cKDTree(found.points).query(points)
-    return np.where(away <= found.step, found.drop[which], np.nan)
+    distance, nearest = cKDTree(cord_map.points).query(points)
+    return np.where(distance <= cord_map.step, cord_map.drop[nearest], np.nan)

@@ -1,4 +1,4 @@
-"""What can be looked at in a section, and how its numbers are told."""
+"""The quantities that a section shows in colors, and the texts of their numbers."""
 
 from __future__ import annotations
 
@@ -8,93 +8,133 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...optimize.prediction.body_section import Quantity
-from .color_scale import Scale
+from .color_scale import ColorScale
 
 _PERCENT = 100.0
+_MIN_SHOWN_MOVE_MM = 5e-3  # below which only the rest position of a point is shown
+_MINUS = "\u2212"
 
 
 @dataclass(frozen=True)
-class Look:
-    """A `quantity` of the body's stretch by its `label` in the list, and the words over its bar;
-    without a quantity it is where the next cord would help."""
+class SectionQuantity:
+    """A quantity that a section shows.
+
+    Attributes:
+        label: Its name in the list.
+        title: Text above its color bar.
+        quantity: Quantity of the body's stretch; None for the benefit of another cord.
+    """
 
     label: str
     title: str
     quantity: Quantity | None = None
 
     @property
-    def along(self) -> bool:
-        """Whether it needs a direction."""
+    def needs_direction(self) -> bool:
+        """Whether it depends on a direction."""
         return self.quantity is not None and self.quantity.kind == "along"
 
     @property
-    def of_state(self) -> bool:
+    def varies_by_state(self) -> bool:
         """Whether it differs from state to state."""
         return self.quantity is not None and not self.quantity.variance
 
     @property
     def unit(self) -> str:
-        """What stands behind the title."""
+        """Unit of the numbers in the color bar."""
         if self.quantity is None:
             return "mm"
-        return "square of stretch, no unit" if self.quantity.variance else "percent strain"
+        return "stretch squared, no unit" if self.quantity.variance else "percent strain"
 
-    def numbers(self, values: Float) -> Float:
-        """What the bar has: strains in per cent of stretches, the rest as it is."""
-        return _PERCENT * (values - 1) if self.of_state else values
+    def to_shown(self, values: Float) -> Float:
+        """Return the numbers of the color bar: stretches as percent strain, others unchanged."""
+        return _PERCENT * (values - 1) if self.varies_by_state else values
 
-    def scale(self, reach: float) -> Scale:
-        """For values that reach so far, see `BodySection.spread`; not for the next cord."""
-        if self.of_state:
-            return Scale.about_zero(_PERCENT * reach)
-        return Scale.spread(reach)
+    def scale(self, reach: float) -> ColorScale:
+        """Return a color scale for stretches that reach this far (see `BodySection.spread`)."""
+        if self.varies_by_state:
+            return ColorScale.symmetric(_PERCENT * reach)
+        return ColorScale.from_zero(reach)
 
 
-NEXT_CORD = Look("where a cord would help", "Drop of the expected error by one more cord")
-LOOKS = (
-    Look("stretch along a direction", "Stretch along the direction", Quantity("along")),
-    Look("largest principal stretch", "Largest principal stretch", Quantity("largest")),
-    Look("smallest principal stretch", "Smallest principal stretch", Quantity("smallest")),
-    Look(
-        "variance of stretch along a direction", "Variance over all states, along the direction",
-        Quantity("along", variance=True),
-    ),
-    Look(
-        "variance of largest stretch", "Variance over all states of the largest stretch",
-        Quantity("largest", variance=True),
-    ),
+NEXT_CORD = SectionQuantity("benefit of another cord", "Decrease of the expected error by a cord")
+ALONG_DIRECTION = SectionQuantity(
+    "stretch along a direction", "Stretch along the direction", Quantity("along")
+)
+LARGEST_STRETCH = SectionQuantity(
+    "largest principal stretch", "Largest principal stretch", Quantity("largest")
+)
+SMALLEST_STRETCH = SectionQuantity(
+    "smallest principal stretch", "Smallest principal stretch", Quantity("smallest")
+)
+VARIANCE_ALONG_DIRECTION = SectionQuantity(
+    "variance of stretch along a direction",
+    "Variance of stretch along the direction, all states",
+    Quantity("along", variance=True),
+)
+VARIANCE_OF_LARGEST = SectionQuantity(
+    "variance of largest stretch",
+    "Variance of the largest stretch, all states",
+    Quantity("largest", variance=True),
+)
+SECTION_QUANTITIES = (
+    ALONG_DIRECTION,
+    LARGEST_STRETCH,
+    SMALLEST_STRETCH,
+    VARIANCE_ALONG_DIRECTION,
+    VARIANCE_OF_LARGEST,
     NEXT_CORD,
-)  # fmt: skip
+)
 
 
-def reach_words(look: Look, numbers: Float) -> str:
-    """What the section has, for the note below the bar."""
+@dataclass(frozen=True)
+class PointValues:
+    """Numbers of a point of a section.
+
+    Attributes:
+        rest: Position at rest (3,) mm.
+        position: Position in the shown state (3,) mm.
+        stretches: Stretches in the shown state by their names.
+        variance: Variance of the stretch over all states.
+    """
+
+    rest: Float
+    position: Float
+    stretches: dict[str, float]
+    variance: float
+
+
+def range_text(quantity: SectionQuantity, numbers: Float) -> str:
+    """Return the range of the numbers in a section, for the note below the color bar."""
     known = numbers[np.isfinite(numbers)]
     if not len(known):
-        return "no number is known here"
+        return "no numbers in this section"
     low, high = float(known.min()), float(known.max())
-    if look.of_state:
+    if quantity.varies_by_state:
         return f"in this section {_signed(low)} to {_signed(high)} %"
-    unit = " mm" if look.quantity is None else ""
-    return f"in this section {low:.3g} to {high:.3g}{unit}".replace("-", "\u2212")
+    unit = " mm" if quantity.quantity is None else ""
+    return f"in this section {low:.3g} to {high:.3g}{unit}".replace("-", _MINUS)
 
 
-def _signed(value: float) -> str:
-    return f"{round(value, 1) + 0.0:+.1f}".replace("-", "\u2212")
-
-
-def point_words(rest: Float, now: Float, stretches: dict[str, float], variance: float) -> str:
-    """Markdown: what is known of a point that was clicked, rest and deformed positions (3,) mm."""
-    lines = [f"Point at rest ({_place(rest)}) mm"]
-    if np.linalg.norm(now - rest) > 5e-3:
-        lines.append(f"here ({_place(now)}) mm")
-    lines += [f"{name} {_signed(_PERCENT * (s - 1))} %" for name, s in stretches.items()]
+def point_text(values: PointValues) -> str:
+    """Return the numbers of a point in markdown."""
+    lines = [f"Point at rest: ({_coordinates(values.rest)}) mm"]
+    if np.linalg.norm(values.position - values.rest) > _MIN_SHOWN_MOVE_MM:
+        lines.append(f"Point in this state: ({_coordinates(values.position)}) mm")
+    lines += [
+        f"Strain, {name}: {_signed(_PERCENT * (stretch - 1))} %"
+        for name, stretch in values.stretches.items()
+    ]
     lines.append(
-        f"over all states {_PERCENT * np.sqrt(variance):.1f} % standard deviation"
-        f" (variance {variance:.2g})"
+        f"Standard deviation over all states: {_PERCENT * np.sqrt(values.variance):.1f} %"
+        f" (variance {values.variance:.2g})"
     )
     return "  \n".join(lines)
 
 
-def _place(point: Float) -> str:
+def _signed(value: float) -> str:
+    return f"{round(value, 1) + 0.0:+.1f}".replace("-", _MINUS)
+
+
+def _coordinates(point: Float) -> str:
     return ", ".join(f"{x + 0.0:.1f}" for x in np.round(point, 1))

@@ -1,4 +1,4 @@
-"""Sections drawn beside the page: dots that follow a hand, and the fine cut once it is still."""
+"""Draw sections in the background: dots while the plane is dragged, and the fine section after."""
 
 from __future__ import annotations
 
@@ -13,111 +13,135 @@ from ...core.errors import LayoutError
 from ...optimize.prediction.body_section import BodySection
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
+from .section_picture import SectionPicture, SectionRenderer, SectionRequest
 from .section_quantities import NEXT_CORD
-from .section_picture import Picture, Pictures, Wanted
-from .section_view import Clicked, SectionView
+from .section_view import RayCallback, SectionView
 
-_STILL = 0.2  # s without a move, after which the fine section is drawn
-_READ = 0.15  # s that browsers get to read a new cut before the old one goes
-_ARROW = 0.15  # half the line along which stretch is told, times the body's size
-_ABOVE = 0.03  # so far before the section that line lies, times its half
-_THIN = 0.6  # cords, times their radius
+_FINE_DELAY_S = 0.2  # without a move of the plane
+_READ_TIME_S = 0.15  # in which browsers read a new section before the previous one is removed
+_DIRECTION_LENGTH = 0.15  # half the line of the direction, times the body's size
+_DIRECTION_HEIGHT = 0.03  # distance of that line from the section, times half its length
+_CORD_RADIUS = 0.6  # of the drawn cords, times their radius
 
 
-class SectionWork:
-    """The newest section that is wanted, on a thread of its own. `drawn` hears of each fine one and
-    its bar as HTML, `failed` of a plane that misses the body."""
+class SectionWorker:
+    """Draw the latest requested section on a thread.
+
+    Args:
+        bench: The workbench.
+        on_click: Called with the ray of each click in the scene.
+        on_drawn: Called with each fine section, while the drawing lock is held.
+        on_error: Called with an error, such as a plane that misses the body, while the drawing
+            lock is held.
+
+    Attributes:
+        picture: The fine section that is shown, or None.
+        coarse_count: Number of times that dots were drawn.
+    """
 
     def __init__(
         self,
         bench: Workbench,
-        clicked: Clicked,
-        drawn: Callable[[Wanted, str], None],
-        failed: Callable[[Exception], None],
+        on_click: RayCallback,
+        on_drawn: Callable[[SectionPicture], None],
+        on_error: Callable[[Exception], None],
     ) -> None:
-        self._bench, self._clicked = bench, clicked
-        self._drawn, self._told = drawn, failed  # both while the page's lock is taken
+        self._bench, self._on_click = bench, on_click
+        self._on_drawn, self._on_error = on_drawn, on_error
         self._view: SectionView | None = None
-        self._pictures: Pictures | None = None
-        self.picture: Picture | None = None  # the fine section that is shown
-        self.coarse = 0  # how often dots have been drawn
+        self._renderer: SectionRenderer | None = None
+        self.picture: SectionPicture | None = None
+        self.coarse_count = 0
         self._changed = threading.Event()
-        self._latest = LatestWorker(self._work, self._failed)
+        self._worker = LatestWorker(self._draw, self._report_error)
 
-    def open(self, pictures: Pictures, size: float) -> None:
-        """Begin to draw a body of a `size` mm."""
-        self.shut()
-        self._pictures = pictures
-        self._view = SectionView(self._bench.server, size, self._clicked)
+    @property
+    def shell(self) -> Float:
+        """Vertices (v, 3) mm of the part of the body that is drawn."""
+        return np.zeros((0, 3)) if self._view is None else self._view.shell
 
-    def shut(self) -> None:
-        """Take away what is drawn, and draw no more."""
+    def open(self, renderer: SectionRenderer, size: float) -> None:
+        """Start to draw sections of a body.
+
+        Args:
+            renderer: Computes the sections.
+            size: Size of the body, mm.
+        """
+        self.hide()
+        self._renderer = renderer
+        self._view = SectionView(self._bench.server, size, self._on_click)
+
+    def hide(self) -> None:
+        """Remove the section, and draw no more until `open`."""
         if self._view is not None:
             self._view.close()
         self._view = self.picture = None
         self._changed.set()
 
-    def give(self, wanted: Wanted) -> None:
-        """From any thread; returns at once."""
+    def give(self, request: SectionRequest) -> None:
+        """Request a section and return at once; call it from any thread."""
         self._changed.set()
-        self._latest.give(wanted)
+        self._worker.give(request)
 
-    def wait(self, seconds: float) -> bool:
-        """Whether all that was given is drawn within so many s."""
-        return self._latest.wait(seconds)
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until all requests are drawn; return False after `timeout_s`."""
+        return self._worker.wait(timeout_s)
 
     def mark(self, point: Float) -> None:
-        """A dot at a point (3,) mm until the next section."""
+        """Mark a point (3,) mm until the next section."""
         with self._bench.drawing_lock:
             if self._view is not None:
                 self._view.mark(point)
 
     def close(self) -> None:
+        """End the thread."""
         self._changed.set()
-        self._latest.close()
+        self._worker.close()
 
-    def _work(self, wanted: Wanted) -> None:
+    def _draw(self, request: SectionRequest) -> None:
         self._changed.clear()
-        view, pictures = self._view, self._pictures
-        if view is None or pictures is None:
+        view, renderer = self._view, self._renderer
+        if view is None or renderer is None:
             return
         try:
-            if wanted.moving:
-                dots = pictures.coarse(wanted)
+            if request.is_moving:
+                dots = renderer.coarse(request)
                 with self._bench.drawing_lock:
                     if self._view is not view:
                         return
                     view.show_coarse(*dots)
-                    self.coarse += 1
-                if self._changed.wait(_STILL):
+                    self.coarse_count += 1
+                if self._changed.wait(_FINE_DELAY_S):
                     return
-            self._draw_fine(view, pictures, replace(wanted, moving=False))
+            self._draw_fine(view, renderer, replace(request, is_moving=False))
         except LayoutError as error:
-            self._missed(view, pictures.body, wanted, error)
+            self._draw_whole(view, renderer.body, request, error)
 
-    def _missed(
-        self, view: SectionView, body: BodySection, wanted: Wanted, error: LayoutError
+    def _draw_whole(
+        self, view: SectionView, body: BodySection, request: SectionRequest, error: LayoutError
     ) -> None:
-        """The whole body, beside which the plane lies."""
+        """Draw the whole body, which the plane misses."""
         vertices, faces = body.skin
-        vertices = body.carried(vertices, wanted.state)
+        vertices = body.carried(vertices, request.state)
         with self._bench.drawing_lock:
             if self._view is view:
                 self.picture = None
                 view.clear()
                 view.show_shell(vertices, faces)
-                self._told(error)
+                self._on_error(error)
 
-    def _draw_fine(self, view: SectionView, pictures: Pictures, wanted: Wanted) -> None:
-        body, state, size = pictures.body, wanted.state, self._bench.size
-        picture = pictures.fine(wanted)
-        half, faces = body.half(wanted.plane)
-        half, *paths = (body.carried(points, state) for points in (half, *wanted.cords))
-        best = _best(wanted)
+    def _draw_fine(
+        self, view: SectionView, renderer: SectionRenderer, request: SectionRequest
+    ) -> None:
+        body, state, size = renderer.body, request.state, self._bench.size
+        picture = renderer.fine(request)
+        half, faces = body.half(request.plane)
+        half, *paths = (body.carried(points, state) for points in (half, *request.cords))
+        best = _best_path(request)
         best = None if best is None else body.carried(best, state)
-        line = _line(wanted, _ARROW * size)
+        line = _direction_line(request, _DIRECTION_LENGTH * size)
         line = None if line is None else body.carried(line, state)
-        radius = _THIN * self._bench.project.device.cord.diameter / 2
+        radius = _CORD_RADIUS * self._bench.project.device.cord.diameter / 2
         with self._bench.drawing_lock:
             if self._view is not view:
                 return
@@ -125,33 +149,33 @@ class SectionWork:
             view.show_fine(picture.positions, picture.section.triangles, picture.colors)
             view.show_shell(half, faces)
             view.show_cords(paths, radius)
-            view.show_new(best, 2 * radius)
+            view.show_new_cord(best, 2 * radius)
             view.show_direction(line)
             view.mark(None)
-            self._drawn(wanted, picture.bar)
-        self._changed.wait(_READ)
+            self._on_drawn(picture)
+        self._changed.wait(_READ_TIME_S)
         with self._bench.drawing_lock:
             if self._view is view:
-                view.settle()
+                view.remove_previous()
 
-    def _failed(self, error: Exception) -> None:
+    def _report_error(self, error: Exception) -> None:
         with self._bench.drawing_lock:
             self.picture = None
-            self._told(error)
+            self._on_error(error)
 
 
-def _best(wanted: Wanted) -> Float | None:
-    """The path of the cord that would help most."""
-    ends = None if wanted.found is None else wanted.found.best_ends
-    if wanted.look is not NEXT_CORD or ends is None:
+def _best_path(request: SectionRequest) -> Float | None:
+    """Return the path (p, 3) mm of the best additional cord, or None."""
+    ends = None if request.next_cord is None else request.next_cord.best_ends
+    if request.quantity is not NEXT_CORD or ends is None:
         return None
     return np.asarray(np.linspace(ends[0], ends[1], 30))
 
 
-def _line(wanted: Wanted, reach: float) -> Float | None:
-    """Along which stretch is told, through the middle of the plane."""
-    if not wanted.look.along or wanted.path is not None:
+def _direction_line(request: SectionRequest, length: float) -> Float | None:
+    """Return a line (p, 3) mm through the plane's middle along the direction of the stretch."""
+    if not request.quantity.needs_direction or request.path is not None:
         return None
-    along = reach * wanted.direction(wanted.plane.origin)
-    middle = wanted.plane.origin + _ABOVE * reach * wanted.plane.normal
-    return np.linspace(middle - along, middle + along, 12)
+    half = length * request.direction(request.plane.origin)
+    middle = request.plane.origin + _DIRECTION_HEIGHT * length * request.plane.normal
+    return np.linspace(middle - half, middle + half, 12)

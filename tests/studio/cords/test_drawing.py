@@ -1,4 +1,4 @@
-"""What hands draw on planes: places, snapping, strokes that become cords."""
+"""Drawing on planes: points, snapping, and strokes that become cords."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ import pytest
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.studio.cords.cord_scene import with_point, with_tangent
-from defsense_fab.studio.cords.drawing import moved, planes
-from defsense_fab.studio.cords.drawing import on_plane
-from defsense_fab.studio.cords.snapping import MIDDLE, SKIN, Snapping
-from defsense_fab.studio.edits.cords import smooth
+from defsense_fab.studio.cords.drawing import drawing_planes, offset_plane, ray_on_plane
+from defsense_fab.studio.cords.snapping import Snapper
 from tests.conftest import box_surface
 
-LONG = 60.0
+TIMEOUT_S = 60.0
 BODY = box_surface((0, -15, -10), (150, 15, 10))
 
 
@@ -24,49 +22,51 @@ def cord(name, plane, points):
 
 
 def test_planes_across_the_thin_side_come_first_and_lie_along_the_body():
-    plane = planes(BODY, ())["middle, square to z"]
-    assert list(planes(BODY, ())) == [f"middle, square to {a}" for a in "zyx"]
+    planes = drawing_planes(BODY, ())
+    plane = planes["middle, normal to z"]
+    assert list(planes) == [f"middle, normal to {axis}" for axis in "zyx"]
     np.testing.assert_allclose(plane.origin, [75, 0, 0])
     np.testing.assert_allclose(plane.axes[:, 0], [1, 0, 0])
-    np.testing.assert_allclose(moved(plane, 4.0).origin, [75, 0, 4])
-    own = cord("top", moved(plane, 3.0), [[0, 0], [10, 0]])
-    assert planes(BODY, (own,))["of top"] is own.plane
+    np.testing.assert_allclose(offset_plane(plane, 4.0).origin, [75, 0, 4])
+    top = cord("top", offset_plane(plane, 3.0), [[0, 0], [10, 0]])
+    assert drawing_planes(BODY, (top,))["of top"] is top.plane
 
 
-def test_a_place_is_where_the_ray_of_the_eye_meets_the_plane():
+def test_a_point_is_where_the_ray_from_the_eye_meets_the_plane():
     plane = Plane.from_normal(np.array([10.0, 0, 5]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
     eye = np.array([10.0, 0, 105])
-    np.testing.assert_allclose(on_plane(plane, eye, np.array([12.0, 3, 55])), [4, 6])
-    assert on_plane(plane, eye, np.array([11.0, 0, 105])) is None  # along it
-    assert on_plane(plane, eye, np.array([10.0, 0, 106])) is None  # away from it
+    np.testing.assert_allclose(ray_on_plane(plane, eye, np.array([12.0, 3, 55])), [4, 6])
+    assert ray_on_plane(plane, eye, np.array([11.0, 0, 105])) is None  # parallel
+    assert ray_on_plane(plane, eye, np.array([10.0, 0, 106])) is None  # points away
 
 
-def test_a_point_snaps_to_other_cords_to_the_skin_and_to_the_middle():
-    plane = planes(BODY, ())["middle, square to z"]
+def test_a_point_snaps_to_other_cords_the_surface_and_the_middle():
+    plane = drawing_planes(BODY, ())["middle, normal to z"]
     other = cord("side", plane, [[20.0, 8.0], [40, 8]])
-    above = cord("above", moved(plane, 5.0), [[0.0, 3.0], [40, 3]])
-    snap = Snapping(BODY, plane, (other, above), 1.0)
-    assert snap(np.array([20.4, 8.3])).to == "`side`"
-    np.testing.assert_allclose(snap(np.array([20.4, 8.3])).place, [20, 8])
-    assert snap(np.array([0.2, 3.3])).to == MIDDLE  # the other cord lies above
-    np.testing.assert_allclose(snap(np.array([0.2, 3.3])).place, [0, 3.3])
-    np.testing.assert_allclose(snap(np.array([-0.6, 0.7])).place, [0, 0])
-    assert snap(np.array([30.0, 14.6])).to == SKIN
-    np.testing.assert_allclose(snap(np.array([30.0, 14.6])).place, [30, 15])
+    above = cord("above", offset_plane(plane, 5.0), [[0.0, 3.0], [40, 3]])
+    snap = Snapper(BODY, plane, (other, above), 1.0).snap
+    at_cord = snap(np.array([20.4, 8.3]))
+    assert (at_cord.target, at_cord.cord) == ("cord", "side")
+    np.testing.assert_allclose(at_cord.point, [20, 8])
+    assert snap(np.array([0.2, 3.3])).target == "middle"  # the other cord lies above
+    np.testing.assert_allclose(snap(np.array([0.2, 3.3])).point, [0, 3.3])
+    np.testing.assert_allclose(snap(np.array([-0.6, 0.7])).point, [0, 0])
+    assert snap(np.array([30.0, 14.6])).target == "surface"
+    np.testing.assert_allclose(snap(np.array([30.0, 14.6])).point, [30, 15])
     free = snap(np.array([30.0, 5.0]))
-    assert free.to == ""
-    np.testing.assert_array_equal(free.place, [30, 5])
+    assert free.target is None
+    np.testing.assert_array_equal(free.point, [30, 5])
 
 
-def test_tangents_follow_points_until_one_is_bent():
-    plane = planes(BODY, ())["middle, square to z"]
+def test_tangents_follow_points_until_one_is_changed():
+    plane = drawing_planes(BODY, ())["middle, normal to z"]
     first = cord("a", plane, [[0.0, 0], [30, 0], [60, 0]])
-    pulled = with_point(first, 1, np.array([30.0, 9.0]))
-    np.testing.assert_allclose(pulled.curve.tangents, catmull_rom(pulled.curve.points))
-    bent = with_tangent(pulled, 0, np.array([0.0, 30.0]))
-    again = with_point(bent, 1, np.array([30.0, 2.0]))
-    np.testing.assert_array_equal(again.curve.tangents, bent.curve.tangents)
-    assert again.free == first.free
+    moved = with_point(first, 1, np.array([30.0, 9.0]))
+    np.testing.assert_allclose(moved.curve.tangents, catmull_rom(moved.curve.points))
+    bent = with_tangent(moved, 0, np.array([0.0, 30.0]))
+    moved_again = with_point(bent, 1, np.array([30.0, 2.0]))
+    np.testing.assert_array_equal(moved_again.curve.tangents, bent.curve.tangents)
+    assert moved_again.free == first.free
 
 
 @pytest.fixture
@@ -80,71 +80,70 @@ def sensors(mode):
     return {s.name: s for s in mode.bench.project.device.sensors}
 
 
-def test_a_stroke_becomes_a_cord_and_another_takes_its_place(cords):
+def test_a_stroke_becomes_a_cord_and_the_next_one_replaces_its_path(cords):
     before = set(sensors(cords))
-    plane = planes(cords.bench.surface, ())["middle, square to z"]
+    plane = drawing_planes(cords.bench.surface, ())["middle, normal to z"]
     size = np.ptp(cords.bench.surface.vertices, axis=0)
     x = np.linspace(-0.6, 0.6, 80) * size.max()
     stroke = np.stack([x, 0.1 * size[1] * np.sin(3 * x / size.max())], axis=1)
-    cords._drawing._done(plane, stroke)
+    cords.drawing.finish_stroke(plane, stroke)
     (new,) = set(sensors(cords)) - before
-    assert cords._cord.name == new
-    assert cords.bench.project.undo_name == f"draw `{new}`"
+    assert cords.chosen.name == new
     drawn = sensors(cords)[new].curve
-    cords._cord._again.value = True
-    cords._drawing._done(plane, stroke * [1, -1])
+    cords.chosen.is_replaced_by_strokes = True
+    cords.drawing.finish_stroke(plane, stroke * [1, -1])
     assert set(sensors(cords)) - before == {new}
     np.testing.assert_allclose(sensors(cords)[new].curve.points, drawn.points * [1, -1], atol=2e-3)
-    assert cords.bench.project.undo_name == f"redraw `{new}`"
-    cords._drawing._done(plane, stroke + np.array([0, 500]))
-    assert "outside of the body's section" in cords.bench._message.content
+    cords.drawing.finish_stroke(plane, stroke + np.array([0, 500]))
+    assert cords.bench.message_code == "stroke-outside-body"
+    assert set(sensors(cords)) - before == {new}
 
 
-def test_tangents_planes_and_copies_are_written(cords):
+def test_tangents_points_and_mirrored_copies_are_written(cords):
     name, cord_ = next(iter(sensors(cords).items()))
     cords.choose(name)
-    cords.drawn(with_tangent(cord_, 1, np.array([9.0, 5.0])), "tangents", 1, True)
-    assert cords.bench.project.undo_name == f"bend `{name}` at control point 2"
+    cords.drag(with_tangent(cord_, 1, np.array([9.0, 5.0])), "tangents", 1, True)
     np.testing.assert_allclose(sensors(cords)[name].curve.tangents[1], [9, 5])
-    cords._cord._edit(lambda s: smooth(s.name))
+    cords.chosen.smooth()
     tangents = sensors(cords)[name].curve.tangents
     np.testing.assert_allclose(tangents, catmull_rom(cord_.curve.points), atol=1e-3)
     count = len(cord_.curve.points)
-    cords._cord._edit(cords._cord._longer)
+    cords.chosen.add_point()
     assert len(sensors(cords)[name].curve.points) == count + 1
-    cords._cord._delete_point()  # none was dragged since
+    cords.chosen.delete_point()  # no point was dragged since
     assert len(sensors(cords)[name].curve.points) == count + 1
-    assert "Drag a point first" in cords.bench._message.content
-    cords._cord.touched = 1
-    cords._cord._delete_point()
+    assert cords.bench.message_code == "no-point-dragged"
+    cords.chosen.last_point = 1
+    cords.chosen.delete_point()
     assert len(sensors(cords)[name].curve.points) == count
-    cords._cord._edit(cords._cord._mirrored)
+    cords.chosen.add_mirrored()
     copy = sensors(cords)[f"{name}-mirrored"]
     middle = cords.bench.surface.vertices.mean(axis=0)
-    there = copy.plane.to_world(copy.curve.points)
-    here = sensors(cords)[name].plane.to_world(sensors(cords)[name].curve.points)
-    np.testing.assert_allclose(there[:, 1], 2 * middle[1] - here[:, 1], atol=2e-3)
-    np.testing.assert_allclose(there[:, [0, 2]], here[:, [0, 2]], atol=2e-3)
+    mirrored = copy.plane.to_world(copy.curve.points)
+    original = sensors(cords)[name].plane.to_world(sensors(cords)[name].curve.points)
+    np.testing.assert_allclose(mirrored[:, 1], 2 * middle[1] - original[:, 1], atol=2e-3)
+    np.testing.assert_allclose(mirrored[:, [0, 2]], original[:, [0, 2]], atol=2e-3)
 
 
-def test_what_is_proposed_lowers_the_error(cords):
-    assert cords._quick.wait(LONG)
-    before, count = cords._shown.error, len(sensors(cords))
+def test_a_proposed_cord_lowers_the_error(cords):
+    assert cords.error_worker.wait(TIMEOUT_S)
+    before, count = cords.prediction.error, len(sensors(cords))
     cords.propose()
-    assert cords._proposals.wait(4 * LONG)
-    assert len(sensors(cords)) == count + 1, cords.bench._message.content
-    assert "takes the expected error from" in cords.bench._message.content
-    assert cords._quick.wait(LONG)
-    assert cords._shown.error < before
+    assert cords.proposal_worker.wait(4 * TIMEOUT_S)
+    assert len(sensors(cords)) == count + 1, cords.bench.message
+    assert cords.bench.message_code == "cord-proposed"
+    assert cords.error_worker.wait(TIMEOUT_S)
+    assert cords.prediction.error < before
 
 
 def test_two_cords_are_compared(cords):
-    one, two = list(sensors(cords))[:2]
-    cords.choose(one)
-    cords._other.value = two
-    cords._give_slow()
-    assert cords._slow.wait(LONG)
-    told = cords._compared.content
-    assert told.startswith(f"| | {one} | {two} |")
-    assert "Their signals go together by" in told
-    assert "error without it" in told.splitlines()[2]
+    first, second = list(sensors(cords))[:2]
+    cords.choose(first)
+    cords.compare_with(second)
+    assert cords.comparison_worker.wait(TIMEOUT_S)
+    comparison = cords.comparison
+    assert comparison.names == (first, second)
+    others = [s for s in cords.bench.project.device.sensors if s.name != second]
+    expected = cords.bench.judge.judge(others, quick=True).error
+    assert comparison.errors_without[1] == expected
+    assert -1 <= comparison.correlation <= 1

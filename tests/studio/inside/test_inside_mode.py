@@ -1,4 +1,4 @@
-"""Looking inside, by the page's own buttons and handles; browsers are not part of this."""
+"""The Inside mode, used through its buttons and handles without a browser."""
 
 import threading
 
@@ -11,234 +11,250 @@ from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.prediction.next_cord import map_next_cord
 from defsense_fab.studio.edits.cords import remove_cord
 from defsense_fab.studio.inside import next_cord
-from defsense_fab.studio.inside.section_quantities import LOOKS, NEXT_CORD
-from defsense_fab.studio.inside.section_planes import plane_at
-from defsense_fab.studio.inside.section_planes import axis_plane, first_state, offsets
-from defsense_fab.studio.inside.section_view import hit_point
+from defsense_fab.studio.inside.section_planes import (
+    axis_plane,
+    first_state,
+    plane_at,
+    plane_offsets,
+)
+from defsense_fab.studio.inside.section_quantities import (
+    ALONG_DIRECTION,
+    LARGEST_STRETCH,
+    NEXT_CORD,
+    VARIANCE_OF_LARGEST,
+)
+from defsense_fab.studio.inside.section_view import hit_triangle
+from tests.support.errors import raises
 
-LONG = 60.0
-FAR = Plane.from_normal(np.array([0.0, 0, 40.0]), np.eye(3)[2], np.eye(3)[0])
+TIMEOUT_S = 60.0
+PLANE_OUTSIDE = Plane.from_normal(np.array([0.0, 0, 40.0]), np.eye(3)[2], np.eye(3)[0])
 
 
 @pytest.fixture
 def inside(studio_page):
     studio_page.enter("Inside")
     mode = studio_page.modes["Inside"]
-    settled(mode)
+    wait(mode)
     return mode
 
 
-def settled(mode):
-    """Until sections, searches and sections of what was found are done."""
+def wait(mode):
+    """Wait for the section, the search that it starts, and the section with the map."""
     for _ in range(3):
-        assert mode.work.wait(LONG)
-        assert mode.search.wait(LONG)
-    assert mode.work.wait(LONG)
+        assert mode.sections.wait(TIMEOUT_S)
+        assert mode.search.wait(TIMEOUT_S)
+    assert mode.sections.wait(TIMEOUT_S)
 
 
-def look_for_cords(mode, length=36.0):
-    mode.next.choose(length)
+def search_cords(mode, length=36.0):
+    mode.next_panel.choose(length)
     mode.panel.choose(NEXT_CORD)
     mode.panel.on_change()
-    settled(mode)
+    wait(mode)
 
 
-def test_a_section_of_the_first_full_pose_is_shown(inside):
-    picture = inside.work.picture
-    assert inside.panel.look is LOOKS[1]
-    assert inside.bench.judge.task.names[picture.wanted.state] == "bend_up@1"
+def test_the_first_full_pose_is_shown(inside):
+    picture = inside.sections.picture
+    assert inside.panel.quantity is LARGEST_STRETCH
+    assert picture.request.quantity is LARGEST_STRETCH
+    assert inside.bench.judge.task.names[picture.request.state] == "bend_up@1"
     assert picture.section.area == pytest.approx(150 * 30, rel=1e-6)
     assert np.abs(picture.positions - picture.section.points).max() > 1.0
-    assert "percent strain" in inside.panel._bar.content
+    assert LARGEST_STRETCH.unit in picture.bar
     assert not inside.bench.body.visible
 
 
-def test_it_goes_when_another_mode_is_entered_and_comes_back(studio_page, inside):
+def test_the_section_is_hidden_in_other_modes(studio_page, inside):
     studio_page.enter("Cords")
-    assert inside.work.picture is None
+    assert inside.sections.picture is None
     assert inside.bench.body.visible
     inside.panel.on_change()
-    settled(inside)
-    assert inside.work.picture is None
+    wait(inside)
+    assert inside.sections.picture is None
     studio_page.enter("Inside")
-    settled(inside)
-    assert inside.work.picture is not None
+    wait(inside)
+    assert inside.sections.picture is not None
 
 
-def test_planes_are_set_by_buttons_and_cords_and_the_offset(inside):
+def test_planes_are_set_by_buttons_cords_and_the_offset(inside):
     inside.panel.on_axis(0)
-    settled(inside)
-    assert inside.work.picture.section.area == pytest.approx(30 * 30, rel=1e-6)
+    wait(inside)
+    assert inside.sections.picture.section.area == pytest.approx(30 * 30, rel=1e-6)
     inside.panel.on_offset(20.0)
-    settled(inside)
-    np.testing.assert_allclose(inside.work.picture.section.points[:, 0], 95.0)
-    assert inside.panel._offset.value == pytest.approx(20.0)
-    assert inside.panel._offset.max == pytest.approx(75.0)
+    wait(inside)
+    np.testing.assert_allclose(inside.sections.picture.section.points[:, 0], 95.0)
+    assert inside.panel.offset == pytest.approx(20.0)
+    assert inside.panel.max_offset == pytest.approx(75.0)
     cord = inside.bench.project.device.sensors[0]
     inside.panel.on_plane(cord.plane)
-    settled(inside)
-    section = inside.work.picture.section
-    np.testing.assert_allclose((section.points - cord.plane.origin) @ cord.plane.normal, 0,
-                               atol=1e-9)  # fmt: skip
+    wait(inside)
+    section = inside.sections.picture.section
+    heights = (section.points - cord.plane.origin) @ cord.plane.normal
+    np.testing.assert_allclose(heights, 0, atol=1e-9)
 
 
-def test_states_follow_each_other(inside):
+def test_rest_follows_the_last_state(inside):
     names = inside.bench.judge.task.names
-    inside.panel.choose(LOOKS[4], names[-1])
+    inside.panel.choose(VARIANCE_OF_LARGEST, names[-1])
     inside.next_state()
-    settled(inside)
-    assert inside.work.picture.wanted.state == 0
-    assert "square of stretch" in inside.panel._bar.content
+    wait(inside)
+    picture = inside.sections.picture
+    assert picture.request.state == 0
+    assert VARIANCE_OF_LARGEST.unit in picture.bar
 
 
-def test_what_fails_in_a_search_is_told_beside_it(inside, monkeypatch):
-    def broken(*args):
-        raise LayoutError("nothing can be said of these cords")
+def test_the_error_of_a_search_is_shown_next_to_it(inside, monkeypatch):
+    def fail(*args):
+        raise LayoutError("the cords cannot be judged", code="error-not-finite")
 
-    monkeypatch.setattr(next_cord, "map_next_cord", broken)
-    look_for_cords(inside)
-    assert inside.next._told.content == "**nothing can be said of these cords**"
-
-
-def test_a_coarse_cut_follows_the_hand_and_the_fine_one_comes_after(inside):
-    before, fine = inside.work.coarse, inside.work.picture
-    plane = axis_plane(inside._vertices, 1)
-    inside.moved(Plane(np.array([75.0, 3, 0]), plane.axes), False)
-    settled(inside)
-    assert inside.work.coarse == before + 1
-    assert inside.work.picture is not fine
-    np.testing.assert_allclose(inside.work.picture.section.points[:, 1], 3.0)
-    inside.moved(Plane(np.array([75.0, 5, 0]), plane.axes), True)
-    settled(inside)
-    assert inside.work.coarse == before + 1
+    monkeypatch.setattr(next_cord, "map_next_cord", fail)
+    search_cords(inside)
+    assert inside.next_panel.status == "failed"
+    assert inside.next_panel.error.code == "error-not-finite"
 
 
-def test_a_plane_that_misses_the_body_is_told_and_the_next_one_is_drawn(inside):
-    inside.set_plane(FAR)
-    settled(inside)
-    assert "25.0 mm" in inside.panel._said.content
-    assert inside.work.picture is None
-    vertices = inside.work._view._parts["shell"].vertices
-    assert np.ptp(vertices[:, 0]) > 145  # the whole body is shown
+def test_dots_follow_a_drag_and_the_fine_section_comes_after(inside):
+    before, fine = inside.sections.coarse_count, inside.sections.picture
+    plane = axis_plane(inside.vertices, 1)
+    inside.move_plane(Plane(np.array([75.0, 3, 0]), plane.axes), False)
+    wait(inside)
+    assert inside.sections.coarse_count == before + 1
+    assert inside.sections.picture is not fine
+    np.testing.assert_allclose(inside.sections.picture.section.points[:, 1], 3.0)
+    inside.move_plane(Plane(np.array([75.0, 5, 0]), plane.axes), True)
+    wait(inside)
+    assert inside.sections.coarse_count == before + 1
+
+
+def test_a_plane_that_misses_the_body_shows_an_error_and_the_whole_body(inside):
+    inside.set_plane(PLANE_OUTSIDE)
+    wait(inside)
+    assert inside.panel.error.code == "plane-misses-body"
+    assert inside.sections.picture is None
+    assert np.ptp(inside.sections.shell[:, 0]) > 145
     inside.panel.on_axis(2)
-    settled(inside)
-    assert inside.work.picture is not None
-    assert "misses" not in inside.panel._said.content
+    wait(inside)
+    assert inside.sections.picture is not None
+    assert inside.panel.error is None
 
 
-def test_numbers_are_told_where_the_section_is_clicked(inside):
-    inside.panel.choose(LOOKS[0], "rest")
+def test_a_click_on_the_section_shows_the_numbers_of_the_point(inside):
+    inside.panel.choose(ALONG_DIRECTION, "rest")
     inside.panel.on_axis(1)
-    settled(inside)
-    inside.clicked(np.array([75.0, -200.0, 2.0]), np.array([0.0, 1.0, 0.0]))
-    told = inside.panel._point.content
-    assert "Point at rest (75.0, 0.0, 2.0) mm" in told
-    assert "along the direction +0.0 %" in told
-    assert "standard deviation" in told
-    inside.clicked(np.array([75.0, -200.0, 90.0]), np.array([0.0, 1.0, 0.0]))
-    assert inside.panel._point.content == told
+    wait(inside)
+    inside.click(np.array([75.0, -200.0, 2.0]), np.array([0.0, 1.0, 0.0]))
+    point = inside.panel.point
+    np.testing.assert_allclose(point.rest, [75.0, 0.0, 2.0], atol=1e-6)
+    np.testing.assert_allclose(point.position, point.rest)
+    assert point.stretches["along the direction"] == pytest.approx(1.0)
+    assert point.variance > 0
+    inside.click(np.array([75.0, -200.0, 90.0]), np.array([0.0, 1.0, 0.0]))
+    assert inside.panel.point is point
 
 
-def test_a_heat_map_becomes_a_cord_and_is_undone(inside):
-    look_for_cords(inside, None)
-    found = inside._found
-    assert found.fine
-    assert inside.work.picture.wanted.found is found
-    assert f"→ {found.error - found.best_drop:.2f} mm" in inside.next._told.content
+def test_the_best_cord_of_a_map_is_drawn_and_undone(inside):
+    search_cords(inside, None)
+    cord_map = inside.cord_map
+    assert cord_map.fine
+    assert inside.sections.picture.request.next_cord is cord_map
+    assert inside.next_panel.status == "found"
+    assert inside.next_panel.cord_map is cord_map
     text, before = inside.bench.project.text, len(inside.bench.project.device.sensors)
     inside.draw_best()
     sensors = load_device(inside.bench.project.folder).sensors
     assert len(sensors) == before + 1
     judged = inside.bench.judge.judge(sensors, quick=True)
-    assert judged.error == pytest.approx(found.error - found.best_drop, abs=0.01)
-    assert inside.bench.project.undo_name == "draw `cord`"
-    assert "expected error" in inside.bench._message.content
-    settled(inside)
-    assert inside._found.error == pytest.approx(judged.error)  # beside the new cord
+    assert judged.error == pytest.approx(cord_map.error - cord_map.best_drop, abs=0.01)
+    assert inside.bench.message_code == "cord-drawn"
+    wait(inside)
+    assert inside.cord_map.error == pytest.approx(judged.error)  # with the new cord
     inside.bench.project.undo()
     assert inside.bench.project.text == text
 
 
-def test_without_a_map_nothing_is_drawn(inside):
-    with pytest.raises(LayoutError, match="Wait until it is known"):
+def test_no_cord_is_drawn_without_a_map(inside):
+    with raises(LayoutError, "search-not-done"):
         inside.draw_best()
 
 
 @pytest.fixture
 def held_search(monkeypatch):
-    """A search that waits after its first part: `begun`, and `go` to let it on."""
-    begun, go, seen = threading.Event(), threading.Event(), []
+    """A search that sets `started` after its first map, and waits for `proceed`."""
+    started, proceed, maps = threading.Event(), threading.Event(), []
 
-    def slow(*args):
-        for known in map_next_cord(*args):
-            seen.append(known)
-            begun.set()
-            assert go.wait(LONG)
-            yield known
+    def search(*args):
+        for cord_map in map_next_cord(*args):
+            maps.append(cord_map)
+            started.set()
+            assert proceed.wait(TIMEOUT_S)
+            yield cord_map
 
-    monkeypatch.setattr(next_cord, "map_next_cord", slow)
-    return begun, go, seen
+    monkeypatch.setattr(next_cord, "map_next_cord", search)
+    return started, proceed, maps
 
 
-def begin_search(inside, begun):
-    inside.next.choose(36.0)
+def start_search(inside, started):
+    inside.next_panel.choose(36.0)
     inside.panel.choose(NEXT_CORD)
     inside.panel.on_change()
-    assert begun.wait(LONG)
+    assert started.wait(TIMEOUT_S)
 
 
-def test_a_search_that_is_cancelled_ends_and_tells_no_map(inside, held_search):
-    begun, go, seen = held_search
-    begin_search(inside, begun)
-    assert inside.next._bar.visible
+def test_a_canceled_search_ends_without_a_map(inside, held_search):
+    started, proceed, maps = held_search
+    start_search(inside, started)
+    assert inside.next_panel.is_searching
     inside.cancel()
-    go.set()
-    settled(inside)
-    assert inside.next._told.content.startswith("Cancelled.")
-    assert len(seen) == 1
-    assert inside._found is None
-    assert not inside.next._bar.visible
+    proceed.set()
+    wait(inside)
+    assert inside.next_panel.status == "cancelled"
+    assert len(maps) == 1
+    assert inside.cord_map is None
+    assert not inside.next_panel.is_searching
 
 
 @pytest.mark.parametrize("change", ["plane", "cords", "mode"])
-def test_a_search_ends_when_plane_or_cords_change(studio_page, inside, held_search, change):
-    begun, go, seen = held_search
-    begin_search(inside, begun)
-    old = inside._asked
+def test_a_search_ends_when_the_plane_or_the_cords_change(studio_page, inside, held_search, change):
+    started, proceed, maps = held_search
+    start_search(inside, started)
+    request = inside.search_request
     if change == "plane":
-        inside.moved(axis_plane(inside._vertices, 2), False)
+        inside.move_plane(axis_plane(inside.vertices, 2), False)
     elif change == "cords":
         inside.bench.apply(remove_cord(inside.bench.project.device.sensors[0].name))
     else:
         studio_page.enter("Cords")
-    assert inside._asked is not old
-    go.set()
-    settled(inside)
+    assert inside.search_request is not request
+    proceed.set()
+    wait(inside)
     if change == "mode":
-        assert inside._found is None
-        assert len(seen) == 1
+        assert inside.cord_map is None
+        assert len(maps) == 1
     else:
-        assert inside._found.fine
-        assert inside._asked is not old
-        np.testing.assert_array_equal(inside._found.plane.axes, inside._plane.axes)
+        assert inside.cord_map.fine
+        assert inside.search_request is not request
+        np.testing.assert_array_equal(inside.cord_map.plane.axes, inside.plane.axes)
 
 
-def test_small_things_about_planes():
+def test_planes_and_their_offsets():
     vertices = np.array([[0.0, -1, -2], [10, 1, 2]])
     plane = axis_plane(vertices, 0)
-    assert offsets(plane, vertices) == (0.0, -5.0, 5.0)
+    assert plane_offsets(plane, vertices) == (0.0, -5.0, 5.0)
     turned = plane_at(np.array([1.0, 2, 3]), np.array([np.sqrt(0.5), np.sqrt(0.5), 0, 0]))
     np.testing.assert_allclose(turned.normal, [0, -1, 0], atol=1e-12)
+
+
+def test_the_first_state_has_one_pose_at_its_largest():
     assert first_state(({}, {"a": 0.5}, {"a": 1.0}, {"a": 1.0, "b": 1.0})) == 2
     assert first_state(({},)) == 0
 
 
-def test_a_ray_meets_the_nearest_triangle():
+def test_a_ray_hits_the_nearest_triangle():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]])
     triangles = np.array([[0, 1, 2], [3, 4, 5]])
     down = np.array([0.0, 0, -1])
-    hit, weights = hit_point(np.array([0.2, 0.3, 5.0]), down, points, triangles)
+    hit, weights = hit_triangle(np.array([0.2, 0.3, 5.0]), down, points, triangles)
     assert hit == 1
     np.testing.assert_allclose(weights, [0.5, 0.2, 0.3])
-    assert hit_point(np.array([2.0, 0.3, 5.0]), down, points, triangles) is None
-    assert hit_point(np.array([0.2, 0.3, -5.0]), down, points, triangles) is None
+    assert hit_triangle(np.array([2.0, 0.3, 5.0]), down, points, triangles) is None
+    assert hit_triangle(np.array([0.2, 0.3, -5.0]), down, points, triangles) is None
