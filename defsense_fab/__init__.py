@@ -3,7 +3,9 @@
 This is the Python interface (docs/python.md). Each name is imported when it is first used.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from .core.version import __version__ as __version__
@@ -15,7 +17,12 @@ if TYPE_CHECKING:
     from .runtime.frames.live_frame import LiveFrame as LiveFrame
     from .training.data.dataset import Dataset as Dataset
     from .training.data.dataset import Recording as Recording
+    from .workflow.calibrate.fit_response import FittedResponse as FittedResponse
     from .workflow.device import Device as Device
+    from .workflow.experiments import fit_response as fit_response
+    from .workflow.experiments import load_experiment as load_experiment
+    from .workflow.experiments import record_specimen_twin as record_specimen_twin
+    from .workflow.experiments import reproduce as reproduce
     from .workflow.layout import Layout as Layout
     from .workflow.layout import Parts as Parts
     from .workflow.layout import fabricate as fabricate
@@ -39,6 +46,7 @@ if TYPE_CHECKING:
     from .workflow.recordings import dataset as dataset
     from .workflow.recordings import load_sessions as load_sessions
     from .workflow.recordings import record_twin as record_twin
+    from .workflow.reproduce.experiments.experiment import Experiment as Experiment
     from .workflow.simulation import Picture as Picture
     from .workflow.simulation import Simulation as Simulation
     from .workflow.simulation import simulate as simulate
@@ -49,7 +57,14 @@ _MODULES = {
     "core.prediction": ("Prediction",),
     "runtime.frames.live_frame": ("LiveFrame",),
     "training.data.dataset": ("Dataset", "Recording"),
+    "workflow.calibrate.fit_response": ("FittedResponse",),
     "workflow.device": ("Device",),
+    "workflow.experiments": (
+        "fit_response",
+        "load_experiment",
+        "record_specimen_twin",
+        "reproduce",
+    ),
     "workflow.layout": ("Layout", "Parts", "fabricate", "optimize", "predict"),
     "workflow.live_session": ("Live", "live"),
     "workflow.model": ("Model", "MovingSurface", "train"),
@@ -66,9 +81,25 @@ _MODULES = {
         "sphere",
     ),
     "workflow.recordings": ("dataset", "load_sessions", "record_twin"),
+    "workflow.reproduce.experiments.experiment": ("Experiment",),
     "workflow.simulation": ("Picture", "Simulation", "simulate"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+
+class _Interface(ModuleType):
+    """The package; a subpackage does not replace a function of the same name.
+
+    Python assigns each imported subpackage to an attribute of its package, so that `optimize` would
+    become the subpackage `optimize`.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _MODULE_OF and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Interface
 
 
 if not TYPE_CHECKING:  # type checkers must only see the names above

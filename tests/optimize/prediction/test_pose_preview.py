@@ -219,7 +219,7 @@ def test_without_a_mesh_there_is_no_preview(simulated, tmp_path):
 def test_the_coarse_mesh_has_fewer_tets_and_is_kept(simulated, monkeypatch):
     made = load_coarse_mesh(simulated)
     assert len(made.tets) < len(load_mesh(simulated.source / "build").tets)
-    monkeypatch.setattr("defsense_fab.optimize.prediction.pose_preview.tetrahedralize", None)
+    monkeypatch.setattr(pose_preview, "tetrahedralize", None)
     assert load_coarse_mesh(simulated).digest == made.digest
 
 

@@ -27,7 +27,7 @@ def test_an_unsolved_program_only_shrinks_the_step(
             return found * np.nan, value, -5, info | {"lam": np.full(len(info["lam"]), 1.7e308)}
         return solve(H, *rest)
 
-    monkeypatch.setattr("defsense_fab.optimize.refinement.sqp.daqp.solve", sometimes)
+    monkeypatch.setattr(daqp, "solve", sometimes)
     found = minimize(
         _bowl,
         lambda x: _bowl(x).value,
