@@ -1,1 +1,1 @@
-"""A recorded session processed: tags, rest frame, signals."""
+"""Capture sessions: recording a device with cameras, and what was recorded."""

@@ -1,4 +1,4 @@
-"""A thread that looks at one camera and writes down what it sees, as it comes."""
+"""Record the tags that one camera sees, in a thread."""
 
 from __future__ import annotations
 
@@ -18,19 +18,26 @@ from ..cameras.image_sources import ImageSource
 from ..clocks.led_detection import LedDetector
 from ..tags.detection import Image, TagFollower, TagView, to_grey
 from ..tags.tag_patterns import Dictionary
-from .session import FRAME_COLUMNS, TAG_COLUMNS, Log, Stream, tag_lines
+from .session import FRAME_COLUMNS, TAG_COLUMNS, Log, Stream, format_tags
 
-FILM_RATE = 30.0  # at which videos count frames; their times are in the frames' file
-_ROOM = 500e6  # bytes that a video leaves free: other streams say so when the disk is full, it not
-_HANGS = 5.0  # s after which a thread that does not come back is left to itself
-_AGAIN = 1.0  # s between attempts to open a camera that vanished
-_OFTEN = 100  # frames between looks at the room that is left
-_AROUND = 3  # px around it that are taken for its brightness
+VIDEO_RATE_HZ = 30.0  # by which videos count frames; their times are in the frames' file
+MIN_FREE_BYTES = 500e6  # left by a video, which does not report a full disk as other streams do
+THREAD_JOIN_TIMEOUT_S = 5.0
+REOPEN_INTERVAL_S = 1.0  # after a camera was disconnected
+DISK_CHECK_FRAMES = 100
+LED_MARGIN_PX = 3  # around the LED, over which its brightness is averaged
 
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """The last picture: its number, when it was taken, ns, the tags in it, and itself."""
+    """The newest image of a camera.
+
+    Attributes:
+        frame: Number of the frame.
+        host_ns: When it was taken, ns.
+        view: Tags in the image.
+        image: The image.
+    """
 
     frame: int
     host_ns: int
@@ -39,69 +46,108 @@ class CameraFrame:
 
 
 class CameraRecorder:
-    """Reads a camera until it is closed; carries on when the camera was unplugged."""
+    """Records a camera until it is closed; continues after the camera was disconnected.
+
+    Args:
+        opener: Opens the camera.
+        camera: Calibration of the camera.
+        tags: Family of the tags.
+        run: Folder of the run.
+        log: Log of the run.
+        video: Whether to record a video too.
+
+    Attributes:
+        frames: Number of recorded frames.
+        late: Number of frames that were late or lost.
+        repeated: Number of repeated images.
+        is_disconnected: Whether the camera is disconnected.
+        latest: The newest frame.
+        failure: Error that ended the thread.
+    """
 
     def __init__(
-        self, opener: Callable[[], ImageSource], camera: Camera, tags: Dictionary, run: Path, log: Log,
-        *, video: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        opener: Callable[[], ImageSource],
+        camera: Camera,
+        tags: Dictionary,
+        run: Path,
+        log: Log,
+        *,
+        video: bool = False,
+    ) -> None:
         self.camera = camera
         self._opener, self._follower, self._log = opener, TagFollower(camera, tags), log
         self._source: ImageSource | None = None
         self._tags = Stream(run / f"{camera.name}.csv", TAG_COLUMNS)
         self._frames = Stream(run / f"{camera.name}-frames.csv", FRAME_COLUMNS)
-        self._film: cv2.VideoWriter | None = None
-        self._path = run / f"{camera.name}.mkv" if video else None
+        self._video: cv2.VideoWriter | None = None
+        self._video_path = run / f"{camera.name}.mkv" if video else None
         self._led = LedDetector()
-        self._spot: tuple[int, int] | None = None
-        self._over = threading.Event()
+        self._led_pixel: tuple[int, int] | None = None
+        self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self.frames = self.late = self.repeated = 0
-        self.gone = False
+        self.is_disconnected = False
         self.latest: CameraFrame | None = None
         self.failure: Exception | None = None
-        self._unsaved: Exception | None = None  # what ended the closing
+        self._closing_error: Exception | None = None  # error while closing
         self._last_ns = 0
         self._period = 0.0
 
     def start(self) -> None:
-        """Raises CaptureError where the camera cannot be opened, or has another resolution."""
+        """Open the camera and start the thread.
+
+        Raises:
+            CaptureError: If the camera cannot be opened, or has another resolution.
+            StorageError: If the video cannot be written.
+        """
         self._source = self._open()
-        if self._path is not None:
+        if self._video_path is not None:
             code = cv2.VideoWriter.fourcc(*"FFV1")
-            self._film = cv2.VideoWriter(str(self._path), code, FILM_RATE, self.camera.size, False)
-            if not self._film.isOpened():
-                raise StorageError(f"{self._path}: cannot be written; leave out --video")
+            self._video = cv2.VideoWriter(
+                str(self._video_path), code, VIDEO_RATE_HZ, self.camera.size, False
+            )
+            if not self._video.isOpened():
+                raise StorageError(
+                    "cannot be written",
+                    code="video-unwritable",
+                    where=self._video_path,
+                    action="Record without video",
+                )
         self._thread.start()
 
     @property
     def rate(self) -> float:
-        """Frames per second of late."""
+        """Recent frames per second."""
         return 1 / self._period if self._period else 0.0
 
     def close(self) -> None:
-        """End the thread, which closes what it reads and writes. One that hangs in the camera's
-        driver is left to itself: it does so when it comes back. Raises StorageError where what it
-        wrote does not reach the disk."""
-        self._over.set()
+        """Stop the thread, which closes the camera and the files.
+
+        A thread that hangs in the camera's driver closes them when it returns.
+
+        Raises:
+            StorageError: If the data do not reach the disk.
+        """
+        self._stop.set()
         if self._thread.ident is None:
             self._release()
             return
-        self._thread.join(_HANGS)
+        self._thread.join(THREAD_JOIN_TIMEOUT_S)
         if self._thread.is_alive():
             self._log.event("camera hangs", camera=self.camera.name)
             return
         if self.repeated:
             self._log.event("repeated", camera=self.camera.name, pictures=self.repeated)
-        if self._unsaved is not None:
-            raise self._unsaved
+        if self._closing_error is not None:
+            raise self._closing_error
 
     def _release(self) -> None:
-        with ExitStack() as stack:  # each of them, whatever becomes of the others
+        with ExitStack() as stack:  # close each, even if another fails
             stack.callback(self._frames.close)
             stack.callback(self._tags.close)
-            if self._film is not None:
-                stack.callback(self._film.release)
+            if self._video is not None:
+                stack.callback(self._video.release)
             if self._source is not None:
                 stack.callback(self._source.close)
 
@@ -111,15 +157,19 @@ class CameraRecorder:
         if source.size != self.camera.size:
             source.close()
             raise CaptureError(
-                f"camera {self.camera.name}: gives {source.size[0]} x {source.size[1]} pixels, its"
-                f" calibration is for {self.camera.size[0]} x {self.camera.size[1]}; calibrate it"
-                " at this resolution"
+                f"gives {source.size[0]} x {source.size[1]} pixels, but its calibration is for"
+                f" {self.camera.size[0]} x {self.camera.size[1]}",
+                code="image-size-differs",
+                where=f"camera {self.camera.name}",
+                action="Calibrate it at this resolution",
+                camera=self.camera.name,
+                size=source.size,
             )
         return source
 
     def _run(self) -> None:
         try:
-            while not self._over.is_set():
+            while not self._stop.is_set():
                 if self._source is None:
                     self._reopen()
                     continue
@@ -127,32 +177,32 @@ class CameraRecorder:
                     frame = self._source.read(0.5)
                 except CaptureError as error:
                     self._log.event("camera gone", camera=self.camera.name, why=str(error))
-                    self.gone = True
+                    self.is_disconnected = True
                     self._source.close()
                     self._source = None
                     continue
                 if frame is not None:
-                    self._take(*frame)
-        except Exception as error:  # the disk, above all: told by whoever looks
+                    self._record(*frame)
+        except Exception as error:  # mostly of the disk; raised by who checks `failure`
             self.failure = error
         finally:
             try:
                 self._release()
             except Exception as error:
-                self._unsaved = error
+                self._closing_error = error
 
     def _reopen(self) -> None:
         try:
             self._source = self._open()
         except CaptureError:
-            self._over.wait(_AGAIN)
+            self._stop.wait(REOPEN_INTERVAL_S)
             return
-        self.gone = False
+        self.is_disconnected = False
         self._log.event("camera back", camera=self.camera.name)
 
-    def _take(self, image: Image, host_ns: int) -> None:
+    def _record(self, image: Image, host_ns: int) -> None:
         if host_ns <= self._last_ns:
-            self.repeated += 1  # the same picture once more, or a clock that jumped
+            self.repeated += 1  # a repeated image, or a clock that jumped
             return
         grey = to_grey(image)
         view = self._follower.find(grey)
@@ -164,42 +214,47 @@ class CameraRecorder:
                 self.late += max(round(step / self._period) - 1, 0)
             self._period = step if not self._period else 0.95 * self._period + 0.05 * step
         self._last_ns = host_ns
-        rows = tag_lines(number, host_ns, view)
+        rows = format_tags(number, host_ns, view)
         if rows:
             self._tags.line(rows)
         self._frames.line(f"{number},{host_ns},{led:.2f}")
-        if self._film is not None:
-            self._film.write(grey)
-            if self.frames % _OFTEN == 0:
-                self._check_room()
+        if self._video is not None:
+            self._video.write(grey)
+            if self.frames % DISK_CHECK_FRAMES == 0:
+                self._check_disk()
         self.frames += 1
         self.latest = CameraFrame(number, host_ns, view, image)
 
-    def _check_room(self) -> None:
-        assert self._path is not None
-        if shutil.disk_usage(self._path.parent).free < _ROOM:
+    def _check_disk(self) -> None:
+        assert self._video_path is not None
+        if shutil.disk_usage(self._video_path.parent).free < MIN_FREE_BYTES:
             raise StorageError(
-                f"{self._path}: the disk is nearly full; what was recorded is whole: make room, or"
-                " leave out --video, and give the command again"
+                "the disk is nearly full; the recording so far is complete",
+                code="disk-full",
+                where=self._video_path,
+                action="Free disk space or record without video, and run the command again",
             )
 
     def _brightness(self, grey: Image) -> float:
-        """Of the read-out board's LED, once it is known where that is."""
-        if self._spot is None:
+        """Return the brightness of the read-out board's LED, NaN until it is located."""
+        if self._led_pixel is None:
             self._led.add(grey)
             if self._led.is_located:
-                found = self._led.trace()
-                if found is not None:
-                    self._spot = (round(float(found.place[0])), round(float(found.place[1])))
-                    self._log.event("led", camera=self.camera.name, place=list(self._spot))
+                trace = self._led.trace()
+                if trace is not None:
+                    self._led_pixel = (round(float(trace.place[0])), round(float(trace.place[1])))
+                    self._log.event("led", camera=self.camera.name, place=list(self._led_pixel))
             return float("nan")
-        x, y = self._spot
-        around = grey[max(y - _AROUND, 0) : y + _AROUND + 1, max(x - _AROUND, 0) : x + _AROUND + 1]
-        return float(around.mean())
+        x, y = self._led_pixel
+        window = grey[
+            max(y - LED_MARGIN_PX, 0) : y + LED_MARGIN_PX + 1,
+            max(x - LED_MARGIN_PX, 0) : x + LED_MARGIN_PX + 1,
+        ]
+        return float(window.mean())
 
-    def fresh(self, within: float) -> CameraFrame | None:
-        """The last picture, if it is not older than so many s."""
-        glance = self.latest
-        if glance is None or (time.monotonic_ns() - glance.host_ns) / 1e9 > within:
+    def fresh(self, max_age: float) -> CameraFrame | None:
+        """Return the newest frame if it is not older than so many s."""
+        frame = self.latest
+        if frame is None or (time.monotonic_ns() - frame.host_ns) / 1e9 > max_age:
             return None
-        return glance
+        return frame

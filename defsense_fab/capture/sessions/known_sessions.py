@@ -1,4 +1,4 @@
-"""The training sessions in a device's folder, and whether they can be trained on."""
+"""The training sessions in a device's folder, and whether they can be used for training."""
 
 from __future__ import annotations
 
@@ -11,14 +11,22 @@ from ...core.device.device import Device
 from ...core.errors import DefsenseError
 from ...core.storage.session_manifest import FILE, load_capture
 from ...store.layout import LAYOUT, layout_hash, load_layout
-from .result_files import ALIGNED, QUALITY
+from .results import ALIGNED, QUALITY
 
 
 @dataclass(frozen=True)
 class KnownSession:
-    """A session's folder; when it was begun (ISO 8601) and of which `unit`; how many pictures and
-    seconds were processed; why it cannot be trained on (`problem`), None where it can; whether it
-    was recorded, and is yet to be processed (`raw`)."""
+    """A session of a device.
+
+    Attributes:
+        folder: Folder of the session.
+        begun: When it was created (ISO 8601).
+        unit: Name of the unit.
+        frames: Number of processed images.
+        seconds: Processed time, s.
+        problem: Why it cannot be used for training; None if it can.
+        is_raw: Whether it was recorded, but not processed yet.
+    """
 
     folder: Path
     begun: str
@@ -26,52 +34,54 @@ class KnownSession:
     frames: int
     seconds: float
     problem: str | None = None
-    raw: bool = False
+    is_raw: bool = False
 
     @property
-    def about(self) -> str:
-        """In a line."""
+    def summary(self) -> str:
+        """Description in one line."""
         unit = f"unit {self.unit}, " if self.unit else ""
-        return f"{unit}{self.seconds:.0f} s, {self.frames} pictures"
+        return f"{unit}{self.seconds:.0f} s, {self.frames} images"
 
 
 def known_sessions(device: Device) -> list[KnownSession]:
-    """Of the device's folder, and of folders in it that hold several; the newest last."""
-    built, layout = build_folder(device), ""
+    """Return the sessions of a device's folder, and of folders in it that hold several; newest
+    last.
+    """
+    build, layout = build_folder(device), ""
     try:
-        layout = layout_hash(load_layout(built)) if (built / LAYOUT).exists() else ""
-    except DefsenseError:  # a damaged build is told where it is used
+        layout = layout_hash(load_layout(build)) if (build / LAYOUT).exists() else ""
+    except DefsenseError:  # a damaged build is reported where it is used
         layout = ""
     files = [p for depth in ("*", "*/session-*") for p in device.source.glob(f"{depth}/{FILE}")]
-    found = [_known(p.parent, device, layout) for p in files if _of_a_device(p)]
-    return sorted(found, key=lambda s: (s.begun, s.folder))
+    sessions = [_read_session(p.parent, device, layout) for p in files if _is_of_device(p)]
+    return sorted(sessions, key=lambda s: (s.begun, s.folder))
 
 
-def _of_a_device(path: Path) -> bool:
-    """Not on a specimen, whose sessions have the same file."""
+def _is_of_device(path: Path) -> bool:
+    """Return whether a session file is of a device; sessions of specimens have the same file."""
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return True  # told by its reader
-    return not (isinstance(said, dict) and "specimen" in said)
+        return True  # its reader reports it
+    return not (isinstance(data, dict) and "specimen" in data)
 
 
-def _known(folder: Path, device: Device, layout: str) -> KnownSession:
+def _read_session(folder: Path, device: Device, layout: str) -> KnownSession:
     try:
-        said = load_capture(folder)
+        manifest = load_capture(folder)
     except DefsenseError as error:
         return KnownSession(folder, "", "", 0, 0.0, str(error))
-    problem, frames, seconds, raw = None, 0, 0.0, False
+    problem, frames, seconds, is_raw = None, 0, 0.0, False
     try:
         quality = json.loads((folder / QUALITY).read_text(encoding="utf-8"))
         frames, seconds = int(quality["frames"]), float(quality["seconds"])
     except (OSError, ValueError, KeyError, TypeError):
-        problem = f"is not processed; run 'defsense capture process {folder}'"
-        raw = any(folder.glob("run-*/*.csv"))
+        problem = f"is not processed. Run 'defsense capture process {folder}'"
+        is_raw = any(folder.glob("run-*/*.csv"))
     if problem is None and not (folder / ALIGNED).exists():
-        problem = f"has no {ALIGNED}; run 'defsense capture process {folder}'"
-    if said.device != device.name:
-        problem = f"is of another device, {said.device}"
-    elif layout and said.layout and said.layout != layout:
-        problem = "was recorded with other cords than are built now; build those, or record anew"
-    return KnownSession(folder, said.begun, said.unit, frames, seconds, problem, raw)
+        problem = f"has no {ALIGNED}. Run 'defsense capture process {folder}'"
+    if manifest.device != device.name:
+        problem = f"is of another device, {manifest.device}"
+    elif layout and manifest.layout and manifest.layout != layout:
+        problem = "was recorded with other cords than are built now. Build those, or record again"
+    return KnownSession(folder, manifest.begun, manifest.unit, frames, seconds, problem, is_raw)

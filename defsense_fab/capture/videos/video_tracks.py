@@ -243,8 +243,8 @@ def _agreement_warnings(
         warnings.append(
             TrackWarning(
                 "Of the tags that three cameras see, one camera disagrees on"
-                f" {share:.0%}, first at {first:.2f} s, and was left out there. Check whether it was"
-                " moved.",
+                f" {share:.0%}, first at {first:.2f} s, and was left out there. Check whether it"
+                " was moved.",
                 "camera-disagrees",
             )
         )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.files.formats import read_tracks, write_tracks
-from defsense_fab.capture.sessions import recorded_tags, sample_table
+from defsense_fab.capture.sessions import recorded_tags, results
 from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.capture.sessions.recorded_tags import read_camera_tags
 from defsense_fab.workflow.sessions.processing import process_session
@@ -103,18 +103,18 @@ def test_all_samples_are_told_by_the_tracks_clock(tmp_path, monkeypatch):
     between = np.interp(result.tracks.time, table[:, 0], table[:, 1])
     assert between[good] == pytest.approx(result.signals[good, 0], abs=1e-5)
     # In blocks of any size; and none is left of a session that has none.
-    monkeypatch.setattr(sample_table, "_BLOCK", 777)
+    monkeypatch.setattr(results, "BLOCK_SAMPLES", 777)
     write = (path, session, result.clocks, result.quality["R0"])
-    sample_table.write_samples(*write)
+    results.write_samples(*write)
     assert path.read_text("utf-8") == whole
-    sample_table.write_samples(path, session, {"run-1": []}, result.quality["R0"])
+    results.write_samples(path, session, {"run-1": []}, result.quality["R0"])
     assert path.read_text("utf-8").splitlines()[1].startswith("run-1,0,0,,0.0")  # clocks not known
-    sample_table.write_samples(path, session, {}, {})
+    results.write_samples(path, session, {}, {})
     assert not path.exists()
 
 
-@pytest.mark.parametrize(("printed", "told"), [(0.97, True), (1.0, False)])
-def test_tags_of_another_size_are_noticed_by_two_cameras(tmp_path, monkeypatch, printed, told):
+@pytest.mark.parametrize(("printed", "is_warned"), [(0.97, True), (1.0, False)])
+def test_tags_of_another_size_are_noticed_by_two_cameras(tmp_path, monkeypatch, printed, is_warned):
     side = memory.SIDE
     session = memory.create(tmp_path / "s", 2, 12)
     monkeypatch.setattr(memory, "SIDE", printed * side)
@@ -125,12 +125,11 @@ def test_tags_of_another_size_are_noticed_by_two_cameras(tmp_path, monkeypatch, 
     assert tracks["size"] == pytest.approx(printed * side, abs=0.02)
     assert abs(tracks["size"] - printed * side) < 4 * tracks["size_sigma"] + 0.005
     assert 0 < tracks["size_sigma"] < 0.02
-    said = [w for w in tracks["warnings"] if "where 15 mm is stated" in w]
-    assert len(said) == told
-    if told:
-        words = "the tags measure 14.55 mm where 15 mm is stated"
-        assert said[0].startswith(words)
-        assert f"run-1: {words}" in (session.folder / "report.html").read_text("utf-8")
+    warnings = [w for w in tracks["warnings"] if w.code == "tag-size-wrong"]
+    assert len(warnings) == is_warned
+    if is_warned:
+        assert "14.55 mm" in warnings[0]
+        assert "14.55 mm" in (session.folder / "report.html").read_text("utf-8")
 
 
 def test_one_camera_cannot_tell_the_size(tmp_path, monkeypatch):
@@ -139,7 +138,7 @@ def test_one_camera_cannot_tell_the_size(tmp_path, monkeypatch):
     memory.record(session, SECONDS, np.random.default_rng(0))
     tracks = process_session(session.folder).quality["runs"][0]["tracks"]
     assert tracks["size"] is None
-    assert not [w for w in tracks["warnings"] if "stated" in w]
+    assert "tag-size-wrong" not in [w.code for w in tracks["warnings"]]
 
 
 def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
@@ -184,7 +183,7 @@ def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the memory")
 def test_memory_grows_little_by_the_minute(tmp_path):
-    """An hour of six cameras has to fit into 1 GB (`tests/support/memory.py`), of which imports take
+    """An hour of six cameras must fit in 1 GB (`tests/support/memory.py`), of which imports take
     190 MB and the work on any length 200 MB."""
     needed = []
     for minutes in (1, 3):
@@ -209,7 +208,7 @@ def test_recorded_tags_are_those_of_their_frames(tmp_path, monkeypatch):
     lines[40] = "999" + lines[40]
     path.write_text("\n".join([*lines[:-1], "12345,1"]))
     for size in (1 << 22, 300):
-        monkeypatch.setattr(recorded_tags, "_BLOCK", size)
+        monkeypatch.setattr(recorded_tags, "BLOCK_BYTES", size)
         found = read_camera_tags(run, "cam_0", ids)
         assert found.cut == 1
         np.testing.assert_array_equal(found.time, frames[:, 1])

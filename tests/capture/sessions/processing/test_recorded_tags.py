@@ -22,7 +22,7 @@ def test_tags_survive_their_file(tmp_path):
     for k in range(3):
         frames.line(f"{k},{10**15 + k},nan")
         if k != 1:
-            tags.line(sessions.tag_lines(k, 10**15 + k, views))
+            tags.line(sessions.format_tags(k, 10**15 + k, views))
     tags.line("2,55,")  # cut below
     tags.close()
     frames.close()

@@ -44,7 +44,7 @@ def test_shapes_are_told_apart_however_they_are_held(levels):
     assert reached["bend"][0] == pytest.approx(0.6)
     assert reached["bend"][1].tolist() == [True, True, True, False, False]
     assert reached["twist"][1].tolist() == [False] * 4 + [True]
-    assert levels.todo() == "twist"
+    assert levels.least_covered() == "twist"
 
 
 def test_rest_and_other_shapes_are_no_pose(levels):
