@@ -1,21 +1,21 @@
-"""Fig. 8 of the paper from Python: a character's cords as drawn by hand, and optimised.
+"""Reproduce Fig. 8 of the paper: cords of a character, drawn by hand and optimized.
 
-python reproduce.py                # at full size, which takes hours
-python reproduce.py --quick        # in minutes
+python reproduce.py                # full size, takes hours
+python reproduce.py --quick        # small size, takes minutes
 
-`defsense reproduce character` does the same; examples/bar/reproduce.py has its steps one by one.
+`defsense reproduce character` runs the same experiment, and writes a page of its results.
 """
 
 import sys
 from pathlib import Path
 
-from defsense_fab.workflow.reproduce.experiments.experiment_file import load_experiment
-from defsense_fab.workflow.reproduce.run import reproduce
+import defsense_fab as df
 
 quick = "--quick" in sys.argv
-experiment = load_experiment(Path(__file__).parent).at_size(quick=quick, units=1)
-results = reproduce([experiment], Path("reproduced-quick" if quick else "reproduced"))
-(found,) = results["experiments"]
-for name, layout in found["layouts"].items():
-    e = layout["units"][0]["chosen"]
-    print(f"{name:7} {e['rmse']:5.2f} ± {e['deviation']:.2f} mm, peak {e['peak']:.1f}")
+experiment = df.load_experiment(Path(__file__).parent, quick=quick, units=1)
+results = df.reproduce(experiment, "reproduced-quick" if quick else "reproduced")
+for name, layout in results["layouts"].items():
+    errors = layout["units"][0]["chosen"]
+    print(
+        f"{name:7} {errors['rmse']:5.2f} ± {errors['deviation']:.2f} mm, peak {errors['peak']:.1f}"
+    )

@@ -1,22 +1,20 @@
-"""Fig. 9 of the paper from Python: an instrument whose poses are told apart.
+"""Reproduce Fig. 9 of the paper: an instrument whose poses are distinguished.
 
-python reproduce.py                # at full size, which takes hours
-python reproduce.py --quick        # in minutes
+python reproduce.py                # full size, takes hours
+python reproduce.py --quick        # small size, takes minutes
 
-`defsense reproduce organ-pipe` does the same; examples/bar/reproduce.py has its steps one by one.
+`defsense reproduce organ-pipe` runs the same experiment, and writes a page of its results.
 """
 
 import sys
 from pathlib import Path
 
-from defsense_fab.workflow.reproduce.experiments.experiment_file import load_experiment
-from defsense_fab.workflow.reproduce.run import reproduce
+import defsense_fab as df
 
 quick = "--quick" in sys.argv
-experiment = load_experiment(Path(__file__).parent).at_size(quick=quick, units=1)
-results = reproduce([experiment], Path("reproduced-quick" if quick else "reproduced"))
-(found,) = results["experiments"]
-told = found["layouts"]["full"]["units"][0]["told_apart"]
-print(f"{told['share']:.2%} of {told['frames']} pictures with one pose are told apart")
-for pose, share in told["by_pose"].items():
+experiment = df.load_experiment(Path(__file__).parent, quick=quick, units=1)
+results = df.reproduce(experiment, "reproduced-quick" if quick else "reproduced")
+poses = results["layouts"]["full"]["units"][0]["told_apart"]
+print(f"the pose is recognized in {poses['share']:.2%} of {poses['frames']} frames with one pose")
+for pose, share in poses["by_pose"].items():
     print(f"  {pose:6} {share:.2%}")
