@@ -1,4 +1,4 @@
-"""The assembly guide: parts to print, cords to cut, what to buy, steps with pictures."""
+"""Collect the content of the assembly guide, and write its steps as `guide.json`."""
 
 from __future__ import annotations
 
@@ -15,64 +15,25 @@ from ...store.layout import LayoutRecord
 from ...store.manifest import Manifest
 from ..pictures.part_pictures import exploded
 from .assembly.actions import Action
-from .assembly.steps import GuideStep, Joint, guide_steps, order_of, shifts
+from .assembly.steps import GuideStep, assembly_order, exploded_shifts, guide_steps
 from .assembly.wording import ENDS
-from .joint_pictures import Pictures
+from .joint_pictures import JointPictures
 from .tables import GuideTable, guide_checks, guide_tables
-from .templates import Face, Strip, face, strips
+from .templates import CordTemplate, FaceTemplate, cord_templates, face_template
 
-# The guide's steps as typed actions, for other programs: `guide.json` beside `guide.html`.
-
+#: Version of the format of `guide.json`.
 SCHEMA = 1
 FILE = "guide.json"
 
 
-def write_guide_file(guide: Guide, path: Path) -> None:
-    """Steps in their order, each with its actions in theirs: what is `do`ne, of which `cord`, `end`
-    and `joint` (index of the manifest's `assembly`), by how many `mm`, what `ohm` it should
-    measure, and the `lines` in which guide.html says it. Raises StorageError."""
-    steps = plain_steps(guide.typed)
-    write_json(path, {"schema": SCHEMA, "title": guide.title, "steps": steps})
-
-
-def plain_steps(steps: Sequence[GuideStep]) -> list[dict[str, Any]]:
-    """As they stand in the file."""
-    return [
-        {
-            "number": number,
-            "title": step.title,
-            "actions": [
-                _plain(action, lines)
-                for passage in step.passages
-                for action, lines in passage.actions
-            ],
-        }
-        for number, step in enumerate(steps, start=1)
-    ]
-
-
-def _plain(action: Action, lines: tuple[str, ...]) -> dict[str, Any]:
-    out: dict[str, Any] = {"do": str(action.kind)}
-    if action.joint is not None:
-        out["joint"] = action.joint
-    if action.cord is not None:
-        out["cord"] = action.cord
-    if action.end is not None:
-        out["end"] = ENDS[action.end]
-    if action.amount is not None:
-        out["mm"] = action.amount
-    if action.expected:
-        out["ohm"] = [
-            {"cord": e.cord, "about": e.about, "low": e.low, "high": e.high}
-            for e in action.expected
-        ]
-    out["lines"] = list(lines)
-    return out
-
-
 @dataclass(frozen=True)
-class ShownPassage:
-    """Sentences, and a picture (PNG as a data URI) or none."""
+class IllustratedPassage:
+    """Instructions that share a picture.
+
+    Attributes:
+        lines: Instructions, in their order.
+        picture: PNG as a data URI, or None.
+    """
 
     lines: tuple[str, ...]
     picture: str | None = None
@@ -80,16 +41,33 @@ class ShownPassage:
 
 @dataclass(frozen=True)
 class AssemblyStep:
-    """A title, and its passages in their order."""
+    """A step of the guide with its pictures.
+
+    Attributes:
+        title: Title of the step.
+        passages: Passages in their order.
+    """
 
     title: str
-    passages: tuple[ShownPassage, ...]
+    passages: tuple[IllustratedPassage, ...]
 
 
 @dataclass(frozen=True)
 class Guide:
-    """All that the guide says, for either format; `typed` are the same steps as typed actions;
-    `strips` and `faces` are drawn at 1:1."""
+    """Content of the assembly guide, for HTML and PDF.
+
+    Attributes:
+        title: Title of the page.
+        intro: One paragraph below the title.
+        warnings: Warnings about poses, layout, parts and assembly.
+        exploded: Exploded view as a PNG data URI.
+        tables: Tables of what to print, cut and buy.
+        steps: Steps with instructions and pictures.
+        checks: Table of the measurements of the parts.
+        typed: The same steps as typed actions.
+        strips: Templates of the cords at 1:1.
+        faces: Templates of the joints' faces at 1:1.
+    """
 
     title: str
     intro: str
@@ -99,8 +77,8 @@ class Guide:
     steps: tuple[AssemblyStep, ...]
     checks: GuideTable
     typed: tuple[GuideStep, ...]
-    strips: tuple[Strip, ...]
-    faces: tuple[Face, ...]
+    strips: tuple[CordTemplate, ...]
+    faces: tuple[FaceTemplate, ...]
 
 
 def assembly_guide(
@@ -111,58 +89,127 @@ def assembly_guide(
     frame: Float,
     notes: Sequence[str] = (),
 ) -> Guide:
-    """The guide of a device with its parts by name; `frame` (3, 3) says how its body stands, and
-    `notes` what there is to say of its poses."""
-    pictures = Pictures(device, layout, manifest, parts)
-    steps, problem = guide_steps(device, manifest, parts), order_of(manifest)[1]
+    """Return the assembly guide of a device, with its pictures.
+
+    Args:
+        device: The device.
+        layout: Layout of its cords.
+        manifest: The manifest of its parts.
+        parts: Surfaces of its parts, by name.
+        frame: Axes (3, 3) to the right, up and towards the viewer, one a row.
+        notes: Warnings about its poses.
+
+    Returns:
+        The guide.
+    """
+    pictures = JointPictures(device, layout, manifest, parts)
+    steps, order_problem = guide_steps(device, manifest, parts), assembly_order(manifest)[1]
+    faces = [
+        face_template(
+            step.joint,
+            f"Step {number}: the face of {' + '.join(step.joint.lower)}",
+            device,
+            layout,
+            manifest,
+            parts,
+        )
+        for number, step in enumerate(steps, start=1)
+        if step.joint is not None
+    ]
     return Guide(
         title=f"{device.name}: assembly guide",
-        intro=f"{len(manifest.parts)} parts,"
-        f" {len(manifest.cords)} cord{'s' * (len(manifest.cords) > 1)}. All lengths in mm."
-        + _of_copies(manifest.copies),
+        intro=_write_intro(manifest),
         warnings=(
             *notes,
             *layout.warnings,
             *manifest.warnings,
-            *([] if problem is None else [problem]),
+            *([] if order_problem is None else [order_problem]),
         ),
-        exploded=exploded(parts, shifts(manifest, parts), frame),
+        exploded=exploded(parts, exploded_shifts(manifest, parts), frame),
         tables=guide_tables(manifest),
         steps=tuple(
             AssemblyStep(
-                s.title, tuple(ShownPassage(p.lines, pictures.of(s, p)) for p in s.passages)
+                step.title,
+                tuple(IllustratedPassage(p.lines, pictures.draw(step, p)) for p in step.passages),
             )
-            for s in steps
+            for step in steps
         ),
         checks=guide_checks(manifest),
         typed=steps,
-        strips=strips(device, manifest),
-        faces=tuple(
-            found
-            for number, step in enumerate(steps, start=1)
-            if step.joint is not None
-            for found in [_face(number, step.joint, device, layout, manifest, parts)]
-            if found is not None
-        ),
+        strips=cord_templates(device, manifest),
+        faces=tuple(face for face in faces if face is not None),
     )
 
 
-def _of_copies(copies: int) -> str:
-    if copies == 1:
-        return ""
-    return (
-        f" Plates and bill are for {copies} devices, the cut list and the steps for each of them:"
-        " cut and do everything as often."
+def _write_intro(manifest: Manifest) -> str:
+    cord_count = len(manifest.cords)
+    intro = (
+        f"{len(manifest.parts)} parts, {cord_count} cord{'s' * (cord_count > 1)}. All lengths are"
+        " in mm."
     )
+    if manifest.copies > 1:
+        intro += (
+            f" Plates and bill of materials are for {manifest.copies} devices. The cut list and the"
+            " steps are for one device: repeat them for each."
+        )
+    return intro
 
 
-def _face(
-    number: int,
-    joint: Joint,
-    device: Device,
-    layout: LayoutRecord,
-    manifest: Manifest,
-    parts: Mapping[str, Surface],
-) -> Face | None:
-    title = f"Step {number}: the face of {' + '.join(joint.lower)}"
-    return face(joint, title, device, layout, manifest, parts)
+def write_guide_file(guide: Guide, path: Path) -> None:
+    """Write the guide's steps as typed actions, for other programs.
+
+    The file has `schema`, `title` and `steps`; `plain_steps` describes a step.
+
+    Args:
+        guide: The guide.
+        path: The file to write, usually `guide.json`.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    steps = plain_steps(guide.typed)
+    write_json(path, {"schema": SCHEMA, "title": guide.title, "steps": steps})
+
+
+def plain_steps(steps: Sequence[GuideStep]) -> list[dict[str, Any]]:
+    """Convert steps to the values of `guide.json`.
+
+    Args:
+        steps: The steps in their order.
+
+    Returns:
+        For each step its `number`, `title` and `actions`. An action has `do` (its kind) and
+        `lines` (its instructions), and where they apply `joint` (index in the manifest's
+        `assembly`), `cord`, `end`, `mm` and `ohm` (expected resistances).
+    """
+    return [
+        {
+            "number": number,
+            "title": step.title,
+            "actions": [
+                _to_plain(action, lines)
+                for passage in step.passages
+                for action, lines in passage.actions
+            ],
+        }
+        for number, step in enumerate(steps, start=1)
+    ]
+
+
+def _to_plain(action: Action, lines: tuple[str, ...]) -> dict[str, Any]:
+    plain: dict[str, Any] = {"do": str(action.kind)}
+    if action.joint is not None:
+        plain["joint"] = action.joint
+    if action.cord is not None:
+        plain["cord"] = action.cord
+    if action.end is not None:
+        plain["end"] = ENDS[action.end]
+    if action.amount is not None:
+        plain["mm"] = action.amount
+    if action.expected:
+        plain["ohm"] = [
+            {"cord": e.cord, "about": e.about, "low": e.low, "high": e.high}
+            for e in action.expected
+        ]
+    plain["lines"] = list(lines)
+    return plain

@@ -1,4 +1,4 @@
-"""Pictures of the steps in which parts are joined."""
+"""Draw the pictures of the steps in which parts are joined."""
 
 from __future__ import annotations
 
@@ -12,303 +12,317 @@ from ...core.curve import arc_lengths, resample
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...store.layout import LayoutRecord
-from ...store.manifest import CutCord, Manifest
+from ...store.manifest import CordEnd, CutCord, Manifest
 from ..pictures import views
 from ..pictures.sheet import COLORS
 from ..pictures.views import View
-from .assembly.actions import Action, Kind
-from .assembly.bench_work import pulled, reach_of
-from .assembly.steps import GuideStep, Joint, Passage, Scene
-from .assembly.wording import ENDS, called
+from .assembly.actions import Action, ActionKind
+from .assembly.bench_work import pulled_reach, pulled_strain
+from .assembly.steps import GuideStep, Illustration, Joint, Passage
+from .assembly.wording import ENDS, cord_label
 from .cord_lines import CordLine, cord_line
 from .drawing import Drawing
 
-# What a device is made of as pictures of its assembly show them: parts, pins, cords, wires.
-
-#: Colours of things.
-CORD, WIRE, FERRULE = "#161616", "#c1121f", "#c9a227"
-THICK, MIDDLE, THIN = "#e76f51", "#f4d35e", "#3a86ff"
-GLUE, ARROW = "#2a9d3a", "#f77f00"
-#: Of wires and cords that hang out of a picture, mm.
-OUT = 24.0
+_CORD_COLOR, _WIRE_COLOR, _FERRULE_COLOR = "#161616", "#c1121f", "#c9a227"
+_THICK_PIN_COLOR, _MIDDLE_PIN_COLOR, _THIN_PIN_COLOR = "#e76f51", "#f4d35e", "#3a86ff"
+_GLUE_COLOR, _ARROW_COLOR = "#2a9d3a", "#f77f00"
+_LOOSE_LENGTH_MM = 24.0  # of cords and wires that hang out of the parts
+_END_VIEW_RADIUS_MM = 55.0  # around a pulled end
+_MAX_UPWARD_SHARE = 0.8  # of an end's direction, above which it is drawn as upright
 
 
 @dataclass(frozen=True)
-class DeviceDrawing:
-    """Draws what one device is made of, its parts by name."""
+class JointPictures:
+    """Draws the pictures of one device's steps.
+
+    Attributes:
+        device: The device.
+        layout: Layout of its cords.
+        manifest: The manifest of its parts.
+        parts: Surfaces of its parts, by name.
+    """
 
     device: Device
     layout: LayoutRecord
     manifest: Manifest
     parts: Mapping[str, Surface]
 
-    def color(self, part: str) -> str:
-        return COLORS[list(self.parts).index(part) % len(COLORS)]
-
-    def add_parts(self, drawing: Drawing, names: Sequence[str], shift: Float | None = None) -> None:
-        for name in names:
-            drawing.part(self.parts[name], self.color(name), shift, name)
-
-    def points(self, names: Sequence[str]) -> Float:
-        return np.concatenate([self.parts[n].vertices for n in names])
-
-    def thicknesses(self, joint: Joint) -> dict[float, str]:
-        kinds = {p.name: p.diameter for p in self.manifest.pins}
-        found = sorted({kinds[p.name] for p in joint.pins})
-        middle = dict.fromkeys(found[1:-1], MIDDLE)
-        return {found[0]: THIN, **middle, found[-1]: THICK} if len(found) > 1 else {found[0]: THICK}
-
-    def _thicknesses_or_none(self, joint: Joint) -> dict[float, str]:
-        return self.thicknesses(joint) if joint.pins else {}
-
-    def add_pegs(self, drawing: Drawing, joint: Joint) -> None:
-        kinds, colors = {p.name: p for p in self.manifest.pins}, self._thicknesses_or_none(joint)
-        for pin in joint.pins:
-            kind = kinds[pin.name]
-            drawing.cylinder(pin.center, joint.opens, kind.diameter / 2, kind.length,
-                             colors[kind.diameter])  # fmt: skip
-
-    def cord(self, name: str | None) -> CutCord:
-        return next(c for c in self.manifest.cords if c.sensor == name)
-
-    def line(self, cord: CutCord) -> CordLine:
-        return cord_line(self.layout, cord)
-
-    def add_stretch(self, drawing: Drawing, cord: CutCord, k: int, joint: Joint) -> None:
-        """A stretch of a cord in its groove with the ends that it has, and what hangs out."""
-        line, r = self.line(cord), self.device.cord.diameter / 2
-        part, long = cord.stretches[k], self.device.cord.ferrule_length
-        start, stop = part.start, part.stop
-        has = line.ends_in(part)
-        for end in has:
-            record = cord.ends[end]
-            out = line.way_out(end)
-            middle = line.ferrule(end, long)
-            if record.joint == "pocket" and record.after is None:
-                depth = record.pocket - long / 2
-                total = float(arc_lengths(line.points)[-1])
-                start, stop = (depth, stop) if end == 0 else (start, min(stop, total) - depth)
-            else:
-                middle = middle if record.after is None else record.at + OUT * out
-                drawing.rod(np.stack([record.at, middle]), r, CORD)
-            if record.after is None:
-                self.add_ferrule(drawing, middle, out)
-                if not len(record.wire.joints):
-                    self.add_wire(
-                        drawing, np.stack([middle, record.at + (record.lead + OUT) * out])
-                    )
-            bare = ", no ferrule yet" if record.after is not None else ""
-            drawing.label(middle, f"{ENDS[end]} of {called(cord.sensor)}{bare}")
-        inner = line.along(start, stop)
-        drawing.rod(inner, r, CORD)
-        goes_on = [
-            (inner[0], inner[0] - inner[1]) if end == 0 else (inner[-1], inner[-1] - inner[-2])
-            for end in (0, 1)
-            if end not in has
-        ]
-        for at, away in goes_on:
-            along = away / np.linalg.norm(away)
-            drawing.rod(np.stack([at, at + OUT * along]), r, CORD)
-            drawing.label(at + 0.7 * OUT * along, f"{called(cord.sensor)} goes on")
-        middle = inner[len(inner) // 2]
-        above = 0.85 * drawing.view.up + 0.5 * joint.opens
-        drawing.arrow(middle + 20.0 * above, middle + 1.5 * above, ARROW)
-        drawing.label(middle + 16.0 * above, f"lay {called(cord.sensor)} into its groove")
-
-    def add_ferrule(self, drawing: Drawing, middle: Float, along: Float) -> None:
-        c = self.device.cord
-        drawing.cylinder(middle, along, c.ferrule_diameter / 2, c.ferrule_length, FERRULE)
-        drawing.legend["ferrule"] = FERRULE
-
-    def add_wire(self, drawing: Drawing, line: Float) -> None:
-        drawing.rod(line, self.device.fabrication.wire_diameter / 2, WIRE)
-        drawing.legend["wire"] = WIRE
-
-    def add_passing(self, drawing: Drawing, joint: Joint, labelled: bool = True) -> None:
-        """Cords that come out of the lower parts' face and go on in the upper parts."""
-        for cord in self.manifest.cords:
-            for j, k in cord.drawn:
-                if j != joint.index:
-                    continue
-                at = cord.stretches[k].start
-                two = resample(self.line(cord).points, max(at - 2.0, 0.0), at + 2.0, 2)
-                along = (two[1] - two[0]) / np.linalg.norm(two[1] - two[0])
-                along = along if along @ joint.opens > 0 else -along
-                middle = two.mean(0)
-                tip = middle + min(OUT, joint.lift) * along
-                drawing.rod(np.stack([middle - 3 * along, tip]),
-                            self.device.cord.diameter / 2, CORD)  # fmt: skip
-                if labelled:
-                    drawing.label(tip, f"{called(cord.sensor)} passes through")
-                drawing.legend["cord"] = CORD
-
-
-_STEEP = 0.8  # of a direction's length, upwards
-_NEAR = 55.0  # mm, around an end that is shown
-
-
-@dataclass(frozen=True)
-class Pictures(DeviceDrawing):
-    """Makes the pictures of one device."""
-
-    def of(self, step: GuideStep, passage: Passage) -> str | None:
-        """What a passage of a step shows, if it shows anything."""
-        if passage.scene is Scene.END:
-            return self._end(passage)
+    def draw(self, step: GuideStep, passage: Passage) -> str | None:
+        """Draw the picture of a passage; return a PNG data URI, or None if it has no picture."""
+        if passage.illustration is Illustration.END:
+            return self._draw_pulled_ends(passage)
         if step.joint is None:
             return None
-        if passage.scene is Scene.PINS:
-            return self._pins(step.joint) if step.joint.pins else None
-        if passage.scene is Scene.LAY:
-            return self._lay(step.joint, passage)
-        return self._close(step.joint) if passage.scene is Scene.CLOSE else None
+        if passage.illustration is Illustration.PINS:
+            return self._draw_pins(step.joint) if step.joint.pins else None
+        if passage.illustration is Illustration.LAY:
+            return self._draw_insertion(step.joint, passage)
+        if passage.illustration is Illustration.CLOSE:
+            return self._draw_closing(step.joint)
+        return None
 
-    def _onto_face(self, joint: Joint, tilt: float) -> View:
-        """Onto the lower parts' cut face, their longest side across, `tilt` from upright."""
-        _, short = _sides_of(self.points(joint.lower), joint.opens)
-        return views.looking(joint.opens - tilt * short, short + joint.opens * 0.01)
-
-    def _pins(self, joint: Joint) -> str:
-        """The pins above their sockets in the lower parts, the thicker and the thinner ones."""
-        drawing = Drawing(self._onto_face(joint, 0.7))
-        self.add_parts(drawing, joint.lower)
+    def _draw_pins(self, joint: Joint) -> str:
+        """Draw the pins above their sockets in the lower parts, colored by diameter."""
+        drawing = Drawing(self._face_view(joint, 0.7))
+        self._add_parts(drawing, joint.lower)
         for name in joint.lower:
             drawing.label(name, name)
         kinds = {p.name: p for p in self.manifest.pins}
-        colors = self.thicknesses(joint)
+        colors = self._pin_colors(joint)
         for letter, pin in zip(joint.letters, joint.pins, strict=True):
             kind = kinds[pin.name]
             middle = pin.center + (0.75 * kind.length + 7.0) * joint.opens
             color = colors[kind.diameter]
             drawing.cylinder(middle, joint.opens, kind.diameter / 2, kind.length, color)
             foot = middle - kind.length / 2 * joint.opens
-            drawing.arrow(foot, pin.center, ARROW)
+            drawing.arrow(foot, pin.center, _ARROW_COLOR)
             drawing.label(middle, f"{letter}: {kind.diameter:g} mm thick")
-        for thick, color in sorted(colors.items(), reverse=True):
-            drawing.legend[f"pin, {thick:g} mm thick"] = color
+        for diameter, color in sorted(colors.items(), reverse=True):
+            drawing.legend[f"pin, {diameter:g} mm thick"] = color
         return drawing.png()
 
-    def _lay(self, joint: Joint, passage: Passage) -> str:
-        """The lower parts' cut face with what is laid into it."""
-        drawing = Drawing(self._onto_face(joint, 0.35))
-        self.add_parts(drawing, joint.lower)
-        self.add_pegs(drawing, joint)
+    def _draw_insertion(self, joint: Joint, passage: Passage) -> str:
+        """Draw the face of the lower parts with the cords and wires that are inserted into it."""
+        drawing = Drawing(self._face_view(joint, 0.35))
+        self._add_parts(drawing, joint.lower)
+        self._add_inserted_pins(drawing, joint)
         for name in dict.fromkeys(a.cord for a, _ in passage.actions if a.cord):
-            cord = self.cord(name)
+            cord = self._cord(name)
             for k, stretch in enumerate(cord.stretches):
                 if stretch.joint == joint.index:
-                    self.add_stretch(drawing, cord, k, joint)
+                    self._add_stretch(drawing, cord, k, joint)
         for action, _ in passage.actions:
-            self._marks(drawing, action, joint)
-        self._wires(drawing, passage)
-        self.add_passing(drawing, joint)
-        drawing.legend |= {"cord": CORD}
+            if action.kind is ActionKind.STRETCH:
+                self._mark_stretching(drawing, action, joint)
+            if action.kind is ActionKind.GLUE_END and action.end is not None:
+                self._mark_glue(drawing, self._cord(action.cord), action.end, joint)
+        self._add_routed_wires(drawing, passage)
+        self._add_passing_cords(drawing, joint)
+        drawing.legend |= {"cord": _CORD_COLOR}
         return drawing.png()
 
-    def _marks(self, drawing: Drawing, action: Action, joint: Joint) -> None:
-        """Where a cord is stretched, and where it is glued."""
-        if action.kind is Kind.STRETCH:
-            cord = self.cord(action.cord)
-            free = [k for k, e in enumerate(cord.ends) if e.joint == "free"]
-            end = free[-1] if free else 1
-            out, at = self.line(cord).way_out(end), cord.ends[end].at
-            base = at + (cord.ends[end].lead + 7.0) * out + 3.0 * joint.opens
-            drawing.arrow(base, base + 20.0 * out, ARROW)
-            drawing.label(base + 12.0 * out, f"stretch {called(cord.sensor)} by"
-                          f" {action.amount:.1f} mm")  # fmt: skip
-        if action.kind is Kind.GLUE_END and action.end is not None:
-            cord = self.cord(action.cord)
-            at = cord.ends[action.end].at - 2.5 * self.line(cord).way_out(action.end)
-            drawing.ball(at + 0.8 * joint.opens, 1.6, GLUE)
-            drawing.label(at + 0.8 * joint.opens, f"glue {called(cord.sensor)}, 5 mm")
-            drawing.legend["glue"] = GLUE
-
-    def _wires(self, drawing: Drawing, passage: Passage) -> None:
-        for action, _ in passage.actions:
-            if action.kind is not Kind.WIRE or action.end is None:
-                continue
-            cord = self.cord(action.cord)
-            line = cord.ends[action.end].wire.line
-            assert line is not None
-            away = line[-1] - line[-2]
-            tail = line[-1:] + 0.6 * OUT * away / np.linalg.norm(away)
-            self.add_wire(drawing, np.concatenate([line, tail]))
-            if len({a.cord for a, _ in passage.actions}) == 1:  # of several, the colour must do
-                drawing.label(tail[0], f"wire of the {ENDS[action.end]}")
-
-    def _close(self, joint: Joint) -> str:
-        """The upper parts above the lower ones, and how they go together."""
-        long, short = _sides_of(self.points((*joint.lower, *joint.upper)), joint.opens)
+    def _draw_closing(self, joint: Joint) -> str:
+        """Draw the upper parts above the lower ones, with arrows along which they close."""
+        long, short = _long_and_short_axis(
+            self._vertices((*joint.lower, *joint.upper)), joint.opens
+        )
         view = views.looking(0.62 * -short + 0.5 * joint.opens + 0.15 * long, joint.opens)
         drawing = Drawing(view)
-        lift = joint.lift * joint.opens
-        self.add_parts(drawing, joint.lower)
-        self.add_parts(drawing, joint.upper, lift)
-        self.add_pegs(drawing, joint)
+        self._add_parts(drawing, joint.lower)
+        self._add_parts(drawing, joint.upper, joint.lift * joint.opens)
+        self._add_inserted_pins(drawing, joint)
         for name in joint.cords:
-            cord = self.cord(name)
-            for part in cord.stretches:
-                if part.joint == joint.index:
-                    inner = self.line(cord).along(part.start, part.stop)
-                    drawing.rod(inner, self.device.cord.diameter / 2, CORD)
-                    drawing.legend["cord"] = CORD
+            cord = self._cord(name)
+            for stretch in cord.stretches:
+                if stretch.joint == joint.index:
+                    points = self._line(cord).along(stretch.start, stretch.stop)
+                    drawing.rod(points, self.device.cord.diameter / 2, _CORD_COLOR)
+                    drawing.legend["cord"] = _CORD_COLOR
         for wire in joint.wires:
-            self.add_wire(drawing, wire)
-        self.add_passing(drawing, joint, labelled=False)
-        for name in joint.lower:
+            self._add_wire(drawing, wire)
+        self._add_passing_cords(drawing, joint, has_labels=False)
+        for name in (*joint.lower, *joint.upper):
             drawing.label(name, name)
-        for name in joint.upper:
-            drawing.label(name, name)
-        self._fall(drawing, joint, view)
+        self._add_closing_arrows(drawing, joint, view)
         return drawing.png()
 
-    def _fall(self, drawing: Drawing, joint: Joint, view: View) -> None:
-        """Arrows beside the parts, in the direction in which the upper ones go down."""
-        points = self.points(joint.upper) + joint.lift * joint.opens
-        across = points @ view.right
-        for k, sign in ((int(across.argmin()), -1), (int(across.argmax()), 1)):
-            at = points[k] + sign * 6.0 * view.right
-            at = at + (float((points @ joint.opens).mean()) - at @ joint.opens) * joint.opens
-            drawing.arrow(at, at - 0.8 * joint.lift * joint.opens, ARROW)
-
-    def _end(self, passage: Passage) -> str | None:
-        """Ends that are pulled out of their mouths to be crimped."""
-        pulls = [a for a, _ in passage.actions if a.kind is Kind.PULL]
+    def _draw_pulled_ends(self, passage: Passage) -> str | None:
+        """Draw the ends that are pulled out of their mouths to be crimped."""
+        pulls = [a for a, _ in passage.actions if a.kind is ActionKind.PULL]
         if not pulls:
             return None
-        outs = [self.line(self.cord(a.cord)).way_out(a.end or 0) for a in pulls]
-        view = _along(outs[0])
-        first = self.cord(pulls[0].cord).ends[pulls[0].end or 0].at
-        drawing = Drawing(view, (first, _NEAR))
-        self.add_parts(drawing, list(self.parts))
-        for action, out in zip(pulls, outs, strict=True):
-            cord, end = self.cord(action.cord), action.end or 0
-            at, reach = cord.ends[end].at, reach_of(self.device, cord, end)
-            middle = at + reach * out
-            drawing.rod(np.stack([at - 2 * out, middle]), self.device.cord.diameter / 2, CORD)
-            self.add_ferrule(drawing, middle, out)
-            self.add_wire(drawing, np.stack([middle, middle + OUT * out]))
-            beside = at + 5 * view.up + 2 * out
-            drawing.arrow(beside, beside + (reach + 14) * out, ARROW)
-            drawing.label(middle, f"pull the {ENDS[end]} of {called(cord.sensor)}:"
-                          f" mark {reach:.0f} mm out, stretched by"
-                          f" {pulled(self.device, cord, end):.0%}")  # fmt: skip
-        drawing.legend = {"cord": CORD, **drawing.legend}
+        directions = [self._line(self._cord(a.cord)).way_out(a.end or 0) for a in pulls]
+        view = _view_from_aside(directions[0])
+        center = self._cord(pulls[0].cord).ends[pulls[0].end or 0].at
+        drawing = Drawing(view, (center, _END_VIEW_RADIUS_MM))
+        self._add_parts(drawing, list(self.parts))
+        for action, out in zip(pulls, directions, strict=True):
+            cord, end = self._cord(action.cord), action.end or 0
+            mouth, reach = cord.ends[end].at, pulled_reach(self.device, cord, end)
+            middle = mouth + reach * out
+            line = np.stack([mouth - 2 * out, middle])
+            drawing.rod(line, self.device.cord.diameter / 2, _CORD_COLOR)
+            self._add_ferrule(drawing, middle, out)
+            self._add_wire(drawing, np.stack([middle, middle + _LOOSE_LENGTH_MM * out]))
+            arrow_start = mouth + 5 * view.up + 2 * out
+            drawing.arrow(arrow_start, arrow_start + (reach + 14) * out, _ARROW_COLOR)
+            drawing.label(
+                middle,
+                f"pull the {ENDS[end]} of {cord_label(cord.sensor)}: mark {reach:.0f} mm out,"
+                f" stretched by {pulled_strain(self.device, cord, end):.0%}",
+            )
+        drawing.legend = {"cord": _CORD_COLOR, **drawing.legend}
         return drawing.png()
 
+    def _face_view(self, joint: Joint, tilt: float) -> View:
+        """Return a view of the lower parts' face, its longest side across, tilted from upright."""
+        _, short = _long_and_short_axis(self._vertices(joint.lower), joint.opens)
+        return views.looking(joint.opens - tilt * short, short + joint.opens * 0.01)
 
-def _sides_of(points: Float, normal: Float) -> tuple[Float, Float]:
-    """The longest and the shortest direction (3,) of points across a normal, right-handed: long,
-    short, normal."""
+    def _cord(self, name: str | None) -> CutCord:
+        return next(c for c in self.manifest.cords if c.sensor == name)
+
+    def _line(self, cord: CutCord) -> CordLine:
+        return cord_line(self.layout, cord)
+
+    def _vertices(self, names: Sequence[str]) -> Float:
+        return np.concatenate([self.parts[n].vertices for n in names])
+
+    def _add_parts(
+        self, drawing: Drawing, names: Sequence[str], shift: Float | None = None
+    ) -> None:
+        order = list(self.parts)
+        for name in names:
+            color = COLORS[order.index(name) % len(COLORS)]
+            drawing.part(self.parts[name], color, shift, name)
+
+    def _pin_colors(self, joint: Joint) -> dict[float, str]:
+        """Return a color for each diameter of the joint's pins."""
+        kinds = {p.name: p.diameter for p in self.manifest.pins}
+        diameters = sorted({kinds[p.name] for p in joint.pins})
+        if not diameters:
+            return {}
+        if len(diameters) == 1:
+            return {diameters[0]: _THICK_PIN_COLOR}
+        middle = dict.fromkeys(diameters[1:-1], _MIDDLE_PIN_COLOR)
+        return {diameters[0]: _THIN_PIN_COLOR, **middle, diameters[-1]: _THICK_PIN_COLOR}
+
+    def _add_inserted_pins(self, drawing: Drawing, joint: Joint) -> None:
+        kinds, colors = {p.name: p for p in self.manifest.pins}, self._pin_colors(joint)
+        for pin in joint.pins:
+            kind = kinds[pin.name]
+            color = colors[kind.diameter]
+            drawing.cylinder(pin.center, joint.opens, kind.diameter / 2, kind.length, color)
+
+    def _add_stretch(self, drawing: Drawing, cord: CutCord, k: int, joint: Joint) -> None:
+        """Add stretch `k` of a cord in its groove, with its ends and the loose cord beyond it."""
+        line, radius = self._line(cord), self.device.cord.diameter / 2
+        stretch, label = cord.stretches[k], cord_label(cord.sensor)
+        start, stop = stretch.start, stretch.stop
+        ends_here = line.ends_in(stretch)
+        for end in ends_here:
+            record = cord.ends[end]
+            if record.joint == "pocket" and record.after is None:
+                depth = record.pocket - self.device.cord.ferrule_length / 2
+                total = float(arc_lengths(line.points)[-1])
+                start, stop = (depth, stop) if end == 0 else (start, min(stop, total) - depth)
+            middle = self._add_end(drawing, line, end, record)
+            bare = ", no ferrule yet" if record.after is not None else ""
+            drawing.label(middle, f"{ENDS[end]} of {label}{bare}")
+        points = line.along(start, stop)
+        drawing.rod(points, radius, _CORD_COLOR)
+        for end in (0, 1):
+            if end in ends_here:
+                continue
+            at, inner = (points[0], points[1]) if end == 0 else (points[-1], points[-2])
+            outward = (at - inner) / np.linalg.norm(at - inner)
+            drawing.rod(np.stack([at, at + _LOOSE_LENGTH_MM * outward]), radius, _CORD_COLOR)
+            drawing.label(at + 0.7 * _LOOSE_LENGTH_MM * outward, f"rest of {label}")
+        middle = points[len(points) // 2]
+        above = 0.85 * drawing.view.up + 0.5 * joint.opens
+        drawing.arrow(middle + 20.0 * above, middle + 1.5 * above, _ARROW_COLOR)
+        drawing.label(middle + 16.0 * above, f"insert {label} into its groove")
+
+    def _add_end(self, drawing: Drawing, line: CordLine, end: int, record: CordEnd) -> Float:
+        """Add an end of a cord with its ferrule and wire; return the place (3,) of its label."""
+        out = line.way_out(end)
+        middle = line.ferrule(end, self.device.cord.ferrule_length)
+        is_late = record.after is not None
+        if record.joint != "pocket" or is_late:
+            middle = record.at + _LOOSE_LENGTH_MM * out if is_late else middle
+            tail = np.stack([record.at, middle])
+            drawing.rod(tail, self.device.cord.diameter / 2, _CORD_COLOR)
+        if not is_late:
+            self._add_ferrule(drawing, middle, out)
+            if not len(record.wire.joints):
+                tip = record.at + (record.lead + _LOOSE_LENGTH_MM) * out
+                self._add_wire(drawing, np.stack([middle, tip]))
+        return middle
+
+    def _add_ferrule(self, drawing: Drawing, middle: Float, direction: Float) -> None:
+        cord = self.device.cord
+        radius, length = cord.ferrule_diameter / 2, cord.ferrule_length
+        drawing.cylinder(middle, direction, radius, length, _FERRULE_COLOR)
+        drawing.legend["ferrule"] = _FERRULE_COLOR
+
+    def _add_wire(self, drawing: Drawing, line: Float) -> None:
+        drawing.rod(line, self.device.fabrication.wire_diameter / 2, _WIRE_COLOR)
+        drawing.legend["wire"] = _WIRE_COLOR
+
+    def _add_passing_cords(self, drawing: Drawing, joint: Joint, has_labels: bool = True) -> None:
+        """Add the cords that leave the face of the lower parts and continue in the upper parts."""
+        for cord in self.manifest.cords:
+            for j, k in cord.drawn:
+                if j != joint.index:
+                    continue
+                start = cord.stretches[k].start
+                pair = resample(self._line(cord).points, max(start - 2.0, 0.0), start + 2.0, 2)
+                direction = (pair[1] - pair[0]) / np.linalg.norm(pair[1] - pair[0])
+                direction = direction if direction @ joint.opens > 0 else -direction
+                middle = pair.mean(0)
+                tip = middle + min(_LOOSE_LENGTH_MM, joint.lift) * direction
+                line = np.stack([middle - 3 * direction, tip])
+                drawing.rod(line, self.device.cord.diameter / 2, _CORD_COLOR)
+                if has_labels:
+                    drawing.label(tip, f"{cord_label(cord.sensor)} passes through")
+                drawing.legend["cord"] = _CORD_COLOR
+
+    def _mark_stretching(self, drawing: Drawing, action: Action, joint: Joint) -> None:
+        """Add an arrow along which a cord is stretched."""
+        cord = self._cord(action.cord)
+        free_ends = [k for k, e in enumerate(cord.ends) if e.joint == "free"]
+        end = free_ends[-1] if free_ends else 1
+        out = self._line(cord).way_out(end)
+        base = cord.ends[end].at + (cord.ends[end].lead + 7.0) * out + 3.0 * joint.opens
+        drawing.arrow(base, base + 20.0 * out, _ARROW_COLOR)
+        text = f"stretch {cord_label(cord.sensor)} by {action.amount:.1f} mm"
+        drawing.label(base + 12.0 * out, text)
+
+    def _mark_glue(self, drawing: Drawing, cord: CutCord, end: int, joint: Joint) -> None:
+        """Add a drop of glue at an end of a cord."""
+        middle = cord.ends[end].at - 2.5 * self._line(cord).way_out(end) + 0.8 * joint.opens
+        drawing.ball(middle, 1.6, _GLUE_COLOR)
+        drawing.label(middle, f"glue {cord_label(cord.sensor)}, 5 mm")
+        drawing.legend["glue"] = _GLUE_COLOR
+
+    def _add_routed_wires(self, drawing: Drawing, passage: Passage) -> None:
+        has_one_cord = len({a.cord for a, _ in passage.actions}) == 1
+        for action, _ in passage.actions:
+            if action.kind is not ActionKind.WIRE or action.end is None:
+                continue
+            line = self._cord(action.cord).ends[action.end].wire.line
+            assert line is not None
+            direction = line[-1] - line[-2]
+            tail = line[-1:] + 0.6 * _LOOSE_LENGTH_MM * direction / np.linalg.norm(direction)
+            self._add_wire(drawing, np.concatenate([line, tail]))
+            if has_one_cord:  # wires of several cords are too close to each other for labels
+                drawing.label(tail[0], f"wire of the {ENDS[action.end]}")
+
+    def _add_closing_arrows(self, drawing: Drawing, joint: Joint, view: View) -> None:
+        """Add arrows next to the parts, in the direction in which the upper ones move."""
+        points = self._vertices(joint.upper) + joint.lift * joint.opens
+        across = points @ view.right
+        height = float((points @ joint.opens).mean())
+        for k, sign in ((int(across.argmin()), -1), (int(across.argmax()), 1)):
+            start = points[k] + sign * 6.0 * view.right
+            start = start + (height - start @ joint.opens) * joint.opens
+            drawing.arrow(start, start - 0.8 * joint.lift * joint.opens, _ARROW_COLOR)
+
+
+def _long_and_short_axis(points: Float, normal: Float) -> tuple[Float, Float]:
+    """Return the longest and the shortest direction (3,) of points across a normal.
+
+    The long axis, the short axis and the normal are right-handed.
+    """
     flat = points - points @ normal[:, None] * normal
     long = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][0]
     long = long if long @ [1.0, 0.3, 0.2] > 0 else -long
     return long, np.cross(normal, long)
 
 
-def _along(out: Float) -> View:
-    """A view in which what comes out of a body in the direction `out` (3,) is seen from aside."""
-    upright = abs(out[2]) < _STEEP
-    side = np.cross(out, np.eye(3)[2 if upright else 1])
-    up = np.eye(3)[2] if upright else np.cross(side, out) * np.sign(out[2])
+def _view_from_aside(out: Float) -> View:
+    """Return a view from the side of a cord that leaves the body in the direction `out` (3,)."""
+    is_level = abs(out[2]) < _MAX_UPWARD_SHARE
+    side = np.cross(out, np.eye(3)[2 if is_level else 1])
+    up = np.eye(3)[2] if is_level else np.cross(side, out) * np.sign(out[2])
     return views.looking(0.5 * out + 0.8 * side / np.linalg.norm(side) + 0.35 * up, up)

@@ -1,4 +1,4 @@
-"""The tables of the assembly guide: what to print, to cut and to buy, and what was measured."""
+"""Build the tables of the assembly guide: what to print, cut and buy, and what was measured."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ import numpy as np
 from ...geometry.parts.records import Check
 from ...store.manifest import Manifest, WireRecord
 
-_MOST = 9  # decimals
+_MAX_DECIMALS = 9
 
 
 @dataclass(frozen=True)
 class GuideTable:
-    """Rows of texts under a header."""
+    """A table of texts.
+
+    Attributes:
+        title: Title of the table.
+        header: Headings of its columns.
+        rows: Rows with as many texts as the header.
+    """
 
     title: str
     header: tuple[str, ...]
@@ -22,36 +28,44 @@ class GuideTable:
 
 
 def guide_tables(manifest: Manifest) -> tuple[GuideTable, ...]:
-    """What to print, to cut and to buy."""
-    return _parts(manifest), _cuts(manifest), _bill(manifest)
+    """Return the tables of what to print, to cut and to buy.
+
+    The headings are also the columns of the CSV files in an exported device: do not change them.
+    """
+    return _print_table(manifest), _cut_list(manifest), _bill_of_materials(manifest)
 
 
-def _parts(manifest: Manifest) -> GuideTable:
-    where = {n: p.file for p in manifest.plates for n in p.parts}
-    lying = {n: bounds for p in manifest.plates for n, bounds in p.parts.items()}
-    pieces = [q for m in manifest.moulds for q in m.pieces]  # of cast parts, in place of them
+def _print_table(manifest: Manifest) -> GuideTable:
+    plate_files = {name: p.file for p in manifest.plates for name in p.parts}
+    bounds_on_plate = {name: box for p in manifest.plates for name, box in p.parts.items()}
+    # Moulds are printed in place of the parts that are cast in them.
+    pieces = [piece for mould in manifest.moulds for piece in mould.pieces]
+    solids = [(q.name, bounds_on_plate[q.name], q.volume) for q in pieces]
+    solids = solids or [(p.name, p.bbox, p.volume) for p in manifest.parts]
     rows = [
         (
             name,
             str(manifest.copies if not pieces else 1),
-            " x ".join(f"{b - a:.1f}" for a, b in zip(*box, strict=True)),
+            " x ".join(f"{high - low:.1f}" for low, high in zip(*box, strict=True)),
             f"{volume / 1000:.1f}",
-            where[name],
+            plate_files[name],
         )
-        for name, box, volume in (
-            [(q.name, lying[q.name], q.volume) for q in pieces]
-            or [(p.name, p.bbox, p.volume) for p in manifest.parts]
-        )
+        for name, box, volume in solids
     ]
     rows += [
-        (p.name, str(p.count * manifest.copies), f"{p.diameter:g} x {p.length:.1f}", "",
-         where[f"{p.name}_1"])
+        (
+            p.name,
+            str(p.count * manifest.copies),
+            f"{p.diameter:g} x {p.length:.1f}",
+            "",
+            plate_files[f"{p.name}_1"],
+        )
         for p in manifest.pins
-    ]  # fmt: skip
+    ]
     return GuideTable("Print", ("part", "copies", "size", "cm3", "on plate"), tuple(rows))
 
 
-def _cuts(manifest: Manifest) -> GuideTable:
+def _cut_list(manifest: Manifest) -> GuideTable:
     rows = [
         (
             c.sensor,
@@ -67,45 +81,58 @@ def _cuts(manifest: Manifest) -> GuideTable:
             f"{c.resistance_before:.0f} / {c.resistance:.0f}",
             f"{c.range[0]:.0f} to {c.range[1]:.0f}",
             f"{c.reference_resistor:g}",
-            " / ".join(_leaves(e.wire) for e in c.ends),
+            " / ".join(_describe_exit(e.wire) for e in c.ends),
         )
         for c in manifest.cords
     ]
     header = (
-        "cord", "cut to", "between joints", "trimmed off", "stretched by", "joints at start / end",
-        "ohm loose / laid", "ohm in use", "reference, ohm", "wires leave",
-    )  # fmt: skip
+        "cord",
+        "cut to",
+        "between joints",
+        "trimmed off",
+        "stretched by",
+        "joints at start / end",
+        "ohm loose / laid",
+        "ohm in use",
+        "reference, ohm",
+        "wires leave",
+    )
     return GuideTable("Cut list", header, tuple(rows))
 
 
-def _leaves(wire: WireRecord) -> str:
-    """Where a wire leaves the body, and after how many mm in it."""
-    inside = f" ({wire.length:.0f})" if wire.length else ""
-    return str(wire.leaves) + inside
+def _describe_exit(wire: WireRecord) -> str:
+    """Describe where a wire leaves the body, with its length inside the body in mm."""
+    length = f" ({wire.length:.0f})" if wire.length else ""
+    return str(wire.leaves) + length
 
 
-def _bill(manifest: Manifest) -> GuideTable:
+def _bill_of_materials(manifest: Manifest) -> GuideTable:
     rows = tuple((b.item, b.amount, b.use) for b in manifest.bill)
     return GuideTable("Bill of materials", ("item", "amount", "for"), rows)
 
 
 def guide_checks(manifest: Manifest) -> GuideTable:
-    """What was measured of the finished parts, beside the limit that it was compared with."""
-    rows = tuple((c.name, *_compared(c), "yes" if c.holds else "no", c.at) for c in manifest.checks)
-    header = ("what", "measured", "must be", "holds", "near")
+    """Return the table of the measurements of the finished parts, with their limits."""
+    rows = tuple(
+        (c.name, *_format_comparison(c), "yes" if c.holds else "no", c.at) for c in manifest.checks
+    )
+    header = ("quantity", "measured", "limit", "passed", "place")
     return GuideTable("Checked before writing", header, rows)
 
 
-def _compared(check: Check) -> tuple[str, str]:
-    """Value and limit with as many decimals as show which is greater; shares in per cent."""
+def _format_comparison(check: Check) -> tuple[str, str]:
+    """Format value and limit with enough decimals to show which is greater.
+
+    Shares are formatted as percentages.
+    """
     factor, unit = (1.0, f" {check.unit}") if check.unit else (100.0, " %")
     value, limit = factor * check.value, factor * check.limit
     decimals = 2
-    while decimals < _MOST and (
+    while decimals < _MAX_DECIMALS and (
         np.sign(round(value, decimals) - round(limit, decimals)) != np.sign(value - limit)
     ):
         decimals += 1
-    which = "at least" if check.at_least else "at most"
-    shown = (f"{n:.{decimals}f}" for n in (value, limit))
-    measured, least = (s.rstrip("0").rstrip(".") if float(s) else "0" for s in shown)
-    return measured + unit, f"{which} {least}{unit}"
+    comparison = "at least" if check.at_least else "at most"
+    texts = (f"{n:.{decimals}f}" for n in (value, limit))
+    measured, bound = (s.rstrip("0").rstrip(".") if float(s) else "0" for s in texts)
+    return measured + unit, f"{comparison} {bound}{unit}"

@@ -1,7 +1,8 @@
-"""The templates on paper: a ruler to check the scale, cords as strips, the faces they lie in."""
+"""Draw the templates on PDF pages: a ruler to check the scale, cords, and faces at 1:1."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,223 +11,246 @@ from reportlab.lib.units import mm
 from reportlab.platypus import Flowable
 
 from ...core.arrays import Float
-from .templates import Face, Strip
+from .templates import CordTemplate, FaceTemplate
 
-RULER = 100.0  # mm
-_ROW, _SIDE = 24.0, 5.0  # mm: a row of a strip, and what is left free at its sides
-_INK, _HINT, _GROOVE = colors.black, colors.HexColor("#52616b"), colors.HexColor("#c3ccd2")
-_TRIM, _BRASS = colors.HexColor("#d9d9d9"), colors.HexColor("#f3e3a3")
-_SMALL, _TINY = 8, 7
+RULER_LENGTH_MM = 100.0
+_ROW_HEIGHT_MM, _SIDE_MARGIN_MM = 24.0, 5.0
+_SAME_PLACE_MM = 1e-6
+_INK, _HINT_COLOR = colors.black, colors.HexColor("#52616b")
+_GROOVE_COLOR, _WIRE_COLOR = colors.HexColor("#c3ccd2"), colors.HexColor("#c1121f")
+_EXCESS_COLOR, _FERRULE_COLOR = colors.HexColor("#d9d9d9"), colors.HexColor("#f3e3a3")
+_SMALL_FONT_PT, _TINY_FONT_PT = 8, 7
 
 
 class Ruler(Flowable):  # type: ignore[misc]
-    """100 mm to hold a ruler to."""
+    """A ruler of 100 mm to check the scale of the print with."""
 
     def wrap(self, *_: Any) -> tuple[float, float]:
-        return (RULER + 2 * _SIDE) * mm, 14 * mm
+        """Return width and height, points."""
+        return (RULER_LENGTH_MM + 2 * _SIDE_MARGIN_MM) * mm, 14 * mm
 
     def draw(self) -> None:
+        """Draw the ruler on the current canvas."""
         c = self.canv
         c.setStrokeColor(_INK)
         c.setLineWidth(0.6)
-        c.line(_SIDE * mm, 6 * mm, (_SIDE + RULER) * mm, 6 * mm)
-        for k in range(int(RULER) + 1):
-            long = 4 if k % 10 == 0 else 2.5 if k % 5 == 0 else 1.5
+        c.line(_SIDE_MARGIN_MM * mm, 6 * mm, (_SIDE_MARGIN_MM + RULER_LENGTH_MM) * mm, 6 * mm)
+        for k in range(int(RULER_LENGTH_MM) + 1):
+            length = 4 if k % 10 == 0 else 2.5 if k % 5 == 0 else 1.5
+            x = (_SIDE_MARGIN_MM + k) * mm
             c.setLineWidth(0.6 if k % 10 == 0 else 0.3)
-            c.line((_SIDE + k) * mm, 6 * mm, (_SIDE + k) * mm, (6 + long) * mm)
+            c.line(x, 6 * mm, x, (6 + length) * mm)
             if k % 10 == 0:
-                c.setFont("Helvetica", _TINY)
-                c.drawCentredString((_SIDE + k) * mm, 2.5 * mm, str(k))
+                c.setFont("Helvetica", _TINY_FONT_PT)
+                c.drawCentredString(x, 2.5 * mm, str(k))
 
 
 class CordStrip(Flowable):  # type: ignore[misc]
-    """A cord at 1:1, in as many rows as it needs on a page `width` mm wide."""
+    """A cord at 1:1, in as many rows as it needs.
 
-    def __init__(self, strip: Strip, width: float) -> None:
+    Args:
+        template: The cord.
+        width: Width of the page's frame, mm.
+
+    Attributes:
+        row_starts: Place on the cord at which each row starts, mm.
+    """
+
+    def __init__(self, template: CordTemplate, width: float) -> None:
         super().__init__()
-        self._strip, self._width = strip, width
-        half = strip.ferrule[1] / 2
-        per = width - 2 * _SIDE
-        self._starts = [-half]
-        while self._starts[-1] + per < strip.length:
-            self._starts.append(self._starts[-1] + per)
-        self._per = per
-        self._head = 5 + 3.5 * len(strip.notes)
+        self._template, self._width = template, width
+        self._row_length = width - 2 * _SIDE_MARGIN_MM
+        self.row_starts = [-template.ferrule[1] / 2]
+        while self.row_starts[-1] + self._row_length < template.length:
+            self.row_starts.append(self.row_starts[-1] + self._row_length)
+        self._head_height = 5 + 3.5 * len(template.notes)
 
     def wrap(self, *_: Any) -> tuple[float, float]:
-        return self._width * mm, (_ROW * len(self._starts) + self._head) * mm
+        """Return width and height, points."""
+        height = _ROW_HEIGHT_MM * len(self.row_starts) + self._head_height
+        return self._width * mm, height * mm
 
     def draw(self) -> None:
-        c, s = self.canv, self._strip
-        top = _ROW * len(self._starts) + self._head
+        """Draw the cord on the current canvas."""
+        c, template = self.canv, self._template
+        top = _ROW_HEIGHT_MM * len(self.row_starts) + self._head_height
         c.setFillColor(_INK)
-        c.setFont("Helvetica-Bold", _SMALL + 2)
-        c.drawString(0, (top - 4) * mm, s.title)
-        c.setFont("Helvetica", _SMALL)
-        for k, note in enumerate(s.notes):
+        c.setFont("Helvetica-Bold", _SMALL_FONT_PT + 2)
+        c.drawString(0, (top - 4) * mm, template.title)
+        c.setFont("Helvetica", _SMALL_FONT_PT)
+        for k, note in enumerate(template.notes):
             c.drawString(0, (top - 8 - 3.5 * k) * mm, note)
-        for row, start in enumerate(self._starts):
-            self._row(row, start, top - self._head - _ROW * row - 10)
+        for row, start in enumerate(self.row_starts):
+            self._draw_row(row, start, top - self._head_height - _ROW_HEIGHT_MM * row - 10)
 
-    def _row(self, row: int, start: float, y: float) -> None:
-        """Of what lies from `start` on; the cord's middle is at y mm."""
-        c, s = self.canv, self._strip
-        stop = start + self._per
+    def _draw_row(self, row: int, start: float, y: float) -> None:
+        """Draw the row that starts at a place on the cord; the cord's middle is at y mm."""
+        c, template = self.canv, self._template
+        stop = start + self._row_length
 
-        def x(at: float) -> float:
-            return float((_SIDE + at - start) * mm)
+        def to_x(place: float) -> float:
+            return float((_SIDE_MARGIN_MM + place - start) * mm)
 
-        low, high = max(0.0, start), min(s.length, stop)
-        for a, b, fill in ((low, min(high, s.mark), _INK), (max(low, s.mark), high, _TRIM)):
-            if a < b:
+        low, high = max(0.0, start), min(template.length, stop)
+        pieces = (
+            (low, min(high, template.mark), _INK),
+            (max(low, template.mark), high, _EXCESS_COLOR),
+        )
+        for left, right, fill in pieces:
+            if left < right:
                 c.setFillColor(fill)
                 c.setLineWidth(0.2)
-                c.rect(x(a), (y - s.cord / 2) * mm, (b - a) * mm, s.cord * mm, fill=1)
-        for middle, end in ((0.0, s.first), (s.mark, s.second)):
-            self._ferrule(x, y, start, stop, middle, end)
-        self._tick(x, y, start, stop, s.length, f"cut, {s.length:.1f}")
-        if s.length - s.mark > 0:
-            self._tick(x, y, start, stop, s.mark, f"mark, trim here, {s.mark:.1f}")
-        self._tick(x, y, start, stop, 0.0, "cut, 0")
-        c.setFillColor(_HINT)
-        c.setFont("Helvetica", _TINY)
+                bottom = (y - template.cord / 2) * mm
+                c.rect(to_x(left), bottom, (right - left) * mm, template.cord * mm, fill=1)
+        for middle, end in ((0.0, template.first), (template.mark, template.second)):
+            self._draw_ferrule(to_x, y, start, middle, end)
+        length, mark = template.length, template.mark
+        self._draw_tick(to_x, y, start, length, f"cut, {length:.1f}", 7.8)
+        if length - mark > 0:
+            self._draw_tick(to_x, y, start, mark, f"mark, trim here, {mark:.1f}", 10.5)
+        self._draw_tick(to_x, y, start, 0.0, "cut, 0", 7.8)
+        c.setFillColor(_HINT_COLOR)
+        c.setFont("Helvetica", _TINY_FONT_PT)
         if row:
-            c.drawString(0, (y + 5) * mm, f"{chr(64 + row)}: goes on from above at {start:.1f} mm")
-            self._break(x(start), y)
-        if stop < s.length:
-            text = f"{chr(65 + row)}: goes on below at {stop:.1f} mm"
+            text = f"{chr(64 + row)}: continued from above at {start:.1f} mm"
+            c.drawString(0, (y + 5) * mm, text)
+            self._draw_break(to_x(start), y)
+        if stop < length:
+            text = f"{chr(65 + row)}: continues below at {stop:.1f} mm"
             c.drawRightString(self._width * mm, (y + 5) * mm, text)
-            self._break(x(stop), y)
+            self._draw_break(to_x(stop), y)
 
-    def _ferrule(
-        self, x: Any, y: float, start: float, stop: float, middle: float, end: str
+    def _draw_ferrule(
+        self, to_x: Callable[[float], float], y: float, start: float, middle: float, end: str
     ) -> None:
-        c, (wide, long) = self.canv, self._strip.ferrule
-        a, b = max(start, middle - long / 2), min(stop, middle + long / 2)
-        if a >= b:
+        c, (diameter, length) = self.canv, self._template.ferrule
+        stop = start + self._row_length
+        left, right = max(start, middle - length / 2), min(stop, middle + length / 2)
+        if left >= right:
             return
         c.setStrokeColor(_INK)
         c.setLineWidth(0.5)
-        c.setFillColor(_BRASS)
-        c.rect(x(a), (y - wide / 2) * mm, (b - a) * mm, wide * mm, fill=1)
+        c.setFillColor(_FERRULE_COLOR)
+        c.rect(to_x(left), (y - diameter / 2) * mm, (right - left) * mm, diameter * mm, fill=1)
         c.setFillColor(_INK)
-        c.setFont("Helvetica", _TINY)
+        c.setFont("Helvetica", _TINY_FONT_PT)
         if start <= middle <= stop:
-            c.drawCentredString(min(max(x(middle), 9 * mm), (self._width - 9) * mm),
-                                (y + 2.2) * mm, f"ferrule, {end}")  # fmt: skip
+            x = min(max(to_x(middle), 9 * mm), (self._width - 9) * mm)
+            c.drawCentredString(x, (y + 2.2) * mm, f"ferrule, {end}")
 
-    def _tick(self, x: Any, y: float, start: float, stop: float, at: float, text: str) -> None:
-        if not start - 1e-6 <= at <= stop + 1e-6:
+    def _draw_tick(
+        self,
+        to_x: Callable[[float], float],
+        y: float,
+        start: float,
+        place: float,
+        text: str,
+        text_depth: float,
+    ) -> None:
+        """Draw a tick at a place on the cord, with a text some mm below the cord."""
+        stop = start + self._row_length
+        if not start - _SAME_PLACE_MM <= place <= stop + _SAME_PLACE_MM:
             return
-        c = self.canv
+        c, x = self.canv, to_x(place)
         c.setStrokeColor(_INK)
         c.setLineWidth(0.4)
-        c.line(x(at), (y - 5) * mm, x(at), (y + 1.8) * mm)
+        c.line(x, (y - 5) * mm, x, (y + 1.8) * mm)
         c.setFillColor(_INK)
-        c.setFont("Helvetica", _TINY)
-        wide = c.stringWidth(text, "Helvetica", _TINY)
-        left = min(max(x(at) - wide / 2, 0), self._width * mm - wide)
-        drop = 10.5 if text.startswith("mark") else 7.8
-        c.drawString(left, (y - drop) * mm, text)
+        c.setFont("Helvetica", _TINY_FONT_PT)
+        width = c.stringWidth(text, "Helvetica", _TINY_FONT_PT)
+        left = min(max(x - width / 2, 0), self._width * mm - width)
+        c.drawString(left, (y - text_depth) * mm, text)
 
-    def _break(self, x: float, y: float) -> None:
-        """A zigzag where a strip is broken."""
+    def _draw_break(self, x: float, y: float) -> None:
+        """Draw a zigzag where the cord continues in another row."""
         c = self.canv
         c.setStrokeColor(_INK)
         c.setLineWidth(0.6)
         for k in range(4):
-            c.line(x + (k % 2 * 1.4 - 0.7) * mm, (y - 4 + 2 * k) * mm,
-                   x + ((k + 1) % 2 * 1.4 - 0.7) * mm, (y - 2 + 2 * k) * mm)  # fmt: skip
+            x0, x1 = x + (k % 2 * 1.4 - 0.7) * mm, x + ((k + 1) % 2 * 1.4 - 0.7) * mm
+            c.line(x0, (y - 4 + 2 * k) * mm, x1, (y - 2 + 2 * k) * mm)
 
 
 class CutFace(Flowable):  # type: ignore[misc]
-    """A joint's face at 1:1."""
+    """The face of a joint at 1:1.
 
-    def __init__(self, face: Face) -> None:
+    Args:
+        template: The face.
+
+    Attributes:
+        size: Width and height (2,) with margins, mm.
+    """
+
+    def __init__(self, template: FaceTemplate) -> None:
         super().__init__()
-        self._face = face
-        self._size = face.size + 2 * _SIDE
+        self._template = template
+        self.size = template.size + 2 * _SIDE_MARGIN_MM
 
     @staticmethod
-    def turned(face: Face, width: float, height: float) -> CutFace | None:
-        """Upright or across, as it fits a page of this room, mm; None where it does not."""
-        for some in (face, _turned(face)):
-            if (some.size + 2 * _SIDE <= (width, height)).all():
-                return CutFace(some)
+    def fit(template: FaceTemplate, width: float, height: float) -> CutFace | None:
+        """Turn a face to fit a page.
+
+        Args:
+            template: The face.
+            width: Width of the page's frame, mm.
+            height: Height of the page's frame, mm.
+
+        Returns:
+            The face, turned by 90 degrees if only that fits, or None if neither fits.
+        """
+        for candidate in (template, template.turned()):
+            if (candidate.size + 2 * _SIDE_MARGIN_MM <= (width, height)).all():
+                return CutFace(candidate)
         return None
 
     def wrap(self, *_: Any) -> tuple[float, float]:
-        return self._size[0] * mm, self._size[1] * mm
+        """Return width and height, points."""
+        return self.size[0] * mm, self.size[1] * mm
 
     def draw(self) -> None:
-        c, f = self.canv, self._face
-        c.translate(_SIDE * mm, _SIDE * mm)
-        for line, wide, color in (
-            *((w, 0.7, colors.HexColor("#c1121f")) for w in f.wires),
-            *((x.line, f.cord, _GROOVE) for x in f.cords),
-        ):
-            self._line(line, wide, color)
-        for lying in f.cords:
-            for middle, along in lying.ferrules:
-                self._ferrule(middle, along)
-            self._line(lying.line, 0.15, _INK)
+        """Draw the face on the current canvas."""
+        c, template = self.canv, self._template
+        c.translate(_SIDE_MARGIN_MM * mm, _SIDE_MARGIN_MM * mm)
+        for line in template.wires:
+            self._draw_line(line, 0.7, _WIRE_COLOR)
+        for cord in template.cords:
+            self._draw_line(cord.line, template.cord, _GROOVE_COLOR)
+        for cord in template.cords:
+            for middle, direction in cord.ferrules:
+                self._draw_ferrule(middle, direction)
+            self._draw_line(cord.line, 0.15, _INK)
         c.setStrokeColor(_INK)
         c.setLineWidth(0.35)
-        for (ax, ay), (bx, by) in f.outline.tolist():
-            c.line(ax * mm, ay * mm, bx * mm, by * mm)
-        c.setFont("Helvetica", _TINY)
-        for letter, (px, py), diameter in f.pins:
+        for (x0, y0), (x1, y1) in template.outline.tolist():
+            c.line(x0 * mm, y0 * mm, x1 * mm, y1 * mm)
+        c.setFont("Helvetica", _TINY_FONT_PT)
+        for letter, (x, y), diameter in template.pins:
             c.setFillColor(_INK)
-            c.drawCentredString(px * mm, py * mm - _TINY / 3, f"{letter} {diameter:g}")
-        for lying in f.cords:
-            x, y = lying.line[len(lying.line) // 2]
-            inwards = f.cord / 2 + 1.2 if y < f.size[1] / 2 else -f.cord / 2 - 3.2
+            c.drawCentredString(x * mm, y * mm - _TINY_FONT_PT / 3, f"{letter} {diameter:g}")
+        for cord in template.cords:
+            x, y = cord.line[len(cord.line) // 2]
+            is_low = y < template.size[1] / 2
+            offset = template.cord / 2 + 1.2 if is_low else -template.cord / 2 - 3.2
             c.setFillColor(_INK)
-            c.drawCentredString(x * mm, (y + inwards) * mm, lying.name)
+            c.drawCentredString(x * mm, (y + offset) * mm, cord.name)
 
-    def _line(self, line: Float, wide: float, color: Any) -> None:
+    def _draw_line(self, line: Float, width: float, color: Any) -> None:
         c = self.canv
         c.setStrokeColor(color)
-        c.setLineWidth(wide * mm)
+        c.setLineWidth(width * mm)
         path = c.beginPath()
         path.moveTo(*(line[0] * mm))
         for point in line[1:]:
             path.lineTo(*(point * mm))
         c.drawPath(path)
 
-    def _ferrule(self, middle: Float, along: Float) -> None:
-        c, (wide, long) = self.canv, self._face.ferrule
+    def _draw_ferrule(self, middle: Float, direction: Float) -> None:
+        c, (diameter, length) = self.canv, self._template.ferrule
         c.saveState()
         c.translate(*(middle * mm))
-        c.rotate(float(np.degrees(np.arctan2(along[1], along[0]))))
-        c.setFillColor(_BRASS)
+        c.rotate(float(np.degrees(np.arctan2(direction[1], direction[0]))))
+        c.setFillColor(_FERRULE_COLOR)
         c.setStrokeColor(_INK)
         c.setLineWidth(0.4)
-        c.rect(-long / 2 * mm, -wide / 2 * mm, long * mm, wide * mm, fill=1)
+        c.rect(-length / 2 * mm, -diameter / 2 * mm, length * mm, diameter * mm, fill=1)
         c.restoreState()
-
-
-def _turned(face: Face) -> Face:
-    """By a quarter."""
-    from dataclasses import replace
-
-    from .templates import Lying
-
-    high = face.size[1]
-
-    def q(p: Float) -> Float:
-        return np.stack([high - p[..., 1], p[..., 0]], axis=-1)
-
-    def d(p: Float) -> Float:
-        return np.array([-p[1], p[0]])
-
-    return replace(
-        face,
-        outline=q(face.outline),
-        cords=tuple(
-            Lying(x.name, q(x.line), tuple((q(m), d(a)) for m, a in x.ferrules)) for x in face.cords
-        ),
-        wires=tuple(q(w) for w in face.wires),
-        pins=tuple((letter, q(m), wide) for letter, m, wide in face.pins),
-        size=face.size[::-1],
-    )

@@ -1,9 +1,9 @@
-"""Drawings at 1:1 to lay cords on: what is drawn where, in mm, without a page."""
+"""Compute templates at 1:1 in mm, without a page: straight cords, and the faces they lie in."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,18 +14,28 @@ from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import plane_section
 from ...store.layout import LayoutRecord
 from ...store.manifest import CordStretch, Manifest
-from .assembly.plan import BATCH, anchored_later
+from .assembly.plan import BATCH_TOLERANCE, late_end
 from .assembly.steps import Joint
-from .assembly.wording import ENDS, called
+from .assembly.wording import ENDS, cord_label
 from .cord_lines import CordLine, cord_line
 
-_BELOW = 0.05  # mm under the face, where its outline is taken
+_OUTLINE_DEPTH_MM = 0.05  # below the face, where its outline is taken
 
 
 @dataclass(frozen=True)
-class Strip:
-    """A piece of cord, straight: mm from the end that is crimped first. `mark` is where the other
-    ferrule's middle comes, and `length` where the piece ends; `notes` says what to do."""
+class CordTemplate:
+    """A straight piece of cord, measured from the end that is crimped first.
+
+    Attributes:
+        title: Label of the cord.
+        first: Name of the end that is crimped first.
+        second: Name of the other end.
+        mark: Middle of the second ferrule, mm.
+        length: Length of the piece, mm.
+        cord: Diameter of the cord, mm.
+        ferrule: Diameter and length of a ferrule, mm.
+        notes: Notes about lengths and resistances.
+    """
 
     title: str
     first: str
@@ -38,9 +48,14 @@ class Strip:
 
 
 @dataclass(frozen=True)
-class Lying:
-    """A stretch of a cord in a face: its line (p, 2) mm, where it is named; ferrules as (middle,
-    direction), mm."""
+class FaceCord:
+    """A stretch of a cord in a face.
+
+    Attributes:
+        name: Label of the cord.
+        line: Line (p, 2), mm.
+        ferrules: Middle (2,) and direction (2,) of each ferrule, mm.
+    """
 
     name: str
     line: Float
@@ -48,90 +63,144 @@ class Lying:
 
 
 @dataclass(frozen=True)
-class Face:
-    """The face of a joint's lower parts as one looks onto it: outline (m, 2, 2) mm of segments, the
-    cords in it, wires (p, 2) mm, pins as (letter, middle (2,), diameter). All from the lower left
-    corner; `size` (2,) mm."""
+class FaceTemplate:
+    """The face of a joint's lower parts, seen from above, from its lower left corner.
+
+    Attributes:
+        title: Title of the template.
+        outline: Segments (m, 2, 2) of the outline, mm.
+        cords: Stretches of cords in the face.
+        wires: Lines (p, 2) of wires, mm.
+        pins: Letter, middle (2,) in mm and diameter in mm of each pin.
+        size: Width and height (2,), mm.
+        ferrule: Diameter and length of a ferrule, mm.
+        cord: Diameter of the cords, mm.
+    """
 
     title: str
     outline: Float
-    cords: tuple[Lying, ...]
+    cords: tuple[FaceCord, ...]
     wires: tuple[Float, ...]
     pins: tuple[tuple[str, Float, float], ...]
     size: Float
     ferrule: tuple[float, float]
     cord: float
 
+    def turned(self) -> FaceTemplate:
+        """Return the template turned by 90 degrees."""
+        height = self.size[1]
 
-def strips(device: Device, manifest: Manifest) -> tuple[Strip, ...]:
-    """One a cord."""
-    out = []
+        def turn_points(p: Float) -> Float:
+            return np.stack([height - p[..., 1], p[..., 0]], axis=-1)
+
+        def turn_direction(p: Float) -> Float:
+            return np.array([-p[1], p[0]])
+
+        return replace(
+            self,
+            outline=turn_points(self.outline),
+            cords=tuple(
+                FaceCord(
+                    c.name,
+                    turn_points(c.line),
+                    tuple((turn_points(m), turn_direction(d)) for m, d in c.ferrules),
+                )
+                for c in self.cords
+            ),
+            wires=tuple(turn_points(w) for w in self.wires),
+            pins=tuple((letter, turn_points(m), diameter) for letter, m, diameter in self.pins),
+            size=self.size[::-1],
+        )
+
+
+def cord_templates(device: Device, manifest: Manifest) -> tuple[CordTemplate, ...]:
+    """Return a template of each cord of a device."""
+    templates = []
     for cord in manifest.cords:
-        late = anchored_later(cord)
+        late = late_end(cord)
         first = 0 if late is None else 1 - late
-        whole = cord.cut_length * device.cord.ohm_per_mm
+        ohm = cord.cut_length * device.cord.ohm_per_mm
+        low, high = (1 - BATCH_TOLERANCE) * ohm, (1 + BATCH_TOLERANCE) * ohm
         notes = [
-            f"cut to {cord.cut_length:.1f} mm: {whole:.0f} ohm"
-            f" ({(1 - BATCH) * whole:.0f} to {(1 + BATCH) * whole:.0f}) from end to end",
-            f"{cord.unstretched:.1f} mm between the middles of the ferrules, loose:"
+            f"cut to {cord.cut_length:.1f} mm: {ohm:.0f} ohm"
+            f" ({low:.0f} to {high:.0f}) from end to end",
+            f"{cord.unstretched:.1f} mm between the middles of the ferrules, not stretched:"
             f" {cord.resistance_before:.0f} ohm",
         ]
         if cord.prestretch:
-            pull = cord.between_ferrules - cord.unstretched
+            elongation = cord.between_ferrules - cord.unstretched
             notes.append(
-                f"stretched by {pull:.1f} mm ({cord.prestretch:.0%}) in the device:"
+                f"stretched by {elongation:.1f} mm ({cord.prestretch:.0%}) in the device:"
                 f" {cord.resistance:.0f} ohm"
             )
         else:
             notes.append(f"not stretched in the device: {cord.resistance:.0f} ohm")
-        out.append(
-            Strip(
-                called(cord.sensor), ENDS[first], ENDS[1 - first], cord.unstretched,
-                cord.cut_length, device.cord.diameter,
-                (device.cord.ferrule_diameter, device.cord.ferrule_length), tuple(notes),
+        templates.append(
+            CordTemplate(
+                cord_label(cord.sensor),
+                ENDS[first],
+                ENDS[1 - first],
+                cord.unstretched,
+                cord.cut_length,
+                device.cord.diameter,
+                (device.cord.ferrule_diameter, device.cord.ferrule_length),
+                tuple(notes),
             )
-        )  # fmt: skip
-    return tuple(out)
+        )
+    return tuple(templates)
 
 
-def face(
+def face_template(
     joint: Joint,
     title: str,
     device: Device,
     layout: LayoutRecord,
     manifest: Manifest,
     parts: Mapping[str, Surface],
-) -> Face | None:
-    """The face of a joint's lower parts with its cords; None where no cord lies in it."""
+) -> FaceTemplate | None:
+    """Return the template of the face of a joint's lower parts.
+
+    Args:
+        joint: The joint.
+        title: Title of the template.
+        device: The device.
+        layout: Layout of its cords.
+        manifest: The manifest of its parts.
+        parts: Surfaces of its parts, by name.
+
+    Returns:
+        The template, or None if no cord lies in the face.
+    """
     cords = [c for c in manifest.cords if any(s.joint == joint.index for s in c.stretches)]
     if not cords:
         return None
     sensor = next(s for s in layout.sensors if s.name == cords[0].sensor)
-    frame = _frame(sensor.plane.origin, joint.opens, sensor.points)
-    below = Plane(frame.origin - _BELOW * joint.opens, frame.axes)
+    # The line between the ends of the first cord's path is horizontal.
+    axis = sensor.points[-1] - sensor.points[0]
+    frame = Plane.from_normal(sensor.plane.origin, joint.opens, axis)
+    below = Plane(frame.origin - _OUTLINE_DEPTH_MM * joint.opens, frame.axes)
     outline = np.concatenate([plane_section(parts[n], below) for n in joint.lower])
-    lying = [
-        _lying(cord_line(layout, c), s, device, frame)
+    face_cords = [
+        _project_stretch(cord_line(layout, c), s, device, frame)
         for c in cords
         for s in c.stretches
         if s.joint == joint.index
     ]
-    wires = [_flat(w, frame) for w in joint.wires]
-    everything = np.concatenate(
-        [outline.reshape(-1, 2), *(x.line for x in lying), *(m[None] for x in lying
-                                                             for m, _ in x.ferrules)]
-    )  # fmt: skip
-    low, high = everything.min(0), everything.max(0)
-    kinds = {p.name: p.diameter for p in manifest.pins}
-    return Face(
+    wires = [_project(w, frame) for w in joint.wires]
+    ferrules = [middle[None] for c in face_cords for middle, _ in c.ferrules]
+    points = np.concatenate([outline.reshape(-1, 2), *(c.line for c in face_cords), *ferrules])
+    low, high = points.min(0), points.max(0)
+    diameters = {p.name: p.diameter for p in manifest.pins}
+    return FaceTemplate(
         title,
         outline - low,
         tuple(
-            Lying(x.name, x.line - low, tuple((m - low, d) for m, d in x.ferrules)) for x in lying
+            FaceCord(c.name, c.line - low, tuple((m - low, d) for m, d in c.ferrules))
+            for c in face_cords
         ),
         tuple(w - low for w in wires),
         tuple(
-            (letter, _flat(p.center[None], frame)[0] - low, kinds[p.name])
+            (letter, _project(p.center[None], frame)[0] - low, diameters[p.name])
             for letter, p in zip(joint.letters, joint.pins, strict=True)
         ),
         high - low,
@@ -140,22 +209,19 @@ def face(
     )
 
 
-def _frame(origin: Float, normal: Float, points: Float) -> Plane:
-    """Seen from where `normal` points to; the line through the points' ends lies across."""
-    return Plane.from_normal(origin, normal, points[-1] - points[0])
-
-
-def _flat(points: Float, frame: Plane) -> Float:
+def _project(points: Float, frame: Plane) -> Float:
     return np.asarray((points - frame.origin) @ frame.axes[:, :2])
 
 
-def _lying(line: CordLine, stretch: CordStretch, device: Device, frame: Plane) -> Lying:
+def _project_stretch(
+    line: CordLine, stretch: CordStretch, device: Device, frame: Plane
+) -> FaceCord:
     ferrules = tuple(
         (
-            _flat(line.ferrule(end, device.cord.ferrule_length)[None], frame)[0],
+            _project(line.ferrule(end, device.cord.ferrule_length)[None], frame)[0],
             line.way_out(end) @ frame.axes[:, :2],
         )
         for end in line.ends_in(stretch)
     )
-    inner = line.along(stretch.start, stretch.stop, per_mm=2.0)
-    return Lying(called(line.cord.sensor), _flat(inner, frame), ferrules)
+    points = line.along(stretch.start, stretch.stop, points_per_mm=2.0)
+    return FaceCord(cord_label(line.cord.sensor), _project(points, frame), ferrules)

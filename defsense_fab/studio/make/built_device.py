@@ -12,7 +12,7 @@ import numpy as np
 from ...core.arrays import Float, parse_points
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...report.guide.assembly.steps import GuideStep, guide_steps, shifts
+from ...report.guide.assembly.steps import GuideStep, exploded_shifts, guide_steps
 from ...report.guide.tables import GuideTable, guide_checks, guide_tables
 from ...store.layout import LayoutRecord, load_layout
 from ...store.manifest import MANIFEST, Manifest, load_manifest, load_parts
@@ -100,7 +100,7 @@ def load_built(device: Device, folder: Path) -> BuiltDevice | None:
         layout,
         parts,
         guide_steps(device, manifest, parts),
-        shifts(manifest, parts),
+        exploded_shifts(manifest, parts),
         guide_tables(manifest),
         guide_checks(manifest),
         notes(manifest, layout, parts),

@@ -48,7 +48,7 @@ def test_labels_stand_beside_the_body_and_apart():
     plain = Drawing(FRONT)
     plain.part(block(np.zeros(3), np.array([50.0, 50, 50])), "#00798c")
     body, labelled = pixels(plain), pixels(drawing)
-    left = module._COLUMN
+    left = module.COLUMN_WIDTH_PX
     middle = labelled[:, left : left + body.shape[1]]
     dark = (middle.max(axis=2) < 60).sum()
     assert dark < 0.002 * middle[..., 0].size  # no letters over the body
@@ -64,14 +64,14 @@ def test_no_label_of_a_flat_body_is_cut_off(count, thick, monkeypatch):
     for k in range(count):
         drawing.label(np.array([200.0 * k / (count - 1), 0.0, 0.0]), f"place {k}")
     written = []
-    monkeypatch.setattr(module, "_write", lambda *given: written.append(given))
+    monkeypatch.setattr(module, "_write_label", lambda *given: written.append(given))
     drawing.png()
     assert len(written) == count
     heights = {True: [], False: []}
     for page, _, _, end, left in written:
-        assert module._LINE / 2 <= end[1] <= page.size[1] - module._LINE / 2
+        assert module.LINE_HEIGHT_PX / 2 <= end[1] <= page.size[1] - module.LINE_HEIGHT_PX / 2
         heights[bool(left)].append(end[1])
-    assert all((np.diff(np.sort(h)) >= module._LINE).all() for h in heights.values())
+    assert all((np.diff(np.sort(h)) >= module.LINE_HEIGHT_PX).all() for h in heights.values())
 
 
 def test_a_focus_shows_what_is_near():

@@ -12,10 +12,10 @@ import pytest
 from defsense_fab.geometry.parts.records import Check
 from defsense_fab.report.guide import pdf
 from defsense_fab.report.guide.assembly.steps import guide_steps
-from defsense_fab.report.guide.guide import AssemblyStep, Guide, ShownPassage
+from defsense_fab.report.guide.guide import AssemblyStep, Guide, IllustratedPassage
 from defsense_fab.report.guide.tables import GuideTable, guide_checks
 from defsense_fab.report.guide.template_pages import CordStrip, CutFace
-from defsense_fab.report.guide.templates import face, strips
+from defsense_fab.report.guide.templates import cord_templates, face_template
 from defsense_fab.store.layout import PlaneRecord
 
 from .blocks import blocks
@@ -53,16 +53,16 @@ def device():
 def guide(device):
     steps = guide_steps(device.device, device.manifest, device.parts)
     joint = next(s.joint for s in steps if s.joint)
-    found = face(joint, "Step 4: the face", device.device, layout_of(device), device.manifest,
+    found = face_template(joint, "Step 4: the face", device.device, layout_of(device), device.manifest,
                  device.parts)  # fmt: skip
     picture = image()
     return Guide(
         "blocks", "2 parts", (), picture, (GuideTable("Print", ("part",), (("1",),)),),
         tuple(
-            AssemblyStep(s.title, tuple(ShownPassage(p.lines, picture) for p in s.passages))
+            AssemblyStep(s.title, tuple(IllustratedPassage(p.lines, picture) for p in s.passages))
             for s in steps
         ),
-        GuideTable("Checked", ("what",), ()), steps, strips(device.device, device.manifest),
+        GuideTable("Checked", ("what",), ()), steps, cord_templates(device.device, device.manifest),
         (found,),
     )  # fmt: skip
 
@@ -136,16 +136,16 @@ def test_a_face_is_seen_from_where_it_opens(guide, device):
 def test_strips_longer_than_a_page_are_broken(guide):
     (strip,) = guide.strips
     long = CordStrip(replace(strip, length=500.0, mark=480.0), 182.0)
-    assert len(long._starts) == 3
-    assert np.diff(long._starts) == pytest.approx([172.0, 172.0])
+    assert len(long.row_starts) == 3
+    assert np.diff(long.row_starts) == pytest.approx([172.0, 172.0])
     assert long.wrap()[1] > CordStrip(strip, 182.0).wrap()[1]
 
 
 def test_a_face_is_turned_to_fit_or_left_out(guide):
     (found,) = guide.faces
     wide = replace(found, size=np.array([200.0, 50.0]))
-    assert CutFace.turned(wide, 182.0, 230.0)._size[1] == pytest.approx(210.0)
-    assert CutFace.turned(replace(found, size=np.array([300.0, 300.0])), 182.0, 230.0) is None
+    assert CutFace.fit(wide, 182.0, 230.0).size[1] == pytest.approx(210.0)
+    assert CutFace.fit(replace(found, size=np.array([300.0, 300.0])), 182.0, 230.0) is None
 
 
 @pytest.mark.parametrize("count", [1, 3, 80])

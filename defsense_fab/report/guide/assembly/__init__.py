@@ -1,1 +1,1 @@
-"""What the hands do, in an order in which they can."""
+"""Plan how to assemble a device: actions, their order, the steps and their instructions."""

@@ -1,5 +1,4 @@
-"""What the hands do to put a device together: typed actions, what each needs done before it, and
-what it bars."""
+"""Describe the actions that assemble a device, and order them by their requirements."""
 
 from __future__ import annotations
 
@@ -8,71 +7,13 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from graphlib import CycleError, TopologicalSorter
 
 from ....core.errors import FabricationError
 
-# Actions in an order in which each finds done what it needs, and nothing that bars it.
 
-
-def in_order(actions: Sequence[Action]) -> tuple[Action, ...]:
-    """Of the orders that there are the one that keeps closest to the order given: joint by joint.
-
-    Raises FabricationError where something needed is done by nothing, or each of some actions has
-    to wait for another one of them.
-    """
-    after = _followers(actions)
-    waits = [0] * len(actions)
-    for followers in after:
-        for k in followers:
-            waits[k] += 1
-    ready = [k for k, n in enumerate(waits) if not n]
-    heapq.heapify(ready)
-    out = []
-    while ready:
-        k = heapq.heappop(ready)
-        out.append(actions[k])
-        for follower in after[k]:
-            waits[follower] -= 1
-            if not waits[follower]:
-                heapq.heappush(ready, follower)
-    if len(out) < len(actions):
-        stuck = next(a for a, n in zip(actions, waits, strict=True) if n)
-        raise FabricationError(
-            f"assembly: {_told(stuck)} and others each have to wait for another: there is no order"
-            " in which this device can be put together; move a cord plane, or leave wires by the"
-            " mouths (strain_relief = false in [fabrication])"
-        )
-    return tuple(out)
-
-
-def _followers(actions: Sequence[Action]) -> list[set[int]]:
-    """By action those that come behind it: what it makes possible, and what would bar it."""
-    makers: dict[Fact, list[int]] = defaultdict(list)
-    for k, action in enumerate(actions):
-        for fact in action.makes:
-            makers[fact].append(k)
-    after: list[set[int]] = [set() for _ in actions]
-    for k, action in enumerate(actions):
-        for fact in action.needs:
-            if fact not in makers:
-                raise FabricationError(f"assembly: nothing does what {_told(action)} needs: {fact}")
-            for maker in makers[fact]:
-                after[maker].add(k)
-        for fact in action.bars:
-            for maker in makers[fact]:
-                if maker != k:
-                    after[k].add(maker)
-    return after
-
-
-def _told(action: Action) -> str:
-    of = [f"joint {action.joint + 1}"] if action.joint is not None else []
-    of += [f"cord {action.cord}"] if action.cord else []
-    return " of ".join([f"'{action.kind}'", *of])
-
-
-class Kind(StrEnum):
-    """What is done."""
+class ActionKind(StrEnum):
+    """Kind of an action; the values are those of `guide.json`."""
 
     PRINT = "print"
     CAST = "cast"
@@ -97,13 +38,20 @@ class Kind(StrEnum):
     CONNECT = "wire to the board"
 
 
-#: Something that is true once an action has made it: its name and what it is of.
+#: A state of the work that an action brings about: its name, then the cord, end or joint.
 Fact = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
-class Expected:
-    """What a cord should measure, ohm: `about`, and between `low` and `high`."""
+class ExpectedResistance:
+    """Resistance that a cord should have when it is measured.
+
+    Attributes:
+        cord: Name of the cord.
+        about: Expected resistance, ohm.
+        low: Lower limit, ohm.
+        high: Upper limit, ohm.
+    """
 
     cord: str
     about: float
@@ -113,19 +61,105 @@ class Expected:
 
 @dataclass(frozen=True)
 class Action:
-    """One thing to do, of a `joint` (index of the assembly's step), a `cord`, an `end` of it (0:
-    start), as far as it is of these. It needs all of `needs` to be true, none of `bars`, and makes
-    `makes` true. `amount`: mm to cut, to mark, to trim or to stretch; `expected`: of a measurement;
-    `late`: of an end that is crimped when its cord lies in closed joints.
+    """One action of the assembler.
+
+    Attributes:
+        kind: Kind of action.
+        joint: Index of the joint in the manifest's `assembly`, or None.
+        cord: Name of the cord, or None.
+        end: End of the cord (0: start, 1: end), or None.
+        requires: Facts that must be true before the action.
+        must_precede: Facts that must not be true yet.
+        effects: Facts that the action makes true.
+        amount: Length to cut, mark, trim or stretch, mm, or None.
+        expected: Expected resistances, if the action is a measurement.
+        is_late: Whether the action belongs to an end that is crimped after its cord's joints are
+            closed.
     """
 
-    kind: Kind
+    kind: ActionKind
     joint: int | None = None
     cord: str | None = None
     end: int | None = None
-    needs: frozenset[Fact] = frozenset()
-    bars: frozenset[Fact] = frozenset()
-    makes: frozenset[Fact] = frozenset()
+    requires: frozenset[Fact] = frozenset()
+    must_precede: frozenset[Fact] = frozenset()
+    effects: frozenset[Fact] = frozenset()
     amount: float | None = None
-    expected: tuple[Expected, ...] = ()
-    late: bool = False
+    expected: tuple[ExpectedResistance, ...] = ()
+    is_late: bool = False
+
+
+def order_actions(actions: Sequence[Action]) -> tuple[Action, ...]:
+    """Order actions so that each follows the actions that it requires.
+
+    Of all valid orders, the one that is returned is closest to the order given: at each point it
+    takes the earliest action that is possible.
+
+    Args:
+        actions: Actions in the preferred order.
+
+    Returns:
+        The same actions in a valid order.
+
+    Raises:
+        FabricationError: No action has an effect that another one requires, or some actions
+            require each other.
+    """
+    sorter = TopologicalSorter(_find_predecessors(actions))
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        blocked = actions[min(error.args[1])]
+        raise FabricationError(
+            f"{_describe(blocked)} and other actions require each other, so there is no order in"
+            " which this device can be assembled",
+            code="no-assembly-order",
+            where="assembly",
+            action="Move a cord plane, or let wires leave by the mouths (strain_relief = false in"
+            " [fabrication])",
+            action_kind=str(blocked.kind),
+            joint=blocked.joint,
+            cord=blocked.cord,
+        ) from None
+    ready = list(sorter.get_ready())
+    heapq.heapify(ready)
+    ordered = []
+    while ready:
+        k = heapq.heappop(ready)
+        ordered.append(actions[k])
+        sorter.done(k)
+        for successor in sorter.get_ready():
+            heapq.heappush(ready, successor)
+    return tuple(ordered)
+
+
+def _find_predecessors(actions: Sequence[Action]) -> dict[int, set[int]]:
+    """Return, for each action, the indices of the actions that must come before it."""
+    achievers: dict[Fact, list[int]] = defaultdict(list)
+    for k, action in enumerate(actions):
+        for fact in action.effects:
+            achievers[fact].append(k)
+    before: dict[int, set[int]] = {k: set() for k in range(len(actions))}
+    for k, action in enumerate(actions):
+        for fact in action.requires:
+            if fact not in achievers:
+                raise FabricationError(
+                    f"no action achieves {fact}, which {_describe(action)} requires",
+                    code="requirement-unmet",
+                    where="assembly",
+                    action_kind=str(action.kind),
+                    joint=action.joint,
+                    fact=fact,
+                )
+            before[k] |= set(achievers[fact])
+        for fact in action.must_precede:
+            for achiever in achievers[fact]:
+                if achiever != k:
+                    before[achiever].add(k)
+    return before
+
+
+def _describe(action: Action) -> str:
+    subjects = [f"joint {action.joint + 1}"] if action.joint is not None else []
+    subjects += [f"cord {action.cord}"] if action.cord else []
+    return " of ".join([f"'{action.kind}'", *subjects])

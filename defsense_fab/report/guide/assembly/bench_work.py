@@ -1,187 +1,202 @@
-"""What the guide says of what is done before parts are joined, and after."""
+"""Write the instructions for work at the bench: before parts are joined, and after."""
 
 from __future__ import annotations
 
 from ....core.device.device import Device
 from ....geometry.channels import cord_assembly
 from ....store.manifest import CutCord
-from .actions import Action, Expected
-from .plan import BATCH, LAID, anchored_later
-from .wording import ENDS, Words, called, limits
+from .actions import Action, ExpectedResistance
+from .plan import BATCH_TOLERANCE, INSTALLED_TOLERANCE, late_end
+from .wording import ENDS, GuideContext, cord_label, format_resistance
 
 
-def print_parts(w: Words, _: Action) -> list[str]:
-    """What comes off the printer."""
-    plates = ", ".join(p.file for p in w.manifest.plates)
-    process = w.device.fabrication.process
-    if w.manifest.casting is not None:
-        return [f"Print the moulds: {plates} ({process}).", *w.manifest.advice]
-    out = [f"Print {plates} ({process}, {w.device.material.name}).", *w.manifest.advice]
-    if w.manifest.parts:
-        out.append(
-            "A part's number is engraved in a face that vanishes in the device, where there is"
-            " room."
+def print_parts(context: GuideContext, _: Action) -> list[str]:
+    """Instruct to print the plates, with the printing advice of the manifest."""
+    manifest = context.manifest
+    plates = ", ".join(p.file for p in manifest.plates)
+    process = context.device.fabrication.process
+    if manifest.casting is not None:
+        return [f"Print the moulds: {plates} ({process}).", *manifest.advice]
+    lines = [f"Print {plates} ({process}, {context.device.material.name}).", *manifest.advice]
+    if manifest.parts:
+        lines.append(
+            "Find each part's number on a face that is hidden in the finished device. Small parts"
+            " may have no number."
         )
-    return out
+    return lines
 
 
-def cast_parts(w: Words, _: Action) -> list[str]:
-    """What is poured, and taken out."""
-    return [] if w.manifest.casting is None else list(w.manifest.casting.steps)
+def cast_parts(context: GuideContext, _: Action) -> list[str]:
+    """Instruct to cast the parts, as the manifest describes it."""
+    casting = context.manifest.casting
+    return [] if casting is None else list(casting.steps)
 
 
-def try_pins(w: Words, _: Action) -> list[str]:
-    """Before anything is glued."""
-    fit = "; 'defsense calibrate coupon' finds the clearance of a printer with which they do"
+def try_pins(context: GuideContext, _: Action) -> list[str]:
+    """Instruct to try all pins before anything is glued."""
+    lines = [
+        "Try every pin in its socket. Each must go in by hand and must not fall out.",
+        "The two pins of a joint differ in diameter, and their distance is different in every"
+        " joint.",
+    ]
+    if context.manifest.casting is None:
+        lines.append(
+            "If the pins do not fit, run 'defsense calibrate coupon' to find the clearance of your"
+            " printer."
+        )
+    return lines
+
+
+def cut_cord(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to cut a cord, and state the resistance of the piece."""
+    cord = context.cord(action)
+    ohm = cord.cut_length * context.device.cord.ohm_per_mm
     return [
-        "Try every pin in its socket: the two pins of a joint differ in diameter, and no two joints"
-        " have them equally far apart. Each goes in by hand and does not fall out"
-        f"{fit if w.manifest.casting is None else ''}."
+        f"Cut {cord_label(cord.sensor)} to {cord.cut_length:.0f} mm.",
+        f"Measure the piece from end to end: about {ohm:.0f} ohm"
+        f" ({(1 - BATCH_TOLERANCE) * ohm:.0f} to {(1 + BATCH_TOLERANCE) * ohm:.0f}). If it is"
+        " outside these limits, the cord is of another batch: change ohm_per_mm in the cord's"
+        " table.",
     ]
 
 
-def cut(w: Words, action: Action) -> list[str]:
-    """Length and resistance of a piece."""
-    cord = w.cord(action)
-    ohm = cord.cut_length * w.device.cord.ohm_per_mm
-    return [
-        f"Cut {called(cord.sensor)} to {cord.cut_length:.0f} mm: about {ohm:.0f} ohm"
-        f" ({(1 - BATCH) * ohm:.0f} to {(1 + BATCH) * ohm:.0f}) from end to end. A piece beyond"
-        " that is of another batch: change ohm_per_mm in the cord's table."
-    ]
-
-
-def crimp(w: Words, action: Action) -> list[str]:
-    """A wire at an end."""
-    cord = w.cord(action)
+def crimp_wire(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to crimp a wire to an end of a cord."""
+    cord = context.cord(action)
     assert action.end is not None
     wire = cord.ends[action.end].wire
-    out = [
-        f"Crimp a wire to the {ENDS[action.end]} of {called(cord.sensor)}: cord and wire meet in"
-        " the middle of the ferrule."
+    lines = [
+        f"Crimp a wire to the {ENDS[action.end]} of {cord_label(cord.sensor)}. Cord and wire must"
+        " meet in the middle of the ferrule."
     ]
     if wire.leaves == "bay" and wire.length:
-        out[0] += " Leave the wire's other end bare: it has to go through the body."
-    return out
+        lines.append("Leave the wire's other end bare: it must pass through the body.")
+    return lines
 
 
-def mark(w: Words, action: Action) -> list[str]:
-    """Where the other ferrule comes."""
-    cord, end = w.cord(action), action.end
+def mark_cord(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to mark the place of the second ferrule."""
+    cord, end = context.cord(action), action.end
     assert end is not None
-    out = (
-        f"Mark {called(cord.sensor)} {cord.unstretched:.1f} mm from the middle of that"
-        f" ferrule, loose: there its {ENDS[end]} will be."
-    )
+    lines = [
+        f"Mark {cord_label(cord.sensor)} {cord.unstretched:.1f} mm from the middle of that"
+        f" ferrule. Do not stretch it. The mark is the place of its {ENDS[end]}."
+    ]
     after = cord.ends[end].after
     if after is not None:
-        out += (
-            " Leave what is beyond the mark on it, and that end without a ferrule, until step"
-            f" {w.numbers[after] + 1}: the cord has to slide till then."
+        lines.append(
+            "Do not cut off the cord beyond the mark, and do not crimp that end, before step"
+            f" {context.step_numbers[after] + 1}: the cord must be able to slide until then."
         )
     elif not cord.stretches:
-        out += " Leave that end without a ferrule until the cord is in its channel."
-    return [out]
+        lines.append("Do not crimp that end before the cord is in its channel.")
+    return lines
 
 
-def trim(w: Words, action: Action) -> list[str]:
-    """What is beyond the mark."""
-    cord = w.cord(action)
-    off = cord.cut_length - cord.unstretched
-    return [f"Cut {called(cord.sensor)} off at its mark: {off:.0f} mm come off."]
+def trim_cord(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to cut a cord off at its mark."""
+    cord = context.cord(action)
+    excess = cord.cut_length - cord.unstretched
+    return [f"Cut {cord_label(cord.sensor)} at its mark. This removes {excess:.0f} mm."]
 
 
-def measure(w: Words, action: Action) -> list[str]:
-    """What to expect, and what to do when it is not so."""
-    if action.joint is None and action.cord and w.cord(action).stretches:
+def measure_cords(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to measure cords, with the expected values and remedies."""
+    if action.joint is None and action.cord and context.cord(action).stretches:
         (expected,) = action.expected
         return [
-            f"Measure {called(expected.cord)}, loose: {limits(expected)}. Note the value. More, or"
-            " nothing: crimp again. Less: its length between the ferrules is too short; cut a new"
-            " piece."
+            f"Measure {cord_label(expected.cord)} without stretching it:"
+            f" {format_resistance(expected)}. Note the value.",
+            "If the value is higher or there is none, crimp again. If it is lower, the length"
+            " between the ferrules is too short: cut a new piece.",
         ]
-    told = "; ".join(f"{called(e.cord)} {_in_place(w, e)}" for e in action.expected)
-    where = "" if action.joint is None or action.cord else " while the glue is wet"
-    off = (
-        "The value jumps, or is higher: the cord is pinched or a ferrule has slipped; "
-        + ("open the joint" if where else "pull the end out")
-        + ", and lay it again. None at all: a crimp is loose. Lower: two wires touch."
+    values = "; ".join(
+        f"{cord_label(e.cord)} {_format_installed(context, e)}" for e in action.expected
     )
-    return [f"Measure{where}: {told}. {off}"]
-
-
-def _in_place(w: Words, expected: Expected) -> str:
-    """The value in the device, and what it is beside that of the loose cord."""
-    cord = next(c for c in w.manifest.cords if c.sensor == expected.cord)
-    out = limits(expected)
-    ratio = cord.resistance / cord.resistance_before
-    if anchored_later(cord) is None and cord.stretches:
-        out += f", {ratio:.2f} times what you noted, within {LAID:.0%}"
-    return out
-
-
-def thread(w: Words, action: Action) -> list[str]:
-    """Through a closed channel."""
+    is_wet = action.joint is not None and not action.cord
+    remedy = "open the joint" if is_wet else "pull the end out"
     return [
-        f"Push {called(w.cord(action).sensor)} through its channel from the start, and out of its"
-        " end."
+        f"Measure{' while the glue is wet' if is_wet else ''}: {values}.",
+        "If the value jumps or is higher, the cord is pinched or a ferrule has slipped:"
+        f" {remedy} and insert the cord again. If there is no value, a crimp is loose. If the"
+        " value is lower, two wires touch.",
     ]
 
 
-def connect(w: Words, action: Action) -> list[str]:
-    """The cords to the read-out board."""
-    cords = {c.sensor: c for c in w.manifest.cords}
+def _format_installed(context: GuideContext, expected: ExpectedResistance) -> str:
+    """Format a resistance in the device, with its ratio to that of the loose cord."""
+    cord = next(c for c in context.manifest.cords if c.sensor == expected.cord)
+    text = format_resistance(expected)
+    if late_end(cord) is None and cord.stretches:
+        ratio = cord.resistance / cord.resistance_before
+        text += f", {ratio:.2f} times the value you noted, within {INSTALLED_TOLERANCE:.0%}"
+    return text
+
+
+def thread_cord(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to push a cord through a closed channel."""
+    label = cord_label(context.cord(action).sensor)
+    return [f"Push {label} through its channel, from the channel's start, until it comes out."]
+
+
+def connect_cords(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to connect the cords to the read-out board."""
+    cords = {c.sensor: c for c in context.manifest.cords}
     lines = [
-        f"Wire {called(e.cord)} to the board: reference resistor"
-        f" {cords[e.cord].reference_resistor:g} ohm to the supply; the cord has"
-        f" {limits(e)} between its wires at rest."
+        f"Connect {cord_label(e.cord)} to the board, with a reference resistor of"
+        f" {cords[e.cord].reference_resistor:g} ohm to the supply. Between its wires the cord has"
+        f" {format_resistance(e)} at rest."
         for e in action.expected
     ]
     if lines:
         lines.append(
-            "Bend the device gently by hand: every value moves and comes back. One that jumps tells"
-            " of a pinched cord or a loose crimp."
+            "Bend the device gently by hand. Every value must change and return. If a value jumps,"
+            " a cord is pinched or a crimp is loose."
         )
-    return lines or ["The device has no cords: there is nothing to wire."]
+    return lines or ["This device has no cords: there is nothing to connect."]
 
 
-def pull(w: Words, action: Action) -> list[str]:
-    """An end that is crimped outside of its mouth."""
-    cord, end = w.cord(action), action.end
+def pull_end(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to pull an end out of its mouth, where it is crimped."""
+    cord, end = context.cord(action), action.end
     assert end is not None
-    reach = reach_of(w.device, cord, end)
+    reach = pulled_reach(context.device, cord, end)
     return [
-        f"Pull {called(cord.sensor)} out of its mouth at the {ENDS[end]} until the mark is"
-        f" {reach:.0f} mm outside, and hold it there with a clip on the cord at the mouth"
-        f" (it is stretched by {pulled(w.device, cord, end):.0%} then)."
+        f"Pull the {ENDS[end]} of {cord_label(cord.sensor)} out of its mouth until the mark is"
+        f" {reach:.0f} mm outside. This stretches the cord by"
+        f" {pulled_strain(context.device, cord, end):.0%}.",
+        "Hold it there with a clip on the cord at the mouth.",
     ]
 
 
-def reach_of(device: Device, cord: CutCord, end: int) -> float:
-    """How far outside of its mouth the mark of an end must be for its ferrule to be crimped, mm."""
+def pulled_reach(device: Device, cord: CutCord, end: int) -> float:
+    """Return how far outside its mouth an end's mark must be to crimp its ferrule, mm."""
     return cord_assembly.crimping_reach(device.cord.ferrule_length, cord.ends[end].lead)
 
 
-def pulled(device: Device, cord: CutCord, end: int) -> float:
-    """By how much of its length a cord is stretched with its mark that far out."""
+def pulled_strain(device: Device, cord: CutCord, end: int) -> float:
+    """Return the strain of a cord whose mark is pulled out that far."""
     record = cord.ends[end]
     return cord_assembly.crimping_strain(
-        cord.between_ferrules, cord.unstretched, record.pocket, device.cord.ferrule_length,
+        cord.between_ferrules,
+        cord.unstretched,
+        record.pocket,
+        device.cord.ferrule_length,
         record.lead,
-    )  # fmt: skip
+    )
 
 
-def seat(w: Words, action: Action) -> list[str]:
-    """That end back into its place."""
-    cord, end = w.cord(action), action.end
+def seat_end(context: GuideContext, action: Action) -> list[str]:
+    """Instruct to let a crimped end back into its place."""
+    cord, end = context.cord(action), action.end
     assert end is not None
+    label = cord_label(cord.sensor)
     if cord.ends[end].joint == "pocket":
-        held = "" if cord.prestretch else " Press it in while the glue in the groove is wet."
-        return [
-            f"Let {called(cord.sensor)} draw the ferrule into its pocket, until it rests against"
-            f" the bottom.{held}"
-        ]
+        lines = [f"Let {label} draw the ferrule into its pocket until it touches the bottom."]
+        if not cord.prestretch:
+            lines.append("Press it in while the glue in the groove is wet.")
+        return lines
     return [
-        f"Let {called(cord.sensor)} in until the middle of the ferrule is"
-        f" {cord.ends[end].lead:.0f} mm out of the mouth, and hold it there."
+        f"Let {label} in until the middle of the ferrule is {cord.ends[end].lead:.0f} mm outside"
+        " the mouth, and hold it there."
     ]

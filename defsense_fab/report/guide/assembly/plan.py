@@ -1,312 +1,453 @@
-"""The actions that a device takes, with what each needs and bars, joint by joint."""
+"""Plan the actions that assemble a device: what each requires, and what it must precede."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from ....store.manifest import CutCord, Manifest
-from .actions import Action, Expected, Fact, Kind
+from .actions import Action, ActionKind, ExpectedResistance, Fact
 
-# What follows for the hands from where cords lie: ends that wait, what slides, ohms.
+#: Relative tolerance of the resistance of pieces of one kind of cord.
+BATCH_TOLERANCE = 0.1
+#: Relative tolerance of an installed cord's resistance, against its loose resistance times the
+#: predicted ratio.
+INSTALLED_TOLERANCE = 0.05
 
-#: How far pieces of one kind of cord may differ in resistance, and a cord from what it measured
-#: before it was laid, times what laying makes of it.
-BATCH, LAID = 0.1, 0.05
 
-
-def anchored_later(cord: CutCord) -> int | None:
-    """The end of a cord that is crimped only when all its joints are closed, if any."""
+def late_end(cord: CutCord) -> int | None:
+    """Return the end of a cord that is crimped after all its joints are closed, or None."""
     return next((k for k, e in enumerate(cord.ends) if e.after is not None), None)
 
 
-def joint_of(cord: CutCord, end: int) -> int | None:
-    """The joint that an end lies in; None where the cord lies in none."""
+def joint_of_end(cord: CutCord, end: int) -> int | None:
+    """Return the joint in which an end of a cord lies, or None if the cord lies in no joint."""
     return cord.stretches[-end].joint if cord.stretches else None
 
 
-def strained(cord: CutCord) -> tuple[int, ...]:
-    """Joints that are still to be closed when both ends of a cord hold it on either side of them:
-    it is stretched further as long as they are open."""
-    if anchored_later(cord) is not None or not cord.stretches:
+def joints_that_stretch(cord: CutCord) -> tuple[int, ...]:
+    """Return the joints that are still open when both ends of a cord are held, one on each side.
+
+    While such a joint is open, the cord is stretched further.
+    """
+    if late_end(cord) is not None or not cord.stretches:
         return ()
     last = max(s.joint for s in (cord.stretches[0], cord.stretches[-1]))
     return tuple(j for j, _ in cord.drawn if j > last)
 
 
-def sliding(cord: CutCord, joint: int, at: int) -> tuple[int, ...]:
-    """The joints in which a cord has to slide while `joint` draws it together before its stretch
-    `at`: those on the side whose end is free then, or else was laid last."""
-    sides = cord.stretches[:at], cord.stretches[at:]
-    late = anchored_later(cord)
-    free = [any(s.joint > joint for s in side) for side in sides]
-    last = [max(s.joint for s in side) for side in sides]
-    chosen = max((0, 1), key=lambda k: (free[k], k == late, last[k]))
-    return tuple(s.joint for s in sides[chosen] if s.joint < joint)
+def joints_to_slide_in(cord: CutCord, joint: int, stretch: int) -> tuple[int, ...]:
+    """Return the joints in which a cord must slide while another joint draws it together.
+
+    The cord slides on the side whose end is free at that time, else on the side that was inserted
+    last.
+
+    Args:
+        cord: The cord.
+        joint: The joint that is being closed.
+        stretch: Index of the cord's stretch that starts behind that joint.
+
+    Returns:
+        Indices of the joints.
+    """
+    sides = cord.stretches[:stretch], cord.stretches[stretch:]
+    late = late_end(cord)
+    is_free = [any(s.joint > joint for s in side) for side in sides]
+    last_joint = [max(s.joint for s in side) for side in sides]
+    side = max((0, 1), key=lambda k: (is_free[k], k == late, last_joint[k]))
+    return tuple(s.joint for s in sides[side] if s.joint < joint)
 
 
-def wet_until(manifest: Manifest, i: int) -> int | None:
-    """The joint up to which the glue of joint i must stay wet: bonded cords that lie in it have to
-    slide until that draws them together."""
+def last_joint_while_wet(manifest: Manifest, joint: int) -> int | None:
+    """Return the last joint that must be closed while the glue of `joint` is still wet, or None.
+
+    Bonded cords in `joint` must slide until that last joint has drawn them together.
+    """
     if manifest.assembly_of_cords != "bonded":
         return None
-    waits = [
+    later = [
         j
         for cord in manifest.cords
         for j, _ in cord.drawn
-        if i < j and any(s.joint == i for s in cord.stretches)
+        if joint < j and any(s.joint == joint for s in cord.stretches)
     ]
-    return max(waits, default=None)
+    return max(later, default=None)
 
 
-def joints_within(manifest: Manifest, j: int) -> list[int]:
-    """The joints whose parts are all on one side of this one: closed before it."""
-    sides = [set(side) for side in manifest.assembly[j].join]
-    wholes = [{*s.join[0], *s.join[1]} for s in manifest.assembly]
-    return [i for i, w in enumerate(wholes) if i != j and any(w <= side for side in sides)]
+def inner_joints(manifest: Manifest, joint: int) -> list[int]:
+    """Return the joints whose parts are all on one side of `joint`; they are closed before it."""
+    sides = [set(side) for side in manifest.assembly[joint].join]
+    assemblies = [{*s.join[0], *s.join[1]} for s in manifest.assembly]
+    return [
+        i for i, whole in enumerate(assemblies) if i != joint and any(whole <= s for s in sides)
+    ]
 
 
-def loose(cord: CutCord) -> Expected:
-    """Before it is laid."""
-    return _around(cord.sensor, cord.resistance_before)
+def expect_loose(cord: CutCord) -> ExpectedResistance:
+    """Return the resistance that a cord should have before it is inserted."""
+    return _with_tolerance(cord.sensor, cord.resistance_before)
 
 
-def laid(cord: CutCord) -> Expected:
-    """In the device at rest."""
-    return _around(cord.sensor, cord.resistance)
+def expect_installed(cord: CutCord) -> ExpectedResistance:
+    """Return the resistance that a cord should have in the device at rest."""
+    return _with_tolerance(cord.sensor, cord.resistance)
 
 
-def _around(cord: str, ohm: float) -> Expected:
-    return Expected(cord, ohm, (1 - BATCH) * ohm, (1 + BATCH) * ohm)
+def _with_tolerance(cord: str, ohm: float) -> ExpectedResistance:
+    return ExpectedResistance(cord, ohm, (1 - BATCH_TOLERANCE) * ohm, (1 + BATCH_TOLERANCE) * ohm)
 
 
-def actions(manifest: Manifest) -> list[Action]:
-    """All of them. The order that they are in is that wished for; `in_order` finds one that can
-    be."""
-    return _Plan(manifest).made
+def plan_actions(manifest: Manifest) -> list[Action]:
+    """Return all actions that assemble a device, in the preferred order.
+
+    The preferred order need not be possible: `actions.order_actions` finds one that is.
+    """
+    return _Planner(manifest).actions
 
 
-class _Plan:
+class _Planner:
     """Collects the actions of one device."""
 
     def __init__(self, manifest: Manifest) -> None:
         self._manifest = manifest
         self._cords = {c.sensor: c for c in manifest.cords}
-        self._bonded = manifest.assembly_of_cords == "bonded"
-        self.made: list[Action] = []
-        self._print()
+        self._is_bonded = manifest.assembly_of_cords == "bonded"
+        self.actions: list[Action] = []
+        self._plan_printing()
         for cord in manifest.cords:
-            self._prepare(cord)
+            self._prepare_cord(cord)
         for cord in (c for c in manifest.cords if not c.stretches):
-            self._thread(cord)
+            self._thread_cord(cord)
         for j in range(len(manifest.assembly)):
-            self._join(j)
+            self._plan_joint(j)
         self._connect()
 
     def _add(
         self,
-        kind: Kind,
+        kind: ActionKind,
         *,
-        needs: set[Fact] | None = None,
-        bars: set[Fact] | None = None,
-        makes: set[Fact] | None = None,
-        joint: int | None = None,
-        cord: str | None = None,
-        end: int | None = None,
-        amount: float | None = None,
-        expected: tuple[Expected, ...] = (),
-        late: bool = False,
+        requires: Iterable[Fact] = (),
+        must_precede: Iterable[Fact] = (),
+        effects: Iterable[Fact] = (),
+        **details: Any,
     ) -> None:
-        self.made.append(
-            Action(kind, joint, cord, end, frozenset(needs or ()), frozenset(bars or ()),
-                   frozenset(makes or ()), amount, expected, late)
-        )  # fmt: skip
+        """Add an action; `details` are further fields of `Action`."""
+        self.actions.append(
+            Action(
+                kind,
+                requires=frozenset(requires),
+                must_precede=frozenset(must_precede),
+                effects=frozenset(effects),
+                **details,
+            )
+        )
 
-    def _print(self) -> None:
+    def _plan_printing(self) -> None:
         if self._manifest.casting is None:
-            self._add(Kind.PRINT, makes={("printed",)})
+            self._add(ActionKind.PRINT, effects={("printed",)})
         else:
-            self._add(Kind.PRINT, makes={("moulds printed",)})
-            self._add(Kind.CAST, needs={("moulds printed",)}, makes={("printed",)})
+            self._add(ActionKind.PRINT, effects={("moulds printed",)})
+            self._add(ActionKind.CAST, requires={("moulds printed",)}, effects={("printed",)})
         if self._manifest.pins:
-            self._add(Kind.TRY_PINS, needs={("printed",)}, makes={("pins tried",)})
+            self._add(ActionKind.TRY_PINS, requires={("printed",)}, effects={("pins tried",)})
 
-    def _prepare(self, cord: CutCord) -> None:
-        """At the bench: both wires are crimped where nothing keeps an end for later."""
-        name, late = cord.sensor, anchored_later(cord)
-        threaded = not cord.stretches
+    def _prepare_cord(self, cord: CutCord) -> None:
+        """Prepare a cord at the bench; both wires are crimped unless one end must wait."""
+        name, late = cord.sensor, late_end(cord)
+        is_threaded = not cord.stretches
         first = 0 if late is None else 1 - late
         second = 1 - first
-        self._add(Kind.CUT, cord=name, amount=cord.cut_length, makes={("cut", name)})
-        self._add(Kind.CRIMP, cord=name, end=first, needs={("cut", name)},
-                  makes={("crimped", name, first)})  # fmt: skip
-        self._add(Kind.MARK, cord=name, end=second, amount=cord.unstretched,
-                  needs={("crimped", name, first)}, makes={("marked", name)})  # fmt: skip
-        if late is None and not threaded:
-            self._second(cord, second, set(), bars={("laid", name)})
-            self._add(Kind.MEASURE, cord=name, needs={("crimped", name, second)},
-                      bars={("laid", name)}, makes={("measured loose", name)},
-                      expected=(loose(cord),))  # fmt: skip
+        self._add(ActionKind.CUT, cord=name, amount=cord.cut_length, effects={("cut", name)})
+        self._add(
+            ActionKind.CRIMP,
+            cord=name,
+            end=first,
+            requires={("cut", name)},
+            effects={("crimped", name, first)},
+        )
+        self._add(
+            ActionKind.MARK,
+            cord=name,
+            end=second,
+            amount=cord.unstretched,
+            requires={("crimped", name, first)},
+            effects={("marked", name)},
+        )
+        if late is None and not is_threaded:
+            self._crimp_second_end(cord, second, set(), must_precede={("laid", name)})
+            self._add(
+                ActionKind.MEASURE,
+                cord=name,
+                requires={("crimped", name, second)},
+                must_precede={("laid", name)},
+                effects={("measured loose", name)},
+                expected=(expect_loose(cord),),
+            )
 
-    def _second(self, cord: CutCord, end: int, needs: set[Fact], bars: set[Fact]) -> None:
-        """Trim what is too much, and crimp."""
+    def _crimp_second_end(
+        self, cord: CutCord, end: int, requires: set[Fact], must_precede: set[Fact]
+    ) -> None:
+        """Trim the second end at its mark, and crimp it."""
         name, after = cord.sensor, cord.ends[end].after
-        late = bool(needs)
-        self._add(Kind.TRIM, late=late, joint=after, cord=name, end=end, amount=cord.slack,
-                  needs={("marked", name), *needs}, makes={("trimmed", name)})  # fmt: skip
-        self._add(Kind.CRIMP, late=late, joint=after, cord=name, end=end,
-                  needs={("trimmed", name), *needs}, bars=bars,
-                  makes={("crimped", name, end)})  # fmt: skip
+        is_late = bool(requires)
+        self._add(
+            ActionKind.TRIM,
+            is_late=is_late,
+            joint=after,
+            cord=name,
+            end=end,
+            amount=cord.slack,
+            requires={("marked", name), *requires},
+            effects={("trimmed", name)},
+        )
+        self._add(
+            ActionKind.CRIMP,
+            is_late=is_late,
+            joint=after,
+            cord=name,
+            end=end,
+            requires={("trimmed", name), *requires},
+            must_precede=must_precede,
+            effects={("crimped", name, end)},
+        )
 
-    def _thread(self, cord: CutCord) -> None:
-        """A channel that no joint opens: the cord is pushed through it, and crimped behind."""
+    def _thread_cord(self, cord: CutCord) -> None:
+        """Push a cord through a channel that no joint opens, and crimp its end behind it."""
         name = cord.sensor
-        self._add(Kind.THREAD, cord=name, needs={("printed",), ("marked", name)},
-                  makes={("laid", name), ("in", name)})  # fmt: skip
-        self._late_end(cord, 1, {("laid", name)}, set())
+        self._add(
+            ActionKind.THREAD,
+            cord=name,
+            requires={("printed",), ("marked", name)},
+            effects={("laid", name), ("in", name)},
+        )
+        self._finish_late_end(cord, 1, {("laid", name)}, set())
 
-    def _join(self, j: int) -> None:
+    def _plan_joint(self, j: int) -> None:
+        """Plan everything that is done while a joint is open, its gluing, and what follows it."""
         step = self._manifest.assembly[j]
-        before = joints_within(self._manifest, j)
-        wet = {i for i in before if self._open(i, j)}
-        dry: set[Fact] = {("dry", i) if i in wet else ("set", i) for i in before}
-        tried: set[Fact] = {("pins tried",)} if self._manifest.pins else set()
-        self._add(Kind.DRY_FIT, joint=j, needs={("printed",), *tried, *dry},
-                  bars={("closed", i) for i in (*wet, j)}, makes={("dry", j)})  # fmt: skip
+        inner = inner_joints(self._manifest, j)
+        wet = {i for i in inner if self._is_wet_until(i, j)}
+        dry: set[Fact] = {("dry", i) if i in wet else ("set", i) for i in inner}
+        pins_tried: set[Fact] = {("pins tried",)} if self._manifest.pins else set()
+        self._add(
+            ActionKind.DRY_FIT,
+            joint=j,
+            requires={("printed",), *pins_tried, *dry},
+            must_precede={("closed", i) for i in (*wet, j)},
+            effects={("dry", j)},
+        )
         if step.pins:
-            self._add(Kind.PINS, joint=j, needs={("dry", j)}, bars={("closed", j)},
-                      makes={("pins", j)})  # fmt: skip
-        closing: set[Fact] = {("dry", j), *({("pins", j)} if step.pins else set())}
-        for i in before:
-            closing.add(("closed", i) if i in wet else ("set", i))
+            self._add(
+                ActionKind.PINS,
+                joint=j,
+                requires={("dry", j)},
+                must_precede={("closed", j)},
+                effects={("pins", j)},
+            )
+        before_closing: set[Fact] = {("dry", j), *({("pins", j)} if step.pins else set())}
+        for i in inner:
+            before_closing.add(("closed", i) if i in wet else ("set", i))
         for name in step.cords:
             if any(s.joint == j for s in self._cords[name].stretches):
-                closing |= self._lay(self._cords[name], j)
+                before_closing |= self._lay_cord(self._cords[name], j)
         for name, cord in self._cords.items():
             for end in (0, 1):
                 if j in cord.ends[end].wire.joints:
-                    closing |= self._wire(name, end, j)
-        self._add(Kind.GLUE, joint=j, needs=closing, makes={("closed", j)})
-        self._after(j)
+                    before_closing |= self._route_wire(name, end, j)
+        self._add(ActionKind.GLUE, joint=j, requires=before_closing, effects={("closed", j)})
+        self._follow_joint(j)
 
-    def _open(self, i: int, j: int) -> bool:
-        """Whether joint i, or one within it, must not have set when joint j is closed."""
-        inner = (i, *joints_within(self._manifest, i))
-        return any(self._wet_chain(k) >= j for k in inner)
+    def _is_wet_until(self, i: int, j: int) -> bool:
+        """Return whether joint i, or one inside it, must not have set when joint j is closed."""
+        joints = (i, *inner_joints(self._manifest, i))
+        return any(self._last_of_wet_chain(k) >= j for k in joints)
 
-    def _wet_chain(self, i: int) -> int:
-        """The last of the joints that follow joint i in one go."""
-        last = wet_until(self._manifest, i)
-        return -1 if last is None else max(last, self._wet_chain(last))
+    def _last_of_wet_chain(self, i: int) -> int:
+        """Return the last of the joints that must follow joint i without a pause."""
+        last = last_joint_while_wet(self._manifest, i)
+        return -1 if last is None else max(last, self._last_of_wet_chain(last))
 
-    def _lay(self, cord: CutCord, j: int) -> set[Fact]:
-        """Lay a stretch, and what follows from it in this joint; what must be done before the joint
-        is closed."""
+    def _lay_cord(self, cord: CutCord, j: int) -> set[Fact]:
+        """Insert the stretch of a cord in a joint; return what must be true before it closes."""
         name = cord.sensor
-        here = {end for end in (0, 1) if joint_of(cord, end) == j}
-        early = {e for e in here if cord.ends[e].after is None}
-        needs: set[Fact] = {("marked", name), ("dry", j)}
-        needs |= {("crimped", name, e) for e in early}
+        ends_here = {end for end in (0, 1) if joint_of_end(cord, end) == j}
+        early_ends = {e for e in ends_here if cord.ends[e].after is None}
+        requires: set[Fact] = {("marked", name), ("dry", j)}
+        requires |= {("crimped", name, e) for e in early_ends}
         if self._manifest.assembly[j].pins:
-            needs.add(("pins", j))
+            requires.add(("pins", j))
         joints = [s.joint for s in cord.stretches]
-        makes: set[Fact] = {("in", name, j)}
+        effects: set[Fact] = {("in", name, j)}
         if j == max(joints):
-            makes |= {("laid", name), ("in", name)}
-        self._add(Kind.LAY, joint=j, cord=name, needs=needs, bars={("closed", j)}, makes=makes)
-        out: set[Fact] = {("in", name, j)}
+            effects |= {("laid", name), ("in", name)}
+        self._add(
+            ActionKind.LAY,
+            joint=j,
+            cord=name,
+            requires=requires,
+            must_precede={("closed", j)},
+            effects=effects,
+        )
+        before_closing: set[Fact] = {("in", name, j)}
         ready: Fact = ("in", name, j)
-        free = [e for e in sorted(early) if cord.ends[e].joint == "free"]
-        stretched = bool(cord.prestretch) and j == max(joints) and anchored_later(cord) is None
-        if stretched:
+        free_ends = [e for e in sorted(early_ends) if cord.ends[e].joint == "free"]
+        is_stretched = bool(cord.prestretch) and j == max(joints) and late_end(cord) is None
+        if is_stretched:
             # One end must be held before the cord is stretched from the other.
-            loose_ends = sum(e.joint == "free" for e in cord.ends)
-            if free and (loose_ends > 1 and len(here) > 1):
-                ready = self._glue_end(cord, free.pop(0), j, ready)
-                out.add(ready)
-            needs = {("laid", name), ready}
+            free_count = sum(e.joint == "free" for e in cord.ends)
+            if free_ends and (free_count > 1 and len(ends_here) > 1):
+                ready = self._glue_end(cord, free_ends.pop(0), j, ready)
+                before_closing.add(ready)
+            requires = {("laid", name), ready}
             ready = ("stretched", name)
-            self._add(Kind.STRETCH, joint=j, cord=name, needs=needs, bars={("closed", j)},
-                      makes={ready}, amount=cord.between_ferrules - cord.unstretched)  # fmt: skip
-            out.add(ready)
-        for end in free:
-            out.add(self._glue_end(cord, end, j, ready))
-        return out
+            self._add(
+                ActionKind.STRETCH,
+                joint=j,
+                cord=name,
+                requires=requires,
+                must_precede={("closed", j)},
+                effects={ready},
+                amount=cord.between_ferrules - cord.unstretched,
+            )
+            before_closing.add(ready)
+        for end in free_ends:
+            before_closing.add(self._glue_end(cord, end, j, ready))
+        return before_closing
 
     def _glue_end(self, cord: CutCord, end: int, j: int | None, ready: Fact) -> Fact:
-        """Glue an end that no pocket holds, and let it set; what is true then. In a joint, while
-        that is open."""
+        """Glue an end that no pocket holds, and let it set; return the fact that it has set.
+
+        In a joint this is done while the joint is open.
+        """
         name = cord.sensor
-        late = cord.ends[end].after is not None or not cord.stretches
-        open_joint: set[Fact] = set() if late or j is None else {("closed", j)}
-        self._add(Kind.GLUE_END, late=late, joint=j, cord=name, end=end, needs={ready},
-                  bars=open_joint, makes={("end glued", name, end)})  # fmt: skip
+        is_late = cord.ends[end].after is not None or not cord.stretches
+        must_precede: set[Fact] = set() if is_late or j is None else {("closed", j)}
         self._add(
-            Kind.SET_END, late=late, joint=j, cord=name, end=end,
-            needs={("end glued", name, end)}, makes={("end set", name, end)},
-        )  # fmt: skip
+            ActionKind.GLUE_END,
+            is_late=is_late,
+            joint=j,
+            cord=name,
+            end=end,
+            requires={ready},
+            must_precede=must_precede,
+            effects={("end glued", name, end)},
+        )
+        self._add(
+            ActionKind.SET_END,
+            is_late=is_late,
+            joint=j,
+            cord=name,
+            end=end,
+            requires={("end glued", name, end)},
+            effects={("end set", name, end)},
+        )
         return ("end set", name, end)
 
-    def _wire(self, name: str, end: int, j: int) -> set[Fact]:
-        """Lay a wire into its groove of this joint."""
-        needs: set[Fact] = {("crimped", name, end), ("dry", j)}
-        cord = self._cords[name]
-        if joint_of(cord, end) == j:
-            needs.add(("in", name, j))
-        makes: set[Fact] = {("wire in", name, end, j)}
-        self._add(Kind.WIRE, joint=j, cord=name, end=end, needs=needs,
-                  bars={("closed", j), ("connected",)}, makes=makes)  # fmt: skip
-        return makes
+    def _route_wire(self, name: str, end: int, j: int) -> set[Fact]:
+        """Insert a wire into its groove in a joint; return what must be true before it closes."""
+        requires: set[Fact] = {("crimped", name, end), ("dry", j)}
+        if joint_of_end(self._cords[name], end) == j:
+            requires.add(("in", name, j))
+        effects: set[Fact] = {("wire in", name, end, j)}
+        self._add(
+            ActionKind.WIRE,
+            joint=j,
+            cord=name,
+            end=end,
+            requires=requires,
+            must_precede={("closed", j), ("connected",)},
+            effects=effects,
+        )
+        return effects
 
-    def _after(self, j: int) -> None:
-        """When the joint is closed: measure, wait, and finish what had to wait for it."""
-        wet, done = wet_until(self._manifest, j), self._done_by(j)
-        if done:
-            self._add(Kind.MEASURE, joint=j, needs={("closed", j)}, bars={("set", j)},
-                      makes={("measured", j)},
-                      expected=tuple(laid(c) for c in done))  # fmt: skip
-        needs: set[Fact] = {("closed", j), *({("measured", j)} if done else set())}
-        if wet is not None:
-            needs.add(("measured", wet) if self._done_by(wet) else ("closed", wet))
-        self._add(Kind.SET, joint=j, needs=needs, makes={("set", j)})
+    def _follow_joint(self, j: int) -> None:
+        """Measure after a joint is closed, let it set, and finish the ends that waited for it."""
+        wet_until = last_joint_while_wet(self._manifest, j)
+        finished_cords = self._cords_finished_by(j)
+        if finished_cords:
+            self._add(
+                ActionKind.MEASURE,
+                joint=j,
+                requires={("closed", j)},
+                must_precede={("set", j)},
+                effects={("measured", j)},
+                expected=tuple(expect_installed(c) for c in finished_cords),
+            )
+        requires: set[Fact] = {("closed", j), *({("measured", j)} if finished_cords else set())}
+        if wet_until is not None:
+            is_measured = self._cords_finished_by(wet_until)
+            requires.add(("measured", wet_until) if is_measured else ("closed", wet_until))
+        self._add(ActionKind.SET, joint=j, requires=requires, effects={("set", j)})
         for cord in self._manifest.cords:
-            late = anchored_later(cord)
+            late = late_end(cord)
             if late is not None and cord.ends[late].after == j:
                 ready: set[Fact] = {("closed", j), ("laid", cord.sensor)}
-                bars: set[Fact] = set()
-                if self._bonded:
-                    bars = {("set", s.joint) for s in cord.stretches}
+                must_precede: set[Fact] = set()
+                if self._is_bonded:
+                    must_precede = {("set", s.joint) for s in cord.stretches}
                 else:
                     ready |= {("set", j)}
-                self._late_end(cord, late, ready, bars)
+                self._finish_late_end(cord, late, ready, must_precede)
 
-    def _done_by(self, j: int) -> list[CutCord]:
-        """Cords that lie as they will when joint j is closed, with both wires on."""
-        out = []
+    def _cords_finished_by(self, j: int) -> list[CutCord]:
+        """Return the cords that are in their final place, with both wires, when joint j closes."""
+        finished = []
         for cord in self._manifest.cords:
             joints = [s.joint for s in cord.stretches]
-            ready = bool(joints) and max((*joints, *(i for i, _ in cord.drawn))) <= j
-            if (ready and anchored_later(cord) is None) or (
-                ready and max(e.after or 0 for e in cord.ends) < j
+            is_in_place = bool(joints) and max((*joints, *(i for i, _ in cord.drawn))) <= j
+            if (is_in_place and late_end(cord) is None) or (
+                is_in_place and max(e.after or 0 for e in cord.ends) < j
             ):
-                out.append(cord)
-        return out
+                finished.append(cord)
+        return finished
 
-    def _late_end(self, cord: CutCord, end: int, ready: set[Fact], bars: set[Fact]) -> None:
-        """Crimp an end outside of its mouth, and let it in."""
+    def _finish_late_end(
+        self, cord: CutCord, end: int, ready: set[Fact], must_precede: set[Fact]
+    ) -> None:
+        """Pull an end out of its mouth, crimp it there, and let it back in."""
         name, j = cord.sensor, cord.ends[end].after
-        out: Fact = ("out", name)
-        needs: set[Fact] = {("marked", name), *ready}
-        self._add(Kind.PULL, late=True, joint=j, cord=name, end=end, needs=needs,
-                  bars=bars, makes={out},
-                  amount=cord.between_ferrules - cord.unstretched)  # fmt: skip
-        self._second(cord, end, {out}, set())
-        self._add(Kind.SEAT, late=True, joint=j, cord=name, end=end, needs={("crimped", name, end)},
-                  bars=bars, makes={("in place", name)})  # fmt: skip
+        pulled_out: Fact = ("out", name)
+        self._add(
+            ActionKind.PULL,
+            is_late=True,
+            joint=j,
+            cord=name,
+            end=end,
+            requires={("marked", name), *ready},
+            must_precede=must_precede,
+            effects={pulled_out},
+            amount=cord.between_ferrules - cord.unstretched,
+        )
+        self._crimp_second_end(cord, end, {pulled_out}, set())
+        self._add(
+            ActionKind.SEAT,
+            is_late=True,
+            joint=j,
+            cord=name,
+            end=end,
+            requires={("crimped", name, end)},
+            must_precede=must_precede,
+            effects={("in place", name)},
+        )
         last: Fact = ("in place", name)
         if cord.ends[end].joint == "free":
             last = self._glue_end(cord, end, j, last)
-        self._add(Kind.MEASURE, late=True, joint=j, cord=name, needs={last}, bars=bars,
-                  makes={("measured in place", name)}, expected=(laid(cord),))  # fmt: skip
+        self._add(
+            ActionKind.MEASURE,
+            is_late=True,
+            joint=j,
+            cord=name,
+            requires={last},
+            must_precede=must_precede,
+            effects={("measured in place", name)},
+            expected=(expect_installed(cord),),
+        )
 
     def _connect(self) -> None:
-        everything = {f for a in self.made for f in a.makes}
-        self._add(Kind.CONNECT, needs=everything, makes={("connected",)},
-                  expected=tuple(laid(c) for c in self._manifest.cords))  # fmt: skip
+        everything = {fact for action in self.actions for fact in action.effects}
+        self._add(
+            ActionKind.CONNECT,
+            requires=everything,
+            effects={("connected",)},
+            expected=tuple(expect_installed(c) for c in self._manifest.cords),
+        )

@@ -1,4 +1,4 @@
-"""The steps of the assembly guide in the order of the hands, without their pictures."""
+"""Divide a device's assembly into steps with instructions, without their pictures."""
 
 from __future__ import annotations
 
@@ -14,52 +14,63 @@ from ....core.device.device import Device
 from ....core.errors import FabricationError
 from ....core.mesh import Surface
 from ....store.manifest import JoinedPin, Manifest
-from . import bench_work as bench
-from . import joint_work as joint
-from .actions import Action, Kind, in_order
-from .plan import actions
-from .wording import Words, called, named, pin_letters, sides
+from . import bench_work, joint_work
+from .actions import Action, ActionKind, order_actions
+from .plan import plan_actions
+from .wording import GuideContext, cord_label, describe_sides, join_names, pin_letters
 
-# What the guide says of each action.
-
-_SAID: Mapping[Kind, Callable[[Words, Action], list[str]]] = {
-    Kind.PRINT: bench.print_parts,
-    Kind.CAST: bench.cast_parts,
-    Kind.TRY_PINS: bench.try_pins,
-    Kind.CUT: bench.cut,
-    Kind.CRIMP: bench.crimp,
-    Kind.MARK: bench.mark,
-    Kind.TRIM: bench.trim,
-    Kind.DRY_FIT: joint.dry_fit,
-    Kind.PINS: joint.pins,
-    Kind.LAY: joint.lay,
-    Kind.THREAD: bench.thread,
-    Kind.STRETCH: joint.stretch,
-    Kind.GLUE_END: joint.glue_end,
-    Kind.SET_END: joint.set_end,
-    Kind.WIRE: joint.wire,
-    Kind.GLUE: joint.glue,
-    Kind.SET: joint.set_glue,
-    Kind.PULL: bench.pull,
-    Kind.SEAT: bench.seat,
-    Kind.MEASURE: bench.measure,
-    Kind.CONNECT: bench.connect,
+_WRITERS: Mapping[ActionKind, Callable[[GuideContext, Action], list[str]]] = {
+    ActionKind.PRINT: bench_work.print_parts,
+    ActionKind.CAST: bench_work.cast_parts,
+    ActionKind.TRY_PINS: bench_work.try_pins,
+    ActionKind.CUT: bench_work.cut_cord,
+    ActionKind.CRIMP: bench_work.crimp_wire,
+    ActionKind.MARK: bench_work.mark_cord,
+    ActionKind.TRIM: bench_work.trim_cord,
+    ActionKind.DRY_FIT: joint_work.dry_fit,
+    ActionKind.PINS: joint_work.insert_pins,
+    ActionKind.LAY: joint_work.lay_cord,
+    ActionKind.THREAD: bench_work.thread_cord,
+    ActionKind.STRETCH: joint_work.stretch_cord,
+    ActionKind.GLUE_END: joint_work.glue_end,
+    ActionKind.SET_END: joint_work.let_end_set,
+    ActionKind.WIRE: joint_work.route_wire,
+    ActionKind.GLUE: joint_work.glue_joint,
+    ActionKind.SET: joint_work.let_joint_set,
+    ActionKind.PULL: bench_work.pull_end,
+    ActionKind.SEAT: bench_work.seat_end,
+    ActionKind.MEASURE: bench_work.measure_cords,
+    ActionKind.CONNECT: bench_work.connect_cords,
+}
+_BENCH_KINDS = {
+    ActionKind.CUT,
+    ActionKind.CRIMP,
+    ActionKind.MARK,
+    ActionKind.TRIM,
+    ActionKind.MEASURE,
 }
 
 
-def sentences(words: Words, action: Action) -> tuple[str, ...]:
-    """What to do, and what to look out for."""
-    return tuple(_SAID[action.kind](words, action))
-
-
-_BENCH = {Kind.CUT, Kind.CRIMP, Kind.MARK, Kind.TRIM, Kind.MEASURE}
+def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]:
+    """Return the instructions for one action, as sentences."""
+    return tuple(_WRITERS[action.kind](context, action))
 
 
 @dataclass(frozen=True)
 class Joint:
-    """What is joined in a step: the names of the `lower` parts and of the lighter `upper` ones,
-    which are lifted by `lift` mm along `opens` (3,); cords by name, lines (p, 3) mm of wires, and
-    pins, with the letters by which the guide names them; its `index` in the assembly."""
+    """A joint that a step closes.
+
+    Attributes:
+        lower: Names of the parts that lie on the table.
+        upper: Names of the lighter parts, which are lifted.
+        opens: Unit direction (3,) in which the upper parts are lifted.
+        lift: How far pictures lift the upper parts, mm.
+        cords: Names of the cords in the joint.
+        wires: Lines (p, 3) of the wires in the joint, mm.
+        pins: Pins of the joint.
+        letters: Letters by which texts and pictures name the pins.
+        index: Index of the joint in the manifest's `assembly`.
+    """
 
     lower: tuple[str, ...]
     upper: tuple[str, ...]
@@ -72,8 +83,8 @@ class Joint:
     index: int
 
 
-class Scene(StrEnum):
-    """What a passage of a step is a picture of."""
+class Illustration(StrEnum):
+    """Subject of a passage's picture."""
 
     NOTHING = "nothing"
     PINS = "pins"
@@ -84,19 +95,32 @@ class Scene(StrEnum):
 
 @dataclass(frozen=True)
 class Passage:
-    """Some of a step's actions in their order, the sentences of each, and what shows them."""
+    """Consecutive actions of a step that share a picture.
+
+    Attributes:
+        actions: Actions in their order, each with its instructions.
+        illustration: Subject of the picture.
+    """
 
     actions: tuple[tuple[Action, tuple[str, ...]], ...]
-    scene: Scene
+    illustration: Illustration
 
     @property
     def lines(self) -> tuple[str, ...]:
+        """Instructions of all actions."""
         return tuple(line for _, lines in self.actions for line in lines)
 
 
 @dataclass(frozen=True)
 class GuideStep:
-    """A title, sentences (those of its passages), and what is joined, if anything is."""
+    """A step of the guide.
+
+    Attributes:
+        title: Title of the step.
+        lines: Instructions of all its passages.
+        joint: The joint that the step closes, or None.
+        passages: Passages in their order.
+    """
 
     title: str
     lines: tuple[str, ...]
@@ -104,106 +128,130 @@ class GuideStep:
     passages: tuple[Passage, ...] = ()
 
 
-def shifts(manifest: Manifest, parts: Mapping[str, Surface]) -> dict[str, Float]:
-    """Where each part goes, (3,) mm, when every cut is opened along its normal."""
-    out = {name: np.zeros(3) for name in parts}
+def exploded_shifts(manifest: Manifest, parts: Mapping[str, Surface]) -> dict[str, Float]:
+    """Return the displacement (3,) mm of each part when every joint is opened along its normal."""
+    shifts = {name: np.zeros(3) for name in parts}
     size = float(np.linalg.norm(np.ptp([s.bounds for s in parts.values()], axis=(0, 1))))
-    for step in manifest.assembly:
-        for side, sign in zip(step.join, (-1, 1), strict=True):
+    for joint in manifest.assembly:
+        for side, sign in zip(joint.join, (-1, 1), strict=True):
             for name in side:
-                out[name] = out[name] + sign * 0.1 * size * step.opens
-    return out
+                shifts[name] = shifts[name] + sign * 0.1 * size * joint.opens
+    return shifts
 
 
-def order_of(manifest: Manifest) -> tuple[Sequence[Action], str | None]:
-    """A device's actions in an order in which hands can do them; where there is none, in that of
-    its joints, and why."""
-    wished = actions(manifest)
+def assembly_order(manifest: Manifest) -> tuple[Sequence[Action], str | None]:
+    """Return a device's actions in a possible order.
+
+    Args:
+        manifest: The manifest of the device's parts.
+
+    Returns:
+        The actions and None; if no order is possible, the actions joint by joint and the reason.
+    """
+    actions = plan_actions(manifest)
     try:
-        return in_order(wished), None
+        return order_actions(actions), None
     except FabricationError as error:
-        return wished, str(error)
+        return actions, str(error)
 
 
 def guide_steps(
     device: Device, manifest: Manifest, parts: Mapping[str, Surface]
 ) -> tuple[GuideStep, ...]:
-    """All steps of a device with its parts by name."""
-    groups = [(k, list(g)) for k, g in groupby(order_of(manifest)[0], _group)]
-    closed = {
-        a.joint: n
-        for n, (_, some) in enumerate(groups, start=1)
-        for a in some
-        if a.kind is Kind.GLUE and a.joint is not None
+    """Return the steps that assemble a device.
+
+    Args:
+        device: The device.
+        manifest: The manifest of its parts.
+        parts: Surfaces of its parts, by name.
+
+    Returns:
+        The steps in their order.
+    """
+    groups = [(key, list(g)) for key, g in groupby(assembly_order(manifest)[0], _step_key)]
+    step_numbers = {
+        action.joint: number
+        for number, (_, actions) in enumerate(groups, start=1)
+        for action in actions
+        if action.kind is ActionKind.GLUE and action.joint is not None
     }
-    words = Words(device, manifest, closed)
-    out = []
-    for (what, joint), found in groups:
+    joints = [_describe_joint(j, manifest, parts) for j in range(len(manifest.assembly))]
+    context = GuideContext(device, manifest, step_numbers, [joint.lower for joint in joints])
+    steps = []
+    for (kind, j), actions in groups:
         passages = tuple(
-            Passage(tuple((a, sentences(words, a)) for a in these), scene)
-            for scene, these in ((s, list(g)) for (s, _), g in groupby(found, _shown))
+            Passage(tuple((a, write_instructions(context, a)) for a in group), illustration)
+            for (illustration, _), group in groupby(actions, _passage_key)
         )
         lines = tuple(line for p in passages for line in p.lines)
-        opened = None
-        if what == "join" and joint is not None:
-            opened = _opened(joint, manifest, parts)
-        out.append(GuideStep(_title(what, joint, found, manifest), lines, opened, passages))
-    return tuple(out)
+        joint = joints[j] if kind == "join" and j is not None else None
+        steps.append(GuideStep(_write_title(kind, j, actions, manifest), lines, joint, passages))
+    return tuple(steps)
 
 
-def _group(action: Action) -> tuple[str, int | None]:
-    """Which step an action belongs to."""
-    if action.kind in (Kind.PRINT, Kind.CAST, Kind.TRY_PINS, Kind.CONNECT):
+def _step_key(action: Action) -> tuple[str, int | None]:
+    """Return the kind and the joint of the step to which an action belongs."""
+    if action.kind in (
+        ActionKind.PRINT,
+        ActionKind.CAST,
+        ActionKind.TRY_PINS,
+        ActionKind.CONNECT,
+    ):
         return action.kind.value, None
     if action.joint is None:
-        return ("cords" if action.kind in _BENCH and not action.late else "thread"), None
-    if action.late:
+        is_bench_work = action.kind in _BENCH_KINDS and not action.is_late
+        return ("cords" if is_bench_work else "thread"), None
+    if action.is_late:
         return "finish", action.joint
     return "join", action.joint
 
 
-def _scene(action: Action) -> Scene:
+def _illustrate(action: Action) -> Illustration:
     if action.joint is None:
-        return Scene.NOTHING
-    if action.late:
-        return Scene.END
-    if action.kind in (Kind.DRY_FIT, Kind.PINS):
-        return Scene.PINS
-    if action.kind in (Kind.GLUE, Kind.SET, Kind.MEASURE):
-        return Scene.CLOSE
-    return Scene.LAY
+        return Illustration.NOTHING
+    if action.is_late:
+        return Illustration.END
+    if action.kind in (ActionKind.DRY_FIT, ActionKind.PINS):
+        return Illustration.PINS
+    if action.kind in (ActionKind.GLUE, ActionKind.SET, ActionKind.MEASURE):
+        return Illustration.CLOSE
+    return Illustration.LAY
 
 
-def _shown(action: Action) -> tuple[Scene, str | None]:
-    """What an action is shown with: each cord by itself, where no joint is open."""
-    scene = _scene(action)
-    return scene, action.cord if scene in (Scene.END, Scene.NOTHING) else None
+def _passage_key(action: Action) -> tuple[Illustration, str | None]:
+    """Return the passage of an action; each cord has its own passage where no joint is open."""
+    illustration = _illustrate(action)
+    is_per_cord = illustration in (Illustration.END, Illustration.NOTHING)
+    return illustration, action.cord if is_per_cord else None
 
 
-def _title(what: str, joint: int | None, found: Sequence[Action], manifest: Manifest) -> str:
+def _write_title(
+    kind: str, joint: int | None, actions: Sequence[Action], manifest: Manifest
+) -> str:
     if joint is not None:
-        if what == "finish":
-            return f"Crimp the last end of {_cords(found)}"
-        verb = "Join" if any(a.kind is Kind.GLUE for a in found) else "Try the joint of"
-        if not any(a.kind in (Kind.GLUE, Kind.DRY_FIT) for a in found):
-            verb = "Go on with"
-        return f"{verb} {sides(manifest.assembly[joint])}"
+        if kind == "finish":
+            return f"Crimp the last end of {_label_cords(actions)}"
+        verb = "Join"
+        if not any(a.kind is ActionKind.GLUE for a in actions):
+            is_tried = any(a.kind is ActionKind.DRY_FIT for a in actions)
+            verb = "Try the joint of" if is_tried else "Continue with"
+        return f"{verb} {describe_sides(manifest.assembly[joint])}"
     return {
-        "print": "Print" if manifest.casting is None else "Print the moulds",
+        "print": "Print the parts" if manifest.casting is None else "Print the moulds",
         "cast": "Cast the parts",
         "try pins": "Try the pins",
         "cords": "Cut the cords and crimp their wires",
-        "thread": f"Put in {_cords(found)}",
-        "wire to the board": "Wire and measure",
-    }[what]
+        "thread": f"Insert {_label_cords(actions)}",
+        "wire to the board": "Connect the cords and measure",
+    }[kind]
 
 
-def _cords(found: Sequence[Action]) -> str:
-    return named([called(c) for c in dict.fromkeys(a.cord for a in found if a.cord)])
+def _label_cords(actions: Sequence[Action]) -> str:
+    return join_names([cord_label(c) for c in dict.fromkeys(a.cord for a in actions if a.cord)])
 
 
-def _opened(j: int, manifest: Manifest, parts: Mapping[str, Surface]) -> Joint:
-    """The lighter side is the one to lift."""
+def _describe_joint(j: int, manifest: Manifest, parts: Mapping[str, Surface]) -> Joint:
+    """Describe a joint whose lighter side is lifted."""
     step = manifest.assembly[j]
     low, high = step.join
     normal = step.opens

@@ -1,4 +1,4 @@
-"""The words that the guide's sentences have in common."""
+"""Provide the names, numbers and phrases that the guide's instructions share."""
 
 from __future__ import annotations
 
@@ -9,62 +9,73 @@ from itertools import chain, islice
 
 from ....core.device.device import Device
 from ....store.manifest import CutCord, JoinStep, Manifest
-from .actions import Action, Expected
+from .actions import Action, ExpectedResistance
 
+#: Names of a cord's ends, as `guide.json` has them.
 ENDS = ("start", "end")
 
 
 @dataclass(frozen=True)
-class Words:
-    """Sentences for the actions of one device; `numbers` are those of the steps in which each joint
-    (index of the assembly's step) is closed."""
+class GuideContext:
+    """What instructions refer to: the device, its manifest, and the numbers of the steps.
+
+    Attributes:
+        device: The device.
+        manifest: The manifest of its parts.
+        step_numbers: Number of the step in which each joint is closed, by the joint's index.
+        lower_parts: Names of the parts that lie on the table while each joint is open.
+    """
 
     device: Device
     manifest: Manifest
-    numbers: Mapping[int, int]
+    step_numbers: Mapping[int, int]
+    lower_parts: Sequence[tuple[str, ...]]
 
     def cord(self, action: Action) -> CutCord:
-        """That an action is of."""
+        """Return the cord of an action."""
         return next(c for c in self.manifest.cords if c.sensor == action.cord)
 
-    def step(self, action: Action) -> JoinStep:
-        """The joint that an action is of."""
+    def joint(self, action: Action) -> JoinStep:
+        """Return the joint of an action."""
         assert action.joint is not None
         return self.manifest.assembly[action.joint]
 
     @property
-    def bonded(self) -> bool:
+    def is_bonded(self) -> bool:
+        """Whether cords are glued along their grooves."""
         return self.manifest.assembly_of_cords == "bonded"
 
 
-def named(names: Sequence[str]) -> str:
-    """a, b and c."""
+def join_names(names: Sequence[str]) -> str:
+    """Join names as in "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def called(cord: str) -> str:
-    """cord left, but cord-1."""
+def cord_label(cord: str) -> str:
+    """Return "cord left" for `left`, but "cord-1" for `cord-1`."""
     return cord if cord.lower().startswith("cord") else f"cord {cord}"
 
 
-def sides(step: JoinStep) -> str:
-    """a + b and c."""
-    return " + ".join(step.join[0]) + " and " + " + ".join(step.join[1])
+def describe_sides(joint: JoinStep) -> str:
+    """Describe the parts on both sides of a joint, as in "a + b and c"."""
+    return " + ".join(joint.join[0]) + " and " + " + ".join(joint.join[1])
 
 
-def pin_letters(step: JoinStep) -> tuple[str, ...]:
-    """A letter for each pin of a joint, by which text and picture name it; behind z they are two,
-    aa, ab and so on, as the columns of a table are."""
+def pin_letters(joint: JoinStep) -> tuple[str, ...]:
+    """Return a letter for each pin of a joint, by which texts and pictures name it.
+
+    After z the names have two letters: aa, ab and so on, like the columns of a spreadsheet.
+    """
     singles = string.ascii_lowercase
     pairs = (a + b for a in singles for b in singles)
-    return tuple(islice(chain(singles, pairs), len(step.pins)))
+    return tuple(islice(chain(singles, pairs), len(joint.pins)))
 
 
-def first(text: str) -> str:
-    """With a capital."""
+def capitalize_first(text: str) -> str:
+    """Return a text with its first letter in upper case and the rest unchanged."""
     return text[:1].upper() + text[1:]
 
 
-def limits(expected: Expected) -> str:
-    """About 1146 ohm (1031 to 1260)."""
+def format_resistance(expected: ExpectedResistance) -> str:
+    """Format an expected resistance, as in "about 1146 ohm (1031 to 1260)"."""
     return f"about {expected.about:.0f} ohm ({expected.low:.0f} to {expected.high:.0f})"
