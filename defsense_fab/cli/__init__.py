@@ -1,1 +1,1 @@
-"""The command `defsense`: a folder for each task, one file a group of commands."""
+"""Command line interface: one folder per task, one module per group of commands."""

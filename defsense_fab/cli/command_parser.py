@@ -1,4 +1,4 @@
-"""The parser of all commands: its help ends with examples, one a line."""
+"""Argument parser whose help lists commands by task and ends with examples."""
 
 from __future__ import annotations
 
@@ -8,32 +8,43 @@ from typing import Any
 
 
 class CommandParser(argparse.ArgumentParser):
-    """An ArgumentParser with `examples`: whole command lines, which its help does not wrap, so that
-    each can be copied; and with `tasks`, under which its commands stand in the help. The parsers
-    that are added to it are of this class too."""
+    """Argument parser with examples and with commands grouped by task.
+
+    Parsers of subcommands that are added to it are of this class too.
+
+    Args:
+        *args: As for `argparse.ArgumentParser`.
+        examples: Complete command lines. The help prints each on one line of its own, so that it
+            can be copied.
+        tasks: Names of subcommands by the title of their section in the help.
+        **kwargs: As for `argparse.ArgumentParser`.
+    """
 
     def __init__(
         self,
-        *words: Any,
+        *args: Any,
         examples: Sequence[str] = (),
         tasks: Mapping[str, Sequence[str]] | None = None,
-        **options: Any,
+        **kwargs: Any,
     ) -> None:
-        super().__init__(*words, **options)
+        super().__init__(*args, **kwargs)
         self.examples = tuple(examples)
         self.tasks = tasks or {}
+        for action in self._actions:
+            if action.dest == "help":
+                action.help = "Show this help and exit"
 
     def format_help(self) -> str:
-        """The help as argparse has it, its commands by task, and the examples below."""
-        text = self._help_by_task() if self.tasks else super().format_help()
+        """Return the help text: usage, description, commands by task, options, examples."""
+        text = self._format_help_by_task() if self.tasks else super().format_help()
         if not self.examples:
             return text
         title = "example" if len(self.examples) == 1 else "examples"
         lines = "".join(f"  {line}\n" for line in self.examples)
         return f"{text}\n{title}:\n{lines}"
 
-    def _help_by_task(self) -> str:
-        """As ArgumentParser.format_help, with a section a task for the commands."""
+    def _format_help_by_task(self) -> str:
+        """Return the help as `ArgumentParser.format_help` does, with one section per task."""
         formatter = self._get_formatter()
         formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
         formatter.add_text(self.description)

@@ -1,4 +1,4 @@
-"""All commands by task, and the modules that add them to the parser."""
+"""List the commands by task, with the modules that add them to the parser."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Module:
-    """A module of this folder with a function `add`, and the commands that it adds."""
+    """A module of this package with a function `add`.
+
+    Attributes:
+        name: Path of the module within `defsense_fab.cli`.
+        commands: Commands that `add` adds.
+    """
 
     name: str
     commands: tuple[str, ...]
 
 
-#: By task, in the order in which the help shows them.
+#: Modules by task, in the order of the help.
 TASKS: dict[str, tuple[Module, ...]] = {
     "design and make a device": (
         Module("design.new", ("new",)),
@@ -46,7 +51,7 @@ TASKS: dict[str, tuple[Module, ...]] = {
 
 
 def module_of(command: str) -> str | None:
-    """The module that adds a command; None for a word that is no command."""
+    """Return the name of the module that adds a command, or None for an unknown command."""
     for modules in TASKS.values():
         for module in modules:
             if command in module.commands:

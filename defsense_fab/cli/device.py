@@ -1,4 +1,4 @@
-"""The arguments of all commands that work on a device's folder."""
+"""Arguments of all commands that work on a device folder."""
 
 from __future__ import annotations
 
@@ -9,39 +9,57 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import DeviceError
+from .options import add_output_options
 
 
-def device_arguments(sub: argparse.ArgumentParser) -> None:
-    """The folder, `--set`, `--json` and `--verbose`."""
-    sub.add_argument("folder", type=device_folder, metavar="DIR", help="the folder of device.toml")
+def add_device_arguments(sub: argparse.ArgumentParser) -> None:
+    """Add the device folder, `--set`, `--json` and `--verbose` to a parser."""
+    sub.add_argument(
+        "folder", type=device_folder, metavar="DIR", help="Folder that contains device.toml"
+    )
     sub.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="a parameter of the body's script, in place of device.toml's; may be repeated",
+        help="Override a parameter of the body's script from device.toml; may be repeated",
     )
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_output_options(sub)
 
 
 def device_folder(text: str) -> Path:
-    """The folder of a device, or that of its device.toml where this is given."""
+    """Return the folder of a device, given the folder or its device.toml."""
     from ..core.device.device_file import DEVICE
 
     path = Path(text)
     return path.parent if path.name == DEVICE and path.is_file() else path
 
 
-def overrides(pairs: Sequence[str]) -> dict[str, Any]:
-    """Parameters of the script by name. Raises DeviceError for what is no NAME=VALUE."""
-    out: dict[str, Any] = {}
+def parse_overrides(pairs: Sequence[str]) -> dict[str, Any]:
+    """Parse the values of `--set`.
+
+    Args:
+        pairs: `NAME=VALUE` each; a value is read as JSON, or else kept as text.
+
+    Returns:
+        Parameters of the body's script by name.
+
+    Raises:
+        DeviceError: A value is not a valid NAME=VALUE (`override-invalid`).
+    """
+    parameters: dict[str, Any] = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
         if not equals or not name.isidentifier():
-            raise DeviceError(f"--set {pair}: write it as NAME=VALUE, for example length=180")
+            raise DeviceError(
+                f"{pair} is not a valid NAME=VALUE",
+                code="override-invalid",
+                where="--set",
+                action="Give a name and a value, such as length=180",
+                value=pair,
+            )
         try:
-            out[name] = json.loads(text)
+            parameters[name] = json.loads(text)
         except ValueError:
-            out[name] = text
-    return out
+            parameters[name] = text
+    return parameters

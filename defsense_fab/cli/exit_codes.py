@@ -1,4 +1,10 @@
-"""What the command's exit tells a shell; docs/commands.md has the same list."""
+"""Exit codes of all commands, as docs/commands.md lists them."""
 
-#: Done; the answer is no (`capture camera check`); refused; stopped by Ctrl-C, as shells have it.
-DONE, NO, REFUSED, STOPPED = 0, 1, 2, 130
+#: Success.
+DONE = 0
+#: The answer is no: `capture camera check` found that the calibration does not hold.
+NO = 1
+#: The input or the machine does not allow the command; an error was printed.
+REFUSED = 2
+#: Interrupted by Ctrl-C (128 + SIGINT, as in shells).
+STOPPED = 130

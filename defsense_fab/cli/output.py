@@ -1,9 +1,10 @@
-"""What commands print: progress on standard error, results on standard output."""
+"""Output of all commands: progress on standard error, results on standard output."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import os
 import sys
 import threading
@@ -19,45 +20,62 @@ if TYPE_CHECKING:
 
 
 def console() -> Console:
-    """For tables, whose reader may go (`| head`): that is told as BrokenPipeError."""
+    """Return a console for tables, which raises BrokenPipeError when the reader has closed."""
     from rich.console import Console
 
     out = Console()
-    out.on_broken_pipe = _leave  # type: ignore[method-assign]
+    out.on_broken_pipe = _raise_broken_pipe  # type: ignore[method-assign]
     return out
 
 
-def _leave() -> None:
-    """In place of rich's own exit with code 1."""
+def _raise_broken_pipe() -> None:
+    """Replace rich's own handler, which exits with code 1."""
     raise BrokenPipeError
 
 
-def say(lines: Iterable[str]) -> None:
-    """Print lines as they are, for terminals of any width: brackets are no colours."""
+def print_lines(lines: Iterable[str]) -> None:
+    """Print lines unwrapped and without markup: brackets are not read as colors."""
     out = console()
     for line in lines:
         out.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
+def print_json(data: object, *, allow_nan: bool = True) -> None:
+    """Print data as indented JSON on standard output."""
+    sys.stdout.write(json.dumps(data, indent=1, allow_nan=allow_nan) + "\n")
+
+
 @contextlib.contextmanager
-def results() -> Iterator[None]:
-    """Results go to standard output: a reader that left is no error, a full disk is one."""
+def standard_output() -> Iterator[None]:
+    """Handle errors of standard output while results are printed.
+
+    A reader that has closed the pipe (`| head`) is not an error; a full disk is.
+
+    Raises:
+        StorageError: Standard output cannot be written (`output-not-writable`).
+    """
     try:
         yield
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_standard_output()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_standard_output()
         raise StorageError(
-            f"standard output: {error.strerror}; what was asked for is done, and could not be"
-            " printed"
+            f"{error.strerror}. The command has finished, but its result could not be printed",
+            code="output-not-writable",
+            where="standard output",
         ) from None
+
+
+def discard_standard_output() -> None:
+    """Redirect the rest of standard output to nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextlib.contextmanager
 def silent_stdout() -> Iterator[None]:
-    """Native libraries print to descriptor 1: send that to standard error meanwhile."""
+    """Redirect descriptor 1 to standard error, since native libraries print to it."""
     sys.stdout.flush()
     saved = os.dup(1)
     os.dup2(2, 1)
@@ -71,19 +89,19 @@ def silent_stdout() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress_bars(options: argparse.Namespace) -> Iterator[Progress]:
-    """Shows progress; `options.doing` keeps what was told last, for errors."""
-    with _shown(options) as show:
+    """Show progress, and keep the last message in `options.doing` for errors."""
+    with _progress_display(options) as show:
 
-        def tell(stage: str, fraction: float, message: str) -> None:
+        def report(stage: str, fraction: float, message: str) -> None:
             options.doing = f"{stage}: {message}"
             show(stage, fraction, message)
 
-        yield tell
+        yield report
 
 
 @contextlib.contextmanager
-def _shown(options: argparse.Namespace) -> Iterator[Progress]:
-    """A bar for each stage on standard error; plain lines where that is no terminal."""
+def _progress_display(options: argparse.Namespace) -> Iterator[Progress]:
+    """Show one bar per stage on standard error, or plain lines if it is not a terminal."""
     if options.json and not options.verbose:
         yield silent
         return
@@ -114,44 +132,52 @@ def _shown(options: argparse.Namespace) -> Iterator[Progress]:
 
 
 class ProgressLines:
-    """Progress as lines, inside of `with`: the beginning and end of each stage, or everything with
-    -v; and what is being done whenever nothing was told for `every` s, so that the reader of a log
-    sees that it goes on."""
+    """Progress as plain lines on standard error; use it as a context manager.
 
-    def __init__(self, everything: bool, every: float = 10.0) -> None:
-        self._everything, self._every, self._stage = everything, every, ""
-        self._last = "", 0.0, "done"
-        self._since = self._told = time.monotonic()
-        self._lock, self._over = threading.Lock(), threading.Event()
-        self._thread = threading.Thread(target=self._go_on, daemon=True)
+    Prints the start and the end of each stage. The current step is repeated when nothing was
+    printed for a while, so that the reader of a log sees that the command still runs.
+
+    Args:
+        everything: Print every message.
+        interval: Time without output after which the current step is repeated, in s.
+    """
+
+    def __init__(self, everything: bool, interval: float = 10.0) -> None:
+        self._everything, self._interval, self._stage = everything, interval, ""
+        self._latest = "", 0.0, "done"
+        self._step_started = self._last_printed = time.monotonic()
+        self._lock, self._stopped = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._repeat, daemon=True)
 
     def __enter__(self) -> Self:
         self._thread.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._over.set()
+        self._stopped.set()
         self._thread.join()
 
     def __call__(self, stage: str, fraction: float, message: str) -> None:
         with self._lock:
-            if (stage, message) != (self._last[0], self._last[2]):
-                self._since = time.monotonic()
-            self._last = stage, fraction, message
+            if (stage, message) != (self._latest[0], self._latest[2]):
+                self._step_started = time.monotonic()
+            self._latest = stage, fraction, message
             if self._everything or stage != self._stage or message == "done":
                 self._stage = stage
                 self._write("")
 
-    def _write(self, more: str) -> None:
-        stage, fraction, message = self._last
-        sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}{more}\n")
+    def _write(self, suffix: str) -> None:
+        stage, fraction, message = self._latest
+        sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}{suffix}\n")
         sys.stderr.flush()
-        self._told = time.monotonic()
+        self._last_printed = time.monotonic()
 
-    def _go_on(self) -> None:
-        while not self._over.wait(self._every / 10):
+    def _repeat(self) -> None:
+        """Repeat the current step whenever nothing was printed for the interval."""
+        while not self._stopped.wait(self._interval / 10):
             with self._lock:
                 now = time.monotonic()
-                if self._last[2] != "done" and now - self._told >= self._every:
-                    passed = now - self._since
-                    self._write(f" ({passed:.0f} s)" if passed >= self._every else "")
+                is_due = now - self._last_printed >= self._interval
+                if self._latest[2] != "done" and is_due:
+                    elapsed = now - self._step_started
+                    self._write(f" ({elapsed:.0f} s)" if elapsed >= self._interval else "")

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import DeviceError
-from ..options import numbers
-from ..output import progress_bars, say
+from ..options import add_output_options, parse_numbers
+from ..output import print_json, print_lines, progress_bars
 from . import calibrate_record
 
 if TYPE_CHECKING:
@@ -22,72 +21,84 @@ def add(commands: Commands) -> None:
     bars = progress_bars
     parent = commands.add_parser(
         "calibrate",
-        help="how the cord answers to strain: specimen, measurement, fit",
-        description="Find out how the cord answers to strain.",
+        help="Measure how the cord responds to strain: specimen, measurement, fit",
+        description="Measure how the cord responds to strain.",
     )
     steps = parent.add_subparsers(dest="step", required=True, metavar="STEP")
     sub = steps.add_parser(
         "specimen",
-        help="write the bending specimen and its jigs for printing",
-        description="Write a bar with three channels (near the bottom, in the neutral plane, near"
-        " the top), split in two halves for the cords, and rigid jigs with end stops, on which it"
-        " is bent to known strains. Print the halves in the device's soft material, the jigs in a"
-        " rigid one.",
+        help="Write the bending specimen and its jigs for printing",
+        description="Write a bar with three channels (near the bottom, in the neutral plane, near "
+        "the top), split into two halves for inserting the cords, and rigid jigs with "
+        "end stops, which bend it to known strains. Print the halves in the device's "
+        "soft material and the jigs in a rigid one.",
         examples=["defsense calibrate specimen my-specimen --length 150 --thickness 15 --offset 2"],
     )
-    sub.add_argument("folder", type=Path, metavar="OUT", help="the folder to write to")
+    sub.add_argument("folder", type=Path, metavar="OUT", help="Output folder")
     for name, default, text in (
         ("length", 150.0, "of the specimen"),
         ("thickness", 15.0, "of the specimen"),
         ("width", 20.0, "of the specimen"),
     ):
         sub.add_argument(
-            f"--{name}", type=float, default=default, metavar="MM", help=f"{text} ({default:g})"
+            f"--{name}",
+            type=float,
+            default=default,
+            metavar="MM",
+            help=f"Set the {text} in mm (default: {default:g})",
         )
     sub.add_argument(
-        "--offset", type=float, metavar="MM",
-        help="of the outer cords from bottom and top (2, or what leaves two lines of skin)",
-    )  # fmt: skip
+        "--offset",
+        type=float,
+        metavar="MM",
+        help="Set the distance of the outer cords from bottom and top in mm (default: 2, or"
+        " what leaves two lines of skin)",
+    )
     sub.add_argument(
-        "--radii", metavar="R,R,...", help="of the jigs' surfaces, mm (75,87.5,...,250)"
+        "--radii",
+        metavar="R,R,...",
+        help="Set the radii of the jigs' surfaces in mm (default: 75,87.5,...,250)",
     )
     _common(sub)
     sub.set_defaults(run=lambda options: _specimen(options, bars))
     sub = steps.add_parser(
         "coupon",
-        help="write the fit coupon, which finds your printer's clearance",
-        description="Write a plate with half a groove for the cord and a socket for each of several"
-        " clearances, and a peg. Print the plate twice and the peg once, as the device will be"
-        " printed.",
+        help="Write the fit coupon, which determines your printer's clearance",
+        description="Write a plate with half a groove for the cord and a socket for each of "
+        "several clearances, and a peg. Print the plate twice and the peg once, with "
+        "the process of the device.",
         examples=["defsense calibrate coupon my-coupon --clearances 0.1,0.2,0.3,0.4"],
     )
-    sub.add_argument("folder", type=Path, metavar="OUT", help="the folder to write to")
+    sub.add_argument("folder", type=Path, metavar="OUT", help="Output folder")
     sub.add_argument(
-        "--clearances", metavar="C,C,...", help="on the diameter, mm (0,0.1,0.2,0.3,0.4,0.5)"
+        "--clearances",
+        metavar="C,C,...",
+        help="Set the clearances on the diameter in mm (default: 0,0.1,0.2,0.3,0.4,0.5)",
     )
     _common(sub)
     sub.set_defaults(run=_coupon)
     sub = steps.add_parser(
         "clearance",
-        help="write the clearance that the coupon showed into a device",
-        description="Write [fabrication] clearance into DIR/device.toml, whose comments and order"
-        " stay, or remove it, so that the process's counts again.",
+        help="Write the clearance found with the coupon to a device",
+        description="Write [fabrication] clearance to DIR/device.toml, keeping its comments and "
+        "order, or remove it to use the process's clearance again.",
         examples=[
             "defsense calibrate clearance my-device --fits 0.25",
             "defsense calibrate clearance my-device --reset",
         ],
     )
-    sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
+    sub.add_argument("folder", type=Path, metavar="DIR", help="Folder that contains device.toml")
     which = sub.add_mutually_exclusive_group(required=True)
     which.add_argument(
-        "--fits", type=float, metavar="MM",
-        help="the least number on the coupon at which the cord slides and the peg goes in",
-    )  # fmt: skip
-    which.add_argument(
-        "--reset", action="store_true", help="remove the clearance: the process's counts again"
+        "--fits",
+        type=float,
+        metavar="MM",
+        help="Set the smallest number on the coupon at which the cord slides and the peg fits",
     )
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    which.add_argument(
+        "--reset", action="store_true", help="Remove the clearance to use the process's again"
+    )
+    add_output_options(sub)
     sub.set_defaults(run=_clearance)
     calibrate_record.add(steps)
     _add_fit(steps, bars)
@@ -96,44 +107,74 @@ def add(commands: Commands) -> None:
 def _add_fit(steps: Commands, bars: Bars) -> None:
     sub = steps.add_parser(
         "fit",
-        help="fit the cord's response to sessions or tables of readings",
-        description="Fit w(eps), the relative change of resistance by strain, to recorded"
-        " sessions (folders of 'calibrate record') and tables, and write response.json with its"
-        " 95 % interval and a report beside it. A table is CSV with the columns specimen,"
-        " jig_radius (mm of the jig's surface, empty when flat), channel (top, neutral or bottom,"
-        " the bottom lying on the jig), resistance (ohm); optionally round and face.",
+        help="Fit the cord's response to sessions or tables of readings",
+        description="Fit w(eps), the relative change of resistance as a function of strain, to "
+        "recorded sessions (folders of 'calibrate record') and tables. Write "
+        "response.json with its 95 % interval, and a report next to it. A table is a "
+        "CSV file with the columns specimen, jig_radius (mm of the jig's surface, "
+        "empty when flat), channel (top, neutral or bottom; the bottom lies on the "
+        "jig), resistance (ohm); optionally round and face.",
         examples=[
             "defsense calibrate fit my-specimen/session-1 my-specimen/session-2",
             "defsense calibrate fit readings.csv --thickness 15 --offset 2 --out response.json",
         ],
     )
-    sub.add_argument("sources", type=Path, nargs="+", metavar="SESSION|CSV")
     sub.add_argument(
-        "--out", type=Path, default=Path("response.json"), metavar="FILE",
-        help="where to write (response.json); the report goes beside it, as .html",
-    )  # fmt: skip
-    sub.add_argument("--thickness", type=float, default=15.0, metavar="MM",
-                     help="of the specimens in tables (15)")  # fmt: skip
-    sub.add_argument("--offset", type=float, default=2.0, metavar="MM",
-                     help="of the outer cords from bottom and top, in tables (2)")  # fmt: skip
-    sub.add_argument(
-        "--radii", metavar="R,R,...", help="of the jigs that tables may name, mm (75,87.5,...,250)"
+        "sources",
+        type=Path,
+        nargs="+",
+        metavar="SESSION|CSV",
+        help="Sessions or tables of readings",
     )
     sub.add_argument(
-        "--neutral", choices=("refuse", "correct", "ignore"), default="refuse",
-        help="what to do when the neutral cord drifts: refuse (default), take its change from the"
-        " others, or ignore it",
-    )  # fmt: skip
+        "--out",
+        type=Path,
+        default=Path("response.json"),
+        metavar="FILE",
+        help="Set the output file; the report has the same name with .html (default: "
+        "response.json)",
+    )
     sub.add_argument(
-        "--model", choices=("line", "two-slopes", "quadratic", "cubic", "piecewise"),
-        help="in place of the one that the readings call for",
-    )  # fmt: skip
+        "--thickness",
+        type=float,
+        default=15.0,
+        metavar="MM",
+        help="Set the thickness of the specimens in mm, for tables (default: 15)",
+    )
     sub.add_argument(
-        "--spread", type=float, default=3.0, metavar="PERCENT",
-        help="standard deviation between specimens taken for granted while they are few (3)",
-    )  # fmt: skip
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+        "--offset",
+        type=float,
+        default=2.0,
+        metavar="MM",
+        help="Set the distance of the outer cords from bottom and top in mm, for tables "
+        "(default: 2)",
+    )
+    sub.add_argument(
+        "--radii",
+        metavar="R,R,...",
+        help="Set the radii in mm of the jigs that tables may name (default: 75,87.5,...,250)",
+    )
+    sub.add_argument(
+        "--neutral",
+        choices=("refuse", "correct", "ignore"),
+        default="refuse",
+        help="Choose what to do when the neutral cord drifts: refuse (default), correct by "
+        "subtracting its change from the others, or ignore",
+    )
+    sub.add_argument(
+        "--model",
+        choices=("line", "two-slopes", "quadratic", "cubic", "piecewise"),
+        help="Choose the model of the response (default: the one that the readings support)",
+    )
+    sub.add_argument(
+        "--spread",
+        type=float,
+        default=3.0,
+        metavar="PERCENT",
+        help="Set the standard deviation between specimens, in percent, assumed while they "
+        "are few (default: 3)",
+    )
+    add_output_options(sub)
     sub.set_defaults(run=lambda options: _fit(options, bars))
 
 
@@ -148,14 +189,14 @@ def _fit(options: argparse.Namespace, bars: Bars) -> int:
             options.sources,
             out=options.out,
             geometry=Geometry(options.thickness, options.offset),
-            radii=numbers("--radii", options.radii) if options.radii else None,
+            radii=parse_numbers("--radii", options.radii) if options.radii else None,
             policy=options.neutral,
             model=options.model,
             spread=options.spread / 100,
             progress=progress,
         )
     if options.json:
-        sys.stdout.write(json.dumps(found.data, indent=1) + "\n")
+        print_json(found.data)
         return 0
     from rich.console import Console
 
@@ -183,18 +224,21 @@ def _common(sub: argparse.ArgumentParser) -> None:
         "--cord",
         default="rubber-2mm",
         metavar="NAME",
-        help="of data/cords.csv, or the diameter of another, mm (rubber-2mm)",
+        help="Set the cord: a row of data/cords.csv, or the diameter of another cord in mm "
+        "(default: rubber-2mm)",
     )
     sub.add_argument(
-        "--process", default="fdm-tpu", metavar="NAME", help="of data/printers.csv (fdm-tpu)"
+        "--process",
+        default="fdm-tpu",
+        metavar="NAME",
+        help="Set the process, a row of data/printers.csv (default: fdm-tpu)",
     )
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_output_options(sub)
 
 
 def _specimen(options: argparse.Namespace, bars: Bars) -> int:
     from ...core.response import JIG_RADII_MM
-    from ...workflow.calibrate.specimen_files import write_specimen
+    from ...workflow.calibrate.calibration_parts import write_specimen
 
     with bars(options) as progress:
         found = write_specimen(
@@ -203,30 +247,30 @@ def _specimen(options: argparse.Namespace, bars: Bars) -> int:
             thickness=options.thickness,
             width=options.width,
             offset=options.offset,
-            radii=numbers("--radii", options.radii) if options.radii else JIG_RADII_MM,
+            radii=parse_numbers("--radii", options.radii) if options.radii else JIG_RADII_MM,
             cord=options.cord,
             process=options.process,
             progress=progress,
         )
     if options.json:
-        sys.stdout.write(json.dumps(found.data, indent=1) + "\n")
+        print_json(found.data)
     else:
         _show(found.data, options)
     return 0
 
 
 def _coupon(options: argparse.Namespace) -> int:
-    from ...workflow.calibrate.coupon_files import CLEARANCES, write_coupon
+    from ...workflow.calibrate.calibration_parts import CLEARANCES, write_coupon
 
     asked = options.clearances
     found = write_coupon(
         options.folder,
-        clearances=numbers("--clearances", asked) if asked else CLEARANCES,
+        clearances=parse_numbers("--clearances", asked) if asked else CLEARANCES,
         cord=options.cord,
         process=options.process,
     )
     if options.json:
-        sys.stdout.write(json.dumps(found.data, indent=1) + "\n")
+        print_json(found.data)
     else:
         sys.stdout.write(
             f"Look at: {options.folder}\n"
@@ -239,7 +283,7 @@ def _coupon(options: argparse.Namespace) -> int:
 
 def _clearance(options: argparse.Namespace) -> int:
     from ...calibration.clearance import write_clearance
-    from ...workflow.calibrate.coupon_files import NO_MOULD
+    from ...workflow.calibrate.calibration_parts import NO_MOULD
 
     found = write_clearance(options.folder, options.fits)
     now, process = found.fabrication.clearance, found.fabrication.process
@@ -249,12 +293,12 @@ def _clearance(options: argparse.Namespace) -> int:
             "file": str(found.file), "process": process, "was": found.was,
             "written_before": found.written, "clearance": now,
         }  # fmt: skip
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        print_json(data)
         return 0
     before = "of the process" if found.written is None else "as written"
     after = f"of process {process}" if found.now is None else "written"
     if found.fabrication.kind == "cast" and found.now is not None:
-        say([f"note: {process} {NO_MOULD}"])
+        print_lines([f"note: {process} {NO_MOULD}"])
     sys.stdout.write(
         f"{found.file}: [fabrication] clearance is {now:g} mm ({after}); it was {found.was:g} mm"
         f" ({before})\n"
@@ -268,7 +312,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ...workflow.calibrate.specimen_files import OFFSET
+    from ...workflow.calibrate.calibration_parts import OFFSET
 
     console = Console()
     table = Table(title="strain of the cords, %")

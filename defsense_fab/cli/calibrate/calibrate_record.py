@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -12,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import CaptureError, DefsenseError, DeviceError
 from ..exit_codes import DONE, STOPPED
-from ..options import REFERENCE, numbers, references, within
+from ..options import (
+    REFERENCE_OHM,
+    add_output_options,
+    check_range,
+    parse_numbers,
+    parse_references,
+)
+from ..output import print_json
 
 if TYPE_CHECKING:
     from ...calibration.session import CalibrationSession
@@ -29,78 +35,137 @@ def add(steps: Commands) -> None:
     """Add the commands to those of `calibrate`."""
     sub = steps.add_parser(
         "ports",
-        help="list serial ports, and show what a read-out board on one of them reads",
-        description="List the serial ports that are plugged in, with the resistances that the"
-        " read-out boards on them read, as bars (read-out boards restart when their port is"
-        " opened; --list leaves them closed). With --port, show those of one until Ctrl-C.",
+        help="List serial ports and show what a read-out board reads",
+        description="List the serial ports, with the resistances that the read-out boards on them "
+        "read, as bars. Read-out boards restart when their port is opened; --list "
+        "opens none. With --port, show the resistances of one board until Ctrl-C.",
         examples=["defsense calibrate ports", "defsense calibrate ports --port twin"],
     )
-    sub.add_argument("--port", metavar="PORT", help=_PORT + ", or a recording (.csv)")
-    sub.add_argument("--list", action="store_true", help="open no port")
-    sub.add_argument("--seconds", type=float, metavar="S", help="stop after so long")
+    sub.add_argument(
+        "--port",
+        metavar="PORT",
+        help=f"Show the board on this port: {_PORT}, or a recording (.csv)",
+    )
+    sub.add_argument("--list", action="store_true", help="List the ports without opening them")
+    sub.add_argument(
+        "--seconds", type=float, metavar="S", help="Stop after this time in s (default: at Ctrl-C)"
+    )
     _board(sub)
     _ends(sub)
     sub.set_defaults(run=_ports)
     sub = steps.add_parser(
         "record",
-        help="measure a specimen on its jigs, step by step",
-        description="Measure a specimen on its jigs: says which jig is next and which side lies on"
-        " it, waits until the reading has settled, and shows the points so far. Every frame is"
-        " written as it comes. It can be stopped (q) and resumed by the same command.",
+        help="Measure a specimen on its jigs, step by step",
+        description="Measure a specimen on its jigs. The screen shows which jig is next and which "
+        "side lies on it, waits until the reading has settled, and plots the points so"
+        " far. Every frame is written immediately. Press q to stop; rerun the command "
+        "to resume.",
         examples=[
             "defsense calibrate record --port /dev/ttyUSB0 --specimen my-specimen",
             "defsense calibrate record --port twin:speed=20 --specimen my-specimen --rounds 2",
         ],
     )
-    sub.add_argument("--port", required=True, metavar="PORT", help=_PORT)
     sub.add_argument(
-        "--specimen", type=Path, required=True, metavar="DIR",
-        help="what 'calibrate specimen' wrote (folder, or its specimen.json)",
-    )  # fmt: skip
+        "--port", required=True, metavar="PORT", help=f"Set the port of the read-out board: {_PORT}"
+    )
     sub.add_argument(
-        "--out", type=Path, metavar="SESSION",
-        help="the session's folder (session, beside specimen.json)",
-    )  # fmt: skip
-    sub.add_argument("--name", help="of the specimen: pieces of one name are the same (its length)")
-    sub.add_argument("--rounds", type=int, metavar="N", help="over all jigs (3)")
-    sub.add_argument("--radii", metavar="R,R,...", help="of the jigs to use, mm (all)")
+        "--specimen",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="Set the folder that 'calibrate specimen' wrote, or its specimen.json",
+    )
     sub.add_argument(
-        "--faces", choices=("ab", "a", "b"), default="ab",
-        help="which sides to lay on the jigs: both (ab), or one",
-    )  # fmt: skip
-    sub.add_argument("--tolerance", type=float, metavar="PERCENT",
-                     help="by which a settled reading may still change (0.05)")  # fmt: skip
-    sub.add_argument("--longest", type=float, metavar="S",
-                     help="after which a reading is taken anyway (90)")  # fmt: skip
-    sub.add_argument("--seed", type=int, help="of the jigs' random order (1)")
+        "--out",
+        type=Path,
+        metavar="SESSION",
+        help="Set the session folder (default: session, next to specimen.json)",
+    )
     sub.add_argument(
-        "--auto", action="store_true", help="take no keys: for twins, and for machines that bend"
+        "--name",
+        help="Set the name of the specimen; pieces of the same name are the same piece "
+        "(default: its length)",
+    )
+    sub.add_argument(
+        "--rounds",
+        type=int,
+        metavar="N",
+        help="Set the number of rounds over all jigs (default: 3)",
+    )
+    sub.add_argument(
+        "--radii", metavar="R,R,...", help="Set the radii in mm of the jigs to use (default: all)"
+    )
+    sub.add_argument(
+        "--faces",
+        choices=("ab", "a", "b"),
+        default="ab",
+        help="Choose the sides to place on the jigs: both (ab, default), or one",
+    )
+    sub.add_argument(
+        "--tolerance",
+        type=float,
+        metavar="PERCENT",
+        help="Set the remaining change of a settled reading in percent (default: 0.05)",
+    )
+    sub.add_argument(
+        "--longest",
+        type=float,
+        metavar="S",
+        help="Set the time after which a reading is taken even if it has not settled, in s "
+        "(default: 90)",
+    )
+    sub.add_argument(
+        "--seed", type=int, help="Set the random seed of the order of the jigs (default: 1)"
+    )
+    sub.add_argument(
+        "--auto",
+        action="store_true",
+        help="Read no keys: for twins, and for machines that bend the specimen",
     )
     _board(sub)
     _ends(sub)
     sub.set_defaults(run=_record)
     sub = steps.add_parser(
         "reference",
-        help="measure the reference resistors with a known one in the cords' place",
-        description="Measure the reference resistors: put one known resistor (1 percent or better,"
-        " near the cords' resistance) in the place of every cord, and pass the numbers that this"
-        " prints as --reference. The response does not depend on them, resistances in ohm do.",
+        help="Measure the reference resistors with a known resistor",
+        description="Measure the reference resistors. Replace every cord by one known resistor (1 "
+        "percent or better, near the cords' resistance), and pass the printed numbers "
+        "as --reference. The response does not depend on them; resistances in ohm do.",
         examples=["defsense calibrate reference --port /dev/ttyUSB0 --known 2200"],
     )
-    sub.add_argument("--port", required=True, metavar="PORT", help=_PORT)
-    sub.add_argument("--known", type=float, required=True, metavar="OHM")
-    sub.add_argument("--channels", type=int, default=3, metavar="N", help="how many (3)")
-    sub.add_argument("--seconds", type=float, default=2.0, metavar="S", help="to average over (2)")
+    sub.add_argument(
+        "--port", required=True, metavar="PORT", help=f"Set the port of the read-out board: {_PORT}"
+    )
+    sub.add_argument(
+        "--known", type=float, required=True, metavar="OHM", help="Set the known resistance in ohm"
+    )
+    sub.add_argument(
+        "--channels",
+        type=int,
+        default=3,
+        metavar="N",
+        help="Set the number of channels (default: 3)",
+    )
+    sub.add_argument(
+        "--seconds",
+        type=float,
+        default=2.0,
+        metavar="S",
+        help="Set the time to average over in s (default: 2)",
+    )
     _ends(sub)
     sub.set_defaults(run=_reference)
     sub = steps.add_parser(
         "twin",
-        help="make sessions of a simulated specimen, to try the fit",
-        description="Write calibration sessions of simulated specimens, with noise, hysteresis,"
-        " relaxation and pieces that differ, without waiting for them.",
+        help="Create sessions of a simulated specimen, to try the fit",
+        description="Write calibration sessions of simulated specimens, with noise, hysteresis, "
+        "relaxation and differences between pieces, without the waiting time of a "
+        "measurement.",
         examples=["defsense calibrate twin my-twin --k 2 --lengths 150,200 --seed 1"],
     )
-    sub.add_argument("folder", type=Path, metavar="OUT", help="gets one session a specimen")
+    sub.add_argument(
+        "folder", type=Path, metavar="OUT", help="Output folder; it gets one session per specimen"
+    )
     for name, default, text in (
         ("k", 2.0, "slope of the response at rest, k_res"),
         ("q", 0.0, "its quadratic coefficient"),
@@ -112,11 +177,23 @@ def add(steps: Commands) -> None:
         ("drift", 0.0, "of all resistances, per hour"),
         ("misplaced", 0.0, "standard deviation of the cords' heights, mm"),
     ):
-        sub.add_argument(f"--{name}", type=float, default=default, help=f"{text} ({default:g})")
-    sub.add_argument("--lengths", default="150,200", metavar="MM,MM,...",
-                     help="one specimen each (150,200)")  # fmt: skip
-    sub.add_argument("--rounds", type=int, default=3, metavar="N", help="over all jigs (3)")
-    sub.add_argument("--seed", type=int, default=1, help="(1)")
+        sub.add_argument(
+            f"--{name}", type=float, default=default, help=f"Set the {text} (default: {default:g})"
+        )
+    sub.add_argument(
+        "--lengths",
+        default="150,200",
+        metavar="MM,MM,...",
+        help="Set the lengths in mm, one per specimen (default: 150,200)",
+    )
+    sub.add_argument(
+        "--rounds",
+        type=int,
+        default=3,
+        metavar="N",
+        help="Set the number of rounds over all jigs (default: 3)",
+    )
+    sub.add_argument("--seed", type=int, default=1, help="Set the random seed (default: 1)")
     _ends(sub)
     sub.set_defaults(run=_twin)
 
@@ -125,15 +202,22 @@ def _board(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--reference",
         metavar="OHM,...",
-        help=f"reference resistors of the channels, or one for all ({REFERENCE:g})",
+        help="Set the reference resistors of the channels in ohm, or one for all (default: "
+        f"{REFERENCE_OHM:g})",
     )
-    sub.add_argument("--rate", type=int, metavar="HZ", help="samples per second (20)")
-    sub.add_argument("--average", type=int, metavar="N", help="conversions a sample (as it is)")
+    sub.add_argument(
+        "--rate", type=int, metavar="HZ", help="Set the sampling rate in Hz (default: 20)"
+    )
+    sub.add_argument(
+        "--average",
+        type=int,
+        metavar="N",
+        help="Set the number of conversions per sample (default: the board's)",
+    )
 
 
 def _ends(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_output_options(sub)
 
 
 def _ports(options: argparse.Namespace) -> int:
@@ -142,10 +226,12 @@ def _ports(options: argparse.Namespace) -> int:
     from ...twin.live.sample_sources import open_source
 
     if options.seconds is not None:
-        within("--seconds", options.seconds, 0.1, 1e6)
+        check_range("--seconds", options.seconds, 0.1, 1e6)
     if options.port is None:
         return _survey(options, serial_ports())
-    source = open_source(options.port, ReadoutSettings(rate=options.rate, average=options.average)).source
+    source = open_source(
+        options.port, ReadoutSettings(rate=options.rate, average=options.average)
+    ).source
     info = source.start()
     try:
         return _watch(options, source, info)
@@ -160,7 +246,7 @@ def _survey(options: argparse.Namespace, found: Sequence[Port]) -> int:
     looks = [{} if options.list else _look(options, p.device) for p in found]
     if options.json:
         rows = [vars(p) | look for p, look in zip(found, looks, strict=True)]
-        sys.stdout.write(json.dumps(rows, indent=1) + "\n")
+        print_json(rows)
         return 0
     if not found:
         sys.stdout.write(
@@ -205,7 +291,7 @@ def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
         return {"problem": str(error).removeprefix(f"{port}: ")}
     finally:
         source.close()
-    known = np.array(references(options.reference or f"{REFERENCE:g}", info.channels))
+    known = np.array(parse_references(options.reference or f"{REFERENCE_OHM:g}", info.channels))
     ohm = Dividers(known, float(info.full_scale)).resistance(latest.sample.counts)
     return {"ohm": [float(r) if np.isfinite(r) else None for r in ohm]}
 
@@ -221,7 +307,7 @@ def _watch(options: argparse.Namespace, source: Source, info: Info) -> int:
     from ..terminal.guided_measurement import bars
 
     dividers = Dividers(
-        np.array(references(options.reference or f"{REFERENCE:g}", info.channels)),
+        np.array(parse_references(options.reference or f"{REFERENCE_OHM:g}", info.channels)),
         float(info.full_scale),
     )
     end = time.monotonic() + (options.seconds or float("inf"))
@@ -243,7 +329,7 @@ def _watch(options: argparse.Namespace, source: Source, info: Info) -> int:
         raise CaptureError(f"{source.name}: no sample arrived")
     if options.json:
         told = [float(r) if np.isfinite(r) else None for r in ohm]
-        sys.stdout.write(json.dumps({"ohm": told, **vars(s)}, indent=1) + "\n")
+        print_json({"ohm": told, **vars(s)})
     else:
         sys.stdout.write(f"\n{s.samples} samples, {s.lost} lost, {s.bad} damaged frames\n")
     return 0
@@ -258,11 +344,11 @@ def _record(options: argparse.Namespace) -> int:
 
     if options.port.endswith(".csv"):
         raise DeviceError(f"--port {options.port}: a recording cannot be measured again")
-    about = sessions.specimen_of(options.specimen)
+    about = sessions.read_specimen(options.specimen)
     beside = options.specimen if options.specimen.is_dir() else options.specimen.parent
     folder = options.out or beside / "session"
     wanted = _wanted(options, about)
-    session, begun = sessions.begin_or_go_on(
+    session, begun = sessions.create_or_resume(
         folder, wanted, [k for k in wanted if k in _given(options)]
     )
     settings = ReadoutSettings(channels=3, average=session.average, rate=session.rate)
@@ -290,7 +376,7 @@ def _record(options: argparse.Namespace) -> int:
 #: Options of `record` by what they set in a session, with what is taken where they are not given.
 _PLAN = {
     "name": None, "rounds": 3, "radii": None, "faces": "ab", "tolerance": 0.05, "longest": 90.0,
-    "seed": 1, "reference": f"{REFERENCE:g}", "rate": 20, "average": None,
+    "seed": 1, "reference": f"{REFERENCE_OHM:g}", "rate": 20, "average": None,
 }  # fmt: skip
 
 
@@ -302,8 +388,8 @@ def _given(options: argparse.Namespace) -> set[str]:
 
 def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any]:
     """Of a new session. Raises DeviceError for options that make none."""
+    from ...calibration.readings import MIN_RADII
     from ...core.storage.session_manifest import Criterion
-    from ...calibration.readings import LEAST_RADII
 
     o: dict[str, Any] = {
         n: d if getattr(options, n) is None else getattr(options, n) for n, d in _PLAN.items()
@@ -312,14 +398,14 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
         ("rounds", 1, 100), ("rate", 1, 500), ("tolerance", 1e-4, 10), ("longest", 10, 3600),
         ("seed", 0, 2**32),
     ):  # fmt: skip
-        within(f"--{name}", o[name], low, high)
-    radii = about["radii"] if o["radii"] is None else numbers("--radii", o["radii"])
+        check_range(f"--{name}", o[name], low, high)
+    radii = about["radii"] if o["radii"] is None else parse_numbers("--radii", o["radii"])
     strange = [r for r in radii if r not in about["radii"]]
     if strange:
         have = ", ".join(f"{r:g}" for r in about["radii"])
         raise DeviceError(f"--radii: {strange[0]:g} is none of the specimen's jigs: {have}")
-    if len(set(radii)) < max(len(radii), LEAST_RADII):
-        raise DeviceError(f"--radii: give {LEAST_RADII} different ones or more")
+    if len(set(radii)) < max(len(radii), MIN_RADII):
+        raise DeviceError(f"--radii: give {MIN_RADII} different ones or more")
     return {
         "name": o["name"] or f"{about['length']:g}",
         "geometry": about["geometry"],
@@ -328,7 +414,7 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
         "rounds": o["rounds"],
         "faces": list(o["faces"]),
         "seed": o["seed"],
-        "reference": references(o["reference"], 3),
+        "reference": parse_references(o["reference"], 3),
         "criterion": Criterion(tolerance=o["tolerance"] / 100, most=o["longest"]),
         "rate": o["rate"],
         "average": o["average"],
@@ -338,11 +424,11 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
 def _recorded(options: argparse.Namespace, session: CalibrationSession, done: bool) -> int:
     from ...calibration import session as sessions
 
-    left = len(sessions.unfinished(session))
+    left = len(sessions.unfinished_steps(session))
     total = len(session.steps)
     if options.json:
         data = {"session": str(session.folder), "finished": done, "left": left, "steps": total}
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        print_json(data)
     elif done and not left:
         sys.stdout.write(
             f"all {total} readings are done: {session.folder}\n"
@@ -361,12 +447,12 @@ def _reference(options: argparse.Namespace) -> int:
 
     from ...capture.readout.reader import ReadoutSettings
     from ...capture.readout.source import StampedSample
-    from ...sensing.voltage_divider import measured_reference
+    from ...sensing.voltage_divider import measure_reference
     from ...twin.live.sample_sources import open_source
 
-    within("--known", options.known, 1e-3, 1e9)
-    within("--seconds", options.seconds, 0.1, 3600)
-    within("--channels", options.channels, 1, 16)
+    check_range("--known", options.known, 1e-3, 1e9)
+    check_range("--seconds", options.seconds, 0.1, 3600)
+    check_range("--channels", options.channels, 1, 16)
     source = open_source(options.port, ReadoutSettings(channels=options.channels)).source
     info = source.start()
     try:
@@ -376,10 +462,10 @@ def _reference(options: argparse.Namespace) -> int:
         source.close()
     if not counts:
         raise CaptureError(f"{source.name}: no sample arrived")
-    found = measured_reference(np.mean(counts, axis=0), options.known, float(info.full_scale))
+    found = measure_reference(np.mean(counts, axis=0), options.known, float(info.full_scale))
     words = ",".join(f"{r:.1f}" for r in found)
     if options.json:
-        sys.stdout.write(json.dumps({"reference": found.tolist()}, indent=1) + "\n")
+        print_json({"reference": found.tolist()})
     else:
         sys.stdout.write(f"Next:    defsense calibrate record ... --reference {words}\n")
     return 0
@@ -387,7 +473,7 @@ def _reference(options: argparse.Namespace) -> int:
 
 def _twin(options: argparse.Namespace) -> int:
     from ...core.response import ResponseSpec
-    from ...sensing.response import response_of
+    from ...sensing.response import build_response
     from ...twin.calibration_session import record_twin
     from ...twin.electronics.cords import CordTraits
 
@@ -396,10 +482,10 @@ def _twin(options: argparse.Namespace) -> int:
         ("time", 0.1, 1e4), ("spread", 0, 0.5), ("drift", -10, 10), ("misplaced", 0, 5),
         ("rounds", 1, 100), ("seed", 0, 2**32),
     ):  # fmt: skip
-        within(f"--{name}", getattr(options, name), low, high)
-    lengths = numbers("--lengths", options.lengths)
+        check_range(f"--{name}", getattr(options, name), low, high)
+    lengths = parse_numbers("--lengths", options.lengths)
     for length in lengths:
-        within("--lengths", length, 10, 1000)
+        check_range("--lengths", length, 10, 1000)
     folders = [options.folder / f"session-{length:g}" for length in lengths]
     there = [f for f in folders if f.exists()]
     if there or len(set(folders)) < len(folders):
@@ -409,7 +495,7 @@ def _twin(options: argparse.Namespace) -> int:
         )  # fmt: skip
     spec = ResponseSpec("quadratic", {"k": options.k, "q": options.q}, (-0.1, 0.1))
     traits = CordTraits(
-        response_of(spec), options.noise, options.play, options.healing, options.time,
+        build_response(spec), options.noise, options.play, options.healing, options.time,
         options.spread, drift=options.drift,
     )  # fmt: skip
     for n, (length, folder) in enumerate(zip(lengths, folders, strict=True)):
@@ -418,7 +504,7 @@ def _twin(options: argparse.Namespace) -> int:
             misplaced=options.misplaced,
         )  # fmt: skip
     if options.json:
-        sys.stdout.write(json.dumps({"sessions": list(map(str, folders))}, indent=1) + "\n")
+        print_json({"sessions": list(map(str, folders))})
     else:
         out = options.folder / "response.json"
         sys.stdout.write(

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import DeviceError, StorageError
-from ..options import numbers
-from ..output import progress_bars, say
+from ..options import add_output_options, parse_numbers
+from ..output import print_json, print_lines, progress_bars
 from . import capture_cameras, capture_print, capture_record
 
 if TYPE_CHECKING:
@@ -23,9 +21,9 @@ def add(commands: Commands) -> None:
     bars = progress_bars
     parent = commands.add_parser(
         "capture",
-        help="cameras and printed tags: where the device's surface is, while it moves",
-        description="Find out where the device's surface is while it moves, with cameras and"
-        " printed tags.",
+        help="Measure the device's surface with cameras and printed tags",
+        description="Measure where the device's surface is while it moves, with cameras and "
+        "printed tags.",
     )
     steps = parent.add_subparsers(dest="step", required=True, metavar="STEP")
     capture_print.add(steps, bars)
@@ -38,59 +36,94 @@ def add(commands: Commands) -> None:
 def _add_process(steps: Commands, bars: Bars) -> None:
     sub = steps.add_parser(
         "process",
-        help="from videos, or a recorded session, to tracks of the tags",
-        description="Find the tags in the videos of calibrated cameras and write where they were:"
-        " frame, time (s), id, x, y, z and standard deviations sx, sy, sz (mm), in the frame of the"
-        " first camera (--frame, --up) and at the times of the first video. Tags that are not seen"
-        " have no row. Images of a folder, or numbered ones (frame-%%04d.png), go as videos with"
-        " --rate. The suffix of --out chooses the format: .csv, .npz, .parquet, .c3d, .trc.",
+        help="Convert videos, or a recorded session, to tracks of the tags",
+        description="Find the tags in the videos of calibrated cameras and write their positions: "
+        "frame, time (s), id, x, y, z and standard deviations sx, sy, sz (mm), in the "
+        "frame of the first camera (--frame, --up) and at the times of the first "
+        "video. Tags that are not visible have no row. Images of a folder, or numbered"
+        " images (frame-%04d.png), are read as videos with --rate. The suffix of --out"
+        " selects the format: .csv, .npz, .parquet, .c3d, .trc.",
         examples=[
             "defsense capture process my-device/session",
             "defsense capture process --videos a.mkv b.mkv --calibration cameras.toml"
             " --tag-size 15 --dictionary 4X4_50 --out tracks.csv",
         ],
     )
-    sub.add_argument("session", type=Path, nargs="?", metavar="SESSION",
-                     help="what 'capture record' wrote; or give --videos")  # fmt: skip
-    sub.add_argument("--videos", type=Path, nargs="+", metavar="FILE",
-                     help="one for each camera, in the order of the calibration")  # fmt: skip
-    sub.add_argument("--calibration", type=Path, default=Path("cameras.toml"), metavar="TOML",
-                     help="of the cameras, as aniposelib has it (cameras.toml)")  # fmt: skip
-    sub.add_argument("--tag-size", type=float, metavar="MM", help="side of a tag's black square")
-    sub.add_argument("--dictionary", metavar="NAME", help="of the tags (4X4_50)")
     sub.add_argument(
-        "--align", choices=("auto", "anchor", "all"), default="auto",
-        help="of a session: to rest by the anchor's tags, by all, or by the anchor's where they are"
-        " seen well enough (auto)",
-    )  # fmt: skip
+        "session",
+        type=Path,
+        nargs="?",
+        metavar="SESSION",
+        help="Session that 'capture record' wrote; or give --videos",
+    )
     sub.add_argument(
-        "--tracks", type=Path, metavar="FILE",
-        help="of a session: take markers from this file (.c3d, .trc, ...) of a motion-capture"
-        " system in place of its cameras",
-    )  # fmt: skip
-    sub.add_argument("--from-video", action="store_true",
-                     help="of a session: look for the tags anew, in its videos")  # fmt: skip
+        "--videos",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="Set the videos, one per camera, in the order of the calibration",
+    )
     sub.add_argument(
-        "--smooth", type=float, metavar="S",
-        help="smooth the tracks by parabolas over so many s (not at all)",
-    )  # fmt: skip
-    sub.add_argument("--out", type=Path, metavar="FILE",
-                     help="(tracks.csv; of a session, a further file)")  # fmt: skip
-    sub.add_argument("--rate", type=float, metavar="HZ", help="frames per second of images")
+        "--calibration",
+        type=Path,
+        default=Path("cameras.toml"),
+        metavar="TOML",
+        help="Set the calibration of the cameras, in the format of aniposelib (default: "
+        "cameras.toml)",
+    )
     sub.add_argument(
-        "--offsets", metavar="S,S,...",
-        help="what to add to each video's times, where they were not started together",
-    )  # fmt: skip
+        "--tag-size", type=float, metavar="MM", help="Set the side of a tag's black square in mm"
+    )
     sub.add_argument(
-        "--frame", choices=("camera", "world"),
-        help="of videos: the first camera's (default), or that in which the calibration has the"
-        " cameras, where another program (aniposelib) wrote it",
-    )  # fmt: skip
+        "--dictionary", metavar="NAME", help="Set the dictionary of the tags (default: 4X4_50)"
+    )
     sub.add_argument(
-        "--up", choices=("y", "z"),
-        help="of videos: turn the first camera's frame (y down) so that this axis points upwards in"
-        " its picture",
-    )  # fmt: skip
+        "--align",
+        choices=("auto", "anchor", "all"),
+        default="auto",
+        help="Choose how a session is aligned to rest: by the anchor's tags, by all tags, "
+        "or by the anchor's where enough of them are visible (auto, default)",
+    )
+    sub.add_argument(
+        "--tracks",
+        type=Path,
+        metavar="FILE",
+        help="Read the markers of a session from this file (.c3d, .trc, ...) of a "
+        "motion-capture system instead of its cameras",
+    )
+    sub.add_argument(
+        "--from-video", action="store_true", help="Detect the tags of a session again in its videos"
+    )
+    sub.add_argument(
+        "--smooth",
+        type=float,
+        metavar="S",
+        help="Smooth the tracks with parabolas over this time in s (default: no smoothing)",
+    )
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="Set the output file (default: tracks.csv; for a session, no additional file)",
+    )
+    sub.add_argument("--rate", type=float, metavar="HZ", help="Set the frame rate of images in Hz")
+    sub.add_argument(
+        "--offsets",
+        metavar="S,S,...",
+        help="Add these times in s to those of each video, if they were not started together",
+    )
+    sub.add_argument(
+        "--frame",
+        choices=("camera", "world"),
+        help="Choose the frame of reference for videos: the first camera's (default), or "
+        "that of the calibration's world, if another program (aniposelib) wrote it",
+    )
+    sub.add_argument(
+        "--up",
+        choices=("y", "z"),
+        help="Rotate the first camera's frame (y down) so that this axis points upwards in "
+        "its picture; for videos",
+    )
     ends(sub)
     sub.set_defaults(run=lambda options: _process(options, bars))
 
@@ -98,19 +131,23 @@ def _add_process(steps: Commands, bars: Bars) -> None:
 def _add_convert(steps: Commands) -> None:
     sub = steps.add_parser(
         "convert",
-        help="tracks from one format to another, as of a motion-capture system",
-        description="Read tracks of markers (.csv, .npz, .parquet, .c3d, .trc) and write them in"
-        " another of these formats, in mm, with missing markers missing. Labels become numbers:"
-        " those at their ends, where these differ, or else their order.",
+        help="Convert tracks between formats, such as those of motion-capture systems",
+        description="Read tracks of markers (.csv, .npz, .parquet, .c3d, .trc) and write them in "
+        "another of these formats, in mm; missing markers stay missing. Labels become "
+        "numbers: the numbers at their ends if these differ, or else their order.",
         examples=["defsense capture convert take.c3d tracks.csv"],
     )
-    sub.add_argument("source", type=Path, metavar="FROM")
-    sub.add_argument("out", type=Path, metavar="TO")
-    sub.add_argument("--up", choices=("y", "z"), help="turn them so that this axis points upwards")
+    sub.add_argument("source", type=Path, metavar="FROM", help="Tracks to read")
+    sub.add_argument("out", type=Path, metavar="TO", help="Tracks to write")
     sub.add_argument(
-        "--source-up", choices=("camera", "y", "z"),
-        help="for --up: what points upwards in FROM; camera: y down, z ahead, as 'process' writes",
-    )  # fmt: skip
+        "--up", choices=("y", "z"), help="Rotate the tracks so that this axis points upwards"
+    )
+    sub.add_argument(
+        "--source-up",
+        choices=("camera", "y", "z"),
+        help="Set what points upwards in FROM, for --up: y, z, or camera (y down, z "
+        "forwards, as 'process' writes)",
+    )
     ends(sub)
     sub.set_defaults(run=_convert)
 
@@ -131,13 +168,13 @@ def _convert(options: argparse.Namespace) -> int:
     if options.up:
         tracks, frame = change_axes(tracks, options.source_up, options.up), AXES[options.up]
     written = write_tracks(options.out, tracks)
-    seen = float(tracks.seen.mean()) if tracks.points.size else 0.0
+    seen = float(tracks.visible.mean()) if tracks.points.size else 0.0
     data = {"frames": written.frames, "rate": written.rate, "gaps": written.gaps,
             "markers": len(tracks.ids), "seen": seen, "frame": frame}  # fmt: skip
     if options.json:
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        print_json(data)
     else:
-        say([
+        print_lines([
             f"{written.summary}; {data['markers']} markers, {seen:.0%} seen in"
             f" {len(tracks.time)} frames",
             f"frame: {frame}",
@@ -148,8 +185,7 @@ def _convert(options: argparse.Namespace) -> int:
 
 def ends(sub: argparse.ArgumentParser) -> None:
     """Options that all commands end with."""
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_output_options(sub)
 
 
 def _process(options: argparse.Namespace, bars: Bars) -> int:
@@ -181,7 +217,7 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
             "--up turns the first camera's frame, and only the calibration's author knows which way"
             " is up in its world; turn that with 'defsense capture convert --up --source-up'"
         )
-    offsets = numbers("--offsets", options.offsets, "s") if options.offsets else None
+    offsets = parse_numbers("--offsets", options.offsets, "s") if options.offsets else None
     out = options.out or Path("tracks.csv")
     _writable(out)
     with bars(options) as progress:
@@ -201,10 +237,10 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
     written = write_tracks(out, tracks)
     if options.json:
         quality |= {"rate": written.rate, "gaps": written.gaps}
-        sys.stdout.write(json.dumps(quality, indent=1) + "\n")
+        print_json(quality)
         return 0
     show_quality(quality)
-    say([f"written: {written.summary}", f"frame: {quality['frame']}", f"Look at: {out}"])
+    print_lines([f"written: {written.summary}", f"frame: {quality['frame']}", f"Look at: {out}"])
     return 0
 
 
@@ -220,7 +256,7 @@ def _writable(out: Path) -> None:
 
 def _process_session(options: argparse.Namespace, bars: Bars) -> int:
     from ...capture.files.formats import write_tracks
-    from ...capture.sessions.result_files import REPORT
+    from ...capture.sessions.results import REPORT
     from ...capture.tracking.track_filters import smooth
     from ...workflow.sessions.processing import process_session
 
@@ -236,7 +272,7 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
         smoothed = smooth(aligned, options.smooth) if options.smooth else aligned
         written = write_tracks(options.out, smoothed)
     if options.json:
-        sys.stdout.write(json.dumps(q, indent=1) + "\n")
+        print_json(q)
         return 0
     lines = []
     for run in q["runs"]:
@@ -253,7 +289,7 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
         *([] if written is None else [f"{options.out}: {written.summary}"]),
         f"Look at: {options.session / REPORT}",
     ]
-    say(lines)
+    print_lines(lines)
     return 0
 
 
@@ -278,4 +314,4 @@ def show_quality(q: dict[str, Any]) -> None:
     if q["impossible"]:
         lines.append(f"{q['impossible']} places were taken out: nothing moves like that")
     lines += [f"warning: {w}" for w in q["warnings"]]
-    say(lines)
+    print_lines(lines)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from math import isfinite
@@ -12,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from ...core.errors import CaptureError, DeviceError
 from ..exit_codes import DONE, NO
-from ..options import twin_values
-from ..output import say
+from ..options import add_output_options, parse_twin_cameras
+from ..output import print_json, print_lines
 
 if TYPE_CHECKING:
     from ...capture.cameras.rig_check import Diagnosis
@@ -27,21 +26,22 @@ def add(steps: Commands, bars: Bars) -> None:
     """Add the commands to those of `capture`; `bars` shows progress."""
     parent = steps.add_parser(
         "camera",
-        help="calibrate cameras on a printed board, arrange them, check them",
-        description="Find out how cameras see (calibrate), where they stand (arrange), and whether"
-        " that still holds (check), with a board of 'defsense capture board'. A SOURCE is a camera"
-        " that is plugged in (0, /dev/video0), a video, or a folder of images; or twin"
-        " (twin:webcam,seed=1,cameras=2), for all of them: simulated cameras, which a board is"
-        " shown to.",
+        help="Calibrate cameras with a printed board, arrange them, check them",
+        description="Determine the lenses of cameras (calibrate) and their positions (arrange), "
+        "and test whether both are still valid (check), with a board of 'defsense "
+        "capture board'. A SOURCE is a connected camera (0, /dev/video0), a video, or "
+        "a folder of images. The single source twin (twin:webcam,seed=1,cameras=2) "
+        "stands for simulated cameras that see a board.",
     )
     kinds = parent.add_subparsers(dest="what", required=True, metavar="WHAT")
     sub = kinds.add_parser(
         "calibrate",
-        help="focal length, centre and distortion of each camera",
-        description="Calibrate cameras, each by its own views of the board: hold it in all parts of"
-        " the picture, near and far, tilted each way. Live cameras take a view by themselves when"
-        " the board is still and somewhere new, and say what is missing. The file gets the cameras"
-        " by name; a report goes beside it.",
+        help="Measure focal length, center and distortion of each camera",
+        description="Calibrate each camera from its own views of the board. Hold the board in all "
+        "parts of the picture, at small and large distances, tilted in every "
+        "direction. Live cameras take a view automatically when the board is still and"
+        " in a new place, and show what is missing. The file lists the cameras by "
+        "name; a report is written next to it.",
         examples=[
             "defsense capture camera calibrate 0 2 --board my-cameras --name left right",
             "defsense capture camera calibrate a.mkv b.mkv --board my-cameras",
@@ -50,57 +50,98 @@ def add(steps: Commands, bars: Bars) -> None:
     )
     sub.usage = f"{sub.prog} SOURCE [SOURCE ...] --board DIR [--name NAME ...] [options]"
     _common(sub)
-    sub.add_argument("--name", action="extend", nargs="+", metavar="NAME",
-                     help="of the cameras, one for each SOURCE, after them (the files' names, or"
-                     " cam_0, cam_1)")  # fmt: skip
-    sub.add_argument("--views", type=int, default=25, metavar="N",
-                     help="that a live camera is to take (25)")  # fmt: skip
-    sub.add_argument("--lens", choices=("pinhole", "fisheye"), default="pinhole",
-                     help="fisheye, for lenses that show over 110 degrees (pinhole)")  # fmt: skip
+    sub.add_argument(
+        "--name",
+        action="extend",
+        nargs="+",
+        metavar="NAME",
+        help="Set the names of the cameras, one per SOURCE (default: the files' names, or "
+        "cam_0, cam_1)",
+    )
+    sub.add_argument(
+        "--views",
+        type=int,
+        default=25,
+        metavar="N",
+        help="Set the number of views that a live camera takes (default: 25)",
+    )
+    sub.add_argument(
+        "--lens",
+        choices=("pinhole", "fisheye"),
+        default="pinhole",
+        help="Choose the lens model: pinhole (default), or fisheye for lenses that show "
+        "more than 110 degrees",
+    )
     sub.set_defaults(run=lambda options: _calibrate(options, bars))
     sub = kinds.add_parser(
         "arrange",
-        help="where 2 to 6 cameras stand",
-        description="Find where cameras stand, from views of the board that several of them see at"
-        " the same time, and write it to their file; the first camera is the origin. Videos must"
-        " have been started together; hold the board still now and then.",
+        help="Measure the positions of 2 to 6 cameras",
+        description="Find the positions of the cameras from views of the board that several of "
+        "them see at the same time, and write them to the calibration file; the first "
+        "camera is the origin. Videos must have been started together. Hold the board "
+        "still from time to time.",
         examples=[
             "defsense capture camera arrange a.mkv b.mkv --board my-cameras"
             " --calibration cameras.toml"
         ],
     )
     _common(sub)
-    sub.add_argument("--views", type=int, default=15, metavar="N",
-                     help="that live cameras are to take together (15)")  # fmt: skip
     sub.add_argument(
-        "--keep-world", action="store_true",
-        help="leave the first camera where the calibration has it, where another program"
-        " (aniposelib) wrote it; it becomes the origin otherwise",
-    )  # fmt: skip
+        "--views",
+        type=int,
+        default=15,
+        metavar="N",
+        help="Set the number of views that live cameras take together (default: 15)",
+    )
+    sub.add_argument(
+        "--keep-world",
+        action="store_true",
+        help="Keep the first camera where the calibration file has it, if another program "
+        "(aniposelib) wrote it (default: it becomes the origin)",
+    )
     sub.set_defaults(run=lambda options: _arrange(options, bars))
     sub = kinds.add_parser(
         "check",
-        help="whether a calibration still holds",
-        description="Look at the board with calibrated cameras and say whether the calibration"
-        " still holds; exit code 1 where it does not.",
+        help="Check whether a calibration is still valid",
+        description="View the board with calibrated cameras and report whether the calibration is "
+        "still valid. The exit code is 1 if it is not.",
         examples=["defsense capture camera check a.mkv b.mkv --board my-cameras"],
     )
     _common(sub)
-    sub.add_argument("--views", type=int, default=3, metavar="N",
-                     help="that live cameras are to take (3)")  # fmt: skip
+    sub.add_argument(
+        "--views",
+        type=int,
+        default=3,
+        metavar="N",
+        help="Set the number of views that live cameras take (default: 3)",
+    )
     sub.set_defaults(run=lambda options: _check(options, bars))
 
 
 def _common(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("sources", nargs="+", metavar="SOURCE",
-                     help="one for each camera, or twin (twin:phone,seed=1,cameras=2)")  # fmt: skip
-    sub.add_argument("--board", type=Path, required=True, metavar="DIR",
-                     help="what 'capture board' wrote (folder, or its board.json)")  # fmt: skip
-    sub.add_argument("--calibration", "--out", type=Path, default=Path("cameras.toml"),
-                     metavar="TOML", help="the file of the cameras (cameras.toml)")  # fmt: skip
-    sub.add_argument("--rate", type=float, metavar="HZ", help="of frames, for images")
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.add_argument(
+        "sources",
+        nargs="+",
+        metavar="SOURCE",
+        help="Sources, one per camera, or twin (twin:phone,seed=1,cameras=2)",
+    )
+    sub.add_argument(
+        "--board",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="Set the folder that 'capture board' wrote, or its board.json",
+    )
+    sub.add_argument(
+        "--calibration",
+        "--out",
+        type=Path,
+        default=Path("cameras.toml"),
+        metavar="TOML",
+        help="Set the calibration file of the cameras (default: cameras.toml)",
+    )
+    sub.add_argument("--rate", type=float, metavar="HZ", help="Set the frame rate of images in Hz")
+    add_output_options(sub)
 
 
 def _live(sources: Sequence[str]) -> bool:
@@ -146,7 +187,7 @@ def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
     """The twin, where one is meant; the sources are its cameras then. Raises DeviceError."""
     if not _twin_meant(options):
         return None
-    seed, count, kind = twin_values("SOURCE", options.sources[0])
+    seed, count, kind = parse_twin_cameras("SOURCE", options.sources[0])
     from ...twin.live.board_twin import BoardTwin
 
     twin = BoardTwin(board, seed, count, kind)
@@ -208,7 +249,7 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
     for d, true in zip(data, twin.cameras if twin else (), strict=False):
         d["true_focal"] = true.focal.tolist()
     if options.json:
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        print_json(data)
         return 0
     lines = []
     for d in data:
@@ -226,7 +267,7 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
         f"Next:    defsense capture camera arrange {given if twin else 'SOURCE SOURCE'} --board"
         f" {options.board} --calibration {options.calibration}",
     ]
-    say(lines)
+    print_lines(lines)
     return 0
 
 
@@ -256,7 +297,7 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
     if twin is not None:
         data["true_distances"] = twin.distances
     if options.json:
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        print_json(data)
         return 0
     lines = [
         f"{data['boards']} boards, {data['error']:.3f} px; their corners are where they should be"
@@ -279,7 +320,7 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
         else "Next:    defsense capture process --videos FILE FILE --calibration"
         f" {options.calibration} --tag-size MM"
     )
-    say(lines)
+    print_lines(lines)
     return 0
 
 
@@ -306,29 +347,29 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
     check, cause = found.check, found.cause
     if options.json:
         data = {
-            "holds": check.holds, "own": [_finite(x) for x in check.own], "boards": check.boards,
-            "together": _finite(check.together), "length": _finite(check.length),
+            "holds": check.holds, "own": [_finite(x) for x in check.camera_errors], "boards": check.boards,
+            "together": _finite(check.ray_error), "length": _finite(check.corner_error),
             "cause": cause and cause.kind, "square": cause and cause.square,
             "order": cause and cause.order and [options.sources[k] for k in cause.order],
         }  # fmt: skip
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        print_json(data)
         return DONE if check.holds else NO
     own = ", ".join(
         f"{name} {f'{x:.2f} px' if isfinite(x) else 'did not see the board'}"
-        for name, x in zip(found.names, check.own, strict=True)
+        for name, x in zip(found.names, check.camera_errors, strict=True)
     )
     lines = [f"alone: {own}"]
-    if isfinite(check.together):
+    if isfinite(check.ray_error):
         corners = (
-            f"corners of the board by {check.length:.3f} mm"
-            if isfinite(check.length)
+            f"corners of the board by {check.corner_error:.3f} mm"
+            if isfinite(check.corner_error)
             else "and meet in no board"
         )
         lines.append(
-            f"together: rays miss by {check.together:.2f} px, {corners} ({check.boards} views)"
+            f"together: rays miss by {check.ray_error:.2f} px, {corners} ({check.boards} views)"
         )
     said = "The calibration does not hold: " + _why(options, board, found) if cause else ""
-    say([*lines, said or "The calibration holds."])
+    print_lines([*lines, said or "The calibration holds."])
     return DONE if check.holds else NO
 
 
@@ -338,7 +379,7 @@ def _finite(value: float) -> float | None:
 
 def _why(options: argparse.Namespace, board: CharucoBoard, found: Diagnosis) -> str:
     """The cause in words, and what to do."""
-    from ...capture.cameras.rig_check import FINE_PX
+    from ...capture.cameras.rig_check import MAX_ERROR_PX
 
     cause, names = found.cause, found.names
     assert cause is not None
@@ -350,12 +391,12 @@ def _why(options: argparse.Namespace, board: CharucoBoard, found: Diagnosis) -> 
     if cause.kind == "board" and cause.square is not None:
         return _size(options, board, cause.square)
     if cause.kind == "lens":
-        bad = [n for n, x in zip(names, found.check.own, strict=True) if x > FINE_PX]
+        bad = [n for n, x in zip(names, found.check.camera_errors, strict=True) if x > MAX_ERROR_PX]
         return (
             f"zoom, focus or resolution of {' and '.join(bad)} has changed. Calibrate again, then"
             " arrange."
         )
-    odd = [n for n, x in zip(names, found.check.odd, strict=True) if x]
+    odd = [n for n, x in zip(names, found.check.disagreeing, strict=True) if x]
     who = f"camera {odd[0]}" if len(odd) == 1 else "a camera"
     return f"{who} has been moved. Arrange them again."
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from ...core.errors import CaptureError, DeviceError
 from ..device import device_folder
-from ..options import numbers
+from ..options import add_output_options, parse_numbers
+from ..output import print_json
 
 if TYPE_CHECKING:
     from ...core.arrays import Float
@@ -29,43 +28,57 @@ def add(steps: Commands, bars: Bars) -> None:
     """Add the commands to those of `capture`; `bars` shows progress."""
     sub = steps.add_parser(
         "markers",
-        help="the tags of a device to print, and where they go",
-        description="Choose places for camera tags on the device (the seats that its build has"
-        " cut, or else flat places on its skin, three or more on its anchor) and write markers.pdf,"
-        " tags at true scale and pictures of where they go, and markers.json, which says so to the"
-        " other commands.",
+        help="Write the tags of a device for printing, and where to glue them",
+        description="Choose places for camera tags on the device: the seats that its build has "
+        "cut, or else flat places on its skin, three or more on its anchor. Write "
+        "markers.pdf, with tags at true scale and pictures of their places, and "
+        "markers.json for the other commands.",
         examples=[
             "defsense capture markers my-device",
             "defsense capture markers my-device --count 16 --size 10 --dictionary 36h11",
         ],
     )
-    sub.add_argument("device", type=device_folder, metavar="DEVICE", help="folder with device.toml")
-    sub.add_argument("--count", type=int, metavar="N", help="how many tags (12)")
     sub.add_argument(
-        "--size", type=float, metavar="MM",
-        help="side of a tag's black square (the largest of 20, 15, 12, 10, 8, 6 that fits)",
-    )  # fmt: skip
+        "device", type=device_folder, metavar="DEVICE", help="Folder that contains device.toml"
+    )
+    sub.add_argument("--count", type=int, metavar="N", help="Set the number of tags (default: 12)")
     sub.add_argument(
-        "--dictionary", default="4X4_50", metavar="NAME",
-        help="family of tags: 4X4_50 (default), APRILTAG_36H11, ...",
-    )  # fmt: skip
+        "--size",
+        type=float,
+        metavar="MM",
+        help="Set the side of a tag's black square in mm (default: the largest of 20, 15, "
+        "12, 10, 8, 6 that fits)",
+    )
     sub.add_argument(
-        "--side", metavar="X,Y,Z",
-        help="only where cameras see them that look from this direction, as in 0,-1,1 (all round)",
-    )  # fmt: skip
-    sub.add_argument("--skin", action="store_true", help="choose places even where there are seats")
-    sub.add_argument("--paper", default="a4", metavar="NAME", help=_PAPER)
+        "--dictionary",
+        default="4X4_50",
+        metavar="NAME",
+        help="Set the dictionary of the tags: 4X4_50 (default), APRILTAG_36H11, ...",
+    )
     sub.add_argument(
-        "--out", type=Path, metavar="DIR", help="where to write (markers, in the device's folder)"
+        "--side",
+        metavar="X,Y,Z",
+        help="Place tags only where cameras looking from this direction see them, such as "
+        "0,-1,1 (default: all around)",
+    )
+    sub.add_argument(
+        "--skin", action="store_true", help="Choose places on the skin even if the device has seats"
+    )
+    sub.add_argument("--paper", default="a4", metavar="NAME", help=f"Set the paper size: {_PAPER}")
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="Set the output folder (default: markers, in the device folder)",
     )
     _common(sub)
     sub.set_defaults(run=lambda options: _markers(options, bars))
     sub = steps.add_parser(
         "board",
-        help="the ChArUco board to print, which calibrates the cameras",
-        description="Write board.pdf, a chessboard with tags at true scale, and board.json. Print"
-        " it, measure a square, and store that by the same command with --measured: all lengths"
-        " that the cameras give scale by it.",
+        help="Write the ChArUco board for calibrating the cameras",
+        description="Write board.pdf, a chessboard with tags at true scale, and board.json. Print "
+        "it, measure a square, and store the measurement with the same command and "
+        "--measured: all lengths measured by the cameras scale with it.",
         examples=[
             "defsense capture board my-cameras",
             "defsense capture board my-cameras --measured 29.95",
@@ -74,41 +87,64 @@ def add(steps: Commands, bars: Bars) -> None:
         ],
     )
     sub.add_argument(
-        "folder", type=Path, nargs="?", default=Path(), metavar="OUT", help="a folder (this one)"
+        "folder",
+        type=Path,
+        nargs="?",
+        default=Path(),
+        metavar="OUT",
+        help="Output folder (default: current folder)",
     )
-    sub.add_argument("--square", type=float, metavar="MM", help="side of a square (30)")
-    sub.add_argument("--columns", type=int, metavar="N", help="squares across (7)")
-    sub.add_argument("--rows", type=int, metavar="N", help="squares down (5)")
     sub.add_argument(
-        "--dictionary", metavar="NAME",
-        help="family of its tags (5X5_100): another than that of the device's tags",
-    )  # fmt: skip
-    sub.add_argument("--marker", type=float, metavar="MM", help="side of a tag (11/15 of a square)")
+        "--square", type=float, metavar="MM", help="Set the side of a square in mm (default: 30)"
+    )
     sub.add_argument(
-        "--printed", action="store_true",
-        help="a board that is there already: write board.json alone, nothing to print",
-    )  # fmt: skip
+        "--columns", type=int, metavar="N", help="Set the number of squares across (default: 7)"
+    )
     sub.add_argument(
-        "--inverted", action="store_true",
-        help="a board of another program, white where ours is black; implies --printed",
-    )  # fmt: skip
+        "--rows", type=int, metavar="N", help="Set the number of squares down (default: 5)"
+    )
     sub.add_argument(
-        "--legacy", action="store_true",
-        help="a board as OpenCV drew it before 4.6, which begins with white where the number of"
-        " rows is even; implies --printed",
-    )  # fmt: skip
-    sub.add_argument("--paper", metavar="NAME", help=_PAPER)
+        "--dictionary",
+        metavar="NAME",
+        help="Set the dictionary of the board's tags; it must differ from that of the "
+        "device's tags (default: 5X5_100)",
+    )
     sub.add_argument(
-        "--measured", type=float, metavar="MM",
-        help="store the side of a square as printed in the board.json of OUT",
-    )  # fmt: skip
+        "--marker",
+        type=float,
+        metavar="MM",
+        help="Set the side of a tag in mm (default: 11/15 of a square)",
+    )
+    sub.add_argument(
+        "--printed",
+        action="store_true",
+        help="Describe a board that exists already: write only board.json, with nothing to print",
+    )
+    sub.add_argument(
+        "--inverted",
+        action="store_true",
+        help="Describe a board of another program that is white where ours is black; "
+        "implies --printed",
+    )
+    sub.add_argument(
+        "--legacy",
+        action="store_true",
+        help="Describe a board drawn by OpenCV before 4.6, which starts with white if the "
+        "number of rows is even; implies --printed",
+    )
+    sub.add_argument("--paper", metavar="NAME", help=f"Set the paper size: {_PAPER}")
+    sub.add_argument(
+        "--measured",
+        type=float,
+        metavar="MM",
+        help="Store the measured side of a printed square in mm in the board.json of OUT",
+    )
     _common(sub)
     sub.set_defaults(run=_board)
 
 
 def _common(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_output_options(sub)
 
 
 def _direction(text: str | None) -> Float | None:
@@ -117,7 +153,7 @@ def _direction(text: str | None) -> Float | None:
         return None
     import numpy as np
 
-    values = np.array(numbers("--side", text, "any unit"))
+    values = np.array(parse_numbers("--side", text, "any unit"))
     if values.shape != (3,) or not np.linalg.norm(values) > 0:
         raise DeviceError(f"--side {text}: give a direction x,y,z, as in 0,-1,1")
     return values
@@ -150,7 +186,7 @@ def _markers(options: argparse.Namespace, bars: Bars) -> int:
             "anchor": m.ids[m.anchor].tolist(),
             "notes": list(found.notes),
         }
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        print_json(data)
         return 0
     on = f", {m.anchor.sum()} of them on {device.outputs.anchor}" if m.anchor.any() else ""
     _say(
@@ -212,7 +248,7 @@ def _board(options: argparse.Namespace) -> int:
             f" defsense capture board {folder} --measured MM",
         ]
     if options.json:
-        sys.stdout.write(json.dumps({"file": str(path), **asdict(board)}, indent=1) + "\n")
+        print_json({"file": str(path), **asdict(board)})
     else:
         _say(lines)
     return 0

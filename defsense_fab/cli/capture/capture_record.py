@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from contextlib import ExitStack
 from functools import partial
@@ -12,7 +11,14 @@ from typing import TYPE_CHECKING
 
 from ..device import device_folder
 from ..exit_codes import DONE, STOPPED
-from ..options import REFERENCE, references, twin_values, within
+from ..options import (
+    REFERENCE_OHM,
+    add_output_options,
+    check_range,
+    parse_references,
+    parse_twin_cameras,
+)
+from ..output import print_json
 
 if TYPE_CHECKING:
     from ...capture.sessions.guided_recording import CaptureScreen
@@ -31,48 +37,102 @@ def add(steps: Commands) -> None:
     """Add `record` to the commands of `capture`."""
     sub = steps.add_parser(
         "record",
-        help="record a device's movement and signals, step by step",
-        description="Record a device before calibrated cameras, with its read-out board: says"
-        " which pose is next, shows the pictures with the tags found, the signals, and how much of"
-        " each pose was seen. Everything is written as it comes, so that nothing is lost when the"
-        " program dies;"
-        " the same command goes on with a session that was stopped.",
+        help="Record a device's movement and signals, step by step",
+        description="Record a device with calibrated cameras and its read-out board. The screen "
+        "shows the next pose, the pictures with the detected tags, the signals, and "
+        "how much of each pose was seen. Everything is written immediately, so that "
+        "nothing is lost if the program stops. Rerun the command to resume a session.",
         examples=[
             "defsense capture record my-device --cameras 0 2 --calibration cameras.toml"
             " --port /dev/ttyUSB0",
             "defsense capture record my-device --cameras twin --port twin",
         ],
     )
-    sub.add_argument("device", type=device_folder, metavar="DEVICE", help="folder with device.toml")
-    sub.add_argument("--cameras", nargs="+", required=True, metavar="CAMERA", help=_CAMERAS)
-    sub.add_argument("--calibration", type=Path, metavar="TOML",
-                     help="of the cameras (cameras.toml; a twin's are known)")  # fmt: skip
     sub.add_argument(
-        "--port", required=True, metavar="PORT",
-        help="of the read-out board: /dev/ttyUSB0, COM3, socket://host:port, twin, or none"
-        " (markers alone)",
-    )  # fmt: skip
+        "device", type=device_folder, metavar="DEVICE", help="Folder that contains device.toml"
+    )
     sub.add_argument(
-        "--markers", type=Path, metavar="JSON",
-        help="what 'capture markers' wrote (markers, in the device's folder)",
-    )  # fmt: skip
-    sub.add_argument("--out", type=Path, metavar="SESSION",
-                     help="the session's folder (session, in the device's)")  # fmt: skip
-    sub.add_argument("--rounds", type=int, default=2, metavar="N", help="through all poses (2)")
-    sub.add_argument("--seconds", type=float, default=8.0, metavar="S", help="for each pose (8)")
-    sub.add_argument("--free", type=float, default=15.0, metavar="S",
-                     help="of free movement at the end of each round (15)")  # fmt: skip
-    sub.add_argument("--rest", type=float, default=4.0, metavar="S",
-                     help="of rest at the beginning and the end (4)")  # fmt: skip
-    sub.add_argument("--reference", metavar="OHM,...", help="of the dividers, or one for all"
-                     f" ({REFERENCE:g})")  # fmt: skip
-    sub.add_argument("--rate", type=int, default=50, metavar="HZ", help="samples per second (50)")
-    sub.add_argument("--unit", metavar="NAME", help="which device this is, of several built alike")
-    sub.add_argument("--video", action="store_true",
-                     help="keep the pictures, too: lossless, some 10 MB a second")  # fmt: skip
-    sub.add_argument("--auto", action="store_true", help="take no keys: steps follow by themselves")
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+        "--cameras", nargs="+", required=True, metavar="CAMERA", help=f"Set the cameras, {_CAMERAS}"
+    )
+    sub.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="TOML",
+        help="Set the calibration of the cameras (default: cameras.toml; not needed for a twin)",
+    )
+    sub.add_argument(
+        "--port",
+        required=True,
+        metavar="PORT",
+        help="Set the port of the read-out board: /dev/ttyUSB0, COM3, socket://host:port, "
+        "twin, or none (markers only)",
+    )
+    sub.add_argument(
+        "--markers",
+        type=Path,
+        metavar="JSON",
+        help="Set the folder that 'capture markers' wrote, or its markers.json (default: "
+        "markers, in the device folder)",
+    )
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="SESSION",
+        help="Set the session folder (default: session, in the device folder)",
+    )
+    sub.add_argument(
+        "--rounds",
+        type=int,
+        default=2,
+        metavar="N",
+        help="Set the number of rounds through all poses (default: 2)",
+    )
+    sub.add_argument(
+        "--seconds",
+        type=float,
+        default=8.0,
+        metavar="S",
+        help="Set the time for each pose in s (default: 8)",
+    )
+    sub.add_argument(
+        "--free",
+        type=float,
+        default=15.0,
+        metavar="S",
+        help="Set the time of free movement at the end of each round in s (default: 15)",
+    )
+    sub.add_argument(
+        "--rest",
+        type=float,
+        default=4.0,
+        metavar="S",
+        help="Set the time of rest at the start and the end in s (default: 4)",
+    )
+    sub.add_argument(
+        "--reference",
+        metavar="OHM,...",
+        help="Set the reference resistors of the voltage dividers in ohm, or one for all "
+        f"(default: {REFERENCE_OHM:g})",
+    )
+    sub.add_argument(
+        "--rate",
+        type=int,
+        default=50,
+        metavar="HZ",
+        help="Set the sampling rate in Hz (default: 50)",
+    )
+    sub.add_argument(
+        "--unit",
+        metavar="NAME",
+        help="Set the name of the unit, if several devices are built alike",
+    )
+    sub.add_argument(
+        "--video",
+        action="store_true",
+        help="Keep the pictures too: lossless, about 10 MB per second",
+    )
+    sub.add_argument("--auto", action="store_true", help="Read no keys: steps follow automatically")
+    add_output_options(sub)
     sub.set_defaults(run=_record)
 
 
@@ -84,7 +144,7 @@ def _record(options: argparse.Namespace) -> int:
 
     for name, low, high in (("rounds", 1, 100), ("seconds", 1, 600), ("free", 0, 600),
                             ("rest", 1, 60), ("rate", 1, 500)):  # fmt: skip
-        within(f"--{name}", getattr(options, name), low, high)
+        check_range(f"--{name}", getattr(options, name), low, high)
     device = load_device(options.device)
     markers = read_markers(options.markers or device.source / "markers")
     folder = options.out or device.source / "session"
@@ -107,9 +167,9 @@ def _asked(options: argparse.Namespace) -> CaptureOptions:
     given = options.reference
     return CaptureOptions(
         tuple(options.cameras), options.port, options.calibration,
-        twin_values("--cameras", word) if simulated else None,
+        parse_twin_cameras("--cameras", word) if simulated else None,
         options.rounds, options.seconds, options.free, options.rest, options.rate,
-        partial(references, given) if given is not None else None, options.unit, options.video,
+        partial(parse_references, given) if given is not None else None, options.unit, options.video,
     )  # fmt: skip
 
 
@@ -119,13 +179,15 @@ def _note(text: str) -> None:
 
 
 def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> int:
-    from ...capture.sessions.session import as_mapping, ending, finished
+    from ...capture.sessions.session import finished_steps, run_ending, session_summary
 
     if options.json:
-        sys.stdout.write(json.dumps(as_mapping(session), indent=1) + "\n")
+        print_json(session_summary(session))
         return DONE if done else STOPPED
     run = session.runs[-1]
-    lines = [f"{run}: {ending(run)}; {len(finished(session))} of {len(session.steps)} steps"]
+    lines = [
+        f"{run}: {run_ending(run)}; {len(finished_steps(session))} of {len(session.steps)} steps"
+    ]
     if done:
         lines.append(f"Next:    defsense capture process {session.folder}")
     else:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import DeviceError
-from ..device import device_arguments, overrides
-from ..options import numbers, within
-from ..output import console, progress_bars, results, say, silent_stdout
+from ..device import add_device_arguments, parse_overrides
+from ..options import check_range, parse_numbers
+from ..output import console, print_json, print_lines, progress_bars, silent_stdout, standard_output
 
 if TYPE_CHECKING:
     from ...core.progress import Progress
@@ -37,32 +35,36 @@ def add(commands: Commands) -> None:
         sub = commands.add_parser(
             name,
             help=text,
-            description=f"{text.capitalize()}. What is up to date is reused.",
+            description=f"{text}. Results that are up to date are reused.",
             examples=[f"defsense {name} fixtures/devices/bar --set width=32"],
         )
-        device_arguments(sub)
+        add_device_arguments(sub)
         if name in ("build", "fabricate", "report"):
             sub.add_argument(
-                "--copies", type=int, metavar="N",
-                help="devices on the plates, in place of [fabrication] copies",
-            )  # fmt: skip
+                "--copies",
+                type=int,
+                metavar="N",
+                help="Set the number of devices on the plates (default: [fabrication] copies)",
+            )
             sub.add_argument(
-                "--bed", metavar="X,Y,Z",
-                help="of the printer, mm, in place of [fabrication] bed",
-            )  # fmt: skip
+                "--bed",
+                metavar="X,Y,Z",
+                help="Set the printer bed size in mm (default: [fabrication] bed)",
+            )
         if name not in _BEFORE_POSES:
             sub.add_argument(
-                "--scheduler", metavar="ADDRESS",
-                help="solve the poses on a cluster of Dask: the address of its scheduler,"
-                " tcp://HOST:8786 (here)",
-            )  # fmt: skip
+                "--scheduler",
+                metavar="ADDRESS",
+                help="Solve the poses on a Dask cluster with this scheduler address, such as "
+                "tcp://HOST:8786 (default: solve them locally)",
+            )
         sub.set_defaults(until=until, run=_build)
 
 
 def _build(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
 
-    device, requested = load_device(options.folder, overrides(options.set)), _options(options)
+    device, requested = load_device(options.folder, parse_overrides(options.set)), _options(options)
     from ...workflow.build.build import build, summary
     from ...workflow.build.options import describe_options, recorded_options
 
@@ -71,13 +73,13 @@ def _build(options: argparse.Namespace) -> int:
         solve = _solve_elsewhere(options, progress)
         result = build(device, options.until, progress, options=requested, solve=solve)
     data = {**summary(result.folder), "made": result.made, "reused": result.reused}
-    with results():
+    with standard_output():
         if options.json:
-            sys.stdout.write(json.dumps(data, indent=1) + "\n")
+            print_json(data)
         else:
             _show(data, options, describe_options(requested))
             if not before.is_empty and "fabricate" in result.made and requested != before:
-                say([
+                print_lines([
                     f"note: the previous plates were made with {describe_options(before)}, these"
                     f" with {describe_options(requested) or 'the values of device.toml'}. Repeat the"
                     " option, or set it under [fabrication] in device.toml."
@@ -90,7 +92,7 @@ def _solve_elsewhere(options: argparse.Namespace, progress: Progress) -> Solve |
     address = getattr(options, "scheduler", None)
     if address is None:
         return None
-    from ...workflow.study.runs.poses_on_cluster import cluster_solver
+    from ...workflow.study.runs.cluster import cluster_solver
 
     return cluster_solver(address, lambda told: progress("simulate", 0.0, told))
 
@@ -102,10 +104,10 @@ def _options(options: argparse.Namespace) -> BuildOptions:
 
     copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)
     if copies is not None:
-        within("--copies", copies, 1, MAX_COPIES)
+        check_range("--copies", copies, 1, MAX_COPIES)
     if bed is None:
         return BuildOptions(copies)
-    sizes = numbers("--bed", bed)
+    sizes = parse_numbers("--bed", bed)
     if len(sizes) != 3 or not all(30 <= n <= 5000 for n in sizes):
         raise DeviceError(
             f"--bed {bed}: give width, depth and height, 30 to 5000 mm each, as in 220,220,250"
@@ -202,11 +204,11 @@ def _show(data: dict[str, Any], options: argparse.Namespace, requested: str) -> 
 
     out = console()
     if not data["made"]:
-        say(["Everything is up to date."])
+        print_lines(["Everything is up to date."])
     folder = data["build"]
     chosen = data.get("mesh", {}).get("accuracy")
     if chosen:
-        say([
+        print_lines([
             f"mesh: an edge length of {data['mesh']['edge_length']:.3g} mm"
             f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
             f" {chosen['asked']:.2%} was asked"
@@ -214,10 +216,12 @@ def _show(data: dict[str, Any], options: argparse.Namespace, requested: str) -> 
     if "body" in data["made"]:
         repairs = data.get("body", {}).get("repairs", [])
         # STL has no common vertices: to merge them is no repair.
-        say(f"body: {line}" for line in repairs if not line.startswith("merged"))
+        print_lines(f"body: {line}" for line in repairs if not line.startswith("merged"))
     if data.get("mesh", {}).get("note"):
-        say([f"note: {data['mesh']['note']}"])
-    say(f"note: {w}" for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", []))
+        print_lines([f"note: {data['mesh']['note']}"])
+    print_lines(
+        f"note: {w}" for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", [])
+    )
     if "layout" in data:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]
@@ -238,11 +242,11 @@ def _show(data: dict[str, Any], options: argparse.Namespace, requested: str) -> 
                 table.add_row(label, *(_told(p[key]) for p in (first, best)))
         table.add_row("floor of affine maps, all states", "", f"{best['floor']:.3f}")
         out.print(table)
-        say([f"note: {MEANING[best['how']]}"])
-        say(_begun_better(layout))
-        say(_measured(layout["response"]))
-        say(_cost_of_affine(layout))
-        say(_weighed(layout["weighed"]))
+        print_lines([f"note: {MEANING[best['how']]}"])
+        print_lines(_begun_better(layout))
+        print_lines(_measured(layout["response"]))
+        print_lines(_cost_of_affine(layout))
+        print_lines(_weighed(layout["weighed"]))
     if "manifest" in data:
         manifest = data["manifest"]
         table = Table(title="parts")
@@ -260,8 +264,8 @@ def _show(data: dict[str, Any], options: argparse.Namespace, requested: str) -> 
             ohm = (f"{c[key]:.0f}" for key in ("resistance_before", "resistance"))
             table.add_row(c["sensor"], f"{c['cut_length']:.0f}", *ohm)
         out.print(table)
-        say(_plates(manifest))
-        say(f"note: {w}" for w in manifest["warnings"])
+        print_lines(_plates(manifest))
+        print_lines(f"note: {w}" for w in manifest["warnings"])
     where = f"{folder}/report.html" if options.until == "report" else folder
     following = {
         "build": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
@@ -272,4 +276,4 @@ def _show(data: dict[str, Any], options: argparse.Namespace, requested: str) -> 
         "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
     }[options.command]
     text = f"Look at: {where}\nNext:    {following}"
-    say([text])
+    print_lines([text])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import os
 import shlex
 import sys
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BodyError, DeviceError, StorageError
 from ...workflow.starts.defaults import DEFAULT_CORD, DEFAULT_CORDS, DEFAULT_PROCESS, MAX_CORDS
-from ..output import progress_bars, results, say, silent_stdout
+from ..options import add_verbose_option
+from ..output import print_json, print_lines, progress_bars, silent_stdout, standard_output
 
 if TYPE_CHECKING:
     from ...workflow.starts.dropped_body import DroppedBody
@@ -24,47 +24,66 @@ def add(commands: Commands) -> None:
     """`new`."""
     sub = commands.add_parser(
         "new",
-        help="begin a device: a folder with a device.toml that can be built",
-        description="Begin a device from one that comes with the package, or from the file of a"
-        " body. What is not given is asked in a terminal; Enter takes what is in brackets.",
+        help="Create a device folder with a device.toml that can be built",
+        description="Create a device from an example of the package or from a body file. In a "
+        "terminal, missing values are requested; press Enter to accept the default in "
+        "brackets.",
         examples=[
             "defsense new my-device",
             "defsense new wand --body wand.step --poses bend,twist",
             "defsense new bunny --body bunny.stl --units mm --poses modes --cord rubber-1.7mm",
         ],
     )
-    sub.add_argument("folder", type=Path, metavar="DIR", help="the folder to make")
+    sub.add_argument("folder", type=Path, metavar="DIR", help="Folder to create")
     sub.add_argument(
-        "--body", metavar="WHAT",
-        help="bar, twist-bar, cube, blob, or a file: a script (.py), STEP, or a mesh",
-    )  # fmt: skip
-    sub.add_argument(
-        "--units", metavar="UNIT", help="of a mesh's lengths: mm, cm, m, inch or um (micrometres)"
+        "--body",
+        metavar="WHAT",
+        help="Set the body: bar, twist-bar, cube, blob, or a file (script .py, STEP, or mesh)",
     )
     sub.add_argument(
-        "--poses", metavar="NAMES",
-        help="modes, which finds them by the body's natural modes, or some of bend, bend_side,"
-        " twist and pull, with commas",
-    )  # fmt: skip
-    sub.add_argument("--cord", metavar="NAME", help=f"a row of data/cords.csv ({DEFAULT_CORD})")
+        "--units",
+        metavar="UNIT",
+        help="Set the unit of a mesh's lengths: mm, cm, m, inch or um (micrometers)",
+    )
+    sub.add_argument(
+        "--poses",
+        metavar="NAMES",
+        help="Set the poses: modes (found from the body's natural modes), or some of bend, "
+        "bend_side, twist and pull, separated by commas",
+    )
+    sub.add_argument(
+        "--cord",
+        metavar="NAME",
+        help=f"Set the cord, a row of data/cords.csv (default: {DEFAULT_CORD})",
+    )
     sub.add_argument(
         "--cords",
         type=int,
         metavar="N",
-        help=f"how many are to be found (one a pose, at least {DEFAULT_CORDS})",
+        help=f"Set the number of cords to place (default: one per pose, at least {DEFAULT_CORDS})",
     )
-    sub.add_argument("--name", help="of the device (that of the folder)")
-    sub.add_argument("--process", metavar="NAME", help=f"a row of data/printers.csv ({DEFAULT_PROCESS})")
+    sub.add_argument("--name", help="Set the name of the device (default: name of the folder)")
     sub.add_argument(
-        "--material", metavar="NAME", help="a row of data/materials.csv (one that the process has)"
+        "--process",
+        metavar="NAME",
+        help="Set the fabrication process, a row of data/printers.csv (default: "
+        f"{DEFAULT_PROCESS})",
     )
     sub.add_argument(
-        "--edge-length", type=float, metavar="MM", help="of the mesh (fitted to the body)"
+        "--material",
+        metavar="NAME",
+        help="Set the material, a row of data/materials.csv (default: the process's)",
     )
     sub.add_argument(
-        "--json", action="store_true", help="ask nothing, and print the result as JSON"
+        "--edge-length",
+        type=float,
+        metavar="MM",
+        help="Set the edge length of the mesh in mm (default: fitted to the body)",
     )
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.add_argument(
+        "--json", action="store_true", help="Ask no questions, and print the result as JSON"
+    )
+    add_verbose_option(sub)
     sub.set_defaults(run=_new)
 
 
@@ -106,7 +125,9 @@ def _body(options: argparse.Namespace) -> DroppedBody | None:
         if word in starts:
             return word, None
         if not word.strip("'\" "):
-            raise DeviceError(f"--body: give one of {', '.join(s.name for s in STARTING_DEVICES)}, or a file")
+            raise DeviceError(
+                f"--body: give one of {', '.join(s.name for s in STARTING_DEVICES)}, or a file"
+            )
         path = _path(word)
         if not path.exists() and not path.suffix:
             raise DeviceError(
@@ -262,9 +283,9 @@ def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
     from ...workflow.starts.dropped_body import notable_repairs
 
     build = f"defsense build {shlex.quote(begun['device'])}"
-    with results():
+    with standard_output():
         if options.json:
-            sys.stdout.write(json.dumps({**begun, "next": build}, indent=1) + "\n")
+            print_json({**begun, "next": build})
             return
         folder = Path(begun["device"])
         size = ""
@@ -272,7 +293,7 @@ def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
             x, y, z = begun["size_mm"]
             size = f", {x:g} x {y:g} x {z:g} mm"
         mended = notable_repairs(begun.get("repaired", ()))
-        say([
+        print_lines([
             f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
             *(f"Mended:  {line}" for line in mended),
             *([f"note: {begun['note']}"] if begun["note"] else []),

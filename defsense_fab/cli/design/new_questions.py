@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from ...core.errors import DefsenseError, DeviceError
-from ..output import say
+from ..output import print_lines
 
 if TYPE_CHECKING:
     from ...workflow.starts.dropped_body import DroppedBody
@@ -21,7 +21,7 @@ def answered(ask: Callable[[], str], check: Callable[[str], T]) -> T:
         try:
             return check(ask())
         except DefsenseError as error:
-            say([f"  {error}"])
+            print_lines([f"  {error}"])
 
 
 def ask_body() -> str:
@@ -125,7 +125,7 @@ def _choose(
     """An answer, or `usual` for none; a row may be given by its number, `several` with commas."""
     width = max(len(name) for name, _ in rows)
     lines = [f"  {k}  {name:<{width}}  {about}" for k, (name, about) in enumerate(rows, 1)]
-    say(["", question, *lines])
+    print_lines(["", question, *lines])
     sys.stdout.write(f"[{usual}] ")
     sys.stdout.flush()
     line = sys.stdin.readline()

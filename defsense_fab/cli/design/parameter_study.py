@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING, Any
 
-from ..device import overrides
-from ..options import within
-from ..output import console, progress_bars, results, say, silent_stdout
+from ..device import parse_overrides
+from ..options import check_range
+from ..output import console, print_json, print_lines, progress_bars, silent_stdout, standard_output
 
 if TYPE_CHECKING:
     from ...workflow.study.parameter_study import StudyResult
@@ -26,13 +24,13 @@ def run_parameter_study(options: argparse.Namespace) -> int:
     from ...workflow.study.parameter_study import run_study
 
     workers = options.workers if options.workers is not None else count_cores()
-    within("--workers", workers, 1, _MOST_WORKERS)
-    fixed = {f"body.parameters.{k}": v for k, v in overrides(options.set).items()}
+    check_range("--workers", workers, 1, _MOST_WORKERS)
+    fixed = {f"body.parameters.{k}": v for k, v in parse_overrides(options.set).items()}
     with silent_stdout(), progress_bars(options) as progress:
         found = run_study(options.folder, fixed, workers, options.scheduler, progress)
-    with results():
+    with standard_output():
         if options.json:
-            sys.stdout.write(json.dumps(_as_json(found), indent=1) + "\n")
+            print_json(_as_json(found))
         else:
             _show(found, options)
     return 0
@@ -58,24 +56,26 @@ def _as_json(found: StudyResult) -> dict[str, Any]:
 
 
 def _show(found: StudyResult, options: argparse.Namespace) -> None:
-    from ...workflow.study.results.study_page import failures
+    from ...workflow.study.results.study_page import group_failures
 
     table = found.table
     told = f"{len(table.done)} runs of {table.points} points, {found.made} of them made now"
-    say([f"{told}; {len(table.failed)} failed" if table.failed else told])
+    print_lines([f"{told}; {len(table.failed)} failed" if table.failed else told])
     console().print(_best(found))
     if found.sensitivities:
-        say(["which parameters matter (Spearman's coefficient, share of the ranks' variance):"])
-        say(
+        print_lines(
+            ["which parameters matter (Spearman's coefficient, share of the ranks' variance):"]
+        )
+        print_lines(
             f"  {s.key}: {'choice' if s.rho is None else f'{s.rho:+.2f}'},"
             f" {'unknown' if s.share is None else f'{s.share:.2f}'}"
             for s in found.sensitivities
         )
-    for message, rows in failures(table.failed):
-        say([f"failed, {len(rows)} {'run' if len(rows) == 1 else 'runs'}: {message}"])
-    say([f"Look at: {found.page}", f"Numbers: {found.file}"])
+    for message, rows in group_failures(table.failed):
+        print_lines([f"failed, {len(rows)} {'run' if len(rows) == 1 else 'runs'}: {message}"])
+    print_lines([f"Look at: {found.page}", f"Numbers: {found.file}"])
     if found.best is not None:
-        say([
+        print_lines([
             f"Next:    cp {found.best} {options.folder / 'device.toml'}, for the best run's values,"
             f" then defsense build {options.folder}"
         ])  # fmt: skip
@@ -84,7 +84,7 @@ def _show(found: StudyResult, options: argparse.Namespace) -> None:
 def _best(found: StudyResult) -> Any:
     from rich.table import Table
 
-    from ...workflow.study.results.study_page import text
+    from ...workflow.study.results.study_page import format_value
 
     study, rows = found.table.study, found.table.done[:_SHOWN]
     title = f"runs with the least {study.minimise}" if study.minimise else "runs"
@@ -96,10 +96,10 @@ def _best(found: StudyResult) -> Any:
     for name in (*keys, *measures):
         out.add_column(name, justify="right")
     for r in rows:
-        out.add_row(*_cells(r, keys, measures, text))
+        out.add_row(*_cells(r, keys, measures, format_value))
     return out
 
 
-def _cells(record: RunRecord, keys: list[str], measures: list[str], text: Any) -> list[str]:
+def _cells(record: RunRecord, keys: list[str], measures: list[str], format_value: Any) -> list[str]:
     values = [record.parameters.get(k) for k in keys] + [record.measures.get(m) for m in measures]
-    return [text(v) for v in values]
+    return [format_value(v) for v in values]

@@ -7,8 +7,8 @@ import time
 from typing import TYPE_CHECKING
 
 from ..device import device_folder
-from ..options import within
-from ..output import say
+from ..options import add_verbose_option, check_range
+from ..output import print_lines
 
 if TYPE_CHECKING:
     from ...studio.page.studio import Studio
@@ -22,12 +22,12 @@ def add(commands: Commands) -> None:
     """`studio`."""
     sub = commands.add_parser(
         "studio",
-        help="draw a device's cords in the browser, while their expected error is told",
-        description="Show a device's body and cords on a page of this machine. Control points are"
-        " dragged, and the error that is expected in each pose follows; limits that break are told;"
-        " the device is simulated, optimised and built from there. A folder without device begins"
-        " with a gallery. Everything is written to"
-        " device.toml at once, can be undone, and is the same as if it had been written by hand.",
+        help="Edit a device's cords in the browser, with live error estimates",
+        description="Show a device's body and cords on a page of this machine. Drag control "
+        "points, and the page updates the expected error of each pose and lists "
+        "violated limits. Simulate, optimize and build the device from there. For a "
+        "folder without a device, the page starts with a gallery. Every change is "
+        "written to device.toml immediately and can be undone.",
         examples=[
             "defsense studio my-device",
             "defsense studio new-device",
@@ -35,26 +35,51 @@ def add(commands: Commands) -> None:
             "defsense studio my-device --host 0.0.0.0",
         ],
     )
-    sub.add_argument("device", type=device_folder, metavar="DIR",
-                     help="folder of the device, which may not be there yet")  # fmt: skip
-    sub.add_argument("--port", type=int, default=_PORT, metavar="PORT",
-                     help=f"of the page on this machine ({_PORT})")  # fmt: skip
-    sub.add_argument("--host", default=None, metavar="ADDRESS",
-                     help="for other machines, too: an address of this one, or 0.0.0.0 for all; the"
-                     " link then has a token, without which nothing is shown")  # fmt: skip
-    sub.add_argument("--trust", action="store_true",
-                     help="run the folder's CAD script unasked: you wrote it")  # fmt: skip
-    sub.add_argument("--no-browser", action="store_true", help="print the page's address alone")
-    sub.add_argument("--seconds", type=float, default=None, metavar="S",
-                     help="end after so long (runs until Ctrl-C)")  # fmt: skip
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.add_argument(
+        "device",
+        type=device_folder,
+        metavar="DIR",
+        help="Folder of the device; it need not exist yet",
+    )
+    sub.add_argument(
+        "--port",
+        type=int,
+        default=_PORT,
+        metavar="PORT",
+        help=f"Set the port of the page (default: {_PORT})",
+    )
+    sub.add_argument(
+        "--host",
+        default=None,
+        metavar="ADDRESS",
+        help="Serve other machines too: an address of this machine, or 0.0.0.0 for all; the"
+        " link then contains a token, which is required to see the page",
+    )
+    sub.add_argument(
+        "--trust",
+        action="store_true",
+        help="Run the folder's CAD script without confirmation, because you wrote it",
+    )
+    sub.add_argument(
+        "--no-browser",
+        action="store_true",
+        help="Print the page's address without opening a browser",
+    )
+    sub.add_argument(
+        "--seconds",
+        type=float,
+        default=None,
+        metavar="S",
+        help="Stop after this time in s (default: at Ctrl-C)",
+    )
+    add_verbose_option(sub)
     sub.set_defaults(run=_studio)
 
 
 def _studio(options: argparse.Namespace) -> int:
-    within("--port", options.port, 1024, 65535)
+    check_range("--port", options.port, 1024, 65535)
     if options.seconds is not None:
-        within("--seconds", options.seconds, 0.1, 1e7)
+        check_range("--seconds", options.seconds, 0.1, 1e7)
     from ...core.machine.local_access import Access
     from ...runtime.view.page_server import HOST, close_page, page_link, serve_page
     from ...studio.page.studio import Studio
@@ -69,7 +94,7 @@ def _studio(options: argparse.Namespace) -> int:
         lines = [f"Studio:  {url}", "Ctrl-C ends; everything is written already."]
         if access.token:
             lines.insert(1, "         (the link is the key: whoever has it may do what you may)")
-        say(lines)
+        print_lines(lines)
         _run(studio, url, options)
     finally:
         close_page(server)
@@ -88,8 +113,8 @@ def _run(studio: Studio, url: str, options: argparse.Namespace) -> None:
         with one_blas_thread():  # as builds have it
             while options.seconds is None or time.monotonic() - begun < options.seconds:
                 time.sleep(_LOOK)
-                studio.look()
+                studio.poll()
     except KeyboardInterrupt:
-        say(["ended"])
+        print_lines(["ended"])
     finally:
         studio.close()

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING
 
 from ...core.errors import DeviceError
-from ..device import device_arguments, overrides
-from ..output import console, progress_bars, results, say, silent_stdout
+from ..device import add_device_arguments, parse_overrides
+from ..output import console, print_json, print_lines, progress_bars, silent_stdout, standard_output
 
 if TYPE_CHECKING:
     from ...workflow.study.cord_count import Study
@@ -20,26 +18,34 @@ def add(commands: Commands) -> None:
     """`study`."""
     sub = commands.add_parser(
         "study",
-        help="how many cords a device should have, or any parameters by study.toml",
-        description="Without a study.toml beside device.toml: find the best layout of each number"
-        " of cords and show how the predicted error falls. Cords drawn in device.toml are left out"
-        " of account; [design] planes holds; with the decoder auto each number has the one that"
-        " does best. With one: make all its runs, on this machine or on a cluster, and show which"
-        " parameters matter (docs/study.md). A study that was interrupted goes on where it stood.",
+        help="Find how many cords a device needs, or vary parameters by study.toml",
+        description="Without a study.toml next to device.toml: find the best layout for each "
+        "number of cords and show how the predicted error decreases. Cords drawn in "
+        "device.toml are ignored; [design] planes applies; with the decoder auto, each"
+        " number of cords has its best decoder. With a study.toml: run all its points,"
+        " on this machine or on a cluster, and show which parameters matter "
+        "(docs/study.md). Rerun the command to resume an interrupted study.",
         examples=[
             "defsense study fixtures/devices/bar --sensors 1..6",
             "defsense study my-device --workers 4",
             "defsense study my-device --scheduler tcp://192.168.1.10:8786",
         ],
     )
-    device_arguments(sub)
-    sub.add_argument("--sensors", metavar="A..B", help="numbers of cords to look at (1..6)")
+    add_device_arguments(sub)
     sub.add_argument(
-        "--workers", type=int, metavar="N",
-        help="processes of this machine for the runs of study.toml (its cores)",
-    )  # fmt: skip
+        "--sensors", metavar="A..B", help="Set the numbers of cords to try (default: 1..6)"
+    )
     sub.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask cluster that makes the runs of study.toml"
+        "--workers",
+        type=int,
+        metavar="N",
+        help="Set the number of local processes for the runs of study.toml (default: number"
+        " of cores)",
+    )
+    sub.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Run study.toml on a Dask cluster with this scheduler address",
     )
     sub.set_defaults(run=_study)
 
@@ -69,18 +75,18 @@ def _count_cords(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
 
     least, most = _range(options.sensors or "1..6")
-    device = load_device(options.folder, overrides(options.set))
+    device = load_device(options.folder, parse_overrides(options.set))
     from ...workflow.study import cord_count
 
     with silent_stdout(), progress_bars(options) as progress:
-        found = cord_count.study(device, least, most, progress)
-    with results():
+        found = cord_count.study_cord_count(device, least, most, progress)
+    with standard_output():
         if options.json:
             rows = [{k: v for k, v in vars(r).items() if k != "layout"} for r in found.rows]
             data = {"rows": rows, "knee": found.knee, "decoder": found.decoder, "how": found.how}
             data["ended"] = found.ended
             files = {"file": str(found.file), "picture": str(found.picture)}
-            sys.stdout.write(json.dumps({**data, **files}, indent=1) + "\n")
+            print_json({**data, **files})
         else:
             _show_study(found, options)
     return 0
@@ -112,9 +118,9 @@ def _show_study(found: Study, options: argparse.Namespace) -> None:
         table.add_row(str(r.sensors), *cells, r.decoder, mark)
     out.print(table)
     if found.ended:
-        say([f"note: ended early: {found.ended}"])
-    say([f"note: {MEANING[found.how]}"])
-    say([
+        print_lines([f"note: ended early: {found.ended}"])
+    print_lines([f"note: {MEANING[found.how]}"])
+    print_lines([
         f"Look at: {found.picture}",
         f"Next:    [design] sensors = {found.knee} in {options.folder / 'device.toml'}, then"
         f" defsense build {options.folder}",

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from ...core.errors import DeviceError
 from ...core.machine.optional_libraries import CORE, optional
 from ..device import device_folder
-from ..output import results
+from ..options import add_verbose_option
+from ..output import standard_output
 
 if TYPE_CHECKING:
     from ..options import Commands
@@ -21,22 +22,22 @@ def add(commands: Commands) -> None:
     """`completion`."""
     sub = commands.add_parser(
         "completion",
-        help="what a shell needs to complete commands, options and folders",
+        help="Print the script that lets a shell complete commands",
         description="Print a script that makes the Tab key complete this program's commands,"
         ' options, choices and files. For bash: eval "$(defsense completion bash)" in ~/.bashrc;'
         " for zsh: the same with zsh in ~/.zshrc, after compinit; for fish: defsense completion"
         " fish > ~/.config/fish/completions/defsense.fish.",
         examples=["defsense completion bash"],
     )
-    sub.add_argument("shell", choices=("bash", "zsh", "fish"))
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.add_argument("shell", choices=("bash", "zsh", "fish"), help="Shell that reads the script")
+    add_verbose_option(sub)
     sub.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     with optional(DeviceError, "completion", CORE):
         from argcomplete.shell_integration import shellcode
-    with results():
+    with standard_output():
         sys.stdout.write(shellcode(["defsense"], shell=options.shell) + "\n")
     return 0
 
@@ -91,9 +92,9 @@ def _bodies(prefix: str, **_: object) -> list[str]:
     """The package's devices, and files."""
     from argcomplete.completers import FilesCompleter
 
-    from ...workflow.starts.starting_devices import STARTS
+    from ...workflow.starts.starting_devices import STARTING_DEVICES
 
-    return [*(s.name for s in STARTS), *FilesCompleter()(prefix)]
+    return [*(s.name for s in STARTING_DEVICES), *FilesCompleter()(prefix)]
 
 
 #: What may follow an option that takes any text.

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..exit_codes import DONE, REFUSED
-from ..options import within
-from ..output import results
+from ..options import check_range
+from ..output import standard_output
 
 if TYPE_CHECKING:
-    from ...workflow.doctor.finding import Finding
+    from ...workflow.doctor.checks import Finding
     from ..options import Commands
 
 _INDENT = 12
@@ -28,32 +28,46 @@ def add(commands: Commands) -> None:
     """`doctor`."""
     sub = commands.add_parser(
         "doctor",
-        help="what this machine has of what is needed, and what to type where it lacks it",
-        description="Try everything that this program needs of the machine: Python and libraries,"
-        " OpenGL, CAD kernels, solver, cameras, read-out boards, slicer, disk, cache, MIDI and"
-        " gamepads. Each is good, missing (with what to type), or not needed unless you do what is"
-        " told. Ends with 0 where devices can be built here, else with 2. Read-out boards restart"
-        " when they are asked.",
+        help="Check dependencies and show how to install missing ones",
+        description="Test everything that this program needs: Python and libraries, OpenGL, CAD "
+        "kernels, solver, cameras, read-out boards, slicer, disk, cache, MIDI and "
+        "gamepads. Each is good, missing (with the command that installs it), or not "
+        "needed (with the task that would need it). The exit code is 0 if devices can "
+        "be built here, else 2. Read-out boards restart when they are tested.",
         examples=["defsense doctor", "defsense doctor --pictures pictures"],
     )
-    sub.add_argument("--pictures", type=Path, metavar="DIR",
-                     help="write a picture of each camera into this folder")  # fmt: skip
-    sub.add_argument("--port", nargs="+", default=[], metavar="PORT",
-                     help="ask these ports, too, which the system does not list")  # fmt: skip
-    sub.add_argument("--timeout", type=float, default=_TIMEOUT, metavar="S",
-                     help=f"s that a single check may last ({_TIMEOUT:g})")  # fmt: skip
+    sub.add_argument(
+        "--pictures",
+        type=Path,
+        metavar="DIR",
+        help="Write a picture from each camera to this folder",
+    )
+    sub.add_argument(
+        "--port",
+        nargs="+",
+        default=[],
+        metavar="PORT",
+        help="Test these ports too, if the system does not list them",
+    )
+    sub.add_argument(
+        "--timeout",
+        type=float,
+        default=_TIMEOUT,
+        metavar="S",
+        help=f"Set the time limit of a single check in s (default: {_TIMEOUT:g})",
+    )
     sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="tell good libraries one by one")
+    sub.add_argument("-v", "--verbose", action="store_true", help="List good libraries one by one")
     sub.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
     from ...workflow.doctor.doctor import examine
 
-    within("--timeout", options.timeout, 0.1, 3600)
+    check_range("--timeout", options.timeout, 0.1, 3600)
     found: list[Finding] = []
     good = True  # as far as a reader of the output stayed to hear
-    with results():
+    with standard_output():
         for finding in examine(options.timeout, options.pictures, options.port):
             found.append(finding)
             if not options.json and (options.verbose or not _summed(finding)):

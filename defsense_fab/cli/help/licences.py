@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import textwrap
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from ..output import results
+from ..options import add_output_options
+from ..output import print_json, standard_output
 
 if TYPE_CHECKING:
     from ..options import Commands
@@ -20,23 +20,22 @@ def add(commands: Commands) -> None:
     """`licences`."""
     sub = commands.add_parser(
         "licences",
-        help="under which licences the libraries are that are installed",
-        description="The licences of all installed libraries that this program needs, and that"
-        " those need, as their own metadata has them.",
+        help="List the licenses of the installed libraries",
+        description="List the licenses of all installed libraries that this program needs directly"
+        " or indirectly, from their metadata.",
         examples=["defsense licences", "defsense licences --json"],
     )
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_output_options(sub)
     sub.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from ...workflow.doctor.licences import installed_licences
+    from ...workflow.doctor.libraries import installed_licences
 
     found = installed_licences()
-    with results():
+    with standard_output():
         if options.json:
-            sys.stdout.write(json.dumps([asdict(f) for f in found], indent=1) + "\n")
+            print_json([asdict(f) for f in found])
             return 0
         wide = max((len(f.name) for f in found), default=0)
         long = max((len(f.version) for f in found), default=0)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..device import device_folder
-from ..options import references, within
-from ..output import progress_bars, say
+from ..options import add_verbose_option, check_range, parse_references
+from ..output import print_lines, progress_bars
 from .run_end import ending, tell
 
 if TYPE_CHECKING:
@@ -27,13 +27,13 @@ def add(commands: Commands) -> None:
     """`run`."""
     sub = commands.add_parser(
         "run",
-        help="a device live: its surface on the screen, its poses in other programs",
+        help="Run a device live: show its surface and send its poses to programs",
         description="Read a device's cords and show how it is bent, twisted or pulled: as a moving"
-        " surface in the browser (--view), and as named controls, one a pose or formulas of them,"
-        " in programs of others (--output). Leave the device at rest for two seconds when it"
-        " begins; new rubber sets in its first cycles, so move it through its poses and let it rest"
-        " once more. Everything that was read is kept in the device's folder (live/), and plays"
-        " again as --port replay:FILE.",
+        " surface in the browser (--view), and as named controls for other programs "
+        "(--output), one per pose or as formulas. Leave the device at rest for two "
+        "seconds at the start. New rubber settles in its first cycles, so move the "
+        "device through its poses and let it rest once more. All readings are stored "
+        "in the device folder (live/); replay them with --port replay:FILE.",
         examples=[
             "defsense run my-device/model.json --port twin --view",
             "defsense run my-device/model.json --port /dev/ttyUSB0 --view --output osc,port=9000",
@@ -42,42 +42,108 @@ def add(commands: Commands) -> None:
             "defsense run my-device/model.json --port twin:seed=7,cut=left@20-30 --seconds 40",
         ],
     )
-    sub.add_argument("models", nargs="+", type=Path, metavar="MODEL",
-                     help="model.json, or its folder; several run at once")  # fmt: skip
     sub.add_argument(
-        "--port", required=True, nargs="+", metavar="PORT",
-        help="of each read-out board: /dev/ttyUSB0, COM3, socket://host:port, replay:board.csv"
-        " or replay:SESSION (with what its cameras saw), or"
-        " twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b)",
-    )  # fmt: skip
-    sub.add_argument("--device", nargs="+", type=device_folder, metavar="DIR",
-                     help="folder with device.toml of each (that of its model)")  # fmt: skip
-    sub.add_argument("--view", nargs="?", type=int, const=_VIEW, default=None, metavar="PORT",
-                     help=f"show it in the browser ({_VIEW}; the next for others)")  # fmt: skip
-    sub.add_argument("--no-browser", action="store_true", help="print the page's address alone")
-    sub.add_argument("--surface", choices=("default", "basis", "arap"), default="default",
-                     help="how it is solved: by the simulated states and as rigidly as possible"
-                     " beyond them (default), by either alone")  # fmt: skip
-    sub.add_argument("--output", action="append", default=[], metavar="KIND,...",
-                     help="osc, websocket, midi, lsl or gamepad with its settings, as often as"
-                     " wanted (docs/live-outputs.md)")  # fmt: skip
-    sub.add_argument("--live", type=Path, metavar="TOML",
-                     help="outputs and controls from a live.toml (that of the device)")  # fmt: skip
-    sub.add_argument("--rest", metavar="OHM,...",
-                     help="resistances at rest, where they are known")  # fmt: skip
-    sub.add_argument("--reference", metavar="OHM,...", help="of the dividers (the training's)")
-    sub.add_argument("--rate", type=int, default=100, metavar="HZ", help="samples per second (100)")
-    sub.add_argument("--no-fallback", action="store_true",
-                     help="decode with a lost cord as if it were there")  # fmt: skip
-    sub.add_argument("--record", type=Path, metavar="FOLDER",
-                     help="for the readings (live/TIME in the device's folder)")  # fmt: skip
-    sub.add_argument("--no-record", action="store_true", help="keep no readings")
-    sub.add_argument("--animation", type=Path, metavar="FILE",
-                     help="record the moving surface: .glb, .usdc or .npz")  # fmt: skip
-    sub.add_argument("--seconds", type=float, default=None, metavar="S",
-                     help="end after so long (runs until Ctrl-C)")  # fmt: skip
-    sub.add_argument("--json", action="store_true", help="print a line of JSON a second")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+        "models",
+        nargs="+",
+        type=Path,
+        metavar="MODEL",
+        help="Model files (model.json), or their folders; several run at once",
+    )
+    sub.add_argument(
+        "--port",
+        required=True,
+        nargs="+",
+        metavar="PORT",
+        help="Set the port of each read-out board: /dev/ttyUSB0, COM3, socket://host:port; "
+        "replay:board.csv or replay:SESSION (with the tracks of its cameras); or twin "
+        "(twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b)",
+    )
+    sub.add_argument(
+        "--device",
+        nargs="+",
+        type=device_folder,
+        metavar="DIR",
+        help="Set the device folder for each model (default: that of the model)",
+    )
+    sub.add_argument(
+        "--view",
+        nargs="?",
+        type=int,
+        const=_VIEW,
+        default=None,
+        metavar="PORT",
+        help=f"Show the surface in the browser on this port (default: {_VIEW}; following "
+        "ports for further devices)",
+    )
+    sub.add_argument(
+        "--no-browser",
+        action="store_true",
+        help="Print the page's address without opening a browser",
+    )
+    sub.add_argument(
+        "--surface",
+        choices=("default", "basis", "arap"),
+        default="default",
+        help="Choose how the surface is computed: from the simulated states and as rigidly "
+        "as possible beyond them (default), or by either method alone (basis, arap)",
+    )
+    sub.add_argument(
+        "--output",
+        action="append",
+        default=[],
+        metavar="KIND,...",
+        help="Send to osc, websocket, midi, lsl or gamepad, with its settings "
+        "(docs/live-outputs.md); may be repeated",
+    )
+    sub.add_argument(
+        "--live",
+        type=Path,
+        metavar="TOML",
+        help="Read outputs and controls from this live.toml (default: that of the device)",
+    )
+    sub.add_argument(
+        "--rest",
+        metavar="OHM,...",
+        help="Set the resistances at rest in ohm (default: measured at the start)",
+    )
+    sub.add_argument(
+        "--reference",
+        metavar="OHM,...",
+        help="Set the reference resistors of the voltage dividers in ohm (default: those of"
+        " the training)",
+    )
+    sub.add_argument(
+        "--rate",
+        type=int,
+        default=100,
+        metavar="HZ",
+        help="Set the sampling rate in Hz (default: 100)",
+    )
+    sub.add_argument(
+        "--no-fallback", action="store_true", help="Decode with a lost cord as if it were connected"
+    )
+    sub.add_argument(
+        "--record",
+        type=Path,
+        metavar="FOLDER",
+        help="Set the folder for the readings (default: live/TIME in the device folder)",
+    )
+    sub.add_argument("--no-record", action="store_true", help="Store no readings")
+    sub.add_argument(
+        "--animation",
+        type=Path,
+        metavar="FILE",
+        help="Record the moving surface to this file: .glb, .usdc or .npz",
+    )
+    sub.add_argument(
+        "--seconds",
+        type=float,
+        default=None,
+        metavar="S",
+        help="Stop after this time in s (default: at Ctrl-C)",
+    )
+    sub.add_argument("--json", action="store_true", help="Print one line of JSON per second")
+    add_verbose_option(sub)
     sub.set_defaults(run=_run)
 
 
@@ -90,11 +156,11 @@ def _run(options: argparse.Namespace) -> int:
     for name, given in (("--port", options.port), ("--device", options.device)):
         if given is not None and len(given) != count:
             raise DeviceError(f"{name}: give one for each model, {count} of them")
-    within("--rate", options.rate, 10, 500)
+    check_range("--rate", options.rate, 10, 500)
     if options.view is not None:
-        within("--view", options.view, 1024, 65535 - count)
+        check_range("--view", options.view, 1024, 65535 - count)
     if options.seconds is not None:
-        within("--seconds", options.seconds, 0.1, 1e7)
+        check_range("--seconds", options.seconds, 0.1, 1e7)
     runs: list[LiveRun] = []
     with ending(runs, options):
         with progress_bars(options) as progress:
@@ -119,7 +185,9 @@ def _prepare(
 
     folder = options.device[k] if options.device else None
     live = live_device(options.models[k], folder)
-    asked = _asked(options, k, len(live.board_channels), live.device.source if live.device else None)
+    asked = _asked(
+        options, k, len(live.board_channels), live.device.source if live.device else None
+    )
     live = replace(live, model=replace(live.model, device=several.unique_name(live.model.device)))
     asked = replace(asked, outputs=several.allocate(asked.outputs))
     return live_run(live, asked, progress)
@@ -136,7 +204,7 @@ def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | No
         path = device / "live.toml"
     said = read_live_file(path) if path is not None else LiveSettings()
     known = {
-        name: None if text is None else np.array(references(text, channels, f"--{name}"))
+        name: None if text is None else np.array(parse_references(text, channels, f"--{name}"))
         for name, text in (("rest", options.rest), ("reference", options.reference))
     }
     return RunOptions(
@@ -183,9 +251,9 @@ def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
             for line in lines:
                 tell(line)
         else:
-            say(lines)
+            print_lines(lines)
     if not options.json:
-        say(["Ctrl-C ends."])
+        print_lines(["Ctrl-C ends."])
     sys.stdout.flush()
 
 

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..output import say
+from ..output import print_lines
 
 if TYPE_CHECKING:
     from ...runtime.live.live_run import LiveRun
@@ -94,7 +94,7 @@ def _end(runs: Sequence[LiveRun], *, begun: bool) -> list[Exception]:
 def _say_written(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
     written = [each for run in runs if run.animations for each in run.animations.written]
     if not options.json:
-        say(f"Wrote:   {each.summary}" for each in written)
+        print_lines(f"Wrote:   {each.summary}" for each in written)
         return
     for each in written:
         file = each.file

@@ -79,7 +79,7 @@ class MeasurementTerminal(LiveScreen):
         return Group(*rows)  # type: ignore[arg-type]
 
     def _settling(self, view: MeasurementView) -> Text:
-        c, at = self._criterion, view.settled
+        c, at = self._criterion, view.settling
         out = Text(f"settling: {view.elapsed:4.0f} s   ")
         if at is None:
             out.append(f"the first {c.window:g} s pass")
@@ -180,7 +180,7 @@ class MeasurementLines:
 
     def __init__(self) -> None:
         self._done = -1
-        self._told: set[str] = set()
+        self._shown_notes: set[str] = set()
 
     def show(self, view: MeasurementView) -> None:
         if view.done != self._done:
@@ -189,8 +189,8 @@ class MeasurementLines:
             where = "" if step is None else f"  next: {step.jig}, face {step.face}"
             sys.stderr.write(f"{view.done}/{view.total}{where}\n")
         for note in view.notes:
-            if note not in self._told:
-                self._told.add(note)
+            if str(note) not in self._shown_notes:
+                self._shown_notes.add(str(note))
                 sys.stderr.write(f"note: {note}\n")
 
     def key(self, timeout: float) -> str | None:

@@ -143,7 +143,9 @@ def _line(followed: _Followed) -> str:
     if followed.ended is not None:
         return f"ended: {followed.ended}"
     status = followed.run.loop.status
-    return "; ".join([status.frame.quality.value if status.frame else "waiting", *map(str, status.notes)])
+    return "; ".join(
+        [status.frame.quality.value if status.frame else "waiting", *map(str, status.notes)]
+    )
 
 
 def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]:

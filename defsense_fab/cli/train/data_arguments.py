@@ -15,24 +15,54 @@ if TYPE_CHECKING:
     from ...training.recordings.datasets import DataFiles
 
 
-def data_arguments(sub: argparse.ArgumentParser) -> None:
+def add_data_arguments(sub: argparse.ArgumentParser) -> None:
     """SESSION..., or --signals with --tracks; --device, --markers, --offset, --shift."""
-    sub.add_argument("sources", nargs="*", type=Path, metavar="SESSION",
-                     help="processed sessions, datasets, or XDF files")  # fmt: skip
-    sub.add_argument("--device", type=device_folder, metavar="DIR", help="folder with device.toml")
-    sub.add_argument("--signals", type=Path, metavar="CSV",
-                     help="in place of sessions: signals or resistances by time")  # fmt: skip
-    sub.add_argument("--tracks", type=Path, metavar="FILE",
-                     help="and the markers (.csv, .npz, .parquet, .c3d, .trc)")  # fmt: skip
-    sub.add_argument("--markers", type=Path, metavar="JSON",
-                     help="where these are at rest (markers.json, of the device)")  # fmt: skip
-    sub.add_argument("--offset", default="0", metavar="S",
-                     help="by which the tracks' clock is ahead, or auto (0)")  # fmt: skip
-    sub.add_argument("--shift", default="0", metavar="S",
-                     help="to add to the times of the signals, or auto (0)")  # fmt: skip
+    sub.add_argument(
+        "sources",
+        nargs="*",
+        type=Path,
+        metavar="SESSION",
+        help="Processed sessions, datasets, or XDF files",
+    )
+    sub.add_argument(
+        "--device",
+        type=device_folder,
+        metavar="DIR",
+        help="Set the device folder, which contains device.toml",
+    )
+    sub.add_argument(
+        "--signals",
+        type=Path,
+        metavar="CSV",
+        help="Read signals or resistances over time from this file instead of sessions",
+    )
+    sub.add_argument(
+        "--tracks",
+        type=Path,
+        metavar="FILE",
+        help="Read the markers from this file (.csv, .npz, .parquet, .c3d, .trc), with --signals",
+    )
+    sub.add_argument(
+        "--markers",
+        type=Path,
+        metavar="JSON",
+        help="Set the file of the markers' positions at rest (default: markers.json of the device)",
+    )
+    sub.add_argument(
+        "--offset",
+        default="0",
+        metavar="S",
+        help="Set the time in s by which the tracks' clock is ahead, or auto (default: 0)",
+    )
+    sub.add_argument(
+        "--shift",
+        default="0",
+        metavar="S",
+        help="Set the time in s to add to the times of the signals, or auto (default: 0)",
+    )
 
 
-def data_given(options: argparse.Namespace) -> DataFiles | None:
+def read_data_arguments(options: argparse.Namespace) -> DataFiles | None:
     """None where there is no data among the options. Raises TrainingError for half of a pair, and
     for times that are none."""
     from ...training.recordings.datasets import DataFiles
@@ -48,7 +78,7 @@ def data_given(options: argparse.Namespace) -> DataFiles | None:
     )
 
 
-def data_words(options: argparse.Namespace) -> str:
+def format_data_arguments(options: argparse.Namespace) -> str:
     """The same data as words of another command's line."""
     words = [str(source) for source in options.sources]
     for name in ("device", "signals", "tracks", "markers", "offset", "shift"):

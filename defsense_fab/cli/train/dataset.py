@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...core.errors import TrainingError
-from ..options import within
-from ..output import progress_bars, results, say
-from .data_arguments import data_arguments, data_given
+from ..options import add_output_options, check_range
+from ..output import print_json, print_lines, progress_bars, standard_output
+from .data_arguments import add_data_arguments, read_data_arguments
 
 if TYPE_CHECKING:
     from ...training.models.prepare import Exported
@@ -23,31 +21,42 @@ def add(commands: Commands) -> None:
     """`dataset`."""
     sub = commands.add_parser(
         "dataset",
-        help="sessions and files of others as a dataset: Parquet, or LeRobot's format",
-        description="Write what training would be given into a folder of its own: all samples of"
-        " the read-out board and all places of markers, with units, R0, clocks, poses and where"
-        " they are from. Train, evaluate and dataset take the folder in place of the sessions."
-        " What is wrong with the data is told; nothing of it is left out.",
+        help="Export sessions and files as a dataset (Parquet, or LeRobot's format)",
+        description="Write the data that training uses to a folder: all samples of the read-out "
+        "board and all marker positions, with units, R0, clocks, poses and provenance."
+        " The commands train, evaluate and dataset accept the folder instead of "
+        "sessions. Problems of the data are reported; no data are left out.",
         examples=[
             "defsense dataset my-device/session --device my-device --out my-device/data",
             "defsense dataset --signals signals.csv --tracks take.c3d --offset auto --out data",
             "defsense dataset my-device/session --lerobot policy-data --rate 30",
         ],
     )
-    data_arguments(sub)
-    sub.add_argument("--out", type=Path, metavar="DIR",
-                     help="where to write Parquet, over a dataset that is there")  # fmt: skip
-    sub.add_argument("--lerobot", type=Path, metavar="DIR",
-                     help="where to write LeRobot's format 2.1; not there yet")  # fmt: skip
-    sub.add_argument("--rate", type=int, metavar="HZ",
-                     help="of LeRobot's frames (that of the pictures)")  # fmt: skip
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_data_arguments(sub)
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="Set the output folder for Parquet; an existing dataset is replaced",
+    )
+    sub.add_argument(
+        "--lerobot",
+        type=Path,
+        metavar="DIR",
+        help="Set the output folder for LeRobot's format 2.1; it must not exist",
+    )
+    sub.add_argument(
+        "--rate",
+        type=int,
+        metavar="HZ",
+        help="Set the rate of LeRobot's frames in Hz (default: that of the pictures)",
+    )
+    add_output_options(sub)
     sub.set_defaults(run=_dataset)
 
 
 def _dataset(options: argparse.Namespace) -> int:
-    files = data_given(options)
+    files = read_data_arguments(options)
     if files is None:
         raise TrainingError("nothing to write: give sessions, or --signals with --tracks")
     if options.out is None and options.lerobot is None:
@@ -55,7 +64,7 @@ def _dataset(options: argparse.Namespace) -> int:
     if options.rate is not None:
         if options.lerobot is None:
             raise TrainingError("--rate is of --lerobot alone: Parquet has the times as they are")
-        within("--rate", options.rate, 1, 1000)
+        check_range("--rate", options.rate, 1, 1000)
     from ...core.device.device_file import load_device
     from ...training.models.prepare import export_dataset
 
@@ -65,9 +74,9 @@ def _dataset(options: argparse.Namespace) -> int:
             files, device, parquet=options.out, lerobot=options.lerobot, rate=options.rate,
             progress=progress,
         )  # fmt: skip
-    with results():
+    with standard_output():
         if options.json:
-            sys.stdout.write(json.dumps(_told(found, options), indent=1, allow_nan=False) + "\n")
+            print_json(_told(found, options), allow_nan=False)
         else:
             _show(found, options)
     return 0
@@ -95,13 +104,13 @@ def _told(found: Exported, options: argparse.Namespace) -> dict[str, object]:
 def _show(found: Exported, options: argparse.Namespace) -> None:
     d = found.dataset
     samples = sum(len(r.sample_time) for r in d.recordings)
-    say([
+    print_lines([
         f"{d.device}: {d.frame_count} pictures of {len(d.ids)} markers and {samples} samples of"
         f" {len(d.channels)} channels, in {len(d.recordings)} recordings",
     ])  # fmt: skip
-    say([f"note: {note}" for note in found.notes])
-    say([f"{'training is refused' if p.is_fatal else 'note'}: {p}" for p in found.problems])
-    say([f"Wrote:   {folder}" for folder in (options.out, options.lerobot) if folder])
+    print_lines([f"note: {note}" for note in found.notes])
+    print_lines([f"{'training is refused' if p.is_fatal else 'note'}: {p}" for p in found.problems])
+    print_lines([f"Wrote:   {folder}" for folder in (options.out, options.lerobot) if folder])
     if options.out is not None:
         device = f" --device {quote(str(options.device))}" if options.device else ""
-        say([f"Next:    defsense train {quote(str(options.out))}{device}"])
+        print_lines([f"Next:    defsense train {quote(str(options.out))}{device}"])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import TrainingError
-from ..output import console, progress_bars, results, say
-from .data_arguments import data_arguments, data_given
+from ..options import add_output_options
+from ..output import console, print_json, print_lines, progress_bars, standard_output
+from .data_arguments import add_data_arguments, read_data_arguments
 
 if TYPE_CHECKING:
     from ...training.evaluation.evaluate_models import SessionEvaluation
@@ -21,12 +20,12 @@ def add(commands: Commands) -> None:
     """`evaluate`."""
     sub = commands.add_parser(
         "evaluate",
-        help="how good a trained model is: Table 1, where errors are and what they come from",
-        description="Test a trained model on recorded sessions: RMSE, peak and average peak as in"
-        " DefSense's Table 1, by pose, marker, speed and time; whether intervals hold; and which"
-        " part of the error comes from noise, clocks, gains, drift, the decoder, hysteresis and"
-        " poses that were not trained. With other models, whether they differ. Writes a page,"
-        " figures (SVG) and tables (CSV).",
+        help="Measure the errors of a trained model, by pose, marker, speed and cause",
+        description="Test a trained model on recorded sessions. Report RMSE, peak and average peak"
+        " as in DefSense's Table 1, by pose, marker, speed and time; whether the "
+        "intervals hold; and the shares of the error due to noise, clocks, gains, "
+        "drift, the decoder, hysteresis and untrained poses. With other models, report"
+        " whether they differ. Write a page, figures (SVG) and tables (CSV).",
         examples=[
             "defsense evaluate my-device/model.json my-device/session-2",
             "defsense evaluate model.json session --against affine.json --last-share 0.3 --json",
@@ -34,19 +33,33 @@ def add(commands: Commands) -> None:
             " --device my-device",
         ],
     )
-    sub.add_argument("model", type=Path, metavar="MODEL", help="model.json, or its folder")
-    data_arguments(sub)
     sub.add_argument(
-        "--against", action="extend", nargs="+", type=Path, default=[], metavar="MODEL",
-        help="other models, tested on the same and compared",
-    )  # fmt: skip
-    sub.add_argument("--last-share", type=float, metavar="X",
-                     help="of the pictures, at the end, to test on (all that the models were not"
-                     " trained on)")  # fmt: skip
-    sub.add_argument("--out", type=Path, metavar="DIR",
-                     help="where to write (evaluation, beside the model)")  # fmt: skip
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+        "model", type=Path, metavar="MODEL", help="Model file (model.json), or its folder"
+    )
+    add_data_arguments(sub)
+    sub.add_argument(
+        "--against",
+        action="extend",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="MODEL",
+        help="Compare with these models, tested on the same data",
+    )
+    sub.add_argument(
+        "--last-share",
+        type=float,
+        metavar="X",
+        help="Test on this share of the pictures, at the end (default: all that the models "
+        "were not trained on)",
+    )
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="Set the output folder (default: evaluation, next to the model)",
+    )
+    add_output_options(sub)
     sub.set_defaults(run=_evaluate)
 
 
@@ -59,7 +72,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     from ...report.evaluation.tables import as_data
     from ...training.evaluation.evaluate_models import evaluate_files
 
-    files = data_given(options)
+    files = read_data_arguments(options)
     if files is None:
         raise TrainingError("nothing to test on: give sessions, or --signals with --tracks")
     device = load_device(options.device) if options.device else None
@@ -72,10 +85,10 @@ def _evaluate(options: argparse.Namespace) -> int:
         progress("report", 0.0, "figures and tables")
         write_evaluation(folder, found)
         progress("report", 1.0, "done")
-    with results():
+    with standard_output():
         if options.json:
             data = {"folder": str(folder), **as_data(found)}
-            sys.stdout.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
+            print_json(data, allow_nan=False)
         else:
             _show(found, folder)
     return 0
@@ -124,6 +137,6 @@ def _show(found: SessionEvaluation, folder: Path) -> None:
         )
     if found.comparison is not None:
         lines.append(verdict(found.comparison))
-    say(lines)
-    say([f"note: {n}" for n in found.notes])
-    say([f"Look at: {folder / PAGE}"])
+    print_lines(lines)
+    print_lines([f"note: {n}" for n in found.notes])
+    print_lines([f"Look at: {folder / PAGE}"])

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
 from ...core.errors import TrainingError
-from ..output import console, progress_bars, results, say
-from .data_arguments import data_arguments, data_given, data_words
+from ..options import add_output_options
+from ..output import console, print_json, print_lines, progress_bars, standard_output
+from .data_arguments import add_data_arguments, format_data_arguments, read_data_arguments
 
 if TYPE_CHECKING:
     from ...core.device.device import Device
@@ -23,13 +22,13 @@ def add(commands: Commands) -> None:
     """`train`."""
     sub = commands.add_parser(
         "train",
-        help="a model from recorded sessions: resistances to marker positions",
-        description="Train on processed sessions: the first 70 % of the pictures, in time, for"
-        " training, the last 30 % for testing. Contiguous folds choose the ridge's weight and the"
-        " decoder: affine (DefSense's, always in the table), quadratic, kernel, each also with a"
-        " memory of what the cords did before. With a built device, what the simulation says is"
-        " trained on, too, as far as the folds find it worth; without any session the model is the"
-        " simulation's alone.",
+        help="Train a model that converts resistances to marker positions",
+        description="Train on processed sessions: the first 70 % of the pictures, in time, are for"
+        " training, the last 30 % for testing. Contiguous folds choose the ridge "
+        "weight and the decoder: affine (DefSense's, always in the table), quadratic, "
+        "kernel, each also with a memory of the cords' past. With a built device, "
+        "simulated states are also used for training, as far as they improve the "
+        "folds. Without any session, the model is based on the simulation only.",
         examples=[
             "defsense train my-device/session --device my-device",
             "defsense train --signals signals.csv --tracks aligned.csv --device my-device"
@@ -37,26 +36,56 @@ def add(commands: Commands) -> None:
             "defsense train --device my-device",
         ],
     )
-    data_arguments(sub)
-    sub.add_argument("--without-markers", default="", metavar="ID,...",
-                     help="markers to leave out")  # fmt: skip
-    sub.add_argument("--decoder", default="auto", metavar="NAME",
-                     help="auto, affine, quadratic or kernel (auto)")  # fmt: skip
-    sub.add_argument("--no-memory", action="store_true",
-                     help="only decoders that see the present")  # fmt: skip
-    sub.add_argument("--unweighted", action="store_true",
-                     help="all markers count the same, wrong ones too")  # fmt: skip
-    sub.add_argument("--prior", default="auto", metavar="auto|yes|no",
-                     help="train on the device's simulation, too (auto: if built)")  # fmt: skip
-    sub.add_argument("--test-share", type=float, default=0.3, metavar="X",
-                     help="of the pictures, at the end, to test on (0.3)")  # fmt: skip
-    sub.add_argument("--folds", type=int, default=5, metavar="K", help="contiguous folds (5)")
-    sub.add_argument("--level", type=float, default=0.9, metavar="P",
-                     help="of the intervals (0.9)")  # fmt: skip
-    sub.add_argument("--out", type=Path, metavar="JSON",
-                     help="the model (model.json, of the device or session)")  # fmt: skip
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
-    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    add_data_arguments(sub)
+    sub.add_argument(
+        "--without-markers", default="", metavar="ID,...", help="Leave out these markers"
+    )
+    sub.add_argument(
+        "--decoder",
+        default="auto",
+        metavar="NAME",
+        help="Choose the decoder: auto (default), affine, quadratic or kernel",
+    )
+    sub.add_argument("--no-memory", action="store_true", help="Use only decoders without memory")
+    sub.add_argument(
+        "--unweighted",
+        action="store_true",
+        help="Give all markers the same weight, including wrong ones",
+    )
+    sub.add_argument(
+        "--prior",
+        default="auto",
+        metavar="auto|yes|no",
+        help="Train on the device's simulation too: auto (if built, default), yes or no",
+    )
+    sub.add_argument(
+        "--test-share",
+        type=float,
+        default=0.3,
+        metavar="X",
+        help="Set the share of the pictures, at the end, to test on (default: 0.3)",
+    )
+    sub.add_argument(
+        "--folds",
+        type=int,
+        default=5,
+        metavar="K",
+        help="Set the number of contiguous folds (default: 5)",
+    )
+    sub.add_argument(
+        "--level",
+        type=float,
+        default=0.9,
+        metavar="P",
+        help="Set the probability of the intervals (default: 0.9)",
+    )
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="JSON",
+        help="Set the output file (default: model.json, in the folder of the device or session)",
+    )
+    add_output_options(sub)
     sub.set_defaults(run=_train)
 
 
@@ -64,7 +93,7 @@ def _train(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
 
     device = load_device(options.device) if options.device else None
-    files = data_given(options)
+    files = read_data_arguments(options)
     if files is None:
         if device is None:
             raise TrainingError(
@@ -85,10 +114,10 @@ def _train(options: argparse.Namespace) -> int:
             excluded_markers=_numbers(options.without_markers), progress=progress,
         )  # fmt: skip
     path, result, notes = trained.path, trained.training, list(trained.notes)
-    with results():
+    with standard_output():
         if options.json:
             told = {"model": str(path), "notes": notes, **result.model.metadata}
-            sys.stdout.write(json.dumps(told, indent=1) + "\n")
+            print_json(told)
         else:
             _show(result, path, options, notes)
     return 0
@@ -108,12 +137,12 @@ def _simulated(options: argparse.Namespace, device: Device) -> int:
     path = choose_model_path(options.out, device, [])
     model = simulate_only(device)
     write_model(path, model)
-    with results():
+    with standard_output():
         if options.json:
             told = {"model": str(path), "decoder": model.kind, **model.metadata}
-            sys.stdout.write(json.dumps(told, indent=1) + "\n")
+            print_json(told)
             return 0
-        say([
+        print_lines([
             f"{path}: {model.kind}, from {model.metadata['trained_on']}. Cords differ, and nothing of"
             " this one was measured: expect errors of several times the prediction until it is"
             " trained.",
@@ -158,8 +187,8 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
             f"{share:.2%} of the markers of the test seem wrong; its errors are with them: look at"
             " the tracks"
         )
-    say([f"note: {n}" for n in [*about, *notes]])
-    say([
+    print_lines([f"note: {n}" for n in [*about, *notes]])
+    print_lines([
         f"Wrote:   {path}",
-        f"Next:    defsense evaluate {quote(str(path))} {data_words(options)}",
+        f"Next:    defsense evaluate {quote(str(path))} {format_data_arguments(options)}",
     ])  # fmt: skip

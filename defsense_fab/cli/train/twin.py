@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
-from ..device import device_arguments, overrides
-from ..options import twin_values, within
-from ..output import console, progress_bars, results, say, silent_stdout
+from ..device import add_device_arguments, parse_overrides
+from ..options import check_range, parse_twin_cameras
+from ..output import console, print_json, print_lines, progress_bars, silent_stdout, standard_output
 
 if TYPE_CHECKING:
     from ...twin.devices.twin_traits import TwinTraits
@@ -22,47 +21,101 @@ def add(commands: Commands) -> None:
     """`twin`."""
     sub = commands.add_parser(
         "twin",
-        help="training sessions of a device without hardware",
-        description="Simulate a built device that is moved by a hand, its cords, its read-out board"
-        " and its markers, and write sessions as 'capture process' leaves them, with the truth"
-        " beside them (truth.npz) and all that was taken for granted (assumptions.md). The device"
-        " is solved afresh, finer and by another material law, which takes minutes the first time"
-        " and is kept in its build.",
+        help="Simulate training sessions of a device without hardware",
+        description="Simulate a built device that a hand moves, its cords, its read-out board and "
+        "its markers. Write sessions in the format of 'capture process', with the true"
+        " values (truth.npz) and all assumptions (assumptions.md). The device is "
+        "solved again, with a finer mesh and another material law. This takes minutes "
+        "the first time; the result is stored in its build.",
         examples=[
             "defsense twin my-device",
             "defsense twin my-device --minutes 20 --sessions 3 --unit 2 --off drift,mullins",
             "defsense twin my-device --minutes 5 --cameras webcam",
         ],
     )
-    device_arguments(sub)
-    sub.add_argument("--minutes", type=float, default=10.0, metavar="M",
-                     help="of each session (10)")  # fmt: skip
-    sub.add_argument("--sessions", type=int, default=1, metavar="N",
-                     help="of the same built device, a day apart (1)")  # fmt: skip
-    sub.add_argument("--seed", type=int, default=1, metavar="N", help="of the hand's way (1)")
-    sub.add_argument("--unit", type=int, default=1, metavar="N",
-                     help="which built device: its tolerances and pieces of cord (1)")  # fmt: skip
-    sub.add_argument("--off", default="", metavar="TRAIT,...",
-                     help="traits to switch off; --list-assumptions names them")  # fmt: skip
-    sub.add_argument("--wrong", type=float, default=None, metavar="SHARE",
-                     help="of the markers' places that are wrong (0)")  # fmt: skip
-    sub.add_argument("--grips", type=int, default=0, metavar="N",
-                     help="places that are pulled at besides the poses, at most 4 (0)")  # fmt: skip
+    add_device_arguments(sub)
     sub.add_argument(
-        "--cameras", metavar="KIND,...",
-        help="film it with rendered cameras, webcam, phone or industrial (webcam,cameras=3), and"
-        " process the session as a recorded one; some minutes for each of the session's. Left out,"
-        " markers are seen by cameras that are numbers alone",
-    )  # fmt: skip
-    sub.add_argument("--rate", type=float, default=15.0, metavar="HZ",
-                     help="pictures a second of rendered cameras (15)")  # fmt: skip
-    sub.add_argument("--markers", type=Path, metavar="JSON",
-                     help="tags of 'capture markers' in place of [outputs] markers; rendered"
-                     " cameras need them (markers, in the device's folder)")  # fmt: skip
-    sub.add_argument("--out", type=Path, metavar="DIR",
-                     help="the session's folder (twin-UNIT-SEED, in the device's)")  # fmt: skip
-    sub.add_argument("--list-assumptions", action="store_true",
-                     help="print every number with its source, and do no more")  # fmt: skip
+        "--minutes",
+        type=float,
+        default=10.0,
+        metavar="M",
+        help="Set the duration of each session in minutes (default: 10)",
+    )
+    sub.add_argument(
+        "--sessions",
+        type=int,
+        default=1,
+        metavar="N",
+        help="Set the number of sessions of the same unit, one day apart (default: 1)",
+    )
+    sub.add_argument(
+        "--seed",
+        type=int,
+        default=1,
+        metavar="N",
+        help="Set the random seed of the hand's path (default: 1)",
+    )
+    sub.add_argument(
+        "--unit",
+        type=int,
+        default=1,
+        metavar="N",
+        help="Choose the built unit, with its tolerances and pieces of cord (default: 1)",
+    )
+    sub.add_argument(
+        "--off",
+        default="",
+        metavar="TRAIT,...",
+        help="Turn these traits off; --list-assumptions lists their names",
+    )
+    sub.add_argument(
+        "--wrong",
+        type=float,
+        default=None,
+        metavar="SHARE",
+        help="Set the share of wrong marker positions (default: 0)",
+    )
+    sub.add_argument(
+        "--grips",
+        type=int,
+        default=0,
+        metavar="N",
+        help="Set the number of places that are pulled in addition to the poses, at most 4 "
+        "(default: 0)",
+    )
+    sub.add_argument(
+        "--cameras",
+        metavar="KIND,...",
+        help="Film the device with rendered cameras, webcam, phone or industrial (such as "
+        "webcam,cameras=3), and process the session like a recorded one; takes some "
+        "minutes per minute of the session (default: markers with noise, without "
+        "pictures)",
+    )
+    sub.add_argument(
+        "--rate",
+        type=float,
+        default=15.0,
+        metavar="HZ",
+        help="Set the frame rate of rendered cameras in Hz (default: 15)",
+    )
+    sub.add_argument(
+        "--markers",
+        type=Path,
+        metavar="JSON",
+        help="Use the tags of 'capture markers' instead of [outputs] markers; rendered "
+        "cameras need them (default: markers, in the device folder)",
+    )
+    sub.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="Set the session folder (default: twin-UNIT-SEED, in the device folder)",
+    )
+    sub.add_argument(
+        "--list-assumptions",
+        action="store_true",
+        help="Print every assumed number with its source, and exit",
+    )
     sub.set_defaults(run=_twin)
 
 
@@ -73,31 +126,31 @@ def _twin(options: argparse.Namespace) -> int:
     from ...core.errors import DeviceError
     from ...core.markers import read_markers
 
-    within("--minutes", options.minutes, 0.2, 240)
-    within("--sessions", options.sessions, 1, 100)
-    within("--grips", options.grips, 0, 4)
+    check_range("--minutes", options.minutes, 0.2, 240)
+    check_range("--sessions", options.sessions, 1, 100)
+    check_range("--grips", options.grips, 0, 4)
     for name in ("seed", "unit"):
-        within(f"--{name}", getattr(options, name), 0, 1_000_000_000)
-    device = load_device(options.folder, overrides(options.set))
+        check_range(f"--{name}", getattr(options, name), 0, 1_000_000_000)
+    device = load_device(options.folder, parse_overrides(options.set))
     from ...twin.devices.twin_traits import TwinTraits
 
     off = [name.strip() for name in options.off.split(",") if name.strip()]
     traits = TwinTraits.for_device(device)
     if options.wrong is not None:
-        within("--wrong", options.wrong, 0, 0.5)
+        check_range("--wrong", options.wrong, 0, 0.5)
         traits = replace(traits, markers=replace(traits.markers, wrong=options.wrong))
     if options.cameras:
         from ...twin.devices.twin_traits import FilmTraits
 
-        within("--rate", options.rate, 5, 60)
+        check_range("--rate", options.rate, 5, 60)
         if "seed" in options.cameras:
             raise DeviceError(f"--cameras {options.cameras}: the seed is given with --seed")
-        _, count, kind = twin_values("--cameras", f"twin:{options.cameras}")
+        _, count, kind = parse_twin_cameras("--cameras", f"twin:{options.cameras}")
         traits = replace(traits, film=FilmTraits(kind, count, options.rate))
     traits.disable_traits(off)
     if options.list_assumptions:
         return _list(traits.disable_traits(off), options)
-    from ...capture.sessions.result_files import QUALITY
+    from ...capture.sessions.results import QUALITY
     from ...twin.recordings.twin_recordings import simulate_runs
     from ...workflow.sessions.twin_sessions import (
         ASSUMPTIONS,
@@ -126,12 +179,12 @@ def _twin(options: argparse.Namespace) -> int:
         "interpolation_signal": made.fields.signal_error, "warnings": list(made.fields.warnings),
         **{k: made.dataset.provenance[k] for k in ("unit", "seed", "off")},
     }  # fmt: skip
-    with results():
+    with standard_output():
         if options.json:
-            sys.stdout.write(json.dumps(data, indent=1) + "\n")
+            print_json(data)
         else:
-            say(f"note: {w}" for w in made.fields.warnings)
-            say([
+            print_lines(f"note: {w}" for w in made.fields.warnings)
+            print_lines([
                 f"{frames} pictures of {len(made.dataset.ids)} markers,"
                 f" {len(made.dataset.channels)} cords; shapes between {data['states']} solved"
                 f" states, within {made.fields.error:.2g} mm where one is left out",
@@ -143,9 +196,9 @@ def _twin(options: argparse.Namespace) -> int:
 
 
 def _list(traits: TwinTraits, options: argparse.Namespace) -> int:
-    with results():
+    with standard_output():
         if options.json:
-            sys.stdout.write(json.dumps([vars(a) for a in traits.assumptions], indent=1) + "\n")
+            print_json([vars(a) for a in traits.assumptions])
             return 0
         from rich.table import Table
 
