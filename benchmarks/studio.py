@@ -7,7 +7,7 @@ Devices are built ones; they are copied, and the copies changed. Told are, of ea
 second cords were judged while a control point is dragged with 60 messages a second, for 10 s, and
 the time from a message to its error on the page (median, 95th of 100). With `--hour` a script uses
 the studio at a person's pace, with so many pages looking as web sockets: it drags, draws, deletes,
-undoes and goes through the modes; told each minute are memory, and the share of a core.
+undo_name and goes through the modes; told each minute are memory, and the share of a core.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.machine.processes import one_blas_thread
 from defsense_fab.core.device.build_folder import build_folder
-from defsense_fab.runtime.view.page_server import close_page, HOST, serve_page
+from defsense_fab.core.machine.processes import one_blas_thread
+from defsense_fab.runtime.view.page_server import HOST, close_page, serve_page
 from defsense_fab.store.layout import load_layout
 from defsense_fab.studio.cords.cord_scene import with_point
 from defsense_fab.studio.edits.cords import take_cords
@@ -51,7 +51,7 @@ def opened(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
     page.enter("Cords")
     if not page.bench.project.device.sensors:  # all of its cords were proposed
         layout = load_layout(build_folder(page.bench.project.device))
-        page.bench.do(take_cords([record.sensor() for record in layout.by_channel()]))
+        page.bench.apply(take_cords([record.sensor() for record in layout.by_channel()]))
 
     def end() -> None:
         page.close()
@@ -68,14 +68,14 @@ def drag(page: StudioPage) -> tuple[float, np.ndarray]:
     wait_for_all(mode)
     given: dict[int, float] = {}
     late: list[float] = []
-    work, judged = mode._quick._work, mode.judged
+    work, judged = mode.error_worker._work, mode.error_worker.done_count
 
     def watched(cords):  # type: ignore[no-untyped-def]
         work(cords)
         late.append(time.perf_counter() - given[id(cords)])
 
-    mode._quick._work = watched
-    give = mode._quick.give
+    mode.error_worker._work = watched
+    give = mode.error_worker.give
 
     def stamped(cords):  # type: ignore[no-untyped-def]
         given[id(cords)] = time.perf_counter()
@@ -83,21 +83,21 @@ def drag(page: StudioPage) -> tuple[float, np.ndarray]:
         give(cords)
 
     kept: list[object] = []
-    mode._quick.give = stamped
+    mode.error_worker.give = stamped
     begun = time.perf_counter()
     for k in range(int(_RATE * _SECONDS)):
         turn = 2 * np.pi * k / (2 * _RATE)
         place = sensor.curve.points[2] + 3.0 * np.array([np.cos(turn), np.sin(turn)])
-        mode.drawn(with_point(sensor, 2, place), "points", 2, False)
+        mode.drag(with_point(sensor, 2, place), "points", 2, False)
         time.sleep(max(begun + (k + 1) / _RATE - time.perf_counter(), 0.0))
     seconds = time.perf_counter() - begun
     wait_for_all(mode)
-    mode._quick._work, mode._quick.give = work, give
-    return (mode.judged - judged) / seconds, np.array(late)
+    mode.error_worker._work, mode.error_worker.give = work, give
+    return (mode.error_worker.done_count - judged) / seconds, np.array(late)
 
 
 def wait_for_all(mode) -> None:  # type: ignore[no-untyped-def]
-    for work in (mode._quick, mode._limits_work, mode._slow):
+    for work in (mode.error_worker, mode.limits_worker, mode.comparison_worker):
         work.wait(60.0)
 
 
@@ -125,14 +125,14 @@ def _step(page: StudioPage, cords, rng: random.Random) -> None:  # type: ignore[
     what = rng.choice(["drag"] * 6 + ["add", "delete", "undo", "redo", "mode", "mirror"])
     page.enter("Cords")
     if what == "add" and len(sensors) < 6:
-        page.bench.tried(cords.add_straight)
+        page.bench.run_action(cords.add_straight)
     elif what == "delete" and len(sensors) > 2:
         cords.choose(rng.choice(sensors).name)
-        cords._cord._delete()
+        cords.chosen.delete()
     elif what == "undo":
-        page.bench.tried(page.bench.project.undo)
+        page.bench.run_action(page.bench.project.undo)
     elif what == "redo":
-        page.bench.tried(page.bench.project.redo)
+        page.bench.run_action(page.bench.project.redo)
     elif what == "mode":
         page.enter(rng.choice(list(page.modes)))
     elif sensors:
@@ -142,7 +142,7 @@ def _step(page: StudioPage, cords, rng: random.Random) -> None:  # type: ignore[
         way = np.array([rng.uniform(-3, 3), rng.uniform(-3, 3)])
         for k in range(1, 21):
             place = sensor.curve.points[at] + way * k / 20
-            cords.drawn(with_point(sensor, at, place), "points", at, k == 20)
+            cords.drag(with_point(sensor, at, place), "points", at, k == 20)
             time.sleep(0.05)
 
 

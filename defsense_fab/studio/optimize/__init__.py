@@ -1,1 +1,1 @@
-"""The mode in which cords are optimised before one's eyes, and layouts are compared."""
+"""The mode that optimizes the cords while the user watches, and compares layouts."""

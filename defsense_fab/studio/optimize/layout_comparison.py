@@ -1,5 +1,4 @@
-"""Layouts side by side: as drawn, by eye, the most accurate and the simplest; one is shown and may
-be taken."""
+"""Compare layouts side by side: as drawn, by eye, the most accurate, the simplest, and others."""
 
 from __future__ import annotations
 
@@ -7,14 +6,15 @@ import html
 import math
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.device.build_folder import build_folder
 from ...core.errors import DefsenseError, StorageError
 from ...core.storage.files import digest
 from ...optimize.prediction.compare_layouts import (
-    compare_layouts,
     ComparedLayout,
+    compare_layouts,
     estimate_seconds,
     load_tried_layouts,
 )
@@ -27,203 +27,139 @@ from ..workbench.cord_tubes import CordTubes
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 
-# What the page says of layouts that are compared, and the picture of their errors.
-
-_BLUE, _ORANGE = "#1f77b4", "#e68c1e"
-_WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP = 300, 170, 44, 34, 12
-
-
-def compared_table(layouts: Sequence[ComparedLayout]) -> str:
-    """Markdown: a row a layout."""
-    lines = ["| layout | mm | 90 % | parts | cords | planes |", "|---|---:|---|---:|---:|---:|"]
-    for one in layouts:
-        band = f"{one.band[0]:.2f}–{one.band[1]:.2f}" if one.band else "?"
-        parts = "cannot be made" if one.problem else "?" if one.parts is None else str(one.parts)
-        name = f"**{html.escape(one.name)}**" if one.taken else html.escape(one.name)
-        lines.append(
-            f"| {name} | {_mm(one.error)} | {'' if one.problem else band} | {parts} |"
-            f" {len(one.sensors)} | {one.planes} |"
-        )
-    lines += ["", "error on unseen states; 90 %: of built devices; bold: taken by the build; parts"
-              " ?: not made on trial, as designed"]  # fmt: skip
-    if not any(one.name.startswith("study") for one in layouts):
-        lines[-1] += "; `defsense study` adds other numbers of cords"
-    return "\n".join(lines)
-
-
-def said_of(one: ComparedLayout) -> str:
-    """Markdown: what there is to say of one layout."""
-    notes = [one.problem] if one.problem else list(one.warnings)
-    return "\n".join(f"- {html.escape(note)}" for note in notes if note)
-
-
-def scatter(layouts: Sequence[ComparedLayout], chosen: str | None) -> str:
-    """HTML: error with its band against the number of parts, and against that of cords."""
-    shown = [one for one in layouts if math.isfinite(one.error) and one.error > 0]
-    if not shown:
-        return ""
-    return _picture(shown, chosen, "parts", lambda one: one.parts) + _picture(
-        shown, chosen, "cords", lambda one: len(one.sensors)
-    )
-
-
-def _picture(
-    layouts: Sequence[ComparedLayout],
-    chosen: str | None,
-    what: str,
-    count: Callable[[ComparedLayout], int | None],
-) -> str:
-    """On a logarithmic scale; in the colour of the page's text, legible in light and dark."""
-    placed = [(n, one) for one in layouts if (n := count(one)) is not None]
-    if not placed:
-        return ""
-    low, high = min(n for n, _ in placed) - 0.5, max(n for n, _ in placed) + 0.5
-    errors = [mm for _, one in placed for mm in (one.error, *(one.band or ()))]
-    bottom, top = 0.8 * min(errors), 1.25 * max(errors)
-    room = _WIDTH - _LEFT - 8, _HEIGHT - _BOTTOM - _TOP
-
-    def x(n: float) -> float:
-        return float(_LEFT + room[0] * (n - low) / (high - low))
-
-    def y(mm: float) -> float:
-        return float(_TOP + room[1] * math.log(top / mm) / math.log(top / bottom))
-
-    out = [
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="100%" font-size="11" fill="currentColor"'
-        f' role="img" aria-label="error against {what}">'
-    ]
-    out += [
-        f'<line x1="{_LEFT}" x2="{_WIDTH - 8}" y1="{y(mm):.1f}" y2="{y(mm):.1f}"'
-        ' stroke="currentColor" opacity="0.2"/>'
-        f'<text x="{_LEFT - 5}" y="{y(mm) + 4:.1f}" text-anchor="end">{mm:g}</text>'
-        for mm in _ticks(bottom, top)
-    ]
-    out += [
-        f'<text x="{x(n):.1f}" y="{_HEIGHT - 18}" text-anchor="middle">{n}</text>'
-        for n in sorted({n for n, _ in placed})
-    ]
-    out += [
-        f'<text x="{(_LEFT + _WIDTH) / 2}" y="{_HEIGHT - 4}" text-anchor="middle">{what}</text>',
-        f'<text x="2" y="{_TOP - 2}">mm</text>',
-    ]
-    for k, (n, one) in enumerate(placed):
-        beside = sum(m == n for m, _ in placed[:k])
-        at = x(n) + 9 * (-1) ** beside * ((beside + 1) // 2)
-        color, size = (_ORANGE, 6) if one.name == chosen else (_BLUE, 4)
-        if one.band:
-            low_y, high_y = y(one.band[0]), y(one.band[1])
-            out.append(
-                f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{low_y:.1f}" y2="{high_y:.1f}"'
-                f' stroke="{color}" stroke-width="2"/>'
-            )
-        told = f"{html.escape(one.name)}: {_mm(one.error)} mm"
-        out.append(
-            f'<circle cx="{at:.1f}" cy="{y(one.error):.1f}" r="{size}" fill="{color}">'
-            f"<title>{told}</title></circle>"
-        )
-    return "".join([*out, "</svg>"])
-
-
-def _ticks(bottom: float, top: float) -> list[float]:
-    """1, 2 and 5 times powers of ten between the two."""
-    powers = range(math.floor(math.log10(bottom)), math.ceil(math.log10(top)) + 1)
-    every = [float(f"{k}e{power}") for power in powers for k in (1, 2, 5)]
-    return [mm for mm in every if bottom <= mm <= top]
-
-
-def _mm(error: float) -> str:
-    return f"{error:.2f}" if math.isfinite(error) else "?"
-
-
 _NONE = "none"
-_NOTHING = "No layouts yet: optimise the cords first."
-_SHOWN = (148, 70, 170)  # purple, beside grey, orange and blue
-_STALE = {"body": "body", "mesh": "mesh", "simulate": "poses"}
+_NO_LAYOUTS = "No layouts yet. Optimize the cords first."
+_COMPARE_LABEL = "Compare all"
+_CHOSEN_TUBE_COLOR = (148, 70, 170)  # purple, next to gray, orange and blue
+_CHOSEN_TUBE_RADIUS = 1.1  # times the cord's radius
+_STAGE_INPUTS = {"body": "body", "mesh": "mesh", "simulate": "poses"}
+_TIME_STEP_S = 5  # to which the estimated time is rounded
+
+# Layout of the charts, in pixels of their drawing.
+_POINT_COLOR, _CHOSEN_POINT_COLOR = "#1f77b4", "#e68c1e"
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _BOTTOM, _TOP = 300, 170, 44, 8, 34, 12
+_POINT_SHIFT = 9  # between points of the same count
 
 
-class ComparedPanel:
-    """What the last build weighed is there at once; the rest is computed when it is asked for, in a
-    process of its own."""
+class LayoutComparison:
+    """Show the layouts of the last build, and compare others in a child process on request.
+
+    Args:
+        bench: The workbench.
+
+    Attributes:
+        layouts: The compared layouts, by increasing error.
+        estimated_time_s: Estimated time of the comparison, s; 0 if unknown.
+        job: Compares the layouts.
+        worker: Reads the layouts of the last build.
+        error: Error of the last comparison, or None.
+    """
 
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
         self._lock = threading.Lock()
         self.layouts: list[ComparedLayout] = []
+        self.estimated_time_s = 0
+        self.error: DefsenseError | None = None
         self._chosen = _NONE
-        self._key: str | None = None  # of the layout that these are about
-        self._shown = False
+        self._layout_digest: str | None = None  # of the build's layout that is compared
+        self._is_shown = False
         self._tubes = CordTubes(bench.server, "/compared")
-        self.work = BackgroundJob("comparison", self._progress, self._ended, self._found)
+        self.job = BackgroundJob("comparison", self._show_progress, self._end, self._add)
         self.worker = LatestWorker(self._read, bench.show_error)
 
+    @property
+    def drawn_cords(self) -> set[str]:
+        """Names of the cords of the chosen layout that are drawn."""
+        return self._tubes.names
+
     def add_panel(self) -> None:
-        """Numbers, picture, choice."""
+        """Add the table, the charts and the controls to the open folder of the panel."""
         gui, button = self._bench.server.gui, self._bench.button
-        self._table = gui.add_markdown(_NOTHING)
-        self._picture = gui.add_html("")
-        self._list = gui.add_dropdown("Shown", (_NONE,), hint="In purple, over the drawn cords")
-        self._list.on_update(lambda event: self._listed(event))
-        self._said = gui.add_markdown("")
-        self._take = button("Take this layout", "In place of the drawn cords; undo brings these"
-                            " back", self.take)  # fmt: skip
-        self._weigh = button("Weigh all", "Makes the drawn cords, and such as one lays by eye, on"
-                             " trial, with the band of built devices", self.weigh)  # fmt: skip
-        self._stop = button("Stop weighing", "What is found stays", self.work.cancel, visible=False)
+        self._table = gui.add_markdown(_NO_LAYOUTS)
+        self._charts = gui.add_html("")
+        self._list = gui.add_dropdown(
+            "Layout", (_NONE,), hint="Choose the layout that is drawn in purple over the cords"
+        )
+        self._list.on_update(self._choose_from_list)
+        self._notes = gui.add_markdown("")
+        button(
+            "Take this layout",
+            "Replace the drawn cords by this layout. Undo restores them",
+            self.take,
+        )
+        self._compare = button(
+            _COMPARE_LABEL,
+            "Make the parts of all layouts on trial and estimate the spread of built devices",
+            self.compare,
+        )
+        self._stop = button(
+            "Stop the comparison",
+            "Stop and keep the finished layouts",
+            self.job.cancel,
+            visible=False,
+        )
         self._state = gui.add_markdown("")
 
     def load(self) -> None:
-        """There is another build."""
+        """Follow another build."""
         self.worker.give(None)
 
-    def show(self, shown: bool) -> None:
-        """Whether the chosen one is seen; the caller has the `drawing` lock."""
-        self._shown = shown
+    def show(self, is_shown: bool) -> None:
+        """Show or hide the chosen layout, while the drawing lock is held."""
+        self._is_shown = is_shown
         self._draw_chosen()
 
     def choose(self, name: str) -> None:
-        """Show the layout of that name in three dimensions."""
+        """Draw the layout of this name in the scene."""
         with self._bench.drawing_lock:
             self._chosen = name
             self._draw()
 
     def take(self) -> None:
-        """Write its cords in place of those that are drawn."""
-        one = self._one()
-        if one is None or not one.sensors:
-            self._bench.show_message("Choose a layout first.")
+        """Replace the drawn cords by those of the chosen layout."""
+        layout = self._chosen_layout()
+        if layout is None or not layout.sensors:
+            self._bench.show_message("Choose a layout first.", "no-layout-chosen")
             return
-        self._bench.apply(take_cords(one.sensors))
+        self._bench.apply(take_cords(layout.sensors))
 
-    def weigh(self) -> None:
-        """Compute what is not known yet."""
+    def compare(self) -> None:
+        """Compute what is not known of the layouts, in a child process.
+
+        Raises:
+            StorageError: The body, the mesh or the poses have changed since they were simulated.
+        """
         bench = self._bench
         folder = build_folder(bench.project.device)
         if not self.layouts:
-            bench.show_message(_NOTHING)
+            bench.show_message(_NO_LAYOUTS, "no-layouts")
             return
         if bench.builds.running:
-            bench.show_message("A build is running; cancel it, or wait for it, and weigh then.")
+            bench.show_message("A build is running. Cancel it or wait for it.", "build-running")
             return
         stage = first_outdated(bench.project.device, "simulate")
         if stage is not None:
             raise StorageError(
-                f"the {_STALE[stage.name]} have changed since they were simulated: press 'Optimise"
-                " the cords' first, then weigh"
+                f"the {_STAGE_INPUTS[stage.name]} changed after the simulation",
+                code="build-outdated",
+                action="Optimize the cords again before the comparison",
+                stage=stage.name,
             )
-        if not self.work.start(_compare, bench.project.folder, folder):
-            bench.show_message("They are being weighed already.")
+        if not self.job.start(_compare, bench.project.folder, folder):
+            bench.show_message("The comparison is running already.", "comparison-running")
             return
         self._stop.visible = True
 
     def close(self) -> None:
-        """End what runs."""
-        self.work.close()
+        """End the comparison and the thread."""
+        self.job.close()
         self.worker.close()
 
-    def _one(self) -> ComparedLayout | None:
-        return next((one for one in self.layouts if one.name == self._chosen), None)
+    def _chosen_layout(self) -> ComparedLayout | None:
+        return next((layout for layout in self.layouts if layout.name == self._chosen), None)
 
-    def _listed(self, event: object) -> None:
+    def _choose_from_list(self, event: object) -> None:
         if getattr(event, "client", None) is not None:
             self.choose(self._list.value)
 
@@ -231,64 +167,206 @@ class ComparedPanel:
         device = self._bench.project.device
         folder = build_folder(device)
         try:
-            key = digest(folder / LAYOUT)
-            weighed, seconds = load_tried_layouts(folder), estimate_seconds(device, folder)
-            found = [*weighed, *studied_layouts(device, folder)]
+            layout_digest = digest(folder / LAYOUT)
+            tried, seconds = load_tried_layouts(folder), estimate_seconds(device, folder)
+            layouts = [*tried, *studied_layouts(device, folder)]
         except (DefsenseError, OSError):
-            key, found, seconds = None, [], 0.0
-        if key == self._key and found:
-            return  # another stage was built: what was weighed still holds
-        self.work.cancel()
+            layout_digest, layouts, seconds = None, [], 0.0
+        if layout_digest == self._layout_digest and layouts:
+            return  # another stage was built: the comparison is still valid
+        self.job.cancel()
         with self._bench.drawing_lock:
-            self._key, self.layouts = key, _ranked(found)
-            self._weigh.label = f"Weigh all (about {_rounded(seconds)} s)" if found else "Weigh all"
+            self._layout_digest, self.layouts = layout_digest, _by_error(layouts)
+            self.estimated_time_s = _round_time(seconds) if layouts else 0
+            time_text = f" (about {self.estimated_time_s} s)" if layouts else ""
+            self._compare.label = f"{_COMPARE_LABEL}{time_text}"
             self._state.content = ""
             self._draw()
 
-    def _found(self, one: ComparedLayout) -> None:
+    def _add(self, layout: ComparedLayout) -> None:
         with self._bench.drawing_lock:
-            others = [o for o in self.layouts if o.name != one.name]
-            self.layouts = _ranked([*others, one])
+            others = [other for other in self.layouts if other.name != layout.name]
+            self.layouts = _by_error([*others, layout])
             self._draw()
 
-    def _progress(self, share: float, told: str) -> None:
-        self._state.content = f"{share:.0%}: {told}"
+    def _show_progress(self, share: float, message: str) -> None:
+        self._state.content = f"{share:.0%}: {message}"
 
-    def _ended(self, error: DefsenseError | None, _: None) -> None:
+    def _end(self, error: DefsenseError | None, _: None) -> None:
         self._stop.visible = False
+        self.error = error
         self._state.content = "" if error is None else f"**{error}**"
 
     def _draw(self) -> None:
-        names = (_NONE, *(one.name for one in self.layouts))
+        names = (_NONE, *(layout.name for layout in self.layouts))
         if self._chosen not in names:
             self._chosen = _NONE
         self._list.options, self._list.value = names, self._chosen
-        self._table.content = compared_table(self.layouts) if self.layouts else _NOTHING
-        self._picture.content = scatter(self.layouts, self._chosen)
-        one = self._one()
-        self._said.content = "" if one is None else said_of(one)
+        self._table.content = comparison_table(self.layouts) if self.layouts else _NO_LAYOUTS
+        self._charts.content = error_charts(self.layouts, self._chosen)
+        layout = self._chosen_layout()
+        self._notes.content = "" if layout is None else layout_notes(layout)
         self._draw_chosen()
 
     def _draw_chosen(self) -> None:
-        one = self._one() if self._shown else None
-        radius = self._bench.project.device.cord.diameter / 2
-        self._tubes.show(() if one is None else one.sensors, _SHOWN, 1.1 * radius)
+        layout = self._chosen_layout() if self._is_shown else None
+        radius = _CHOSEN_TUBE_RADIUS * self._bench.project.device.cord.diameter / 2
+        self._tubes.show(() if layout is None else layout.sensors, _CHOSEN_TUBE_COLOR, radius)
 
 
-def _ranked(layouts: Sequence[ComparedLayout]) -> list[ComparedLayout]:
-    """By their errors, those without one last."""
-    return sorted(layouts, key=lambda one: (math.isnan(one.error), one.error))
+def comparison_table(layouts: Sequence[ComparedLayout]) -> str:
+    """Return a table of layouts in markdown."""
+    lines = ["| Layout | mm | 90 % | Parts | Cords | Planes |", "|---|---:|---|---:|---:|---:|"]
+    for layout in layouts:
+        band = f"{layout.band[0]:.2f}–{layout.band[1]:.2f}" if layout.band else "?"
+        parts = "?" if layout.parts is None else str(layout.parts)
+        if layout.problem:
+            band, parts = "", "cannot be made"
+        name = html.escape(layout.name)
+        if layout.taken:
+            name = f"**{name}**"
+        lines.append(
+            f"| {name} | {_error_text(layout.error)} | {band} | {parts} |"
+            f" {len(layout.sensors)} | {layout.planes} |"
+        )
+    lines += [
+        "",
+        "mm: error in unseen states. 90 %: range of 90 % of built devices. Bold: layout of the"
+        " build. ?: not computed; the error is that of the design.",
+    ]
+    if not any(layout.name.startswith("study") for layout in layouts):
+        lines[-1] += " `defsense study` adds other numbers of cords."
+    return "\n".join(lines)
 
 
-def _rounded(seconds: float) -> int:
-    """To 5 s: it is no better known."""
-    return max(5 * round(seconds / 5), 5)
+def layout_notes(layout: ComparedLayout) -> str:
+    """Return the problem or the warnings of a layout in markdown."""
+    notes = [layout.problem] if layout.problem else list(layout.warnings)
+    return "\n".join(f"- {html.escape(note)}" for note in notes if note)
+
+
+def error_charts(layouts: Sequence[ComparedLayout], chosen: str | None) -> str:
+    """Return charts of the errors over the numbers of parts and of cords as HTML.
+
+    Args:
+        layouts: The layouts; those without an error are left out.
+        chosen: Name of the layout that is highlighted, if any.
+    """
+    shown = [layout for layout in layouts if math.isfinite(layout.error) and layout.error > 0]
+    if not shown:
+        return ""
+    return _chart(shown, chosen, "parts", lambda layout: layout.parts) + _chart(
+        shown, chosen, "cords", lambda layout: len(layout.sensors)
+    )
+
+
+@dataclass(frozen=True)
+class _Axes:
+    """Axes of a chart: linear counts from left to right, logarithmic errors (mm) upwards."""
+
+    low_count: float
+    high_count: float
+    low_error: float
+    high_error: float
+
+    def x(self, count: float) -> float:
+        share = (count - self.low_count) / (self.high_count - self.low_count)
+        return float(_LEFT + (_WIDTH - _LEFT - _RIGHT) * share)
+
+    def y(self, error: float) -> float:
+        share = math.log(self.high_error / error) / math.log(self.high_error / self.low_error)
+        return float(_TOP + (_HEIGHT - _BOTTOM - _TOP) * share)
+
+
+def _chart(
+    layouts: Sequence[ComparedLayout],
+    chosen: str | None,
+    unit: str,
+    count_of: Callable[[ComparedLayout], int | None],
+) -> str:
+    """Return one chart; its text has the color of the page, light or dark."""
+    points = [(n, layout) for layout in layouts if (n := count_of(layout)) is not None]
+    if not points:
+        return ""
+    errors = [mm for _, layout in points for mm in (layout.error, *(layout.band or ()))]
+    axes = _Axes(
+        min(n for n, _ in points) - 0.5,
+        max(n for n, _ in points) + 0.5,
+        0.8 * min(errors),
+        1.25 * max(errors),
+    )
+    drawing = [
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="100%" font-size="11" fill="currentColor"'
+        f' role="img" aria-label="error over {unit}">',
+        *_axis_lines(axes, sorted({n for n, _ in points}), unit),
+    ]
+    for k, (n, layout) in enumerate(points):
+        same_count = sum(m == n for m, _ in points[:k])
+        x = axes.x(n) + _POINT_SHIFT * (-1) ** same_count * ((same_count + 1) // 2)
+        drawing += _point(axes, x, layout, is_chosen=layout.name == chosen)
+    return "".join([*drawing, "</svg>"])
+
+
+def _axis_lines(axes: _Axes, counts: Sequence[int], unit: str) -> list[str]:
+    return [
+        *(
+            f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{axes.y(mm):.1f}"'
+            f' y2="{axes.y(mm):.1f}" stroke="currentColor" opacity="0.2"/>'
+            f'<text x="{_LEFT - 5}" y="{axes.y(mm) + 4:.1f}" text-anchor="end">{mm:g}</text>'
+            for mm in _ticks(axes.low_error, axes.high_error)
+        ),
+        *(
+            f'<text x="{axes.x(n):.1f}" y="{_HEIGHT - 18}" text-anchor="middle">{n}</text>'
+            for n in counts
+        ),
+        f'<text x="{(_LEFT + _WIDTH) / 2}" y="{_HEIGHT - 4}" text-anchor="middle">{unit}</text>',
+        f'<text x="2" y="{_TOP - 2}">mm</text>',
+    ]
+
+
+def _point(axes: _Axes, x: float, layout: ComparedLayout, *, is_chosen: bool) -> list[str]:
+    """Return the point of a layout, with its range if that is known."""
+    color, radius = (_CHOSEN_POINT_COLOR, 6) if is_chosen else (_POINT_COLOR, 4)
+    drawing = []
+    if layout.band:
+        low, high = axes.y(layout.band[0]), axes.y(layout.band[1])
+        drawing.append(
+            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{low:.1f}" y2="{high:.1f}"'
+            f' stroke="{color}" stroke-width="2"/>'
+        )
+    title = f"{html.escape(layout.name)}: {_error_text(layout.error)} mm"
+    drawing.append(
+        f'<circle cx="{x:.1f}" cy="{axes.y(layout.error):.1f}" r="{radius}" fill="{color}">'
+        f"<title>{title}</title></circle>"
+    )
+    return drawing
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Return 1, 2 and 5 times the powers of ten from `low` to `high`."""
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    candidates = [float(f"{k}e{power}") for power in powers for k in (1, 2, 5)]
+    return [mm for mm in candidates if low <= mm <= high]
+
+
+def _error_text(error: float) -> str:
+    return f"{error:.2f}" if math.isfinite(error) else "?"
+
+
+def _by_error(layouts: Sequence[ComparedLayout]) -> list[ComparedLayout]:
+    """Sort layouts by their errors; layouts without an error come last."""
+    return sorted(layouts, key=lambda layout: (math.isnan(layout.error), layout.error))
+
+
+def _round_time(seconds: float) -> int:
+    """Round an estimated time (s), which is not known better."""
+    return max(_TIME_STEP_S * round(seconds / _TIME_STEP_S), _TIME_STEP_S)
 
 
 def _compare(reporter: JobReporter, source: Path, folder: Path) -> None:
-    """In the other process."""
+    """Compare the layouts, in the child process."""
     from ...core.device.device_file import load_device
     from ...core.machine.processes import one_blas_thread
 
-    with one_blas_thread():  # as builds have it
+    with one_blas_thread():  # as in builds
         compare_layouts(load_device(source), folder, reporter.item, reporter.progress)

@@ -1,4 +1,4 @@
-"""The search for cords as one watches it: the paths move, and the expected error falls."""
+"""Show the search for cords while it runs: its paths and the decrease of the expected error."""
 
 from __future__ import annotations
 
@@ -21,118 +21,133 @@ from ..workbench.latest_worker import LatestWorker
 from ..workbench.page_tables import escape_cell, full_pose_errors
 from ..workbench.workbench import Workbench
 
-# What a search for cords has come to so far.
-
-_MOST = 1200  # points of the curve; every other one goes when there are more
+_DRAWN_COLOR, _CURRENT_COLOR, _BEST_COLOR = (120, 120, 120), (230, 140, 30), (31, 119, 180)
+_DRAWN_RADIUS, _CURRENT_RADIUS = 0.5, 0.8  # times the cord's radius
+_MAX_CURVE_POINTS = 1200  # above which every other point is removed
+_NO_SEARCH = "No search has run yet."
 
 
 @dataclass
 class SearchRecord:
-    """Of one build: the curve, as s of work, the error (mm) of the layout that was passed then and
-    of the best until then; the `best` layout that keeps every limit, and what is expected of it."""
+    """Results of the search of one build.
+
+    Attributes:
+        best: The best layout that keeps every limit, or None.
+        judged: Prediction for the best layout, or None.
+    """
 
     best: CandidateLayout | None = None
     judged: JudgedLayout | None = None
     _rows: list[tuple[float, float, float]] = field(default_factory=list)
-    _begun: float = 0.0
+    _started_at: float = 0.0
 
-    def add(self, seen: CandidateLayout, judged: JudgedLayout | None) -> bool:
-        """Whether it is the best so far; `judged` is None where nothing can be said of it."""
+    def add(self, candidate: CandidateLayout, judged: JudgedLayout | None) -> bool:
+        """Add a layout that the search has come to.
+
+        Args:
+            candidate: The layout.
+            judged: Its prediction, or None if it cannot be predicted.
+
+        Returns:
+            Whether it is the best layout so far.
+        """
         if judged is None:
             return False
-        better = seen.kept and (self.judged is None or judged.error < self.judged.error)
-        if better:
-            self.best, self.judged = seen, judged
-        least = math.nan if self.judged is None else self.judged.error
+        is_best = candidate.kept and (self.judged is None or judged.error < self.judged.error)
+        if is_best:
+            self.best, self.judged = candidate, judged
+        best_error = math.nan if self.judged is None else self.judged.error
         if not self._rows:
-            self._begun = seen.seconds
-        self._rows.append((seen.seconds - self._begun, judged.error, least))
-        if len(self._rows) > _MOST:
+            self._started_at = candidate.seconds
+        self._rows.append((candidate.seconds - self._started_at, judged.error, best_error))
+        if len(self._rows) > _MAX_CURVE_POINTS:
             self._rows = self._rows[::2]
-        return better
+        return is_best
 
     @property
     def curve(self) -> tuple[Float, Float, Float]:
-        """Seconds, errors on the way and least errors (n,), of which some may be unknown (NaN)."""
+        """Time of work (n,) s, error of the layout then (n,) mm, and of the best one (n,) mm.
+
+        The error of the best layout is NaN until one has been found.
+        """
         rows = np.array(self._rows, float).reshape(-1, 3)
         return rows[:, 0].copy(), rows[:, 1].copy(), rows[:, 2].copy()
 
 
-def pose_table(before: Mapping[str, float] | None, now: Mapping[str, float]) -> str:
-    """Markdown: the error of each pose at its extreme, as drawn and now, of errors by state."""
-    was = {} if before is None else full_pose_errors(before)
-    rows = full_pose_errors(now)
-    lines = ["| pose | as drawn | now |", "|---|---:|---:|"]
-    for pose, mm in rows.items():
-        drawn = f"{was[pose]:.2f}" if pose in was else "-"
-        lines.append(f"| {escape_cell(pose)} | {drawn} | **{mm:.2f}** mm |")
-    return "\n".join(lines)
-
-
-#: As drawn, on the way, and the best so far: grey, orange and blue.
-DRAWN, PASSING, BEST = (120, 120, 120), (230, 140, 30), (31, 119, 180)
-_THIN = 0.5  # of a cord's radius, as drawn
-_WAITING = "Nothing has been searched yet."
-
-
 @dataclass
 class _Run:
-    """One build's search: of which device, what it has come to, and what the drawn cords expect."""
+    """The search of one build.
+
+    Attributes:
+        device: The device.
+        record: Results of the search.
+        judge: Predicts the errors, once it is loaded.
+        drawn: Prediction for the drawn cords.
+    """
 
     device: Device
     record: SearchRecord = field(default_factory=SearchRecord)
     judge: LayoutJudge | None = None
     drawn: JudgedLayout | None = None
 
-    def load(self, seen: CandidateLayout) -> LayoutJudge:
-        """The judge of the poses that this build has: they may be newer than those of the page."""
+    def load(self, candidate: CandidateLayout) -> LayoutJudge:
+        """Return the judge of this build's poses, which may be newer than those of the page."""
         if self.judge is None:
-            folder = seen.folder if seen.folder.exists() else build_folder(self.device)
+            folder = candidate.folder if candidate.folder.exists() else build_folder(self.device)
             self.judge = LayoutJudge(self.device, folder)
-            self.drawn = _judged(self.judge, self.device.sensors)
+            self.drawn = _judge(self.judge, self.device.sensors)
         return self.judge
 
 
-def _judged(judge: LayoutJudge, sensors: Sequence[Sensor]) -> JudgedLayout | None:
-    """None where nothing can be said of them: on its way a descent may leave the body."""
-    try:
-        return judge.judge(sensors, quick=True)
-    except DefsenseError:
-        return None
-
-
 class WatchedSearch:
-    """Judges what a build's search comes to, on a thread of its own, and shows the newest."""
+    """Predict the errors of the layouts of a search on a thread, and show the latest layout.
+
+    Args:
+        bench: The workbench.
+
+    Attributes:
+        worker: Judges and draws the layouts.
+    """
 
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
         self._lock = threading.Lock()
         self._kept: list[CandidateLayout] = []
-        self._passing: CandidateLayout | None = None
+        self._latest: CandidateLayout | None = None
         self._run = _Run(bench.project.device)
-        self.worker = LatestWorker(self._look, bench.show_error)
-        self._present = CordTubes(bench.server, "/optimise/present")
-        self._best = CordTubes(bench.server, "/optimise/best")
-        self._sketch = CordTubes(bench.server, "/optimise/drawn")
-        self._shown = False
+        self.worker = LatestWorker(self._judge_layouts, bench.show_error)
+        self._current_tubes = CordTubes(bench.server, "/optimize/current")
+        self._best_tubes = CordTubes(bench.server, "/optimize/best")
+        self._drawn_tubes = CordTubes(bench.server, "/optimize/drawn")
+        self._is_shown = False
 
     @property
     def record(self) -> SearchRecord:
-        """Of the last search, or the one that is under way."""
+        """Results of the current or last search."""
         return self._run.record
 
+    @property
+    def current_cords(self) -> set[str]:
+        """Names of the cords of the search that are drawn."""
+        return self._current_tubes.names
+
+    @property
+    def best_cords(self) -> set[str]:
+        """Names of the best cords that are drawn."""
+        return self._best_tubes.names
+
     def add_panel(self) -> None:
-        """The numbers and the curve."""
+        """Add the numbers and the curve to the open folder of the panel."""
         from viser import uplot
 
         gui = self._bench.server.gui
-        self._told = gui.add_markdown(_WAITING)
+        self._text = gui.add_markdown(_NO_SEARCH)
         self._curve = gui.add_uplot(
-            _data(SearchRecord()),
+            _curve_data(SearchRecord()),
             (
-                uplot.Series(label="s of work"),
-                uplot.Series(label="on the way, mm", stroke="#e68c1e", width=1),
-                uplot.Series(label="best so far, mm", stroke="#1f77b4", width=2),
+                uplot.Series(label="Work (s)"),
+                uplot.Series(label="Current layout (mm)", stroke="#e68c1e", width=1),
+                uplot.Series(label="Best so far (mm)", stroke="#1f77b4", width=2),
             ),
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10)},
             aspect=1.8,
@@ -141,75 +156,98 @@ class WatchedSearch:
         )
         self._poses = gui.add_markdown("")
 
-    def begin(self) -> None:
-        """Another build has begun."""
+    def start(self) -> None:
+        """Forget the previous search; another build has started."""
         with self._lock:
-            self._kept, self._passing = [], None
+            self._kept, self._latest = [], None
             self._run = _Run(self._bench.project.device)
 
-    def see(self, seen: CandidateLayout) -> None:
-        """From the build's thread; returns at once."""
+    def add(self, candidate: CandidateLayout) -> None:
+        """Add a layout of the search and return at once; called on the build's thread."""
         with self._lock:
-            if seen.kept:
-                self._kept.append(seen)
-            self._passing = seen
+            if candidate.kept:
+                self._kept.append(candidate)
+            self._latest = candidate
         self.worker.give(None)
 
-    def show(self, shown: bool) -> None:
-        """Whether it is to be seen in the scene; the caller has the `drawing` lock."""
-        self._shown = shown
-        if not shown:
-            for tubes in (self._present, self._best, self._sketch):
+    def show(self, is_shown: bool) -> None:
+        """Show or hide the cords of the search, while the drawing lock is held."""
+        self._is_shown = is_shown
+        if not is_shown:
+            for tubes in (self._current_tubes, self._best_tubes, self._drawn_tubes):
                 tubes.clear()
         else:
             self._draw(None)
 
-    def done(self) -> None:
-        """The search is over: only the best of it stays."""
-        self._present.clear()
+    def end(self) -> None:
+        """Keep only the best cords in the scene; the search has ended."""
+        self._current_tubes.clear()
 
     def close(self) -> None:
         """End the thread."""
         self.worker.close()
 
-    def _look(self, _: None) -> None:
+    def _judge_layouts(self, _: None) -> None:
         with self._lock:
-            kept, passing, run = self._kept, self._passing, self._run
-            self._kept, self._passing = [], None
-        if passing is None:
+            kept, latest, run = self._kept, self._latest, self._run
+            self._kept, self._latest = [], None
+        if latest is None:
             return
-        judge = run.load(passing)
-        for seen in [*(k for k in kept if k is not passing), passing]:
-            run.record.add(seen, _judged(judge, seen.sensors))
+        judge = run.load(latest)
+        for candidate in [*(k for k in kept if k is not latest), latest]:
+            run.record.add(candidate, _judge(judge, candidate.sensors))
         with self._bench.drawing_lock:
             if run is self._run:
-                self._draw(passing)
+                self._draw(latest)
 
-    def _draw(self, passing: CandidateLayout | None) -> None:
+    def _draw(self, latest: CandidateLayout | None) -> None:
         run = self._run
         judged, best = run.record.judged, run.record.best
         if judged is not None:
-            self._told.content = _told(judged, run.drawn)
+            self._text.content = _error_text(judged, run.drawn)
             before = None if run.drawn is None else run.drawn.per_state
             self._poses.content = pose_table(before, judged.per_state)
-            self._curve.data, self._curve.visible = _data(run.record), True
-        if not self._shown:
+            self._curve.data, self._curve.visible = _curve_data(run.record), True
+        if not self._is_shown:
             return
         radius = run.device.cord.diameter / 2
-        self._sketch.show(run.device.sensors, DRAWN, _THIN * radius)
-        self._best.show(best.sensors if best else (), BEST, radius)
-        present = () if passing is None or passing is best else passing.sensors
-        self._present.show(present, PASSING, 0.8 * radius)
+        self._drawn_tubes.show(run.device.sensors, _DRAWN_COLOR, _DRAWN_RADIUS * radius)
+        self._best_tubes.show(best.sensors if best else (), _BEST_COLOR, radius)
+        current = () if latest is None or latest is best else latest.sensors
+        self._current_tubes.show(current, _CURRENT_COLOR, _CURRENT_RADIUS * radius)
 
 
-def _told(judged: JudgedLayout, drawn: JudgedLayout | None) -> str:
-    was = "" if drawn is None else f", as drawn {drawn.error:.2f} mm"
+def pose_table(before: Mapping[str, float] | None, now: Mapping[str, float]) -> str:
+    """Return the error of each pose at its extreme in markdown.
+
+    Args:
+        before: Errors of the drawn cords by state, mm, or None.
+        now: Errors of the best cords by state, mm.
+    """
+    drawn = {} if before is None else full_pose_errors(before)
+    lines = ["| Pose | Drawn cords | Best cords |", "|---|---:|---:|"]
+    for pose, error in full_pose_errors(now).items():
+        drawn_error = f"{drawn[pose]:.2f}" if pose in drawn else "-"
+        lines.append(f"| {escape_cell(pose)} | {drawn_error} | **{error:.2f}** mm |")
+    return "\n".join(lines)
+
+
+def _judge(judge: LayoutJudge, sensors: Sequence[Sensor]) -> JudgedLayout | None:
+    """Return the prediction, or None: during a descent cords may leave the body."""
+    try:
+        return judge.judge(sensors, quick=True)
+    except DefsenseError:
+        return None
+
+
+def _error_text(judged: JudgedLayout, drawn: JudgedLayout | None) -> str:
+    comparison = "" if drawn is None else f" (drawn cords: {drawn.error:.2f} mm)"
     return (
-        f"### {judged.error:.2f} mm\nexpected on unseen states of the best so far (blue)"
-        f"{was}; orange is on its way, grey as drawn"
+        f"### {judged.error:.2f} mm\nExpected error of the best cords in unseen states"
+        f"{comparison}. Blue: best cords. Orange: current cords of the search. Gray: drawn cords."
     )
 
 
-def _data(record: SearchRecord) -> tuple[Any, ...]:
+def _curve_data(record: SearchRecord) -> tuple[Any, ...]:
     curve = record.curve
     return curve if len(curve[0]) else (np.zeros(1), np.ones(1), np.ones(1))

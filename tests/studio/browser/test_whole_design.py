@@ -40,7 +40,7 @@ def studio(studio_server, tmp_path):
 def build_by(person, label, studio):
     """Press a button that builds, and wait for the end; nothing must have failed."""
     bench, ended = studio.page.bench, []
-    bench.loaded.append(lambda: ended.append(bench.problem))
+    bench.on_build_loaded.append(lambda: ended.append(bench.build_error))
     person.press(label)
     assert until(lambda: ended, LONG), label
     assert ended == [None]
@@ -79,7 +79,7 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
         person.drag(around_arc(client, gizmo, axis))
         assert until(lambda b=before: not np.allclose(device().poses[-1].handles[0].rotation, b))
 
-    person.press("Optimise")
+    person.press("Optimize")
     build_by(person, "Simulate the poses", studio)
 
     person.press("Cords")
@@ -95,10 +95,10 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
         assert until(lambda count=count: len(device().sensors) == count)
     person.press("End drawing")
 
-    person.press("Optimise")
-    build_by(person, "Optimise the cords", studio)
+    person.press("Optimize")
+    build_by(person, "Optimize the cords", studio)
     person.press("Take the optimised cords")
-    assert until(lambda: studio.page.bench.project.undoes == "take the optimised cords")
+    assert until(lambda: studio.page.bench.project.undo_name == "take the optimized cords")
 
     person.press("Make")
     build_by(person, "Build everything", studio)
