@@ -149,7 +149,7 @@ class Model:
         if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
             raise TrainingError(
                 "must be finite and increase, in s",
-                code="time-not-increasing",
+                code="times-not-increasing",
                 where="time",
                 argument="time",
             )

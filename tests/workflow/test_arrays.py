@@ -1,4 +1,4 @@
-"""Arrays in other units than they should be do not become a model in silence."""
+"""Test that arrays in wrong units are refused or noted."""
 
 from dataclasses import replace
 
@@ -6,49 +6,49 @@ import numpy as np
 import pytest
 
 import defsense_fab as df
+from tests.support.errors import raises
 
 
-def arrays(twin, *, length=1.0, time=1.0, ohm=1.0):
-    """What a twin recorded, as arrays, each quantity times a factor."""
+def scaled_dataset(twin, *, length=1.0, time=1.0, ohm=1.0):
+    """Return a twin's recording as a dataset of arrays, each quantity times a factor."""
     run = twin.recordings[0]
-    when = run.time[::2]
-    at = np.stack([np.interp(when, run.sample_time, column) for column in run.ohm.T], axis=1)
+    times = run.time[::2]
+    columns = [np.interp(times, run.sample_time, column) for column in run.ohm.T]
     return df.dataset(
-        when * time, at * ohm, run.points[::2] * length, rest_resistances=run.rest * ohm,
-        rest_positions=twin.rest_points * length, channels=twin.channels,
-    )  # fmt: skip
+        times * time,
+        np.stack(columns, axis=1) * ohm,
+        run.points[::2] * length,
+        rest_resistances=run.rest * ohm,
+        rest_positions=twin.rest_points * length,
+        channels=twin.channels,
+    )
 
 
 @pytest.mark.parametrize(
-    ("factors", "message"),
+    ("factors", "quantity", "unit"),
     [
-        ({"length": 1e-3}, "are they in metres?"),
-        ({"time": 1 / 3600}, "are the times in s?"),
-        ({"ohm": 1e-3}, "is not that of this device's cords.* are resistances in kiloohm?"),
+        ({"length": 1e-3}, "positions", "m"),
+        ({"time": 1 / 3600}, "times", "h"),
+        ({"ohm": 1e-3}, "resistances", "kohm"),
     ],
 )
-def test_other_units_are_refused(twin, layout, factors, message):
-    with pytest.raises(df.DefsenseError, match=message):
-        df.train(arrays(twin, **factors), layout, decoder="affine", in_step=True)
+def test_other_units_are_refused(twin, layout, factors, quantity, unit):
+    data = scaled_dataset(twin, **factors)
+    with raises(df.DefsenseError, "wrong-unit", quantity=quantity, unit=unit):
+        df.train(data, layout, decoder="affine", is_synchronized=True)
 
 
 def test_samples_in_another_unit_than_r0_are_refused(twin, model):
     run = twin.recordings[0]
     kiloohm = replace(twin, recordings=(replace(run, ohm=run.ohm * 1e-3),))
-    with pytest.raises(df.DefsenseError, match=r"times smaller than R0.* Give both in ohm"):
-        df.train(kiloohm, decoder="affine", in_step=True)
-    with pytest.raises(df.DefsenseError, match=r"times smaller than R0.* Give both in ohm"):
+    with raises(df.DefsenseError, "wrong-unit", quantity="resistances"):
+        df.train(kiloohm, decoder="affine", is_synchronized=True)
+    with raises(df.DefsenseError, "wrong-unit", quantity="resistances"):
         model.predict(run.sample_time, run.ohm * 1e-3, run.rest)
 
 
-@pytest.mark.parametrize(
-    ("factors", "message"),
-    [
-        ({"time": 1e3}, "are the times in ms? Give times in s"),
-        ({"ohm": 1e-3}, "are resistances in kiloohm? Give ohm"),
-    ],
-)
-def test_what_can_hardly_be_is_among_the_notes(twin, factors, message):
-    made = df.train(arrays(twin, **factors), decoder="affine", in_step=True)
-    assert any(message in note for note in made.notes)
-    assert f"{len(made.notes)} notes" in repr(made)
+@pytest.mark.parametrize(("factors", "unit"), [({"time": 1e3}, " ms"), ({"ohm": 1e-3}, "kiloohm")])
+def test_unlikely_units_are_noted(twin, factors, unit):
+    model = df.train(scaled_dataset(twin, **factors), decoder="affine", is_synchronized=True)
+    assert any(unit in note for note in model.notes)
+    assert f"{len(model.notes)} notes" in repr(model)

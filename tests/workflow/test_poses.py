@@ -1,4 +1,4 @@
-"""Whatever a device's file can say of poses, cords and the rest, Python values say as well."""
+"""Test that Python values can express all that a device's file can."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import trimesh
 
 import defsense_fab as df
 from defsense_fab.core.device.device_file import parse_device
+from tests.support.errors import raises
 
 _FILE = """
 schema = 1
@@ -84,7 +85,7 @@ free = ["path", "offset"]
 
 
 def same(one, other):
-    """Records, and what they hold, whatever arrays are in them."""
+    """Whether two records are equal, with the arrays that they contain."""
     if hasattr(one, "__dataclass_fields__"):
         return type(one) is type(other) and same(vars(one), vars(other))
     if isinstance(one, np.ndarray):
@@ -96,10 +97,10 @@ def same(one, other):
     return one == other
 
 
-def test_python_says_what_a_file_can_say():
+def test_device_from_python_equals_the_one_from_its_file():
     box = trimesh.creation.box(extents=[40, 10, 10])
     box.apply_translation([20, 0, 0])
-    made = df.Device.create(
+    device = df.Device.create(
         "all", box, "own",
         regions={
             "base": df.half_space([5, 0, 0], [-1, 0, 0]),
@@ -133,19 +134,23 @@ def test_python_says_what_a_file_can_say():
             "outputs.markers": [[80, 0, 10], [40, 0, 10]], "cord.length": np.array([20, 200]),
         },
     )  # fmt: skip
-    read = parse_device(_FILE, made.record.source)
-    assert same(made.record, read)
+    read = parse_device(_FILE, device.record.source)
+    assert same(device.record, read)
+
+
+def test_handle_with_a_free_axis_and_degrees_is_refused():
+    with raises(df.DefsenseError, "axis-contradictory", region="tip"):
+        df.Handle("tip", "free", 20.0).table()
 
 
 @pytest.mark.parametrize(
-    ("handle", "message"),
+    ("handle", "key"),
     [
-        (df.Handle("tip", "free", 20.0), "has a free axis, and degrees"),
-        (df.Handle("tip", "fre"), 'rotate: must be "free"'),
-        (df.Handle("tip", translate=(0, "fre", 0)), 'each may be "free"'),
-        (df.Handle("tip", (0, 0, 1), "fre"), "degrees: must be a number"),
+        (df.Handle("tip", "fre"), "rotate"),
+        (df.Handle("tip", translate=(0, "fre", 0)), "translate"),
+        (df.Handle("tip", (0, 0, 1), "fre"), "rotate.degrees"),
     ],
 )
-def test_handles_that_cannot_be_are_told(device, handle, message):
-    with pytest.raises(df.DefsenseError, match=message):
+def test_invalid_handle_is_refused(device, handle, key):
+    with raises(df.DefsenseError, "value-type", key=f"poses.1.handles.1.{key}"):
         device.changed({"poses.bend.handles": [handle.table()]})
