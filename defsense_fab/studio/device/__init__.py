@@ -1,1 +1,1 @@
-"""The mode in which the body's parameters, the material, cord and printer are chosen."""
+"""The mode in which the user sets the body, the material, the cord and the printer."""

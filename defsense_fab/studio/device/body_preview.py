@@ -1,4 +1,4 @@
-"""The body as the device says it now, made beside the page, while the build stays as it is."""
+"""A preview of the body that the device describes now, made without a build."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from pathlib import Path
 
 from ...core.device.device import Device
 from ...core.device.device_file import load_device
-from ...core.errors import DefsenseError
+from ...core.errors import BodyError, DefsenseError
 from ...core.mesh import Surface
 from ...store.body import load_surface
 from ..project.history import FOLDER
-from ..workbench.beside import BesideWork, Teller
+from ..workbench.background_job import BackgroundJob, JobReporter
 
 
 def preview_folder(folder: Path) -> Path:
-    """Where a device's last preview is."""
+    """Return the folder that holds the last preview of the device in `folder`."""
     return folder / FOLDER / "preview"
 
 
-def body_of(device: Device) -> tuple[object, ...]:
-    """What the body is made from: another one is another body."""
+def body_key(device: Device) -> tuple[object, ...]:
+    """Return all settings that the body is made from; equal keys mean equal bodies."""
     spec = device.body
     bay = None if spec.bay is None else (tuple(spec.bay.at), spec.bay.size)
     parameters = tuple(sorted(spec.parameters.items()))
@@ -28,67 +28,84 @@ def body_of(device: Device) -> tuple[object, ...]:
 
 
 class BodyPreview:
-    """One at a time, always of the newest device. `told` hears of progress, `made` of the surface
-    and `failed` of what went wrong, all on a thread of this."""
+    """Make one preview at a time, always of the latest device.
+
+    The callbacks are called on a thread of the job.
+
+    Args:
+        on_progress: Called with the completed share (0 to 1) and a message.
+        on_surface: Called with the body's surface.
+        on_error: Called with the error of a preview that failed.
+    """
 
     def __init__(
         self,
-        told: Callable[[float, str], None],
-        made: Callable[[Surface], None],
-        failed: Callable[[str], None],
+        on_progress: Callable[[float, str], None],
+        on_surface: Callable[[Surface], None],
+        on_error: Callable[[DefsenseError], None],
     ) -> None:
-        self._work = BesideWork("body", told, self._ended)
-        self._made, self._failed = made, failed
+        self.job = BackgroundJob("body", on_progress, self.finish)
+        self.on_surface, self.on_error = on_surface, on_error
         self._folder: Path | None = None
-        self._again = self._left = self._closed = False
+        self._should_restart = self._is_cancelled = self._is_closed = False
 
     @property
     def running(self) -> bool:
-        return self._work.running
+        """Whether a preview is being made."""
+        return self.job.running
 
     def start(self, folder: Path) -> None:
-        """Of the device in a folder; what is under way is of the body before, and ends."""
-        self._folder, self._left = folder, False
-        if not self._work.begin(make_body, folder):
-            self._again = True
-            self._work.cancel()
+        """Make a preview of the device in `folder`; cancel a preview of an earlier device."""
+        self._folder, self._is_cancelled = folder, False
+        if not self.job.start(make_body, folder):
+            self._should_restart = True
+            self.job.cancel()
 
     def cancel(self) -> None:
-        """Leave it; nothing is told."""
-        self._again = False
-        self._left = self._work.running
-        self._work.cancel()
+        """Stop the preview without calling `on_error`."""
+        self._should_restart = False
+        self._is_cancelled = self.job.running
+        self.job.cancel()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until no preview is being made; return False after `timeout_s`."""
+        return self.job.wait(timeout_s)
 
     def close(self) -> None:
-        self._closed = True
-        self._again = False
-        self._work.close()
+        """Stop the preview and wait for its process."""
+        self._is_closed = True
+        self._should_restart = False
+        self.job.close()
 
-    def _ended(self, problem: str | None) -> None:
-        if self._closed or self._folder is None:
+    def finish(self, error: DefsenseError | None, _: object = None) -> None:
+        """Handle the end of the job: load the surface, report the error, or start again."""
+        if self._is_closed or self._folder is None:
             return
-        left, self._left = self._left, False
-        if self._again:
-            self._again = False
+        was_cancelled, self._is_cancelled = self._is_cancelled, False
+        if self._should_restart:
+            self._should_restart = False
             self.start(self._folder)
-        elif left:
+        elif was_cancelled:
             return
-        elif problem is not None:
-            self._failed(problem)
+        elif error is not None:
+            self.on_error(error)
         else:
-            try:
-                surface = load_surface(preview_folder(self._folder))
-            except (DefsenseError, OSError, ValueError, KeyError) as error:
-                self._failed(f"the body cannot be read: {error}")
-                return
-            self._made(surface)
+            self._load(preview_folder(self._folder))
+
+    def _load(self, folder: Path) -> None:
+        try:
+            surface = load_surface(folder)
+        except (DefsenseError, OSError, ValueError, KeyError) as error:
+            self.on_error(
+                BodyError(f"cannot be read: {error}", code="file-unreadable", where="the body")
+            )
+            return
+        self.on_surface(surface)
 
 
-def make_body(teller: Teller, folder: Path) -> None:
-    """In the other process."""
+def make_body(reporter: JobReporter, folder: Path) -> None:
+    """Make the body of the device in `folder`; run this in a BackgroundJob."""
     from ...workflow.build.build import build_body
 
-    def progress(stage: str, share: float, message: str) -> None:
-        teller.progress(share, f"{stage}: {message}")
-
-    build_body(load_device(folder, complete=False), preview_folder(folder), progress)
+    device = load_device(folder, complete=False)
+    build_body(device, preview_folder(folder), reporter.stage_progress)

@@ -10,35 +10,48 @@ from ...core.device.device import BodySpec
 from ...core.errors import BodyError
 from ...geometry.bodies.script_source import Parameter, read_parameters
 
-_STEPS = 1000  # of a slider, at least
+_MIN_SLIDER_STEPS = 1000
 
 
 class ParameterControls:
-    """In a `folder` of the panel; `changed(name, value)` is told what a hand does, many times while
-    it drags."""
+    """Controls for the body's parameters in a folder of the panel.
 
-    def __init__(self, gui: Any, folder: Any, changed: Callable[[str, Any], None]) -> None:
-        self._gui, self._folder, self._changed = gui, folder, changed
-        self._made: tuple[Any, ...] = ()
-        self.controls: dict[str, Any] = {}  # by the parameter's name
+    Args:
+        gui: The viser GUI.
+        folder: The folder of the panel.
+        on_change: Called with a parameter's name and value for each change by the user, many
+            times while a slider is dragged.
+
+    Attributes:
+        controls: The controls by the parameters' names.
+        error: Error in reading the script, or None.
+    """
+
+    def __init__(self, gui: Any, folder: Any, on_change: Callable[[str, Any], None]) -> None:
+        self._gui, self._folder, self._on_change = gui, folder, on_change
+        self._content: tuple[Any, ...] = ()  # the parameters and the note that are shown
+        self.controls: dict[str, Any] = {}
+        self.error: BodyError | None = None
         self._note: Any = None
 
-    def show(self, spec: BodySpec, held: Callable[[str], bool]) -> None:
-        """The controls as the device is now, but for those that a hand still `held`."""
+    def show(self, spec: BodySpec, is_pending: Callable[[str], bool]) -> None:
+        """Show the body's values, except those that the user is still changing."""
         try:
             parameters, note = self._read(spec)
+            self.error = None
         except BodyError as error:
-            parameters, note = (), f"**{error}**"
+            parameters, note, self.error = (), f"**{error}**", error
         values = {p.name: spec.parameters.get(p.name, p.default) for p in parameters}
-        shapes = tuple((p, _range(p, values[p.name])) for p in parameters)
-        if self._made != (shapes, note):
-            self._make(shapes, values, note)
-            self._made = (shapes, note)
+        ranges = tuple((p, _slider_range(p, values[p.name])) for p in parameters)
+        if self._content != (ranges, note):
+            self._add_controls(ranges, values, note)
+            self._content = (ranges, note)
         for name, control in self.controls.items():
-            if not held(name) and control.value != _shown(control, values[name]):
-                control.value = _shown(control, values[name])
+            if not is_pending(name) and control.value != _as_type_of(control, values[name]):
+                control.value = _as_type_of(control, values[name])
 
     def _read(self, spec: BodySpec) -> tuple[tuple[Parameter, ...], str]:
+        """Return the script's parameters and a note on the body."""
         if spec.kind != "script":
             return (), f"The body is the file `{spec.path.name}`."
         parameters = read_parameters(spec.path, spec.parameters)
@@ -46,33 +59,39 @@ class ParameterControls:
         other = [p.name for p in parameters if p.kind == "other"]
         note = f"Made by `{spec.path.name}`."
         if other:
-            note += f" In device.toml only: {_names(other)}."
-        lost = [name for name in spec.parameters if name not in known]
-        if lost:
-            note += f" device.toml sets {_names(lost)}, which its `body` does not name."
+            note += f" Set in device.toml only: {_join(other)}."
+        unknown = [name for name in spec.parameters if name not in known]
+        if unknown:
+            note += (
+                f" device.toml sets {_join(unknown)}, which the script's `body` does not accept."
+            )
         return parameters, note
 
-    def _make(self, shapes: Any, values: dict[str, Any], note: str) -> None:
+    def _add_controls(self, ranges: Any, values: dict[str, Any], note: str) -> None:
         for handle in (*self.controls.values(), *filter(None, [self._note])):
             handle.remove()
         self.controls = {}
         with self._folder:
             self._note = self._gui.add_markdown(note)
-            for parameter, ends in shapes:
-                control = self._control(parameter, ends, values[parameter.name])
+            for parameter, ends in ranges:
+                control = self._add_control(parameter, ends, values[parameter.name])
                 if control is not None:
                     self.controls[parameter.name] = control
-                    control.on_update(self._told(parameter))
+                    control.on_update(self._updater(parameter))
 
-    def _control(self, p: Parameter, ends: tuple[float, float] | None, value: Any) -> Any:
-        label = f"{p.name}, {p.unit}" if p.unit else p.name
-        hint = (
-            f"Of the script; {p.default!r} by itself" if p.default is not None else "Of the script"
-        )
+    def _add_control(self, p: Parameter, ends: tuple[float, float] | None, value: Any) -> Any:
+        label = f"{p.name} ({p.unit})" if p.unit else p.name
+        hint = "Parameter of the script"
+        if p.default is not None:
+            hint += f"; default {p.default!r}"
         if ends is not None:
-            whole = p.kind == "whole"
-            kind = int if whole else float
-            step = 1 if whole else 10.0 ** math.floor(math.log10((ends[1] - ends[0]) / _STEPS))
+            is_integer = p.kind == "whole"
+            kind = int if is_integer else float
+            step = (
+                1
+                if is_integer
+                else 10.0 ** math.floor(math.log10((ends[1] - ends[0]) / _MIN_SLIDER_STEPS))
+            )
             low, high = kind(ends[0]), kind(ends[1])
             return self._gui.add_slider(label, low, high, kind(step), kind(value), hint=hint)
         if p.kind == "switch":
@@ -84,33 +103,33 @@ class ParameterControls:
             return self._gui.add_text(label, str(value or ""), hint=hint)
         return None
 
-    def _told(self, parameter: Parameter) -> Callable[[Any], None]:
-        def told(event: Any) -> None:
-            if event.client is None:  # set by the page itself
-                return
-            value = event.target.value
-            kinds: dict[str, Callable[[Any], Any]] = {
-                "whole": round,
-                "number": float,
-                "switch": bool,
-            }
-            self._changed(parameter.name, kinds.get(parameter.kind, str)(value))
+    def _updater(self, parameter: Parameter) -> Callable[[Any], None]:
+        converters: dict[str, Callable[[Any], Any]] = {
+            "whole": round,
+            "number": float,
+            "switch": bool,
+        }
+        convert = converters.get(parameter.kind, str)
 
-        return told
+        def on_update(event: Any) -> None:
+            if event.client is not None:  # otherwise the page itself has set the value
+                self._on_change(parameter.name, convert(event.target.value))
+
+        return on_update
 
 
-def _range(p: Parameter, value: Any) -> tuple[float, float] | None:
-    """The ends of a number's slider."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if p.kind not in ("number", "whole") or not number:
+def _slider_range(p: Parameter, value: Any) -> tuple[float, float] | None:
+    """Return the ends of a number's slider, or None if the parameter is not a number."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if p.kind not in ("number", "whole") or not is_number:
         return None
     low, high = p.bounds(value)
     return (low, high) if high > low else (low, low + 1)
 
 
-def _shown(control: Any, value: Any) -> Any:
+def _as_type_of(control: Any, value: Any) -> Any:
     return type(control.value)(value)
 
 
-def _names(names: list[str]) -> str:
+def _join(names: list[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)

@@ -1,1 +1,1 @@
-"""Changes to a device's file, by what they mean."""
+"""Edits of a device's file, one function for each kind of change."""

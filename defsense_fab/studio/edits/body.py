@@ -1,4 +1,4 @@
-"""Changes to the body's parameters and to single values of the device."""
+"""Edits of the body's parameters and of single values of the device."""
 
 from __future__ import annotations
 
@@ -7,32 +7,43 @@ from typing import Any
 from tomlkit import TOMLDocument
 
 from ...core.device.cord_table import SHEET
-from .edit import Edit
-from .tables import inline, number, rename_key, rows
+from .edit import Edit, inline, number, rename_key, rows
+
+#: Keys of [material] that a row of the catalogue replaces.
+_MATERIAL_KEYS = (
+    *("young_modulus", "shore", "poisson_ratio", "density"),
+    *("model", "c10", "c01", "c20", "c30"),
+)
+#: Keys of [cord] that a row of the catalogue replaces. Noise and piece lengths are kept, as they
+#: do not depend on the cord alone.
+_CORD_KEYS = (
+    *("response", "compression", "contact", "min_stretch", "min_bend_radius", "ferrule_diameter"),
+    *("ferrule_length", "modulus", *SHEET),
+)
 
 
 def set_parameter(name: str, value: float | str | bool) -> Edit:
-    """Of the body's script."""
+    """Set a parameter of the body's script."""
 
     def change(document: TOMLDocument) -> None:
         body: Any = document["body"]
         parameters = body.setdefault("parameters", inline({}))
-        parameters[name] = _value(value)
+        parameters[name] = shorten(value)
 
-    return Edit(f"set {name} to {_value(value)}", change)
+    return Edit(f"set {name} to {shorten(value)}", change)
 
 
 def set_value(table: str, key: str, value: float | str | bool) -> Edit:
-    """One value of a table, such as the wall of [fabrication]; the table, too, where it lacks."""
+    """Set a value of a table, such as `wall` of [fabrication]; add the table if it is missing."""
 
     def change(document: TOMLDocument) -> None:
-        document.setdefault(table, {})[key] = _value(value)
+        document.setdefault(table, {})[key] = shorten(value)
 
-    return Edit(f"set {table}.{key} to {_value(value)}", change)
+    return Edit(f"set {table}.{key} to {shorten(value)}", change)
 
 
 def reset_value(table: str, key: str) -> Edit:
-    """Back to what it is without being written."""
+    """Remove a value, so that its default applies."""
 
     def change(document: TOMLDocument) -> None:
         document.get(table, {}).pop(key, None)
@@ -40,29 +51,18 @@ def reset_value(table: str, key: str) -> Edit:
     return Edit(f"reset {table}.{key}", change)
 
 
-#: What a row of the catalogue says, where a device does not say it itself.
-_OF_MATERIAL = (
-    "young_modulus", "shore", "poisson_ratio", "density",
-    "model", "c10", "c01", "c20", "c30",
-)  # fmt: skip
-_OF_CORD = (
-    *("response", "compression", "contact", "min_stretch", "min_bend_radius", "ferrule_diameter"),
-    *("ferrule_length", "modulus", *SHEET),
-)
-
-
 def choose_material(name: str) -> Edit:
-    """One of the catalogue, with nothing left of what was said of the one before."""
-    return _chosen("material", name, _OF_MATERIAL)
+    """Choose a material of the catalogue, and remove the values of the previous one."""
+    return _choose("material", name, _MATERIAL_KEYS)
 
 
 def choose_cord(name: str) -> Edit:
-    """One of the catalogue; noise and lengths of pieces stay, as they are not the cord's alone."""
-    return _chosen("cord", name, _OF_CORD)
+    """Choose a cord of the catalogue, and remove the values of the previous one."""
+    return _choose("cord", name, _CORD_KEYS)
 
 
 def set_edge_length(value: float) -> Edit:
-    """Of the mesh, mm, in place of an accuracy where that was given."""
+    """Set the edge length of the mesh in mm; it replaces an accuracy."""
 
     def change(document: TOMLDocument) -> None:
         mesh: Any = document.setdefault("mesh", {})
@@ -74,7 +74,7 @@ def set_edge_length(value: float) -> Edit:
 
 
 def set_cord_count(count: int) -> Edit:
-    """How many cords there are to be; those that are drawn alone where there are as many."""
+    """Set the number of cords; the drawn cords are a lower limit."""
 
     def change(document: TOMLDocument) -> None:
         if count > len(rows(document, "sensors")):
@@ -82,40 +82,33 @@ def set_cord_count(count: int) -> Edit:
         else:
             document.get("design", {}).pop("sensors", None)
 
-    return Edit(f"have {count} cord{'s' if count != 1 else ''}", change)
+    return Edit(f"set the number of cords to {count}", change)
 
 
 def set_searches(count: int) -> Edit:
-    """The most searches that a layout is chosen from; 0: as many as the number of cords asks."""
+    """Limit the number of searches; 0 lets it depend on the number of cords."""
     if count == 0:
         return reset_value("design", "searches")
     return set_value("design", "searches", count)
 
 
-def _chosen(table: str, name: str, before: tuple[str, ...]) -> Edit:
-    def change(document: TOMLDocument) -> None:
-        found: Any = document.setdefault(table, {})
-        for key in before:
-            found.pop(key, None)
-        found["name"] = name
-
-    return Edit(f"take the {table} {name}", change)
-
-
 def use_response(file: str) -> Edit:
-    """The cord's response as it was measured, a file in the device's folder, in place of what the
-    data sheet tells."""
+    """Use a measured response of the cord instead of the data sheet.
+
+    Args:
+        file: Name of the response's file in the device's folder.
+    """
 
     def change(document: TOMLDocument) -> None:
         cord: Any = document["cord"]
-        cord.pop("compression", None)  # the response tells it
+        cord.pop("compression", None)  # part of the response
         cord["response"] = file
 
     return Edit(f"use the measured response {file}", change)
 
 
 def rename_device(name: str) -> Edit:
-    """Another name for the device."""
+    """Rename the device."""
 
     def change(document: TOMLDocument) -> None:
         document["name"] = name
@@ -123,8 +116,18 @@ def rename_device(name: str) -> Edit:
     return Edit(f"rename the device to `{name}`", change)
 
 
-def _value(value: float | str | bool) -> Any:
-    """As a person writes it: to a thousandth, or to four digits where it is smaller than that."""
+def shorten(value: float | str | bool) -> Any:
+    """Round a number to a thousandth, or to four digits if it is smaller than 1."""
     if isinstance(value, bool | str):
         return value
     return number(value) if abs(value) >= 1 or not value else float(f"{value:.4g}")
+
+
+def _choose(table: str, name: str, keys: tuple[str, ...]) -> Edit:
+    def change(document: TOMLDocument) -> None:
+        values: Any = document.setdefault(table, {})
+        for key in keys:
+            values.pop(key, None)
+        values["name"] = name
+
+    return Edit(f"choose the {table} {name}", change)

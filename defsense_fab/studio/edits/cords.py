@@ -1,4 +1,4 @@
-"""Changes to cords: their planes, paths and freedoms."""
+"""Edits of cords: their planes, paths and freedoms."""
 
 from __future__ import annotations
 
@@ -11,24 +11,32 @@ from tomlkit import TOMLDocument
 from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom
 from ...core.device.device import FREEDOMS, Sensor
+from ...core.device.device_file import DEVICE
 from ...core.errors import DeviceError
-from .edit import Edit
-from .tables import append, index, inline, named, number, numbers, remove, rows, strings
+from .edit import Edit, append, index, inline, named, number, numbers, remove, rows, strings
 
 _KEY = "sensors"
+_TANGENT_TOLERANCE = 1e-3  # mm; smaller differences follow from rounding
+_DIRECTION_DECIMALS = 6  # three would misplace the ends of a long plane
 
 
 def add_cord(name: str, plane: Plane, curve: Hermite, free: Sequence[str] = ()) -> Edit:
-    """A cord along a `curve` in a `plane`; its tangents are written where they are not those that
-    the points give."""
+    """Add a cord along a curve in a plane.
+
+    Args:
+        name: Name of the cord.
+        plane: The plane.
+        curve: The path. Its tangents are written only if they do not follow from the points.
+        free: Freedoms of the optimizer, as in `FREEDOMS`.
+    """
 
     def change(document: TOMLDocument) -> None:
         values: dict[str, Any] = {
             "name": name,
-            "plane": _plane(plane),
+            "plane": _plane_table(plane),
             "control_points": numbers(curve.points),
         }
-        if not np.allclose(curve.tangents, catmull_rom(curve.points), atol=1e-3):
+        if not _has_default_tangents(curve):
             values["tangents"] = numbers(curve.tangents)
         if free:
             values["free"] = strings(free)
@@ -47,24 +55,24 @@ def remove_cord(name: str) -> Edit:
 
 
 def take_cords(sensors: Sequence[Sensor]) -> Edit:
-    """All cords anew, as the optimiser has left them; what was free stays free."""
+    """Replace all cords by those of the optimizer; their freedoms are kept."""
 
     def change(document: TOMLDocument) -> None:
         free = {str(row["name"]): row.get("free") for row in rows(document, _KEY)}
         for k in reversed(range(len(rows(document, _KEY)))):
             remove(document, _KEY, k)
         for sensor in sensors:
-            given = free.get(sensor.name, ["path"])
-            add_cord(sensor.name, sensor.plane, sensor.curve, given or ()).change(document)
+            freedoms = free.get(sensor.name, ["path"])
+            add_cord(sensor.name, sensor.plane, sensor.curve, freedoms or ()).change(document)
         design: Any = document.get("design", {})
         if "sensors" in design and design["sensors"] <= len(sensors):
             design.pop("sensors")  # all of them are drawn now
 
-    return Edit("take the optimised cords", change)
+    return Edit("take the optimized cords", change)
 
 
 def rename_cord(name: str, to: str) -> Edit:
-    """Another name for a cord."""
+    """Rename a cord."""
 
     def change(document: TOMLDocument) -> None:
         named(document, _KEY, name)["name"] = to
@@ -73,7 +81,7 @@ def rename_cord(name: str, to: str) -> Edit:
 
 
 def move_point(name: str, at: int, to: Float) -> Edit:
-    """Control point `at` of a cord to (2,) mm in its plane."""
+    """Move the control point with index `at` to (2,) mm in the cord's plane."""
 
     def change(document: TOMLDocument) -> None:
         points = _points(document, name, at)
@@ -83,24 +91,30 @@ def move_point(name: str, at: int, to: Float) -> Edit:
     return Edit(f"move control point {at + 1} of `{name}`", change)
 
 
-def insert_point(name: str, before: int, place: Float) -> Edit:
-    """A control point before another, at (2,) mm; tangents that are written get one that goes from
-    its neighbour to the other."""
+def insert_point(name: str, before: int, position: Float) -> Edit:
+    """Insert a control point.
+
+    Args:
+        name: Name of the cord.
+        before: Index of the new point.
+        position: Position (2,) mm in the cord's plane. If the cord has tangents, the new point's
+            tangent points from its one neighbor to the other.
+    """
 
     def change(document: TOMLDocument) -> None:
         cord = named(document, _KEY, name)
-        points = _points(document, name, before, last=1)
+        points = _points(document, name, before, extra=1)
         if "tangents" in cord:
             after = min(max(before, 1), len(points) - 1)
             along = np.array(points[after], float) - np.array(points[after - 1], float)
             cord["tangents"].insert(before, numbers(along / 2))
-        points.insert(before, numbers(place))
+        points.insert(before, numbers(position))
 
     return Edit(f"add a control point to `{name}`", change)
 
 
 def delete_point(name: str, at: int) -> Edit:
-    """Delete a control point, and its tangent."""
+    """Delete the control point with index `at`, and its tangent."""
 
     def change(document: TOMLDocument) -> None:
         cord = named(document, _KEY, name)
@@ -112,12 +126,12 @@ def delete_point(name: str, at: int) -> Edit:
 
 
 def set_path(name: str, curve: Hermite) -> Edit:
-    """Another curve in the same plane."""
+    """Replace a cord's curve in its plane."""
 
     def change(document: TOMLDocument) -> None:
         cord = named(document, _KEY, name)
         cord["control_points"] = numbers(curve.points)
-        if np.allclose(curve.tangents, catmull_rom(curve.points), atol=1e-3):
+        if _has_default_tangents(curve):
             cord.pop("tangents", None)
         else:
             cord["tangents"] = numbers(curve.tangents)
@@ -126,20 +140,26 @@ def set_path(name: str, curve: Hermite) -> Edit:
 
 
 def bend_at(name: str, at: int, curve: Hermite) -> Edit:
-    """Another tangent at a control point; all are written, as those that the points give are not
-    any more."""
+    """Change the tangent at the control point with index `at`; all tangents are written."""
 
     def change(document: TOMLDocument) -> None:
         points = _points(document, name, at)
         if len(points) != len(curve.tangents):
-            raise DeviceError(f"device.toml: `{name}` has {len(points)} control points now")
+            raise DeviceError(
+                f"`{name}` has {len(points)} control points now, not {len(curve.tangents)}",
+                code="control-points-changed",
+                where=DEVICE,
+                action="Drag the tangent again",
+                cord=name,
+                count=len(points),
+            )
         named(document, _KEY, name)["tangents"] = numbers(curve.tangents)
 
     return Edit(f"bend `{name}` at control point {at + 1}", change)
 
 
 def smooth(name: str) -> Edit:
-    """Tangents follow from the points again."""
+    """Remove a cord's tangents, so that they follow from the points."""
 
     def change(document: TOMLDocument) -> None:
         named(document, _KEY, name).pop("tangents", None)
@@ -148,74 +168,88 @@ def smooth(name: str) -> Edit:
 
 
 def set_plane(name: str, plane: Plane) -> Edit:
-    """Another plane; the path stays as it is in it."""
+    """Move a cord to another plane; its path in the plane stays."""
 
     def change(document: TOMLDocument) -> None:
-        named(document, _KEY, name)["plane"] = _plane(plane)
+        named(document, _KEY, name)["plane"] = _plane_table(plane)
 
     return Edit(f"move the plane of `{name}`", change)
 
 
 def set_freedoms(name: str, free: Sequence[str]) -> Edit:
-    """What the optimiser may move: none of it is a lock."""
-    order = [word for word in FREEDOMS if word in free]
+    """Set what the optimizer may move; nothing locks the cord."""
+    freedoms = [word for word in FREEDOMS if word in free]
 
     def change(document: TOMLDocument) -> None:
         cord = named(document, _KEY, name)
-        if order or "free" in cord:
-            cord["free"] = strings(order)
+        if freedoms or "free" in cord:
+            cord["free"] = strings(freedoms)
 
-    told = "free " + " and ".join(order) if order else "lock"
-    return Edit(f"{told} of `{name}`" if order else f"{told} `{name}`", change)
+    action = f"free {' and '.join(freedoms)} of" if freedoms else "lock"
+    return Edit(f"{action} `{name}`", change)
 
 
 def mirror_cord(name: str, to: str, origin: Float, normal: Float) -> Edit:
-    """A copy of a cord beyond the plane through `origin` (3,) mm with a `normal` (3,)."""
+    """Add a mirrored copy of a cord.
+
+    Args:
+        name: Name of the cord.
+        to: Name of the copy.
+        origin: Point (3,) mm of the mirror plane.
+        normal: Normal (3,) of the mirror plane, of any length.
+    """
     n = np.asarray(normal, float) / np.linalg.norm(normal)
 
     def change(document: TOMLDocument) -> None:
         cord = named(document, _KEY, name)
-        told = cord["plane"].unwrap()
-        axes = {key: np.array(told[key], float) for key in ("normal", "x_axis")}
-        place = np.array(told["origin"], float)
+        plane = cord["plane"].unwrap()
+        axes = {key: np.array(plane[key], float) for key in ("normal", "x_axis")}
+        position = np.array(plane["origin"], float)
         mirrored = {
-            "origin": place - 2 * n * ((place - origin) @ n),
+            "origin": position - 2 * n * ((position - origin) @ n),
             "x_axis": axes["x_axis"] - 2 * n * (axes["x_axis"] @ n),
         }
-        # The second axis of the plane is normal x x_axis, which a reflection turns round.
+        # The plane's second axis is normal x x_axis, whose direction a reflection reverses.
         mirrored["normal"] = -(axes["normal"] - 2 * n * (axes["normal"] @ n))
         values = {key: value for key, value in cord.unwrap().items() if key != "plane"}
-        plane = inline({k: numbers(mirrored[k]) for k in ("origin", "normal", "x_axis")})
+        table = inline({k: numbers(mirrored[k]) for k in ("origin", "normal", "x_axis")})
         for key in ("control_points", "tangents"):
             if key in values:
                 values[key] = numbers(values[key])
-        append(document, _KEY, {"name": to, "plane": plane} | {**values, "name": to})
+        append(document, _KEY, {"name": to, "plane": table} | {**values, "name": to})
 
     return Edit(f"mirror `{name}` to `{to}`", change)
 
 
-def cord_names(document: TOMLDocument) -> list[str]:
-    """In their order."""
-    return [str(row["name"]) for row in rows(document, _KEY)]
+def _has_default_tangents(curve: Hermite) -> bool:
+    return np.allclose(curve.tangents, catmull_rom(curve.points), atol=_TANGENT_TOLERANCE)
 
 
-def _points(document: TOMLDocument, name: str, at: int, last: int = 0) -> Any:
+def _points(document: TOMLDocument, name: str, at: int, extra: int = 0) -> Any:
+    """Return a cord's control points, of which index `at` must exist; `extra` are allowed."""
     points = named(document, _KEY, name)["control_points"]
-    if not 0 <= at < len(points) + last:
+    if not 0 <= at < len(points) + extra:
         raise DeviceError(
-            f"device.toml: `{name}` has no control point {at + 1} any more; it has {len(points)}"
+            f"`{name}` no longer has a control point {at + 1}; it has {len(points)}",
+            code="no-control-point",
+            where=DEVICE,
+            cord=name,
+            number=at + 1,
+            count=len(points),
         )
     return points
 
 
-def _plane(plane: Plane) -> Any:
+def _plane_table(plane: Plane) -> Any:
     return inline(
-        {"origin": numbers(plane.origin), "normal": _direction(plane.axes[:, 2]),
-         "x_axis": _direction(plane.axes[:, 0])}
-    )  # fmt: skip
+        {
+            "origin": numbers(plane.origin),
+            "normal": _direction(plane.axes[:, 2]),
+            "x_axis": _direction(plane.axes[:, 0]),
+        }
+    )
 
 
 def _direction(vector: Float) -> Any:
-    """To a millionth: a thousandth turns the ends of a long plane out of place."""
-    rounded = [round(float(x), 6) for x in vector]
+    rounded = [round(float(x), _DIRECTION_DECIMALS) for x in vector]
     return [int(x) if x == int(x) else x for x in rounded]

@@ -1,52 +1,75 @@
-"""Changes to poses, and to the regions that they fix and move."""
+"""Edits of poses, and of the regions that poses hold and move."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from tomlkit import TOMLDocument
 
 from ...core.arrays import Float
+from ...core.device.device_file import DEVICE
 from ...core.errors import DeviceError
-from .edit import Edit
-from .tables import append, index, inline, named, number, numbers, remove, rename_key, rows, strings
+from .edit import (
+    Edit,
+    append,
+    index,
+    inline,
+    named,
+    not_in_device,
+    number,
+    numbers,
+    remove,
+    rename_key,
+    rows,
+    strings,
+)
 
-_KEY, _FREE = "poses", "free"
-_MIXED = ("mixtures", "held_out")  # lists of [states] that name poses
+#: What a pose does with a region.
+Role = Literal["free", "held", "moved"]
+_KEY = "poses"
+_STATE_LISTS = ("mixtures", "held_out")  # lists of [states] whose rows name poses
+_REGION_LISTS = ("handles", "symmetry", "pressures")  # lists of a pose whose rows name a region
+_INITIAL_TURN_DEGREES = 10.0  # about z, as a pose without motion is invalid
+_POINT_TOLERANCE_MM = 1e-6
+#: Keys of the points of each kind of shape.
+_POINT_KEYS: dict[str, tuple[str, ...]] = {
+    "box": (),
+    "sphere": ("center",),
+    "half_space": ("origin",),
+    "cylinder": ("start", "end"),
+}
 
 
 def add_pose(name: str, fixed: Sequence[str], region: str) -> Edit:
-    """A pose that holds regions and moves another; the handle turns by 10 degrees about z to begin
-    with, as a pose in which nothing moves is none."""
+    """Add a pose that holds regions and turns another one by 10 degrees about z."""
 
     def change(document: TOMLDocument) -> None:
-        handle = inline(
-            {"region": region, "rotate": _turn(np.array([0.0, 0.0, 1.0]), 10.0), "translate": _FREE}
-        )
-        append(document, _KEY, {"name": name, "fixed": strings(fixed), "handles": _list([handle])})
+        turn = _rotation(np.array([0.0, 0.0, 1.0]), _INITIAL_TURN_DEGREES)
+        handle = inline({"region": region, "rotate": turn, "translate": "free"})
+        append(document, _KEY, {"name": name, "fixed": strings(fixed), "handles": _array([handle])})
 
     return Edit(f"add the pose `{name}`", change)
 
 
 def duplicate_pose(name: str, to: str) -> Edit:
-    """A copy of a pose, by another name."""
+    """Copy a pose under the name `to`."""
 
     def change(document: TOMLDocument) -> None:
         values = named(document, _KEY, name).unwrap()
-        append(document, _KEY, {**{k: _written(v) for k, v in values.items()}, "name": to})
+        append(document, _KEY, {**{k: _to_inline(v) for k, v in values.items()}, "name": to})
 
     return Edit(f"duplicate the pose `{name}`", change)
 
 
 def remove_pose(name: str) -> Edit:
-    """With the mixed states that it is a part of."""
+    """Delete a pose and the mixed states that contain it."""
 
     def change(document: TOMLDocument) -> None:
         remove(document, _KEY, index(document, _KEY, name))
         states = document.get("states", {})
-        for key in _MIXED:
+        for key in _STATE_LISTS:
             for k in reversed(range(len(rows(states, key)))):
                 if name in states[key][k]:
                     remove(states, key, k)
@@ -55,12 +78,12 @@ def remove_pose(name: str) -> Edit:
 
 
 def rename_pose(name: str, to: str) -> Edit:
-    """In mixed states, too."""
+    """Rename a pose, also in mixed states."""
 
     def change(document: TOMLDocument) -> None:
         named(document, _KEY, name)["name"] = to
         states = document.get("states", {})
-        for key in _MIXED:
+        for key in _STATE_LISTS:
             for k, row in enumerate(rows(states, key)):
                 if name in row:
                     renamed = {to if pose == name else pose: row[pose] for pose in row}
@@ -69,12 +92,39 @@ def rename_pose(name: str, to: str) -> Edit:
     return Edit(f"rename the pose `{name}` to `{to}`", change)
 
 
+def set_role(name: str, region: str, role: Role) -> Edit:
+    """Leave a region free in a pose, hold it, or move it.
+
+    A region that is moved from now on turns by 10 degrees about z.
+    """
+
+    def change(document: TOMLDocument) -> None:
+        pose = named(document, _KEY, name)
+        fixed = pose.get("fixed")
+        if fixed is not None and region in fixed and role != "held":
+            del fixed[list(fixed).index(region)]
+        if role == "held" and (fixed is None or region not in fixed):
+            if fixed is None:
+                pose["fixed"] = numbers([])
+            pose["fixed"].append(region)
+        moved = [k for k, row in enumerate(rows(pose, "handles")) if row.get("region") == region]
+        if role != "moved":
+            for k in reversed(moved):
+                remove(pose, "handles", k)
+        elif not moved:
+            turn = inline({"axis": numbers([0, 0, 1]), "degrees": number(_INITIAL_TURN_DEGREES)})
+            append(pose, "handles", {"region": region, "rotate": turn, "translate": "free"})
+
+    verb = {"free": "leave", "held": "hold", "moved": "move"}[role]
+    return Edit(f"{verb} `{region}` in `{name}`", change)
+
+
 def turn_handle(name: str, region: str, axis: Float, degrees: float) -> Edit:
-    """A handle's rotation about an axis (3,); what it turns about stays."""
+    """Set the rotation of a moved region about an axis (3,); the center of rotation stays."""
 
     def change(document: TOMLDocument) -> None:
         handle = _handle(document, name, region)
-        turn = _turn(axis, degrees)
+        turn = _rotation(axis, degrees)
         before = handle.get("rotate")
         if isinstance(before, Mapping) and "about" in before:
             turn["about"] = before["about"]
@@ -84,26 +134,17 @@ def turn_handle(name: str, region: str, axis: Float, degrees: float) -> Edit:
 
 
 def shift_handle(name: str, region: str, to: Sequence[float] | str) -> Edit:
-    """A handle's translation: (3,) mm, or "free"."""
+    """Set the translation of a moved region: (3,) mm, or "free"."""
 
     def change(document: TOMLDocument) -> None:
-        given = to if isinstance(to, str) else numbers(to)
-        _handle(document, name, region)["translate"] = given
+        translation = to if isinstance(to, str) else numbers(to)
+        _handle(document, name, region)["translate"] = translation
 
     return Edit(f"move `{region}` in `{name}`", change)
 
 
-def hold_regions(name: str, fixed: Sequence[str]) -> Edit:
-    """The regions that a pose fixes."""
-
-    def change(document: TOMLDocument) -> None:
-        named(document, _KEY, name)["fixed"] = strings(fixed)
-
-    return Edit(f"hold {', '.join(fixed) or 'nothing'} in `{name}`", change)
-
-
 def drag_point(name: str, at: Float, by: Float, stiffness: float) -> Edit:
-    """A point (3,) mm pulled by (3,) mm with a spring, N/mm."""
+    """Pull a point `at` (3,) mm by (3,) mm with a spring of `stiffness` N/mm."""
 
     def change(document: TOMLDocument) -> None:
         drag = {"at": numbers(at), "by": numbers(by), "stiffness": number(stiffness)}
@@ -111,13 +152,42 @@ def drag_point(name: str, at: Float, by: Float, stiffness: float) -> Edit:
         if "drags" in pose:
             append(pose, "drags", drag)
         else:
-            pose["drags"] = _list([inline(drag)])
+            pose["drags"] = _array([inline(drag)])
 
     return Edit(f"pull at a point in `{name}`", change)
 
 
+def move_drag(name: str, at: Float, by: Float) -> Edit:
+    """Change the displacement of the point pulled `at` (3,) mm to `by` (3,) mm."""
+
+    def change(document: TOMLDocument) -> None:
+        _drag(named(document, _KEY, name), name, at)["by"] = numbers(by)
+
+    return Edit(f"move a pull in `{name}`", change)
+
+
+def stiffen_drag(name: str, at: Float, stiffness: float) -> Edit:
+    """Set the stiffness, N/mm, of the spring that pulls at a point (3,) mm."""
+
+    def change(document: TOMLDocument) -> None:
+        _drag(named(document, _KEY, name), name, at)["stiffness"] = number(stiffness)
+
+    return Edit(f"set a spring in `{name}`", change)
+
+
+def remove_drag(name: str, at: Float) -> Edit:
+    """Delete the pull at a point (3,) mm."""
+
+    def change(document: TOMLDocument) -> None:
+        pose = named(document, _KEY, name)
+        drag = _drag(pose, name, at)
+        remove(pose, "drags", next(k for k, row in enumerate(pose["drags"]) if row is drag))
+
+    return Edit(f"delete a pull in `{name}`", change)
+
+
 def set_box(region: str, low: Float, high: Float) -> Edit:
-    """A region as a box between two corners (3,) mm; a new one where there is none of that name."""
+    """Set a region to the box between two corners (3,) mm; add it if it does not exist."""
 
     def change(document: TOMLDocument) -> None:
         regions = document.setdefault("regions", inline({}))
@@ -126,65 +196,86 @@ def set_box(region: str, low: Float, high: Float) -> Edit:
     return Edit(f"set the region `{region}`", change)
 
 
-def remove_region(region: str) -> Edit:
-    """Raises DeviceError, when it is done, where a pose needs it."""
+def shift_region(region: str, by: Float) -> Edit:
+    """Move a region of any shape by (3,) mm."""
 
     def change(document: TOMLDocument) -> None:
-        _known(document, region)
+        _check_region(document, region)
+        regions: Any = document["regions"]
+        shape = regions[region]
+        for kind, keys in _POINT_KEYS.items():
+            if kind not in shape:
+                continue
+            if kind == "box":
+                shape["box"] = numbers(np.asarray(shape["box"], float) + by)
+            for key in keys:
+                shape[kind][key] = numbers(np.asarray(shape[kind][key], float) + by)
+
+    return Edit(f"move the region `{region}`", change)
+
+
+def remove_region(region: str) -> Edit:
+    """Delete a region; the edit raises DeviceError if a pose uses it."""
+
+    def change(document: TOMLDocument) -> None:
+        _check_region(document, region)
         users = [str(pose["name"]) for pose in rows(document, _KEY) if _uses(pose, region)]
         if users:
             raise DeviceError(
-                f"device.toml: the region `{region}` is needed by {', '.join(users)}; take it out"
-                " of them first"
+                f"the region `{region}` is used by the poses {', '.join(users)}",
+                code="region-in-use",
+                where=DEVICE,
+                action="Remove it from them first",
+                region=region,
+                poses=tuple(users),
             )
         del document["regions"][region]
-        _anchor(document, region, None)
+        _set_anchor(document, region, None)
 
     return Edit(f"delete the region `{region}`", change)
 
 
 def rename_region(region: str, to: str) -> Edit:
-    """Wherever it is named."""
+    """Rename a region, also in poses and in the outputs."""
 
     def change(document: TOMLDocument) -> None:
-        _known(document, region)
+        _check_region(document, region)
         regions: Any = document["regions"]
         if to in regions:
-            raise DeviceError(f"device.toml: there is a region `{to}` already")
+            raise DeviceError(
+                f"already has a region `{to}`",
+                code="name-not-unique",
+                where=DEVICE,
+                action="Choose another name",
+                name=to,
+            )
         rename_key(regions, region, to)
         for pose in rows(document, _KEY):
             for k, name in enumerate(pose.get("fixed", [])):
                 if name == region:
                     pose["fixed"][k] = to
-            for key in ("handles", "symmetry", "pressures"):
+            for key in _REGION_LISTS:
                 for row in rows(pose, key):
                     if row.get("region") == region:
                         row["region"] = to
-        _anchor(document, region, to)
+        _set_anchor(document, region, to)
 
     return Edit(f"rename the region `{region}` to `{to}`", change)
 
 
-def pose_names(document: TOMLDocument) -> list[str]:
-    """In their order."""
-    return [str(row["name"]) for row in rows(document, _KEY)]
-
-
-def _known(document: TOMLDocument, region: str) -> None:
-    there = list(document.get("regions", {}))
-    if region not in there:
-        raise DeviceError(
-            f"device.toml: there is no region {region!r} any more; there are"
-            f" {', '.join(there) or 'none'}"
-        )
+def _check_region(document: TOMLDocument, region: str) -> None:
+    names = list(document.get("regions", {}))
+    if region not in names:
+        raise not_in_device("region", region, names)
 
 
 def _uses(pose: Any, region: str) -> bool:
-    moved = [row for key in ("handles", "symmetry", "pressures") for row in rows(pose, key)]
-    return region in pose.get("fixed", []) or any(row.get("region") == region for row in moved)
+    users = [row for key in _REGION_LISTS for row in rows(pose, key)]
+    return region in pose.get("fixed", []) or any(row.get("region") == region for row in users)
 
 
-def _anchor(document: TOMLDocument, region: str, to: str | None) -> None:
+def _set_anchor(document: TOMLDocument, region: str, to: str | None) -> None:
+    """Rename or remove the anchor of the outputs if it is this region."""
     outputs: Any = document.get("outputs", {})
     if outputs.get("anchor") == region:
         if to is None:
@@ -194,28 +285,46 @@ def _anchor(document: TOMLDocument, region: str, to: str | None) -> None:
 
 
 def _handle(document: TOMLDocument, name: str, region: str) -> Any:
-    handles = rows(named(document, _KEY, name), "handles")
-    for handle in handles:
+    for handle in rows(named(document, _KEY, name), "handles"):
         if handle.get("region") == region:
             return handle
-    raise DeviceError(f"device.toml: the pose `{name}` does not move `{region}` any more")
+    raise DeviceError(
+        f"the pose `{name}` no longer moves `{region}`",
+        code="region-not-moved",
+        where=DEVICE,
+        pose=name,
+        region=region,
+    )
 
 
-def _turn(axis: Float, degrees: float) -> Any:
+def _drag(pose: Any, name: str, at: Float) -> Any:
+    for drag in rows(pose, "drags"):
+        if np.allclose(np.asarray(drag.get("at"), float), at, atol=_POINT_TOLERANCE_MM):
+            return drag
+    point = ", ".join(f"{v:g}" for v in at)
+    raise DeviceError(
+        f"the pose `{name}` no longer pulls at ({point})",
+        code="point-not-pulled",
+        where=DEVICE,
+        pose=name,
+    )
+
+
+def _rotation(axis: Float, degrees: float) -> Any:
     unit = np.asarray(axis, float) / np.linalg.norm(axis)
     return inline({"axis": numbers(unit), "degrees": number(degrees)})
 
 
-def _list(values: Sequence[Any]) -> Any:
-    out = numbers([])
-    out.extend(values)
-    return out
+def _array(values: Sequence[Any]) -> Any:
+    array = numbers([])
+    array.extend(values)
+    return array
 
 
-def _written(value: Any) -> Any:
-    """Plain values as they are written in one line."""
+def _to_inline(value: Any) -> Any:
+    """Convert plain values to TOML in one line."""
     if isinstance(value, Mapping):
-        return inline({k: _written(v) for k, v in value.items()})
+        return inline({k: _to_inline(v) for k, v in value.items()})
     if isinstance(value, list):
-        return _list([_written(v) for v in value])
+        return _array([_to_inline(v) for v in value])
     return value

@@ -1,1 +1,1 @@
-"""The page of the studio: the body and its cords in three dimensions, and what is said of them."""
+"""The pages of the studio: the start page of an empty folder, and the page of a device."""

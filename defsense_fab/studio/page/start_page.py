@@ -1,4 +1,4 @@
-"""The page on which a device is begun: from one that comes along, or from a file of a body."""
+"""The page of an empty folder: start from a device of the gallery or from an uploaded body."""
 
 from __future__ import annotations
 
@@ -14,115 +14,138 @@ from ...core.errors import DefsenseError
 from ...core.storage.file_names import safe_name
 from ...geometry.bodies.mesh_files import FORMAT_NAMES
 from ...runtime.view.upload_limit import MAX_UPLOAD_BYTES
-from ...workflow.starts.dropped_body import look_at_file
-from ...workflow.starts.starting_devices import STARTS, StartingDevice, begin_with
+from ...workflow.starts.dropped_body import load_body_content
+from ...workflow.starts.starting_devices import (
+    STARTING_DEVICES,
+    StartingDevice,
+    create_starting_device,
+)
 from ..project.agreement import Agreement
-from ..workbench.latest import Latest
+from ..workbench.latest_worker import LatestWorker
 from .body_form import BodyForm
 
-_PICTURE = (
+_PICTURE_HTML = (
     '<img alt="{title}" src="data:image/png;base64,{data}" style="display: block; width: 70%;'
     ' margin: 0.6em auto 0.3em; border-radius: 4px">'
 )
-_UPLOAD = f"Your own body (STEP or a mesh: {FORMAT_NAMES}; up to {MAX_UPLOAD_BYTES // 2**20} MB)"
+_UPLOAD_HINT = (
+    f"Upload a body: a STEP file or a mesh ({FORMAT_NAMES}) of up to {MAX_UPLOAD_BYTES // 2**20} MB"
+)
 
 
 class StartPage:
-    """Of a `folder`; `begun` is called once it has a device."""
+    """The gallery of devices and the form for an uploaded body.
+
+    Args:
+        server: The viser server.
+        folder: The empty folder.
+        agreement: The scripts that the user has agreed to run.
+        on_created: Called once the folder has a device.
+
+    Attributes:
+        message: Text at the top of the page.
+        error: The last error that was shown, or None.
+        form: Form for an uploaded body.
+        buttons: Buttons of the gallery by the devices' names.
+        upload: The button for uploads.
+    """
 
     def __init__(
-        self, server: Any, folder: Path, agreement: Agreement, begun: Callable[[], None]
+        self, server: Any, folder: Path, agreement: Agreement, on_created: Callable[[], None]
     ) -> None:
         self.server, self.folder = server, folder
-        self._agreement, self._begun = agreement, begun
-        self._lock, self._over = threading.RLock(), False
-        self._read = Latest(self._look_at, self.fail)
+        self._agreement, self._on_created = agreement, on_created
+        self._lock, self._is_closed = threading.RLock(), False
+        self._reader = LatestWorker(self._read, self.show_error)
+        self.error: Exception | None = None
         gui = server.gui
         gui.add_markdown(
-            f"## A new device\nin the folder `{folder.absolute()}`. Choose one to begin with, and"
-            " change it as you like; or bring a body of your own."
+            f"## A new device\nin the folder `{folder.absolute()}`. Choose a device to start from"
+            " and change it as you like, or upload a body."
         )
         self.message = gui.add_markdown("")
-        self._add_upload()
-        self.form = BodyForm(server, folder, self._finish, self.fail)
-        self.buttons = {start.name: self._add_start(start) for start in STARTS}
+        self.upload = self._add_upload()
+        self.form = BodyForm(server, folder, self._on_created, self.show_error)
+        self.buttons = {start.name: self._add_start(start) for start in STARTING_DEVICES}
 
     def close(self) -> None:
-        """End its thread; nothing is told any more."""
+        """End the thread; no message is shown afterwards."""
         with self._lock:
-            self._over = True
-        self._read.close()
+            self._is_closed = True
+        self._reader.close()
 
-    def look(self) -> None:
-        """Nothing of it changes by itself."""
+    def poll(self) -> None:
+        """Do nothing; the page does not change without the user."""
 
-    def fail(self, error: Exception) -> None:
-        """What went wrong, at the top of the page."""
-        self._tell(f"**{error}**")
+    def show_error(self, error: Exception) -> None:
+        """Show an error at the top of the page."""
+        self.error = error
+        self._show_message(f"**{error}**")
 
-    def begin(self, start: StartingDevice) -> None:
-        """The device, with a name after the folder's."""
+    def create(self, start: StartingDevice) -> None:
+        """Create a device of the gallery, named after the folder."""
         try:
-            begin_with(start, self.folder, safe_name(self.folder.absolute().name + "."))
+            create_starting_device(start, self.folder, safe_name(self.folder.absolute().name + "."))
             self._agree(start)
         except DefsenseError as error:
-            self.fail(error)
+            self.show_error(error)
             return
-        self._finish()
+        self._on_created()
 
-    def dropped(self, name: str, content: bytes) -> None:
-        """A file has come whole; it is looked at on a thread."""
-        self._tell(f"`{safe_name(name)}` is being read ...")
-        self._read.give((name, content))
+    def receive(self, name: str, content: bytes) -> None:
+        """Read an uploaded file on a thread, then show the form or an error."""
+        self.error = None
+        self._show_message(f"Reading `{safe_name(name)}` ...")
+        self._reader.give((name, content))
 
-    def refuse(self, name: str, why: str) -> None:
-        """An upload that is not taken; viser's button waits for it, so there is a new one."""
+    def refuse(self, name: str, reason: str) -> None:
+        """Show why an upload was refused, and replace viser's button, which waits for the file."""
         with self._lock:
-            if not self._over:
-                self._tell(f"**`{safe_name(name)}` is not taken: {why}.**")
-                self._upload.remove()
-                self._add_upload()
+            if not self._is_closed:
+                self._show_message(f"**`{safe_name(name)}` was refused: {reason}.**")
+                self.upload.remove()
+                self.upload = self._add_upload()
 
-    def wait(self, seconds: float) -> bool:
-        """Whether all that was dropped is looked at within so many s."""
-        return self._read.wait(seconds)
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until all uploads are read; return False after `timeout_s`."""
+        return self._reader.wait(timeout_s)
 
-    def _look_at(self, file: tuple[str, bytes]) -> None:
-        found = look_at_file(*file)
-        self._tell("")
-        self.form.show(found)
+    def _read(self, file: tuple[str, bytes]) -> None:
+        body = load_body_content(*file)
+        self._show_message("")
+        self.form.show(body)
 
-    def _tell(self, words: str) -> None:
+    def _show_message(self, text: str) -> None:
         with self._lock:
-            if not self._over:  # its handles are gone then, and refuse all
-                self.message.content = words
-
-    def _finish(self) -> None:
-        self._begun()
+            if not self._is_closed:  # viser raises for the controls of a closed page
+                self.message.content = text
 
     def _agree(self, start: StartingDevice) -> None:
-        """Whoever takes a device of the package need not be asked for its script; for what else
-        would run with it, as it lay in the folder already, a person is asked."""
-        script = self._agreement.asked(load_device(self.folder, complete=False).body)
+        """Agree to the package's own script.
+
+        The user is still asked if other files of the folder would run with it.
+        """
+        script = self._agreement.script_to_confirm(load_device(self.folder, complete=False).body)
         if script is None:
             return
         contents = [content for _, content in script.files]
         if contents == [start.script]:
-            self._agreement.give(script)
+            self._agreement.confirm(script)
 
-    def _add_upload(self) -> None:
-        self._upload = self.server.gui.add_upload_button(
-            "Upload a body", hint=_UPLOAD, color="gray", order=2.5
+    def _add_upload(self) -> Any:
+        button = self.server.gui.add_upload_button(
+            "Upload a body", hint=_UPLOAD_HINT, color="gray", order=2.5
         )
-        self._upload.on_upload(
-            lambda event: self.dropped(event.target.value.name, event.target.value.content)
+        button.on_upload(
+            lambda event: self.receive(event.target.value.name, event.target.value.content)
         )
+        return button
 
     def _add_start(self, start: StartingDevice) -> Any:
         gui = self.server.gui
         data = base64.b64encode(start.picture).decode()
-        gui.add_html(_PICTURE.format(title=html.escape(start.title), data=data))
+        gui.add_html(_PICTURE_HTML.format(title=html.escape(start.title), data=data))
         gui.add_markdown(start.about)
-        button = gui.add_button(f"Begin with the {start.title.lower()}", hint=start.about)
-        button.on_click(lambda _: self.begin(start))
+        button = gui.add_button(f"Start with the {start.title.lower()}", hint=start.about)
+        button.on_click(lambda _: self.create(start))
         return button

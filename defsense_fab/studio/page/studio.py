@@ -1,5 +1,4 @@
-"""The studio of a folder: the page on which a device is begun, then the one on which it is
-designed."""
+"""The studio of a folder: the start page, then the page of the device."""
 
 from __future__ import annotations
 
@@ -13,90 +12,118 @@ from ...core.errors import DefsenseError, StorageError
 from ...runtime.view.upload_limit import limit_uploads
 from ..project.agreement import Agreement
 from ..project.project import Project
-from ..start.start_page import StartPage
+from .start_page import StartPage
 from .studio_page import StudioPage
+
+_MAX_NAME_LENGTH = 80  # of a refused file in the notification
 
 
 class _Page(Protocol):
-    def look(self) -> None: ...
+    def poll(self) -> None: ...
     def close(self) -> None: ...
 
 
-class TroublePage:
-    """A device that cannot be read yet: what is wrong, until it is mended."""
+class ErrorPage:
+    """The page of a device that cannot be read.
 
-    def __init__(self, server: Any, folder: Path, error: Exception) -> None:
-        self.about = str(error)
+    Args:
+        server: The viser server.
+        folder: The device's folder.
+        error: What is wrong.
+
+    Attributes:
+        error: What is wrong.
+    """
+
+    def __init__(self, server: Any, folder: Path, error: DefsenseError) -> None:
+        self.error = error
         server.gui.add_markdown(
-            f"## {folder.absolute().name}\n**{error}**\n\nThe page goes on by itself once that is"
-            " mended: edit the file in any editor."
+            f"## {folder.absolute().name}\n**{error}**\n\nFix the file in any editor to continue."
         )
 
-    def look(self) -> None:
-        """Nothing of it changes by itself."""
+    def poll(self) -> None:
+        """Do nothing; the studio itself checks the file."""
 
     def close(self) -> None:
-        """Nothing is under way."""
+        """Do nothing; the page runs no work."""
 
 
 class Studio:
-    """On a viser server. Without a device it begins with the gallery, with one that cannot be read
-    by what is wrong with it; `look`, called once a second, goes on from there."""
+    """The studio on a viser server.
+
+    It shows the start page for a folder without a device, an error page for a device that cannot
+    be read, and otherwise the page of the device. Call `poll` once a second.
+
+    Args:
+        server: The viser server.
+        folder: The device's folder, which need not exist.
+        agreement: The scripts that the user has agreed to run.
+
+    Attributes:
+        page: The page that is shown.
+
+    Raises:
+        StorageError: `folder` is a file.
+    """
 
     def __init__(self, server: Any, folder: Path, agreement: Agreement) -> None:
-        """Raises StorageError where the folder is a file."""
         if folder.exists() and not folder.is_dir():
-            raise StorageError(f"{folder}: is no folder; give one for the device")
+            raise StorageError(
+                "is not a folder",
+                code="not-a-folder",
+                where=folder,
+                action="Give the folder of the device",
+            )
         self._server, self._folder, self._agreement = server, folder, agreement
         self._lock = threading.RLock()
         self.page: _Page | None = None
-        limit_uploads(server, self._refused)
-        self.look()
+        limit_uploads(server, self.refuse_upload)
+        self.poll()
 
-    def look(self) -> None:
-        """Take up what others have written."""
+    def poll(self) -> None:
+        """Follow changes of the folder by other programs."""
         with self._lock:
             if isinstance(self.page, StudioPage):
-                self.page.look()
+                self.page.poll()
             elif not (self._folder / DEVICE).exists():
                 if not isinstance(self.page, StartPage):
-                    self._turn_to(self._start)
+                    self._show_page(self._make_start_page)
             else:
-                self._open()
+                self._open_device()
+
+    def refuse_upload(self, client: Any, name: str, reason: object) -> None:
+        """Show why an upload was refused, on the page and to the client."""
+        if isinstance(self.page, StartPage):
+            self.page.refuse(name, str(reason))
+        if client is not None:
+            client.add_notification(
+                "Upload refused", f"{name[:_MAX_NAME_LENGTH]}: {reason}", color="orange"
+            )
 
     def close(self) -> None:
-        """End what is under way."""
+        """End all running work."""
         with self._lock:
             if self.page is not None:
                 self.page.close()
 
-    def _open(self) -> None:
+    def _open_device(self) -> None:
         try:
             project = Project(self._folder)
         except DefsenseError as error:
-            told = str(error)
-            if not (isinstance(self.page, TroublePage) and self.page.about == told):
-                self._turn_to(lambda: TroublePage(self._server, self._folder, DefsenseError(told)))
+            shown = self.page.error if isinstance(self.page, ErrorPage) else None
+            if shown is None or str(shown) != str(error):
+                self._show_page(lambda: ErrorPage(self._server, self._folder, error))
             return
-        self._turn_to(lambda: StudioPage(self._server, project, self._agreement))
+        self._show_page(lambda: StudioPage(self._server, project, self._agreement))
 
-    def _start(self) -> StartPage:
-        return StartPage(self._server, self._folder, self._agreement, self.look)
+    def _make_start_page(self) -> StartPage:
+        return StartPage(self._server, self._folder, self._agreement, self.poll)
 
-    def _turn_to(self, make: Callable[[], _Page]) -> None:
-        """Another page in place of the one before."""
+    def _show_page(self, make: Callable[[], _Page]) -> None:
+        """Replace the page."""
         if self.page is not None:
             self.page.close()
         self._server.gui.reset()
         self._server.gui.main_panel.dock_right()  # which the reset has undone
         self._server.scene.reset()
         self.page = make()
-
-    def _refused(self, client: Any, name: str, why: object) -> None:
-        """An upload that was not taken."""
-        if isinstance(self.page, StartPage):
-            self.page.refuse(name, str(why))
-        if client is not None:
-            client.add_notification(
-                "The upload is not taken", f"{name[:80]}: {why}", color="orange"
-            )

@@ -16,7 +16,7 @@ def choices(
 
     def clicked(event: Any) -> None:
         if event.client is not None:
-            bench.tried(actions[group.value])
+            bench.run_action(actions[group.value])
 
     group.on_click(clicked)
     return group

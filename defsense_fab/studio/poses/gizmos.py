@@ -3,14 +3,111 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.camera import rotation_matrices
+from ...core.device.device import Device, Handle, Pose
+from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from ..edits.edit import Edit
+from ..edits.poses import move_drag, shift_handle, turn_handle
+
+# Gizmos of a pose, and what a pose is once a hand has moved one.
+
+_PULL = "pull"
+_TURNED, _SHIFTED = np.deg2rad(0.05), 0.05  # rad, mm: less is no change
+
+
+def grips_of(pose: Pose, device: Device, points: Float, found: Mapping[str, Float]) -> list[Grip]:
+    """At the centre of each region that the pose moves, and at what each point is pulled to;
+    `points` (v, 3) mm of the surface at rest; `found` says where the solver has centres (3,)."""
+    out = []
+    for h in pose.handles:
+        free = np.isnan(h.translation)
+        place = center(h, device, points)
+        if free.any() and h.region in found:
+            place = found[h.region]
+        else:
+            place = place + np.nan_to_num(h.translation)
+        out.append(Grip(h.region, place, h.rotation, not free.any(), not len(h.free_axes)))
+    for k, d in enumerate(pose.drags):
+        out.append(Grip(f"{_PULL}/{k}", d.at + d.by, np.zeros(3), shifts=True, turns=False))
+    return out
+
+
+def center(handle: Handle, device: Device, points: Float) -> Float:
+    """What a region turns about, (3,) mm at rest."""
+    if handle.about is not None:
+        return handle.about
+    shape = device.regions[handle.region]
+    return middle(shape, points[shape.contains(points)])
+
+
+def with_grip(
+    pose: Pose, device: Device, points: Float, name: str, position: Float, rotation: Float
+) -> Pose:
+    """The pose as a hand has it that holds a gizmo by name; as it was where that is gone."""
+    if name.startswith(f"{_PULL}/"):
+        drags = tuple(
+            replace(d, by=position - d.at) if name == f"{_PULL}/{k}" else d
+            for k, d in enumerate(pose.drags)
+        )
+        return replace(pose, drags=drags)
+    handles = []
+    for h in pose.handles:
+        new = h
+        if h.region == name:
+            shift = position - center(h, device, points)
+            translation = h.translation if np.isnan(h.translation).any() else shift
+            turn = h.rotation if len(h.free_axes) else rotation
+            new = replace(h, rotation=turn, translation=translation)
+        handles.append(new)
+    return replace(pose, handles=tuple(handles))
+
+
+def edits_of(before: Pose, after: Pose) -> list[Edit]:
+    """What is to be written for it."""
+    out: list[Edit] = []
+    for a, b in zip(before.handles, after.handles, strict=True):
+        axis, degrees = tidy(b.rotation)
+        if np.linalg.norm(axis * np.deg2rad(degrees) - a.rotation) > _TURNED:
+            out.append(turn_handle(before.name, a.region, axis, degrees))
+        shift = b.translation - a.translation
+        if np.abs(np.nan_to_num(shift)).max() > _SHIFTED:
+            to = [round(v, 1) for v in b.translation.tolist()]
+            out.append(shift_handle(before.name, a.region, to))
+    for p, q in zip(before.drags, after.drags, strict=True):
+        if np.abs(q.by - p.by).max() > _SHIFTED:
+            out.append(move_drag(before.name, p.at, np.round(q.by, 1)))
+    return out
+
+
+def middle(shape: Shape, points: Float) -> Float:
+    """Where a region is taken hold of, (3,) mm: amid the points (k, 3) that it holds, or where its
+    shape is, where it holds none."""
+    if len(points):
+        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
+    if isinstance(shape, Box):
+        return np.asarray((shape.low + shape.high) / 2)
+    if isinstance(shape, Sphere):
+        return shape.center
+    return shape.origin if isinstance(shape, HalfSpace) else (shape.start + shape.end) / 2
+
+
+def shifted(shape: Shape, by: Float) -> Shape:
+    """A shape elsewhere by (3,) mm."""
+    if isinstance(shape, Box):
+        return Box(shape.low + by, shape.high + by)
+    if isinstance(shape, Sphere):
+        return Sphere(shape.center + by, shape.radius)
+    if isinstance(shape, HalfSpace):
+        return HalfSpace(shape.origin + by, shape.normal)
+    return Cylinder(shape.start + by, shape.end + by, shape.radius)
+
 
 _SIZE = 0.22  # of the body
 

@@ -8,19 +8,87 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device.device import Pose
+from ...core.device.device import Device, Pose
 from ...mechanics.solver.load_stepping import Status
-from ...optimize.prediction.pose_ramp import unreached
-from ..edits.edit import Edit
-from ..edits.poses import add_pose, duplicate_pose, remove_pose, rename_pose
-from ..edits.tables import free_name
+from ...optimize.prediction.pose_preview import unreached_message
+from ..edits.edit import Edit, free_name
+from ..edits.poses import add_pose, duplicate_pose, remove_pose, rename_pose, set_role, shift_handle
+from ..workbench.workbench import Workbench
 from .choices import choices
-from .pose_grips import center, edits_of, grips_of, with_grip
+from .gizmos import center, edits_of, grips_of, with_grip
 from .poses_scene import PosesScene
 from .preview_work import Answer, Wanted
 from .pull_list import PullList
 from .ramp_part import RampPart
-from .role_list import RoleList, role_edits
+
+# What a pose does with each region: a drop-down each.
+
+FREE, HELD, TURNED, MOVED = "left alone", "held", "turned, its place free", "turned and shifted"
+ROLES = (FREE, HELD, TURNED, MOVED)
+
+
+def role_of(pose: Pose, region: str) -> str:
+    """One of ROLES."""
+    if region in pose.fixed:
+        return HELD
+    for handle in pose.handles:
+        if handle.region == region:
+            return TURNED if np.isnan(handle.translation).any() else MOVED
+    return FREE
+
+
+def role_edits(pose: Pose, region: str, role: str, shift: list[float]) -> list[Edit]:
+    """What is to be written for a role; `shift` (3,) mm is where a region lies that is moved from
+    now on, so that nothing jumps."""
+    if role == role_of(pose, region):
+        return []
+    if role in (FREE, HELD):
+        return [set_role(pose.name, region, "held" if role == HELD else "free")]
+    out = []
+    if role_of(pose, region) in (FREE, HELD):
+        out.append(set_role(pose.name, region, "moved"))
+        if role == TURNED:  # which it begins with
+            return out
+    out.append(shift_handle(pose.name, region, "free" if role == TURNED else shift))
+    return out
+
+
+class RoleList:
+    """In a folder of the panel. `chosen` hears of a region and its role."""
+
+    def __init__(self, bench: Workbench, chosen: Any) -> None:
+        self._bench, self._chosen = bench, chosen
+        self._lists: dict[str, Any] = {}
+
+    def add_panel(self) -> None:
+        """In the folder that is open."""
+        self._folder = self._bench.server.gui.add_folder("What it does with regions")
+
+    def show(self, device: Device, pose: Pose | None) -> None:
+        """The roles that a pose has now."""
+        regions = list(device.regions)
+        if list(self._lists) != regions:
+            for made in self._lists.values():
+                made.remove()
+            with self._folder:
+                self._lists = {name: self._add(name) for name in regions}
+        self._folder.visible = pose is not None
+        if pose is not None:
+            for name, made in self._lists.items():
+                made.value = role_of(pose, name)
+
+    def _add(self, region: str) -> Any:
+        made = self._bench.server.gui.add_dropdown(
+            region, ROLES, hint="Moved regions have a gizmo: rings turn them, arrows shift them"
+        )
+
+        def updated(event: Any) -> None:
+            if event.client is not None:
+                self._chosen(region, made.value)
+
+        made.on_update(updated)
+        return made
+
 
 NONE = "none"
 _NO_BODY = "Mesh the body first: poses are solved on it."
@@ -126,7 +194,7 @@ class PosePart:
 
     def answered(self, wanted: Wanted, answer: Answer) -> None:
         """The solver has a shape, or says why it has none."""
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             if not self._shown or wanted.pose.name != self._posed or self._scene.body is None:
                 return
             vertices, found = answer.vertices, answer.found
@@ -146,7 +214,7 @@ class PosePart:
 
     def failed(self, error: Exception) -> None:
         """A pose that the body cannot have; the last shape stays."""
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self._stop.disabled = True
             self.words.content = f"**{error}.** The last shape stays."
             if self._shown and self._good is not None and self._scene.body is not None:
@@ -156,10 +224,10 @@ class PosePart:
         """The chosen pose, to what is written in the field."""
         name = self._name.value.strip()
         if self.chosen is None:
-            self._bench.say("Choose a pose first.")
+            self._bench.show_message("Choose a pose first.")
         elif name != self.chosen:
             before, self.chosen = self.chosen, name
-            if not self._bench.do(rename_pose(before, name)):
+            if not self._bench.apply(rename_pose(before, name)):
                 self.chosen = before
 
     def add(self) -> None:
@@ -167,7 +235,7 @@ class PosePart:
         device = self._bench.project.device
         regions = list(device.regions)
         if len(regions) < 2:
-            self._bench.say(_FIRST)
+            self._bench.show_message(_FIRST)
             return
         held = device.outputs.anchor or regions[0]
         points = self._scene.points if self._scene.body is not None else np.zeros((0, 3))
@@ -180,7 +248,7 @@ class PosePart:
     def duplicate(self) -> None:
         """The chosen pose."""
         if self.chosen is None:
-            self._bench.say("Choose a pose first.")
+            self._bench.show_message("Choose a pose first.")
             return
         names = [p.name for p in self._bench.project.device.poses]
         name = free_name(self.chosen, names)
@@ -189,9 +257,9 @@ class PosePart:
     def delete(self) -> None:
         """The chosen pose."""
         if self.chosen is None:
-            self._bench.say("Choose a pose first.")
+            self._bench.show_message("Choose a pose first.")
         else:
-            self._bench.do(remove_pose(self.chosen))
+            self._bench.apply(remove_pose(self.chosen))
 
     def seek_share(self, share: float) -> None:
         """The chosen pose at a share of its ramp."""
@@ -200,16 +268,16 @@ class PosePart:
 
     def _take(self, name: str, edit: Edit) -> None:
         before, self.chosen = self.chosen, name
-        if not self._bench.do(edit):
+        if not self._bench.apply(edit):
             self.chosen = before
 
     def _write(self, edits: list[Edit]) -> bool:
-        return bool(edits) and all([self._bench.do(edit) for edit in edits])
+        return bool(edits) and all([self._bench.apply(edit) for edit in edits])
 
     def _listed(self, event: Any) -> None:
         if event.client is None or self._filling:
             return
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self.choose(None if self._list.value == NONE else self._list.value)
 
     def _seek(
@@ -241,7 +309,7 @@ class PosePart:
         if found.status is Status.CANCELLED:
             return "Cancelled: the last shape stays."
         if found.moved is None:
-            return f"**{unreached(name, found.share)}** The last shape stays."
+            return f"**{unreached_message(name, found.share)}** The last shape stays."
         if found.problem:
             return f"**`{name}`: {found.problem}.** Lower its movement, or enlarge its regions."
         at = f" at {wanted.share:.0%}" if wanted.share < 1 else ""

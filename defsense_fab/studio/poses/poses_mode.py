@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...optimize.prediction.pose_preview import PosePreview, Previewed
+from ...optimize.prediction.pose_preview import PosePreview, PreviewedPose
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .pose_part import PosePart
@@ -72,12 +72,12 @@ class PosesMode(Mode):
         self.poses.pulls.clear()
         self.scene.show(False)
 
-    def built(self) -> None:
+    def on_build_loaded(self) -> None:
         self.ramp.stop()
         self.scene.load()
         self.suggestions.built()
 
-    def device_changed(self) -> None:
+    def on_device_changed(self) -> None:
         self.scene.color_regions()
         self._redraw()
 
@@ -88,7 +88,7 @@ class PosesMode(Mode):
 
     def show(self, part: str) -> None:
         """POSES or REGIONS."""
-        with self.bench.drawing:
+        with self.bench.drawing_lock:
             self._part.value = self.part = part
             self.ramp.stop()
             self.scene.grips(())
@@ -119,7 +119,7 @@ class PosesMode(Mode):
     def _answered(self, wanted: Wanted, answer: Answer) -> None:
         self.poses.answered(wanted, answer)
 
-    def _solved(self, preview: PosePreview, wanted: Wanted, found: Previewed) -> None:
+    def _solved(self, preview: PosePreview, wanted: Wanted, found: PreviewedPose) -> None:
         self.ramp.solved(preview, wanted, found)
 
     def _failed(self, error: Exception) -> None:

@@ -13,8 +13,8 @@ from ...core.device.device import Device, Pose
 from ...core.errors import DefsenseError
 from ...core.mesh import TetMesh
 from ...mechanics.solver.load_stepping import Status
-from ...optimize.prediction.pose_preview import PosePreview, Previewed, coarse_mesh
-from ..workbench.latest import Latest
+from ...optimize.prediction.pose_preview import PosePreview, PreviewedPose, load_coarse_mesh
+from ..workbench.latest_worker import LatestWorker
 
 _TIMES = 500  # answers whose times are kept
 
@@ -39,7 +39,7 @@ class Answer:
     without; neither where there was none."""
 
     vertices: Float | None
-    found: Previewed | None
+    found: PreviewedPose | None
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class PreviewWork:
     def __init__(
         self,
         answered: Callable[[Wanted, Answer], None],
-        solved: Callable[[PosePreview, Wanted, Previewed], None],
+        solved: Callable[[PosePreview, Wanted, PreviewedPose], None],
         failed: Callable[[Exception], None],
     ) -> None:
         self._answered, self._solved = answered, solved
@@ -68,7 +68,7 @@ class PreviewWork:
         self._other: list[PosePreview | None] = []  # of another build, not taken up yet
         self._coarse: list[tuple[PosePreview, TetMesh]] = []
         self.times: deque[Times] = deque(maxlen=_TIMES)
-        self._work: Latest[Wanted | Callable[[PosePreview], None]] = Latest(self._do, failed)
+        self._work: LatestWorker[Wanted | Callable[[PosePreview], None]] = LatestWorker(self._do, failed)
 
     @property
     def has_coarse(self) -> bool:
@@ -118,7 +118,7 @@ class PreviewWork:
 
     def _mesh(self, preview: PosePreview) -> None:
         try:
-            made = coarse_mesh(preview.device)
+            made = load_coarse_mesh(preview.device)
         except (DefsenseError, OSError):  # fine answers alone, which come later
             made = None
         if made is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import PointDrag, Pose
 from ...runtime.view.camera import intersect_ray
-from ..edits.movers import remove_drag, stiffen_drag
+from ..edits.poses import remove_drag, stiffen_drag
 from ..edits.poses import drag_point
 from .poses_scene import PosesScene
 
@@ -75,7 +75,7 @@ class PullList:
             return
         met = intersect_ray(body.vertices, body.faces, origin, direction)
         if met is None:
-            self._bench.say("No point of the body lies there.")
+            self._bench.show_message("No point of the body lies there.")
             return
         face, weights = met
         at = weights @ body.rest[body.faces[face]]
@@ -83,7 +83,7 @@ class PullList:
         normal = np.cross(b - a, c - a)
         by = np.round(_FAR * self._scene.size * normal / np.linalg.norm(normal), 1)
         self._clicks.value = False
-        self._bench.do(
+        self._bench.apply(
             drag_point(pose.name, np.asarray(np.round(at, 2)), np.asarray(by, float), _SOFT)
         )
 
@@ -91,13 +91,13 @@ class PullList:
         """The chosen pull."""
         drag = self._drag()
         if drag is not None and self._pose is not None:
-            self._bench.do(remove_drag(self._pose.name, drag.at))
+            self._bench.apply(remove_drag(self._pose.name, drag.at))
 
     def stiffen(self, stiffness: float) -> None:
         """The chosen pull's spring, N/mm."""
         drag = self._drag()
         if drag is not None and self._pose is not None:
-            self._bench.do(stiffen_drag(self._pose.name, drag.at, stiffness))
+            self._bench.apply(stiffen_drag(self._pose.name, drag.at, stiffness))
 
     def draw(self, pose: Pose | None = None) -> None:
         """Lines from points to what they are pulled to, in the pose as a hand has it."""

@@ -12,8 +12,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Pose
 from ...core.errors import DefsenseError
-from ...optimize.prediction.pose_preview import PosePreview, Previewed
-from ...optimize.prediction.pose_ramp import SHARES, Ramp, followed_ramp, simulated_ramp
+from ...optimize.prediction.pose_preview import PosePreview, PreviewedPose
+from ...optimize.prediction.pose_preview import follow_ramp, Ramp, RAMP_SHARES, load_ramp
 from .poses_scene import PosesScene
 from .preview_work import Wanted
 
@@ -59,12 +59,12 @@ class RampPart:
         if self.words.content:
             self.words.content = ""
 
-    def solved(self, preview: PosePreview, wanted: Wanted, found: Previewed) -> None:
+    def solved(self, preview: PosePreview, wanted: Wanted, found: PreviewedPose) -> None:
         """The whole pose has been solved and no hand moves it: what a build has of its ramp."""
         if found.moved is None or wanted.share != 1.0 or not wanted.check:
             return
-        ramp = simulated_ramp(self._scene.folder, preview, wanted.pose, found.moved)
-        with self._bench.drawing:
+        ramp = load_ramp(self._scene.folder, preview, wanted.pose, found.moved)
+        with self._bench.drawing_lock:
             self._rest, self._full = preview.surface.vertices, found.moved
             self._know(ramp)
 
@@ -85,7 +85,7 @@ class RampPart:
             return
         pose = self.pose()
         if pose is None or self._scene.body is None:
-            self._bench.say("Choose a pose of a meshed body first.")
+            self._bench.show_message("Choose a pose of a meshed body first.")
             return
         self._over = over = threading.Event()
         self._button.label = _STOP
@@ -105,7 +105,7 @@ class RampPart:
 
     def _slid(self, event: Any) -> None:
         if event.client is not None:
-            with self._bench.drawing:
+            with self._bench.drawing_lock:
                 self.stop()
                 self.show(float(self._slider.value))
 
@@ -124,17 +124,17 @@ class RampPart:
         rest = preview.surface.vertices
 
         def frame(share: float, moved: Float) -> None:
-            with self._bench.drawing:
+            with self._bench.drawing_lock:
                 if not over.is_set() and self._scene.body is not None:
                     self._scene.body.move(rest + moved)
                     self._bar.value = 100 * share
-                    self._bar.visible = share < SHARES[-1]
+                    self._bar.visible = share < RAMP_SHARES[-1]
 
         def stopped() -> bool:
             return over.is_set() or self._scene.work.cancelled_since(begun)
 
         try:
-            ramp = followed_ramp(preview, pose, self._full, stopped, frame)
+            ramp = follow_ramp(preview, pose, self._full, stopped, frame)
         except DefsenseError as error:
             self.stop()
             self.words.content = f"**{error}**"
@@ -142,7 +142,7 @@ class RampPart:
         if ramp is None or over.is_set():
             self.stop()
             return
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self._rest = rest
             self._know(ramp)
             self._start(over)
@@ -153,12 +153,12 @@ class RampPart:
 
     def _go_on(self, over: threading.Event) -> None:
         for share in np.linspace(0.0, 1.0, _FRAMES + 1).tolist():
-            with self._bench.drawing:
+            with self._bench.drawing_lock:
                 if over.is_set() or self.ramp is None:
                     return
                 self._slider.value = round(share, 2)
                 self.show(share)
             if over.wait(_SECONDS / _FRAMES):
                 return
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self.stop()

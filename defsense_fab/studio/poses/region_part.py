@@ -10,14 +10,13 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from ...core.errors import DeviceError
-from ...optimize.prediction.region_points import fitted_box, held_points, region_problems
+from ...optimize.prediction.region_points import find_region_problems, fit_box, points_in_regions
 from ...runtime.view.camera import View, in_rectangle
-from ..edits.movers import shift_region
-from ..edits.poses import remove_region, rename_region, set_box
-from ..edits.tables import free_name
+from ..edits.edit import free_name
+from ..edits.poses import remove_region, rename_region, set_box, shift_region
 from .choices import choices
-from .gizmos import Grip
-from .posed_body import region_color
+from .gizmos import Grip, middle, shifted
+from .poses_scene import region_color
 from .poses_scene import PosesScene
 
 NONE = "none"
@@ -94,25 +93,25 @@ class RegionPart:
     def select(self, view: View, low: Float, high: Float) -> None:
         """A box about what a rectangle from `low` to `high` (2,) of a picture has of the body."""
         if self._scene.body is None:
-            self._bench.say(_NO_BODY)
+            self._bench.show_message(_NO_BODY)
             return
         points = self._scene.points
         inside = in_rectangle(self._scene.body.vertices, view, low, high)
         if not inside.any():
-            self._bench.say(
+            self._bench.show_message(
                 "No point of the surface lies in that rectangle: draw it over the body."
             )
             return
-        box = fitted_box(points[inside], self._scene.size)
+        box = fit_box(points[inside], self._scene.size)
         regions = self._bench.project.device.regions
         refit = self._does.value == REFIT and self.chosen is not None
         name = self.chosen if refit and self.chosen else free_name("region", regions)
         self.chosen = name
-        if self._bench.do(set_box(name, box.low, box.high)):
+        if self._bench.apply(set_box(name, box.low, box.high)):
             more = int((box.contains(points) & ~inside).sum())
             beside = f", {more} of them beside the rectangle" if more else ""
             count = int(box.contains(points).sum())
-            self._bench.say(f"`{name}` holds {count} points of the surface{beside}.")
+            self._bench.show_message(f"`{name}` holds {count} points of the surface{beside}.")
 
     def moved(self, _: str, position: Float, __: Float, ended: bool) -> None:
         """A hand has the chosen region's gizmo."""
@@ -125,8 +124,8 @@ class RegionPart:
             self._tell(regions)
             self._draw(regions[self.chosen])
             if self._scene.body is not None:
-                self._scene.body.show_regions(held_points(regions, self._scene.points))
-        elif not by.any() or not self._bench.do(shift_region(self.chosen, by)):
+                self._scene.body.show_regions(points_in_regions(regions, self._scene.points))
+        elif not by.any() or not self._bench.apply(shift_region(self.chosen, by)):
             self._scene.color_regions()
             self.redraw(True)
 
@@ -134,36 +133,36 @@ class RegionPart:
         """The chosen region, to what is written in the field."""
         name = self._name.value.strip()
         if self.chosen is None:
-            self._bench.say("Choose a region first.")
+            self._bench.show_message("Choose a region first.")
         elif not name.replace("_", "").replace("-", "").isalnum():
-            self._bench.say("Give the region a name of letters, digits, - and _.")
+            self._bench.show_message("Give the region a name of letters, digits, - and _.")
         elif name != self.chosen:
             before, self.chosen = self.chosen, name
-            if not self._bench.do(rename_region(before, name)):
+            if not self._bench.apply(rename_region(before, name)):
                 self.chosen = before
 
     def delete(self) -> None:
         """The chosen region."""
         if self.chosen is None:
-            self._bench.say("Choose a region first.")
+            self._bench.show_message("Choose a region first.")
         else:
-            self._bench.do(remove_region(self.chosen))
+            self._bench.apply(remove_region(self.chosen))
 
     def make_box(self) -> None:
         """The chosen region, whatever its shape, as a box about its points."""
         if self.chosen is None or self._scene.body is None:
-            self._bench.say(_NO_BODY if self._scene.body is None else "Choose a region first.")
+            self._bench.show_message(_NO_BODY if self._scene.body is None else "Choose a region first.")
             return
         points = self._scene.points
         inside = self._bench.project.device.regions[self.chosen].contains(points)
         if not inside.any():
             raise DeviceError(f"`{self.chosen}` holds no surface point to fit a box to; move it")
-        box = fitted_box(points[inside], self._scene.size)
-        self._bench.do(set_box(self.chosen, box.low, box.high))
+        box = fit_box(points[inside], self._scene.size)
+        self._bench.apply(set_box(self.chosen, box.low, box.high))
 
     def set_corners(self, low: Float, high: Float) -> None:
         """The chosen region as a box between two corners (3,) mm."""
-        if self.chosen is not None and not self._bench.do(set_box(self.chosen, low, high)):
+        if self.chosen is not None and not self._bench.apply(set_box(self.chosen, low, high)):
             self.redraw(True)
 
     def _typed(self, event: Any) -> None:
@@ -174,15 +173,15 @@ class RegionPart:
     def _listed(self, event: Any) -> None:
         if event.client is None or self._filling:
             return
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self.choose(None if self._list.value == NONE else self._list.value)
 
     def _tell(self, regions: dict[str, Shape]) -> None:
         if self._scene.body is None:
             self.words.content = _NO_BODY
             return
-        held = held_points(regions, self._scene.points)
-        problems = region_problems(held)
+        held = points_in_regions(regions, self._scene.points)
+        problems = find_region_problems(held)
         lines = []
         for k, (name, shape) in enumerate(regions.items()):
             color = "#{:02x}{:02x}{:02x}".format(*region_color(k))
@@ -214,26 +213,3 @@ class RegionPart:
         inside = shape.contains(self._scene.points)
         self._grip = middle(shape, self._scene.points[inside])
         self._scene.grips([Grip("region", self._grip, np.zeros(3), shifts=True, turns=False)])
-
-
-def middle(shape: Shape, points: Float) -> Float:
-    """Where a region is taken hold of, (3,) mm: amid the points (k, 3) that it holds, or where its
-    shape is, where it holds none."""
-    if len(points):
-        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
-    if isinstance(shape, Box):
-        return np.asarray((shape.low + shape.high) / 2)
-    if isinstance(shape, Sphere):
-        return shape.center
-    return shape.origin if isinstance(shape, HalfSpace) else (shape.start + shape.end) / 2
-
-
-def shifted(shape: Shape, by: Float) -> Shape:
-    """A shape elsewhere by (3,) mm."""
-    if isinstance(shape, Box):
-        return Box(shape.low + by, shape.high + by)
-    if isinstance(shape, Sphere):
-        return Sphere(shape.center + by, shape.radius)
-    if isinstance(shape, HalfSpace):
-        return HalfSpace(shape.origin + by, shape.normal)
-    return Cylinder(shape.start + by, shape.end + by, shape.radius)

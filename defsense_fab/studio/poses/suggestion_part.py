@@ -15,10 +15,10 @@ from tomlkit.exceptions import TOMLKitError
 from ...core.device.device_file import load_device
 from ...core.errors import DeviceError
 from ...mechanics.solver.linear_response import ProposedPose
-from ...workflow.study.propose_poses import Found, as_toml, continued, find_poses
+from ...workflow.study.propose_poses import PoseSearch, as_toml, extend_text, find_poses
 from ..edits.edit import Edit
-from ..edits.tables import free_name
-from ..workbench.beside import BesideWork, Teller
+from ..edits.edit import free_name
+from ..workbench.background_job import BackgroundJob, JobReporter
 from .poses_scene import PosesScene
 
 NONE = "none"
@@ -30,9 +30,9 @@ class SuggestionPart:
 
     def __init__(self, scene: PosesScene) -> None:
         self._scene, self._bench = scene, scene.bench
-        self._found: Found | None = None
+        self._found: PoseSearch | None = None
         self._fixed = ""
-        self._looking = BesideWork("search for modes", self._told, self._ended, self._came)
+        self._looking = BackgroundJob("search for modes", self._told, self._ended, self._came)
         self.taken: Callable[[str], None] = lambda _: None  # hears of a pose that was written
 
     def add_panel(self) -> None:
@@ -55,7 +55,7 @@ class SuggestionPart:
         self._held.options = tuple(regions) or (NONE,)
         self._held.value = before if before in regions else (regions or [NONE])[0]
 
-    def built(self) -> None:
+    def on_build_loaded(self) -> None:
         """There is another mesh: what was proposed is of the one before."""
         self._know(None)
 
@@ -71,10 +71,10 @@ class SuggestionPart:
         """For poses with the chosen region held, beside the page."""
         region = self._held.value
         if region == NONE:
-            self._bench.say(_NO_REGION)
+            self._bench.show_message(_NO_REGION)
         elif self._scene.body is None:
-            self._bench.say("Mesh the body first.")
-        elif self._bench.may_run(self.look):  # the mesh may have to be made anew
+            self._bench.show_message("Mesh the body first.")
+        elif self._bench.may_run_script(self.look):  # the mesh may have to be made anew
             self._searching(True)
             self._looking.begin(_look, self._bench.project.folder, region)
 
@@ -88,21 +88,21 @@ class SuggestionPart:
         if len(moved) == len(self._scene.points):
             self._scene.grips(())
             self._scene.body.move(self._scene.points + moved)
-            self._bench.say(f"The mode of `{name}`, enlarged; take it to see the pose.")
+            self._bench.show_message(f"The mode of `{name}`, enlarged; take it to see the pose.")
 
     def take(self) -> str | None:
         """Write the chosen pose; its name, None where that is refused. States follow from all poses
         as long as the device does not name them, so that none are written."""
         pose = self._pose(self._list.value)
         if pose is None or self._found is None:
-            self._bench.say("Look for poses, and choose one.")
+            self._bench.show_message("Look for poses, and choose one.")
             return None
         return self._write([pose], states=False)
 
     def take_all(self) -> str | None:
         """Write all, with the states by which cords are designed and judged; the first's name."""
         if self._found is None or not self._found.poses:
-            self._bench.say("Look for poses first.")
+            self._bench.show_message("Look for poses first.")
             return None
         return self._write(self._found.poses, states=True)
 
@@ -118,9 +118,9 @@ class SuggestionPart:
             added.pop("states", None)
             text = tomlkit.dumps(added)
         told = ", ".join(f"`{p.name}`" for p in named)
-        if not self._bench.do(_taking(told, text)):
+        if not self._bench.apply(_taking(told, text)):
             return None
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self.taken(named[0].name)
         return named[0].name
 
@@ -134,18 +134,18 @@ class SuggestionPart:
         self._bar.value = 100 * share
         self.words.content = told
 
-    def _came(self, found: tuple[str, Found]) -> None:
-        with self._bench.drawing:
+    def _came(self, found: tuple[str, PoseSearch]) -> None:
+        with self._bench.drawing_lock:
             self._fixed, known = found
             self._know(known)
 
     def _ended(self, problem: str | None) -> None:
-        with self._bench.drawing:
+        with self._bench.drawing_lock:
             self._searching(False)
             if problem is not None:
                 self.words.content = f"**{problem}**"
 
-    def _know(self, found: Found | None) -> None:
+    def _know(self, found: PoseSearch | None) -> None:
         self._found = found
         poses = () if found is None else found.poses
         self._list.options = tuple(p.name for p in poses) or (NONE,)
@@ -166,11 +166,11 @@ class SuggestionPart:
 
     def _listed(self, event: Any) -> None:
         if event.client is not None:
-            with self._bench.drawing:
+            with self._bench.drawing_lock:
                 self.choose(self._list.value)
 
 
-def _look(teller: Teller, folder: Path, region: str) -> None:
+def _look(teller: JobReporter, folder: Path, region: str) -> None:
     """In the other process."""
 
     def progress(stage: str, share: float, told: str) -> None:
@@ -182,7 +182,7 @@ def _look(teller: Teller, folder: Path, region: str) -> None:
 def _taking(told: str, text: str) -> Edit:
     def change(document: TOMLDocument) -> TOMLDocument:
         try:
-            return tomlkit.parse(continued(tomlkit.dumps(document), text))
+            return tomlkit.parse(extend_text(tomlkit.dumps(document), text))
         except (TOMLKitError, tomllib.TOMLDecodeError) as error:
             raise DeviceError(f"device.toml: the poses cannot be added to it ({error})") from None
 

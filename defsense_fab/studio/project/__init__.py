@@ -1,1 +1,1 @@
-"""A device's folder that is being designed: its file, with undo, and what others do to it."""
+"""The folder of a device that is being designed: its file, its history and script consent."""

@@ -1,4 +1,4 @@
-"""Whose CAD scripts may run: they are programs, and a folder may come from anybody."""
+"""The scripts that the user has agreed to run: scripts are programs, and anybody can send a folder."""
 
 from __future__ import annotations
 
@@ -16,48 +16,65 @@ _FILE = "agreed-scripts.json"
 
 
 def config_folder() -> Path:
-    """`DEFSENSE_CONFIG`, or the user's folder for settings: never a folder that came from
-    elsewhere."""
+    """Return `DEFSENSE_CONFIG`, or the user's folder for settings.
+
+    Agreements are never read from a device's folder, which may come from anybody.
+    """
     chosen = os.environ.get("DEFSENSE_CONFIG")
     return Path(chosen) if chosen else user_config_path("defsense-fab")
 
 
 class Agreement:
-    """What a person has agreed to, by the script's path and the hash of its text and of what it may
-    import from its folder: a script that has changed is asked for again."""
+    """The user's agreements, stored by script path and content hash.
+
+    The hash includes the files that the script may import from its folder. A changed script needs
+    a new agreement.
+
+    Args:
+        trusted: Whether all scripts may run without asking.
+    """
 
     def __init__(self, trusted: bool = False) -> None:
-        """Where the folder is `trusted`, nothing is asked."""
         self.trusted = trusted
-        self._here: dict[str, str] = {}  # where the user's folder cannot be written
+        self._session: dict[str, str] = {}  # holds if the user's folder cannot be written
 
-    def asked(self, spec: BodySpec) -> ScriptText | None:
-        """The script to which a person must agree before the body is made; None where that is not
-        needed. Raises BodyError where it cannot be read."""
+    def script_to_confirm(self, spec: BodySpec) -> ScriptText | None:
+        """Return the script that the user must agree to before the body is made.
+
+        Returns:
+            The script, or None if no agreement is needed.
+
+        Raises:
+            BodyError: The script cannot be read.
+        """
         if self.trusted or spec.kind != "script":
             return None
         script = read_script(spec.path)
-        key, told = _key(script), script.digest
-        return None if told in (self._here.get(key), _kept().get(key)) else script
+        key = _key(script)
+        is_agreed = script.digest in (self._session.get(key), _read_stored().get(key))
+        return None if is_agreed else script
 
-    def give(self, script: ScriptText) -> None:
-        """A person agrees to this text. Raises StorageError where that cannot be kept; it holds
-        until the program ends."""
-        self._here[_key(script)] = script.digest
+    def confirm(self, script: ScriptText) -> None:
+        """Store the user's agreement to this text.
+
+        Raises:
+            StorageError: The agreement cannot be stored; it holds until the program ends.
+        """
+        self._session[_key(script)] = script.digest
         path = config_folder() / _FILE
         with storage_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_json(path, {**_kept(), _key(script): script.digest})
+            write_json(path, {**_read_stored(), _key(script): script.digest})
 
 
 def _key(script: ScriptText) -> str:
     return str(script.path.resolve())
 
 
-def _kept() -> dict[str, str]:
-    """Nothing where there is none that can be read: it is asked again then."""
+def _read_stored() -> dict[str, str]:
+    """Return the stored agreements; none if the file is missing or cannot be read."""
     try:
-        found = json.loads((config_folder() / _FILE).read_text(encoding="utf-8"))
+        content = json.loads((config_folder() / _FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}

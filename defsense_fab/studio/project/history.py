@@ -1,4 +1,4 @@
-"""What was done to a device's file, to be undone and done again; it outlives the program."""
+"""The undo history of a device's file, which outlives the program."""
 
 from __future__ import annotations
 
@@ -11,68 +11,97 @@ from ...core.errors import StorageError
 from ...core.storage.files import storage_errors, write_text
 
 FOLDER, FILE = ".studio", "history.jsonl"
-_MOST = 400  # steps that are kept
+MAX_STEPS = 400
 _SCHEMA = 1
 
 
 @dataclass(frozen=True)
 class Step:
-    """What an edit was called, and the file's text after it."""
+    """One step of the history.
+
+    Attributes:
+        name: Name of the edit.
+        text: Text of the file after the edit.
+    """
 
     name: str
     text: str
 
 
 class History:
-    """Steps of one device's file: those up to `at` are done. Each change is written to
-    `.studio/history.jsonl` of the device's folder before the next, so that a program that is killed
-    loses none; a line that was cut off is left out."""
+    """Steps of one device's file; the steps up to the index `at` are applied.
+
+    Each change is written to `.studio/history.jsonl` in the device's folder before the next one,
+    so that a program that is killed loses no step. Truncated lines are skipped.
+
+    Args:
+        folder: The device's folder.
+        text: Current text of the file. If it differs from the last step, it becomes a step.
+
+    Attributes:
+        steps: All steps, with those that were undone.
+        at: Index of the last applied step.
+
+    Raises:
+        StorageError: The history cannot be written, or its path is a symbolic link.
+    """
 
     def __init__(self, folder: Path, text: str) -> None:
-        """Goes on where the last program ended, unless `text`, what the file has now, is another:
-        that is a step of its own. Raises StorageError."""
         self._path = folder / FOLDER / FILE
         for path in (self._path.parent, self._path):
-            if path.is_symlink():  # of a folder that came from elsewhere: it may lead anywhere
-                raise StorageError(f"{path}: is a symbolic link, into which nothing is written;"
-                                   " remove it")  # fmt: skip
-        self.steps, self.at, whole = _read(self._path)
+            if path.is_symlink():  # a folder from elsewhere could link to any file
+                raise StorageError(
+                    "is a symbolic link, which is not written to",
+                    code="path-is-link",
+                    where=path,
+                    action="Remove it",
+                )
+        self.steps, self.at, is_intact = _read(self._path)
         if not self.steps:
             self.steps, self.at = [Step("open", text)], 0
             self._rewrite()
-        elif not whole:  # what comes next would be written behind a line that was cut off
+        elif not is_intact:  # the next line would be appended to a truncated one
             self._rewrite()
         if self.text != text:
             self.add("edit outside of the studio", text)
 
     @property
     def text(self) -> str:
+        """Text of the file after the last applied step."""
         return self.steps[self.at].text
 
     @property
-    def undoes(self) -> str | None:
-        """What would be undone, None at the beginning."""
+    def undo_name(self) -> str | None:
+        """Name of the step that `move(-1)` undo_name, or None."""
         return self.steps[self.at].name if self.at else None
 
     @property
-    def redoes(self) -> str | None:
-        """What would be done again, None at the end."""
+    def redo_name(self) -> str | None:
+        """Name of the step that `move(1)` redo_name, or None."""
         return self.steps[self.at + 1].name if self.at + 1 < len(self.steps) else None
 
     def add(self, name: str, text: str) -> None:
-        """A step; those that were undone are gone. Raises StorageError."""
-        gone = len(self.steps) > self.at + 1
-        self.steps = [*self.steps[: self.at + 1], Step(name, text)][-_MOST:]
-        trimmed = len(self.steps) == _MOST
+        """Add a step, and drop the steps that were undone.
+
+        Raises:
+            StorageError: The history cannot be written.
+        """
+        has_dropped = len(self.steps) > self.at + 1
+        self.steps = [*self.steps[: self.at + 1], Step(name, text)][-MAX_STEPS:]
+        is_full = len(self.steps) == MAX_STEPS
         self.at = len(self.steps) - 1
-        if gone or trimmed:
+        if has_dropped or is_full:
             self._rewrite()
         else:
             self._append({"name": name, "text": text})
 
     def move(self, by: int) -> str:
-        """Undo (-1) or do again (1): the text from then on. Raises StorageError, and IndexError at
-        either end."""
+        """Undo a step (`by=-1`) or redo one (`by=1`), and return the text.
+
+        Raises:
+            StorageError: The history cannot be written.
+            IndexError: There is no such step.
+        """
         at = self.at + by
         if not 0 <= at < len(self.steps):
             raise IndexError(by)
@@ -96,23 +125,27 @@ class History:
 
 
 def _read(path: Path) -> tuple[list[Step], int, bool]:
-    """Steps, which was the last, and whether all lines are whole; no step where there is no
-    history, or one that says nothing."""
+    """Read a history.
+
+    Returns:
+        The steps, the index of the last applied one, and whether all lines are intact; no steps
+        if the file is missing or holds none.
+    """
     try:
         lines = path.read_text(encoding="utf-8").split("\n")
     except (OSError, UnicodeDecodeError):
         return [], 0, False
-    steps, at, whole = list[Step](), 0, lines[-1] == ""
-    for line in lines[: len(lines) - whole]:
+    steps, at, is_intact = list[Step](), 0, lines[-1] == ""
+    for line in lines[: len(lines) - is_intact]:
         try:
             row = json.loads(line)
-        except ValueError:  # of a program that was killed while it wrote
-            whole = False
+        except ValueError:  # the program was killed while it wrote
+            is_intact = False
             continue
         match row:
             case {"name": str(name), "text": str(text)}:
                 steps = [*steps[: at + 1], Step(name, text)]
                 at = len(steps) - 1
-            case {"at": int(place)} if 0 <= place < len(steps):
-                at = place
-    return steps, at, whole
+            case {"at": int(index)} if 0 <= index < len(steps):
+                at = index
+    return steps, at, is_intact

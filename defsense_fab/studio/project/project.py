@@ -1,4 +1,4 @@
-"""A device's folder that is being designed, by one person or two, and by other programs."""
+"""The folder of a device that users and other programs edit at the same time."""
 
 from __future__ import annotations
 
@@ -18,37 +18,59 @@ from .history import History
 
 
 class Project:
-    """The device's file in a `folder`: every change is checked and written at once, and can be
-    undone. A change from outside is taken up as a step of its own, before the next one. From any
-    thread; `watchers` are called after each change, with the name of what was done."""
+    """A device's file with undo; every change is checked and written at once.
+
+    A change by another program becomes a step of its own before the next edit. All methods may be
+    called from any thread.
+
+    Args:
+        folder: The device's folder.
+
+    Attributes:
+        device: The device as of the last valid file.
+        watchers: Called after each change with the name of the edit.
+
+    Raises:
+        DeviceError: The folder has no valid device.
+        StorageError: The folder cannot be written.
+    """
 
     def __init__(self, folder: Path) -> None:
-        """Raises DeviceError where there is no device that can be read, StorageError where nothing
-        can be written."""
         self.folder, self._path = folder, folder / DEVICE
         self.watchers: list[Callable[[str], None]] = []
         self._lock = threading.RLock()
         text = self._read()
-        self.device = self._parsed(text)
+        self.device = self._parse(text)
         self._history = History(folder, text)
 
     @property
     def text(self) -> str:
+        """Text of the last valid file."""
         return self._history.text
 
     @property
-    def undoes(self) -> str | None:
-        """What would be undone, None where there is nothing."""
-        return self._history.undoes
+    def undo_name(self) -> str | None:
+        """Name of the edit that `undo` reverts, or None."""
+        return self._history.undo_name
 
     @property
-    def redoes(self) -> str | None:
-        """What would be done again, None where there is nothing."""
-        return self._history.redoes
+    def redo_name(self) -> str | None:
+        """Name of the edit that `redo` repeats, or None."""
+        return self._history.redo_name
 
-    def do(self, edit: Edit) -> None:
-        """Raises DeviceError where what it changes is gone, or the device would be none that can
-        be; then nothing is changed."""
+    @property
+    def step_count(self) -> int:
+        """Number of steps in the history."""
+        return len(self._history.steps)
+
+    def apply(self, edit: Edit) -> None:
+        """Apply an edit to the file.
+
+        Raises:
+            DeviceError: The edited part no longer exists, or the result is not a valid device;
+                then nothing is changed.
+            StorageError: The file or the history cannot be written.
+        """
         with self._lock:
             self.refresh()
             document = tomlkit.parse(self.text)
@@ -56,75 +78,94 @@ class Project:
                 document = edit.change(document) or document
                 text = tomlkit.dumps(document)
             except TOMLKitError as error:
-                raise DeviceError(f"device.toml: {edit.name}: {error}") from None
+                raise DeviceError(
+                    f"{edit.name}: {error}", code="edit-not-possible", where=DEVICE
+                ) from None
             if text == self.text:
                 return
-            device = self._parsed(text)
+            device = self._parse(text)
             write_text(self._path, text)
-            self._added(device, edit.name, text)
+            self._add_step(device, edit.name, text)
 
     def undo(self) -> str | None:
-        """What was undone; None where there was nothing. Raises StorageError."""
+        """Undo the last edit and return its name; None if there is none.
+
+        Raises:
+            StorageError: The file or the history cannot be written.
+        """
         with self._lock:
             self.refresh()
-            told = self.undoes
-            if told is not None:
-                self._go(-1, f"undo: {told}")
-            return told
+            name = self.undo_name
+            if name is not None:
+                self._move(-1, f"undo: {name}")
+            return name
 
     def redo(self) -> str | None:
-        """What was done again; None where there was nothing. Raises StorageError."""
+        """Redo an edit that was undone and return its name; None if there is none.
+
+        Raises:
+            StorageError: The file or the history cannot be written.
+        """
         with self._lock:
             self.refresh()
-            told = self.redoes
-            if told is not None:
-                self._go(1, f"redo: {told}")
-            return told
+            name = self.redo_name
+            if name is not None:
+                self._move(1, f"redo: {name}")
+            return name
 
     def refresh(self) -> bool:
-        """Take up what another program has written; whether there was anything. Raises DeviceError
-        where that is no device: the last one that was stays, and can be written back (`restore`).
+        """Read a change by another program and return whether there was one.
+
+        Raises:
+            DeviceError: The file is not a valid device. The last valid device stays; `restore`
+                writes it back.
         """
         with self._lock:
             text = self._read()
             if text == self.text:
                 return False
-            self._added(self._parsed(text), "edit outside of the studio", text)
+            self._add_step(self._parse(text), "edit outside of the studio", text)
             return True
 
     def restore(self) -> None:
-        """Write the last device that could be read over what is there now. Raises StorageError."""
+        """Overwrite the file with the last valid device.
+
+        Raises:
+            StorageError: The file cannot be written.
+        """
         with self._lock:
             write_text(self._path, self.text)
 
-    def _go(self, by: int, told: str) -> None:
+    def _move(self, by: int, name: str) -> None:
         step = self._history.steps[self._history.at + by]
-        device = self._parsed(step.text)
+        device = self._parse(step.text)
         write_text(self._path, step.text)
         try:
             self._history.move(by)
         finally:
-            self._now(device, told)
+            self._set_device(device, name)
 
-    def _added(self, device: Device, name: str, text: str) -> None:
-        """The file has it already: it counts, also where its history cannot be written."""
+    def _add_step(self, device: Device, name: str, text: str) -> None:
+        """Add a step; the device changes even if the history cannot be written."""
         try:
             self._history.add(name, text)
         finally:
-            self._now(device, name)
+            self._set_device(device, name)
 
-    def _now(self, device: Device, told: str) -> None:
+    def _set_device(self, device: Device, name: str) -> None:
         self.device = device
         for watcher in self.watchers:
-            watcher(told)
+            watcher(name)
 
     def _read(self) -> str:
         try:
             with self._path.open(encoding="utf-8", newline="") as file:
                 return file.read()
         except (OSError, UnicodeDecodeError) as error:
-            why = error.strerror if isinstance(error, OSError) else str(error)
-            raise DeviceError(f"{self._path}: cannot be read: {why}") from None
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise DeviceError(
+                f"cannot be read: {reason}", code="file-unreadable", where=self._path
+            ) from None
 
-    def _parsed(self, text: str) -> Device:
+    def _parse(self, text: str) -> Device:
         return parse_device(text, self.folder, complete=False)

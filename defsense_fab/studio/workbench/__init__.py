@@ -1,1 +1,1 @@
-"""What all modes share: the page, the device and its simulated poses, builds beside it."""
+"""Code that all modes share: the page, the device, its poses, and background work."""

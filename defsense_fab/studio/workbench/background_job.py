@@ -1,5 +1,7 @@
-"""Work in a process of its own, which can be followed, paused and cancelled, and whose failure
-takes nothing else along."""
+"""A job in a child process that reports progress and can be paused and canceled.
+
+A job that fails, or takes too much memory, does not affect the studio.
+"""
 
 from __future__ import annotations
 
@@ -10,169 +12,242 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from ...core.errors import DefsenseError, StorageError
+from ...core.progress import Progress
 
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection as Connection
 else:
     from multiprocessing.connection import Connection
 
-CANCELLED = "cancelled"
+CANCELLED = "cancelled"  # code of the error of a job that was canceled
+PAUSE, RESUME = "pause", "resume"  # messages to the child process
+_CLOSE_TIMEOUT_S = 5.0  # time in which a canceled process has to end
 _log = logging.getLogger(__name__)
-_LEAVES = 5.0  # s that cancelled work has to leave
-_GO_ON, _WAIT = "go on", "wait"
 
 
-class Teller:
-    """What the work in the other process says to this one. It waits here while it is paused, and
-    ends with EOFError when the program that began it is gone: an OSError would be taken for one of
-    files."""
+class JobReporter:
+    """The child process's end of the pipe to the studio.
 
-    def __init__(self, ours: Connection) -> None:
-        self._ours = ours
+    A report waits while the job is paused. It raises EOFError if the studio is gone; an OSError
+    would be mistaken for an error of the job's own files.
+    """
 
-    def progress(self, share: float, told: str) -> None:
-        """The share that is done, and a sentence."""
-        self._send("progress", (share, told))
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
 
-    def found(self, thing: Any) -> None:
-        """Something on the way to the result."""
-        self._send("found", thing)
+    def progress(self, share: float, message: str) -> None:
+        """Report the completed share (0 to 1) and a message."""
+        self._send("progress", (share, message))
 
-    def _send(self, kind: str, thing: Any) -> None:
+    def stage_progress(self, stage: str, share: float, message: str) -> None:
+        """Report the progress of a stage; use it where a function takes a progress callback."""
+        self.progress(share, f"{stage}: {message}")
+
+    def item(self, item: Any) -> None:
+        """Send an intermediate result, which must be picklable."""
+        self._send("item", item)
+
+    def _send(self, kind: str, content: Any) -> None:
         try:
-            while self._ours.poll():
-                if self._ours.recv() == _WAIT:
-                    self._ours.send(("paused", None))
-                    while self._ours.recv() != _GO_ON:
+            while self._connection.poll():
+                if self._connection.recv() == PAUSE:
+                    self._connection.send(("paused", True))
+                    while self._connection.recv() != RESUME:
                         pass
-                    self._ours.send(("went on", None))
-            self._ours.send((kind, thing))
+                    self._connection.send(("paused", False))
+            self._connection.send((kind, content))
         except OSError:
             raise EOFError from None
 
 
-Work = Callable[..., None]  # (teller, *arguments), a function of a module
+class BackgroundJob:
+    """Run one job at a time in a child process.
 
+    The callbacks are called on a thread of this object, in the order of the job's reports.
 
-class BesideWork:
-    """One work at a time. All that is heard comes on a thread of this: `told` of progress (share
-    done, sentence), `ended` of what came of it (None, or what went wrong in a sentence), `found` of
-    what the work finds on its way, `paused` of whether it stands still."""
+    Args:
+        name: Noun for messages, such as "build".
+        on_progress: Called with the completed share (0 to 1) and a message.
+        on_end: Called once with an error, or None, and the job's result, which is None after an
+            error. The code of the error is `CANCELLED` after `cancel`.
+        on_item: Called with each intermediate result.
+        on_pause: Called with True when the job pauses and with False when it resumes.
+    """
 
     def __init__(
         self,
-        what: str,
-        told: Callable[[float, str], None],
-        ended: Callable[[str | None], None],
-        found: Callable[[Any], None] = lambda _: None,
-        paused: Callable[[bool], None] = lambda _: None,
+        name: str,
+        on_progress: Callable[[float, str], None],
+        on_end: Callable[[DefsenseError | None, Any], None],
+        on_item: Callable[[Any], None] = lambda _: None,
+        on_pause: Callable[[bool], None] = lambda _: None,
     ) -> None:
-        self._what = what
-        self._told, self._ended, self._found, self._paused = told, ended, found, paused
+        self._name = name
+        self._on_progress, self._on_end = on_progress, on_end
+        self._on_item, self._on_pause = on_item, on_pause
         self._process: Any = None
         self._pipe: Connection | None = None
-        self._lock, self._cancelled = threading.Lock(), False
+        self._lock, self._ended = threading.Lock(), threading.Event()
+        self._ended.set()
+        self._is_cancelled = self._is_paused = False
 
     @property
     def running(self) -> bool:
-        """Whether there is one."""
+        """Whether a job runs or is paused."""
         return self._process is not None
 
-    def begin(self, work: Work, *arguments: Any) -> bool:
-        """Whether it began, which it does not while another one runs."""
+    @property
+    def state(self) -> Literal["idle", "running", "paused"]:
+        """What the job does now."""
+        if not self.running:
+            return "idle"
+        return "paused" if self._is_paused else "running"
+
+    def start(self, job: Callable[..., Any], *arguments: Any) -> bool:
+        """Start a job unless one is running.
+
+        Args:
+            job: Function of a module, called in the child process with a JobReporter and the
+                arguments. Its result is passed to `on_end`.
+            arguments: Picklable arguments of the function.
+
+        Returns:
+            Whether the job started.
+
+        Raises:
+            StorageError: The system cannot start a process.
+        """
         with self._lock:
             if self._process is not None:
                 return False
-            spawn = multiprocessing.get_context("spawn")
-            ours, theirs = spawn.Pipe()
-            self._cancelled = False
-            process = spawn.Process(
-                target=_work, args=(work, self._what, theirs, arguments), daemon=True
+            context = multiprocessing.get_context("spawn")
+            parent_end, child_end = context.Pipe()
+            self._is_cancelled = self._is_paused = False
+            process = context.Process(
+                target=_run_in_child, args=(job, self._name, child_end, arguments), daemon=True
             )
             try:
                 process.start()
             except OSError as error:
                 raise StorageError(
-                    f"the {self._what} cannot begin: {error.strerror}; close other programs"
+                    f"cannot start: {error.strerror}",
+                    code="process-not-started",
+                    where=f"the {self._name}",
+                    action="Close other programs",
                 ) from None
-            self._process, self._pipe = process, ours
-            theirs.close()
-        threading.Thread(target=self._follow, args=(ours,), daemon=True).start()
+            self._process, self._pipe = process, parent_end
+            self._ended.clear()
+            child_end.close()
+        threading.Thread(target=self._follow, args=(parent_end,), daemon=True).start()
         return True
 
     def pause(self) -> None:
-        """From the next thing that it says, it waits."""
-        self._order(_WAIT)
+        """Pause the job at its next report."""
+        self._send(PAUSE)
 
-    def go_on(self) -> None:
-        """After a pause."""
-        self._order(_GO_ON)
+    def resume(self) -> None:
+        """Continue after a pause."""
+        self._send(RESUME)
 
     def cancel(self) -> None:
-        """End it where it is."""
+        """Terminate the job and return at once; `on_end` follows."""
         with self._lock:
             if self._process is not None:
-                self._cancelled = True
+                self._is_cancelled = True
                 self._process.terminate()
 
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until no job runs and `on_end` has returned; return False after `timeout_s`."""
+        return self._ended.wait(timeout_s)
+
     def close(self) -> None:
-        """Cancel, and wait for it."""
+        """Cancel the job and wait for its process."""
         self.cancel()
         process = self._process
         if process is not None:
-            process.join(_LEAVES)
+            process.join(_CLOSE_TIMEOUT_S)
 
-    def _order(self, order: str) -> None:
+    def _send(self, order: str) -> None:
         with self._lock:
             if self._process is not None and self._pipe is not None:
                 try:
                     self._pipe.send(order)
-                except OSError:  # it has ended, and that is about to be told
+                except OSError:  # the process has ended, which `on_end` is about to report
                     return
 
-    def _follow(self, ours: Connection) -> None:
-        outcome: str | None
+    def _follow(self, connection: Connection) -> None:
+        """Receive the reports of the process until it ends."""
+        error: DefsenseError | None
+        result: Any = None
         while True:
             try:
-                kind, thing = ours.recv()
+                kind, content = connection.recv()
             except (EOFError, OSError):  # the process is gone
-                outcome = f"the {self._what} ended without a word: is the memory full?"
+                error = DefsenseError(
+                    "ended unexpectedly",
+                    code="process-ended-early",
+                    where=f"the {self._name}",
+                    action="Check whether the memory is full",
+                )
                 break
-            if kind == "over":
-                outcome = thing
+            if kind == "end":
+                error, result = content
                 break
-            try:
-                if kind == "progress":
-                    self._told(*thing)
-                elif kind == "found":
-                    self._found(thing)
-                else:
-                    self._paused(kind == "paused")
-            except Exception:  # of those who listen: the work goes on, and ends as it would
-                _log.exception("what the %s tells was not taken", self._what)
+            self._pass_on(kind, content)
         self._process.join()
-        if self._cancelled:
-            outcome = CANCELLED
+        if self._is_cancelled:
+            error, result = DefsenseError("cancelled", code=CANCELLED), None
         with self._lock:
             self._process = self._pipe = None
-        ours.close()
-        self._ended(outcome)
+            self._is_paused = False
+        connection.close()
+        try:
+            self._on_end(error, result)
+        finally:
+            with self._lock:
+                if self._process is None:  # `on_end` may have started another job
+                    self._ended.set()
+
+    def _pass_on(self, kind: str, content: Any) -> None:
+        """Call the callback for a report; its failure does not end the job."""
+        try:
+            if kind == "progress":
+                self._on_progress(*content)
+            elif kind == "item":
+                self._on_item(content)
+            else:
+                self._is_paused = content
+                self._on_pause(content)
+        except Exception:
+            _log.exception("a report of the %s was not handled", self._name)
 
 
-def _work(work: Work, what: str, theirs: Connection, arguments: tuple[Any, ...]) -> None:
-    """In the other process, which the studio ends: Ctrl-C is for the studio alone."""
+def run_with_progress(reporter: JobReporter, job: Callable[[Progress], Any]) -> Any:
+    """Call a job that takes a progress callback; pass this to `BackgroundJob.start`."""
+    return job(reporter.stage_progress)
+
+
+def _run_in_child(
+    job: Callable[..., Any], name: str, connection: Connection, arguments: tuple[Any, ...]
+) -> None:
+    """Run a job in the child process; the studio ends it, so Ctrl-C is left to the studio."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.stdout.flush()
-    os.dup2(2, 1)  # native libraries print there
+    os.dup2(2, 1)  # native libraries print to standard output
     try:
-        work(Teller(theirs), *arguments)
-        theirs.send(("over", None))
+        connection.send(("end", (None, job(JobReporter(connection), *arguments))))
     except DefsenseError as error:
-        theirs.send(("over", str(error)))
-    except EOFError:  # nobody is there any more to hear of it
+        try:
+            connection.send(("end", (error, None)))
+        except Exception:  # its data cannot be pickled
+            connection.send(("end", (DefsenseError(str(error), code=error.code), None)))
+    except EOFError:  # the studio is gone
         return
     except Exception as error:
-        theirs.send(("over", f"the {what} failed ({type(error).__name__}: {error})"))
+        problem = DefsenseError(
+            f"failed ({type(error).__name__}: {error})", code="job-failed", where=f"the {name}"
+        )
+        connection.send(("end", (problem, None)))

@@ -1,24 +1,31 @@
-"""A build while the page is used."""
+"""The build as a background job, with the layouts that its search tries."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.device.device import Sensor
-from .beside import BesideWork, Teller
+from .background_job import JobReporter
 
-_EARLY = ("body", "mesh")  # stages that need neither poses nor cords
-_SHOWN = 0.1  # s between layouts that the search passes on its way
+_STAGES_OF_INCOMPLETE_DEVICES = ("body", "mesh")  # they need neither poses nor cords
+_MIN_LAYOUT_INTERVAL_S = 0.1  # between layouts that are sent while the search passes them
 
 
 @dataclass(frozen=True)
-class SeenLayout:
-    """What a search has come to (see `workflow.build.stages.SearchProgress`), and for how many s it has
-    worked, without pauses."""
+class CandidateLayout:
+    """A layout that a search has come to (see `workflow.build.stages.SearchProgress`).
+
+    Attributes:
+        folder: Build folder of the search.
+        sensors: The cords.
+        rmse: Error of the layout by the search's measure, mm.
+        kept: Whether it is the best of its search so far.
+        seconds: Time that the search has worked, without pauses, s.
+    """
 
     folder: Path
     sensors: tuple[Sensor, ...]
@@ -27,60 +34,47 @@ class SeenLayout:
     seconds: float
 
 
-class BuildWork(BesideWork):
-    """One build at a time; what it finds are layouts, as SeenLayout. The last finished build stays
-    where it is cancelled or fails, and what is done already is taken up by the next."""
+def run_build(reporter: JobReporter, folder: Path, stage: str) -> None:
+    """Build the device in a folder up to a stage; run this in a BackgroundJob.
 
-    def __init__(
-        self,
-        told: Callable[[float, str], None],
-        ended: Callable[[str | None], None],
-        found: Callable[[SeenLayout], None] = lambda _: None,
-        paused: Callable[[bool], None] = lambda _: None,
-    ) -> None:
-        super().__init__("build", told, ended, found, paused)
-
-    def start(self, folder: Path, until: str = "report") -> bool:
-        """Build the device in a folder up to a stage; whether it began, which it does not while
-        another one runs."""
-        return self.begin(_build, folder, until)
-
-
-def _build(teller: Teller, folder: Path, until: str) -> None:
-    """In the other process."""
+    Its items are `CandidateLayout`. A build that is canceled or fails leaves the previous build
+    unchanged; the next one resumes from the last completed stage.
+    """
     from ...core.device.device_file import load_device
     from ...workflow.build.build import build
     from ...workflow.build.stages import SearchProgress
 
-    worked, last = _Clock(), -_SHOWN
+    clock, last_sent = _Clock(), -_MIN_LAYOUT_INTERVAL_S
 
-    def progress(stage: str, share: float, message: str) -> None:
-        with worked.stopped():
-            teller.progress(share, f"{stage}: {message}")
+    def report_progress(stage: str, share: float, message: str) -> None:
+        with clock.stopped():
+            reporter.stage_progress(stage, share, message)
 
-    def watch(seen: SearchProgress) -> None:
-        nonlocal last
-        now = worked.seconds
-        if seen.kept or now - last >= _SHOWN:
-            last = now
-            with worked.stopped():
-                teller.found(SeenLayout(seen.folder, seen.sensors, seen.rmse, seen.kept, now))
+    def report_layout(search: SearchProgress) -> None:
+        nonlocal last_sent
+        now = clock.seconds
+        if search.kept or now - last_sent >= _MIN_LAYOUT_INTERVAL_S:
+            last_sent = now
+            layout = CandidateLayout(search.folder, search.sensors, search.rmse, search.kept, now)
+            with clock.stopped():
+                reporter.item(layout)
 
-    build(load_device(folder, complete=until not in _EARLY), until, progress, watch)
+    is_complete = stage not in _STAGES_OF_INCOMPLETE_DEVICES
+    build(load_device(folder, complete=is_complete), stage, report_progress, report_layout)
 
 
 class _Clock:
-    """The seconds since it was made, without those in which it was `stopped`."""
+    """Measure time, without the periods in which it is stopped."""
 
     def __init__(self) -> None:
-        self._begun = time.monotonic()
+        self._started_at = time.monotonic()
 
     @property
     def seconds(self) -> float:
-        return time.monotonic() - self._begun
+        return time.monotonic() - self._started_at
 
     @contextmanager
     def stopped(self) -> Iterator[None]:
-        at = time.monotonic()
+        stopped_at = time.monotonic()
         yield
-        self._begun += time.monotonic() - at
+        self._started_at += time.monotonic() - stopped_at

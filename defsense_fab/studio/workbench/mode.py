@@ -1,4 +1,4 @@
-"""A mode of the studio: one part of its panel, and what it shows in three dimensions."""
+"""The interface of a mode: one part of the panel, and its objects in the scene."""
 
 from __future__ import annotations
 
@@ -9,33 +9,43 @@ from .workbench import Workbench
 
 
 class Mode(ABC):
-    """One at a time is entered. All methods but `add_panel` may be called from any thread, while
-    the workbench's `drawing` lock is taken."""
+    """A mode of the studio; one mode is active at a time.
 
-    label: ClassVar[str]  # on its button
-    hint: ClassVar[str]  # what one does in it
+    All methods except `add_panel` may be called from any thread, while the workbench's
+    `drawing_lock` is held.
+
+    Args:
+        bench: The device, its build and the page, which all modes share.
+
+    Attributes:
+        label: Text of the mode's button.
+        hint: What the user does in the mode.
+    """
+
+    label: ClassVar[str]
+    hint: ClassVar[str]
 
     def __init__(self, bench: Workbench) -> None:
         self.bench = bench
 
     @abstractmethod
     def add_panel(self) -> None:
-        """Its buttons and words, in the folder of the panel that is open."""
+        """Add the mode's controls to the open folder of the panel."""
 
-    def enter(self) -> None:  # noqa: B027 - most modes have something to show, not all
-        """It has been chosen: show what is its own in the scene."""
+    def enter(self) -> None:  # noqa: B027 - most modes show objects, not all
+        """Show the mode's objects in the scene."""
 
     def leave(self) -> None:  # noqa: B027
-        """Another has been chosen: take it away."""
+        """Hide the mode's objects; another mode becomes active."""
 
-    def device_changed(self) -> None:  # noqa: B027
-        """The device's file has changed; called in every mode, entered or not."""
+    def on_device_changed(self) -> None:  # noqa: B027
+        """Follow a change of `device.toml`; called in every mode, active or not."""
 
-    def built(self) -> None:  # noqa: B027
-        """There is another build, or the first; called in every mode before `device_changed`."""
+    def on_build_loaded(self) -> None:  # noqa: B027
+        """Follow a new build; called in every mode before `on_device_changed`."""
 
-    def look(self) -> None:  # noqa: B027
-        """About once a second: take up what others have written beside the device's file."""
+    def poll(self) -> None:  # noqa: B027
+        """Check for files that other programs have changed; called about once a second."""
 
     def close(self) -> None:  # noqa: B027
         """End threads and processes; the page is gone."""

@@ -1,4 +1,4 @@
-"""The question whether a script may run, with its text before one's eyes."""
+"""The question whether a body's script may run, with the script's text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 
 from ...geometry.bodies.script_source import ScriptText
 
-_MOST = 100_000  # characters that are shown
+RUN_LABEL, REFUSE_LABEL = "Run it: I know where it comes from", "Do not run it"
+_MAX_SHOWN_CHARACTERS = 100_000
 _STYLE = (
     "max-height: 45vh; overflow: auto; white-space: pre-wrap; overflow-wrap: anywhere;"
     " font-size: 0.8em; line-height: 1.35; border: 1px solid #8888; padding: 0.6em; margin: 0.4em 0"
@@ -17,71 +18,81 @@ _STYLE = (
 
 
 class ScriptQuestion:
-    """A window over the page of all browsers, one at a time."""
+    """A dialog over the page in all browsers, one at a time.
+
+    Args:
+        server: The viser server.
+    """
 
     def __init__(self, server: Any) -> None:
         self._server, self._window = server, None
+        self._answers: dict[str, Callable[[], None]] = {}
 
     @property
     def open(self) -> bool:
-        """Whether it waits for an answer."""
+        """Whether the dialog waits for an answer."""
         return self._window is not None
 
     def ask(
-        self, script: ScriptText, agreed: Callable[[], None], refused: Callable[[], None]
+        self, script: ScriptText, on_agree: Callable[[], None], on_refuse: Callable[[], None]
     ) -> None:
-        """Show the script; one of the two is called by the person's click."""
+        """Show the script; the user's click calls one of the two functions."""
         self.close()
         gui = self._server.gui
         window: Any = gui.add_modal("May this script run?")
         self._window = window
 
-        def button(label: str, color: str, then: Callable[[], None]) -> None:
-            def clicked(_: Any) -> None:
+        def add_button(label: str, color: str, action: Callable[[], None]) -> None:
+            def answer() -> None:
                 if self._window is window:  # two browsers may click at once
                     self.close()
-                    then()
+                    action()
 
-            gui.add_button(label, color=color).on_click(clicked)
+            self._answers[label] = answer
+            gui.add_button(label, color=color).on_click(lambda _: answer())
 
         with window:
-            gui.add_html(question(script))
-            button("Run it: I know where it comes from", "orange", agreed)
-            button("Do not run it", "gray", refused)
+            gui.add_html(script_html(script))
+            add_button(RUN_LABEL, "orange", on_agree)
+            add_button(REFUSE_LABEL, "gray", on_refuse)
+
+    def answer(self, *, run: bool) -> None:
+        """Answer the open question, as a click does."""
+        self._answers[RUN_LABEL if run else REFUSE_LABEL]()
 
     def close(self) -> None:
-        """Take the window away."""
+        """Close the dialog."""
         if self._window is not None:
             window, self._window = self._window, None
             window.close()
 
 
-def question(script: ScriptText) -> str:
-    """HTML: what is asked, and all that would run."""
+def script_html(script: ScriptText) -> str:
+    """Return the question, and all code that would run, as HTML."""
     parts = [
-        f"<p>The body is made by the script <b>{_seen(str(script.path))}</b>. It is a program: it"
-        " may do on this machine what you may, such as reading and deleting your files. Run it only"
-        " if you wrote it, trust who did, or see below that it only draws a body. You are asked"
-        " again when it changes.</p>"
+        f"<p>The body is made by the script <b>{_escape(str(script.path))}</b>. The script is a"
+        " program: it can do on this computer what you can, such as read and delete your files."
+        " Run it only if you wrote it, trust its author, or see below that it only draws a body."
+        " The studio asks again when the script changes.</p>"
     ]
     for name, content in script.files:
         if len(script.files) > 1:
-            parts.append(f"<b>{_seen(name)}</b>")
-        parts.append(f'<pre style="{_STYLE}">{_text(name, content)}</pre>')
+            parts.append(f"<b>{_escape(name)}</b>")
+        parts.append(f'<pre style="{_STYLE}">{_file_html(name, content)}</pre>')
     return "".join(parts)
 
 
-def _text(name: str, content: bytes) -> str:
+def _file_html(name: str, content: bytes) -> str:
     if not name.endswith(".py"):
         return f"({len(content):,} bytes of machine code, which cannot be shown)"
     text = content.decode("utf-8", errors="replace")
-    left = len(text) - _MOST
-    more = f"\n... and {left:,} characters more: look at the file in an editor" if left > 0 else ""
-    return _seen(text[:_MOST]) + more
+    hidden = len(text) - _MAX_SHOWN_CHARACTERS
+    note = f"\n... {hidden:,} more characters. Open the file in an editor" if hidden > 0 else ""
+    return _escape(text[:_MAX_SHOWN_CHARACTERS]) + note
 
 
-def _seen(text: str) -> str:
-    """As HTML; characters that change how others are read are shown as what they are."""
+def _escape(text: str) -> str:
+    """Escape HTML, and show characters that change how others are displayed by their code."""
     return "".join(
         f"<mark>\\u{ord(c):04x}</mark>"
         if unicodedata.category(c) in ("Cf", "Cc", "Co", "Cs") and c not in "\n\t\r"

@@ -1,9 +1,9 @@
-"""What the modes work on: the device and its build, and the page's server."""
+"""The device, its build and the page's server, which the modes work on."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,78 +19,128 @@ from ...store.fields import INDEX
 from ..edits.edit import Edit
 from ..project.agreement import Agreement
 from ..project.project import Project
-from .build_work import BuildWork, SeenLayout
-from .latest import Latest
+from .background_job import BackgroundJob
+from .build_job import CandidateLayout, run_build
+from .latest_worker import LatestWorker
 from .script_question import ScriptQuestion
 
-_BODY = (150, 180, 205)
-_HELD = {None: "", "cmd/ctrl": "Ctrl+", "cmd/ctrl+shift": "Ctrl+Shift+"}
+_BODY_COLOR = (150, 180, 205)
+_DEFAULT_SIZE_MM = 100.0  # of the scene while there is no body
+_MODIFIER_LABELS = {None: "", "cmd/ctrl": "Ctrl+", "cmd/ctrl+shift": "Ctrl+Shift+"}
 
 
 class Workbench:
-    """Of one project, on a viser server; all browsers see the same."""
+    """Shared state of the modes of one project, on a viser server; all browsers see the same.
+
+    Args:
+        server: The viser server.
+        project: The folder of the device.
+        agreement: The scripts that the user has agreed to run.
+
+    Attributes:
+        question: Dialog that asks whether the body's script may run.
+        drawing_lock: Held while the scene or the panel changes; buttons, gizmos and builds have
+            threads of their own.
+        mode: Label of the active mode.
+        surface: The body at rest, or None until it has been made.
+        built: Whether `surface` belongs to a build.
+        judge: Predicts the error of cords; None until the poses are simulated.
+        body: The body's mesh in the scene; the active mode sets its `visible`.
+        keys: Keyboard shortcuts and their descriptions.
+        builds: The build in the background.
+        message: Text of the last message, in markdown; empty if there is none.
+        message_code: Code of the last message or error, for programs and tests.
+        error: The last error that was shown, or None after another message.
+        build_error: Error of the last build, or None.
+        on_build_started: Called when a build starts.
+        on_layout_found: Called with each layout that the build's search tries, on the build's
+            thread: return quickly.
+        on_build_loaded: Called after a build, successful or not, and after a change of the body
+            or the judge.
+    """
 
     def __init__(self, server: Any, project: Project, agreement: Agreement | None = None) -> None:
         self.server, self.project = server, project
         self.agreement = agreement or Agreement()
         self.question = ScriptQuestion(server)
-        self.drawing = threading.RLock()  # buttons, hands and builds have threads of their own
-        self.mode = ""  # the label of the one that is entered
-        self.surface: Surface | None = None  # of the body at rest, once it has been made
-        self.built = False  # whether that is the body of a build
-        self.judge: LayoutJudge | None = None  # once the poses are simulated
-        self.body: Any = None  # in the scene; its `visible` belongs to the mode that is entered
-        self.keys: list[tuple[str, str]] = []  # and what they do, for the sheet of keys
-        self._judged_by = ""
-        self._judging = Latest(self._judge_again, self.fail)
-        self.builds = BuildWork(self._progress, self._ended, self._found, self._stood)
-        self.problem: str | None = None  # of the last build, where it failed
-        #: Told when a build begins, and of layouts that its search comes to: the latter on the
-        #: build's thread, so that listeners return at once.
-        self.begun: list[Callable[[], None]] = []
-        self.seen: list[Callable[[SeenLayout], None]] = []
-        #: Told after a build, made or not, and what is known of the body is loaded.
-        self.loaded: list[Callable[[], None]] = []
+        self.drawing_lock = threading.RLock()
+        self.mode = ""
+        self.surface: Surface | None = None
+        self.built = False
+        self.judge: LayoutJudge | None = None
+        self.body: Any = None
+        self.keys: list[tuple[str, str]] = []
+        self.message, self.message_code = "", ""
+        self.error: Exception | None = None
+        self.builds = BackgroundJob(
+            "build", self._show_progress, self._end_build, self._report_layout, self._show_pause
+        )
+        self.build_error: DefsenseError | None = None
+        self.on_build_started: list[Callable[[], None]] = []
+        self.on_layout_found: list[Callable[[CandidateLayout], None]] = []
+        self.on_build_loaded: list[Callable[[], None]] = []
+        self._judge_settings = ""
+        self._judge_worker = LatestWorker(self._update_judge, self.show_error)
         self._message: Any = None
-        self._bar: Any = None
-        self._said: Any = None
+        self._progress_bar: Any = None
+        self._progress_text: Any = None
 
     @property
     def size(self) -> float:
-        """The body's largest extent, mm; 100 while there is none."""
-        return 100.0 if self.surface is None else float(np.ptp(self.surface.vertices, axis=0).max())
+        """Largest extent of the body in mm; 100 while there is no body."""
+        if self.surface is None:
+            return _DEFAULT_SIZE_MM
+        return float(np.ptp(self.surface.vertices, axis=0).max())
 
     def add_message(self) -> None:
-        """Where `say` and `fail` are read, at this place of the panel."""
+        """Add the place for messages at the current position of the panel."""
         self._message = self.server.gui.add_markdown("")
 
     def add_progress(self) -> None:
-        """Where builds are followed, at this place of the panel."""
-        self._bar = self.server.gui.add_progress_bar(0.0, visible=False)
-        self._said = self.server.gui.add_markdown("")
+        """Add the progress of builds at the current position of the panel."""
+        self._progress_bar = self.server.gui.add_progress_bar(0.0, visible=False)
+        self._progress_text = self.server.gui.add_markdown("")
 
-    def say(self, told: str) -> None:
-        """Markdown, until the next."""
-        self._message.content = told
+    def show_message(self, text: str, code: str = "") -> None:
+        """Show a text in markdown until the next message.
 
-    def fail(self, error: Exception) -> None:
-        """What went wrong; the studio goes on."""
-        self._message.content = f"**{error}**"
+        Args:
+            text: The text; empty to remove the previous message.
+            code: Stable identifier of the kind of message, such as "no-cord-chosen".
+        """
+        self.message, self.message_code, self.error = text, code, None
+        self._message.content = text
 
-    def do(self, edit: Edit) -> bool:
-        """Change the device's file; False where that is refused, which is told."""
+    def show_error(self, error: Exception) -> None:
+        """Show an error until the next message; the studio continues."""
+        self.show_message(f"**{error}**", error.code if isinstance(error, DefsenseError) else "")
+        self.error = error
+
+    def apply(self, edit: Edit) -> bool:
+        """Change `device.toml`; on failure show the error and return False."""
         try:
-            self.project.do(edit)
+            self.project.apply(edit)
         except DefsenseError as error:
-            self.fail(error)
+            self.show_error(error)
             return False
         return True
 
-    def button(self, label: str, hint: str, action: Callable[[], Any], **look: Any) -> Any:
-        """A button whose errors are told on the page."""
-        button = self.server.gui.add_button(label, hint=hint, **look)
-        button.on_click(lambda _: self.tried(action))
+    def button(self, label: str, hint: str, action: Callable[[], Any], **options: Any) -> Any:
+        """Add a button that shows the errors of its action on the page."""
+        button = self.server.gui.add_button(label, hint=hint, **options)
+        button.on_click(lambda _: self.run_action(action))
         return button
+
+    def button_row(self, label: str, actions: Mapping[str, Callable[[], Any]], hint: str) -> Any:
+        """Add a button for each action side by side, which takes less room than a column."""
+        group = self.server.gui.add_button_group(label, tuple(actions), hint=hint)
+
+        def on_click(event: Any) -> None:
+            if event.client is not None:
+                self.run_action(actions[group.value])
+
+        group.on_click(on_click)
+        return group
 
     def command(
         self,
@@ -100,148 +150,181 @@ class Workbench:
         key: str | None = None,
         modifier: str | None = None,
     ) -> None:
-        """What the palette (Ctrl+K) offers, and a key does: a letter or digit, alone or with
-        "cmd/ctrl" or "cmd/ctrl+shift"."""
-        made = self.server.gui.add_command(label, description=text, hotkey=key, modifier=modifier)
-        made.on_trigger(lambda _: self.tried(action))
-        if key is not None:
-            self.keys.append((_HELD[modifier] + key, text))
+        """Add a command to the palette (Ctrl+K), and a keyboard shortcut for it.
 
-    def tried(self, action: Callable[[], Any]) -> None:
-        """Do it; what it raises of the project's errors is told on the page."""
+        Args:
+            label: Name in the palette.
+            text: Description in the palette and in the list of keys.
+            action: Called by the command; its errors are shown on the page.
+            key: A letter or digit, or None for no shortcut.
+            modifier: "cmd/ctrl", "cmd/ctrl+shift", or None.
+        """
+        command = self.server.gui.add_command(
+            label, description=text, hotkey=key, modifier=modifier
+        )
+        command.on_trigger(lambda _: self.run_action(action))
+        if key is not None:
+            self.keys.append((_MODIFIER_LABELS[modifier] + key, text))
+
+    def run_action(self, action: Callable[[], Any]) -> None:
+        """Call an action and show a DefsenseError that it raises on the page."""
         try:
             action()
         except DefsenseError as error:
-            self.fail(error)
+            self.show_error(error)
 
-    def may_run(self, then: Callable[[], Any]) -> bool:
-        """Whether the body's script may run. Where a person must agree first, the page asks, and
-        `then` is done once that has happened. All that makes the body comes by here. Raises
-        BodyError where the script cannot be read."""
-        script = self.agreement.asked(self.project.device.body)
+    def may_run_script(self, on_agreed: Callable[[], Any]) -> bool:
+        """Return whether the body's script may run, and ask the user if necessary.
+
+        Every action that makes the body must call this first.
+
+        Args:
+            on_agreed: Called once the user agrees, if the user has to be asked.
+
+        Raises:
+            BodyError: The script cannot be read.
+        """
+        script = self.agreement.script_to_confirm(self.project.device.body)
         if script is None:
             return True
 
-        def agreed() -> None:
-            self.tried(lambda: self.agreement.give(script))
-            self.tried(then)
+        def agree() -> None:
+            self.run_action(lambda: self.agreement.confirm(script))
+            self.run_action(on_agreed)
 
-        def refused() -> None:
-            self.say(
-                f"`{script.path.name}` was not run: nothing is made of it until you agree. Make the"
-                " body again to be asked."
+        def refuse() -> None:
+            self.show_message(
+                f"`{script.path.name}` was not run. To be asked again, make the body.",
+                "script-refused",
             )
 
-        with self.drawing:
-            self.question.ask(script, agreed, refused)
+        with self.drawing_lock:
+            self.question.ask(script, agree, refuse)
         return False
 
     def build(self, stage: str) -> bool:
-        """Build up to a stage beside the page; whether it began, which it does not before a person
-        has agreed to the script."""
-        if not self.may_run(lambda: self.build(stage)):
+        """Build up to a stage in the background.
+
+        Returns:
+            Whether the build started. It does not start while another build runs, or before the
+            user has agreed to run the script.
+        """
+        if not self.may_run_script(lambda: self.build(stage)):
             return False
-        if not self.builds.start(self.project.folder, stage):
-            self.say("A build is running; cancel it, or wait for it.")
+        if not self.builds.start(run_build, self.project.folder, stage):
+            self.show_message(
+                "A build is running. Cancel it, or wait until it ends.", "build-running"
+            )
             return False
-        self._bar.visible, self._bar.value = True, 0.0
-        for told in self.begun:
-            told()
+        self._progress_bar.visible, self._progress_bar.value = True, 0.0
+        for callback in self.on_build_started:
+            callback()
         return True
 
-    def follow(self) -> None:
-        """The device has changed: what judges cords is made anew where that is of other cords,
-        printers or decoders."""
-        if self.judge is not None and judged_by(self.project.device) != self._judged_by:
-            self._judging.give(self.project.device)
+    def update_judge(self) -> None:
+        """Follow a change of the device: update the judge if its settings have changed."""
+        if self.judge is not None and judge_settings(self.project.device) != self._judge_settings:
+            self._judge_worker.give(self.project.device)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until the judge is up to date; return False after `timeout_s`."""
+        return self._judge_worker.wait(timeout_s)
 
     def load(self) -> None:
-        """What the last build says: the body, and the poses' fields."""
+        """Load the body and the fields of the poses from the last build."""
         folder = build_folder(self.project.device)
         try:
             self.surface = load_surface(folder)
             self.built = True
         except OSError:
-            self.built = False  # a body may have been made by itself
-        except Exception as error:  # files of others, or cut off: readers raise anything
+            self.built = False  # a body may have been made without a build
+        except Exception as error:  # files of other programs, or truncated: readers raise anything
             self.built = False
-            self._damaged(error)
+            self._show_damage(error)
         self._load_judge(self.project.device)
         if self.surface is not None:
             self._show_body(self.surface)
-        for told in self.loaded:
-            told()
+        for callback in self.on_build_loaded:
+            callback()
+
+    def show_surface(self, surface: Surface) -> None:
+        """Show a body that no build has made."""
+        self.surface = surface
+        self._show_body(surface)
+        for callback in self.on_build_loaded:
+            callback()
+
+    def close(self) -> None:
+        """Close the question and end the running build."""
+        self.question.close()
+        self._judge_worker.close()
+        self.builds.close()
 
     def _load_judge(self, device: Device) -> None:
         folder = build_folder(device)
-        self.judge, self._judged_by = None, judged_by(device)
+        self.judge, self._judge_settings = None, judge_settings(device)
         try:
             self.judge = LayoutJudge(device, folder)
         except StorageError as error:
             if (folder / INDEX).exists():
-                self._damaged(error)
+                self._show_damage(error)
         except (DefsenseError, OSError):
-            return  # there is nothing to judge by
+            return  # nothing is simulated yet
         except Exception as error:
-            self._damaged(error)
+            self._show_damage(error)
 
-    def _judge_again(self, device: Device) -> None:
-        if judged_by(device) != self._judged_by:
+    def _update_judge(self, device: Device) -> None:
+        if judge_settings(device) != self._judge_settings:
             self._load_judge(device)
-            for told in self.loaded:
-                told()
-
-    def take_surface(self, surface: Surface) -> None:
-        """A body of which nothing is built yet."""
-        self.surface = surface
-        self._show_body(surface)
-        for told in self.loaded:
-            told()
-
-    def close(self) -> None:
-        """End a build that is running."""
-        self.question.close()
-        self._judging.close()
-        self.builds.close()
+            for callback in self.on_build_loaded:
+                callback()
 
     def _show_body(self, surface: Surface) -> None:
-        first = self.body is None
-        shown = first or self.body.visible
+        is_first = self.body is None
+        is_visible = is_first or self.body.visible
         self.body = self.server.scene.add_mesh_simple(
-            "/body", surface.vertices.astype(np.float32), surface.faces.astype(np.uint32),
-            color=_BODY, opacity=0.35, side="double", visible=shown,
-        )  # fmt: skip
-        if first:
+            "/body",
+            surface.vertices.astype(np.float32),
+            surface.faces.astype(np.uint32),
+            color=_BODY_COLOR,
+            opacity=0.35,
+            side="double",
+            visible=is_visible,
+        )
+        if is_first:
             self.server.scene.set_up_direction("+z")
             look_at_body(self.server, surface.vertices)
 
-    def _damaged(self, error: Exception) -> None:
-        """The build is there, and is none."""
+    def _show_damage(self, error: Exception) -> None:
+        """Show that the build exists and cannot be read."""
         if not isinstance(error, DefsenseError):
-            told = " ".join(str(error).split())
+            reason = " ".join(str(error).split())
             error = StorageError(
-                f"the build is damaged ({type(error).__name__}: {told}): build again"
+                f"is damaged ({type(error).__name__}: {reason})",
+                code="file-damaged",
+                where="the build",
+                action="Build again",
             )
-        self.fail(error)
+        self.show_error(error)
 
-    def _progress(self, share: float, told: str) -> None:
-        self._bar.value = 100 * share
-        self._said.content = told
+    def _show_progress(self, share: float, message: str) -> None:
+        self._progress_bar.value = 100 * share
+        self._progress_text.content = message
 
-    def _ended(self, problem: str | None) -> None:
-        self._bar.visible = False
-        self.problem = problem
-        self._said.content = "done" if problem is None else f"**{problem}**"
+    def _end_build(self, error: DefsenseError | None, _: None) -> None:
+        self._progress_bar.visible = False
+        self.build_error = error
+        self._progress_text.content = "done" if error is None else f"**{error}**"
         self.load()
 
-    def _found(self, seen: SeenLayout) -> None:
-        for told in self.seen:
-            told(seen)
+    def _report_layout(self, layout: CandidateLayout) -> None:
+        for callback in self.on_layout_found:
+            callback(layout)
 
-    def _stood(self, stands: bool) -> None:
-        self._said.content = "**paused**" if stands else "goes on"
+    def _show_pause(self, is_paused: bool) -> None:
+        self._progress_text.content = "**paused**" if is_paused else "continues"
 
 
-def judged_by(device: Device) -> str:
-    """What of a device decides how cords are judged, besides its body and poses."""
+def judge_settings(device: Device) -> str:
+    """Return the settings that decide how cords are judged, besides the body and the poses."""
     return repr((device.cord, device.fabrication, device.decoder, device.channel_diameter))

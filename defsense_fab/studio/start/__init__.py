@@ -1,1 +1,0 @@
-"""The page of a folder that has no device yet."""
