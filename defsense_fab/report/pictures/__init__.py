@@ -1,1 +1,1 @@
-"""Pictures of a build, drawn off-screen: what is drawn by VTK, and what is written around it."""
+"""Draw pictures of bodies, parts, cords, poses and errors."""

@@ -1,4 +1,4 @@
-"""A scene from the sides that show it: panels with axes and dimensions, as one picture."""
+"""Draw bodies from several sides in one picture: panels with axes, dimensions and routed cords."""
 
 from __future__ import annotations
 
@@ -14,191 +14,46 @@ from .scene import Scene, Shot
 from .sheet import COLORS, SMALL, SOFT, Place, Sheet, extent
 from .views import View
 
-# The body with its cords.
-
-_DRAWN = "#777777"
-
-
-def draw_routing(
-    surface: Surface, cords: Sequence[Float], drawn: Sequence[Float], radius: float, frame: Float
-) -> str:
-    """The body with its cords (p, 3) mm from three sides, and how large it is; the paths as drawn
-    are thin and grey. `frame` (3, 3) says how it stands. PNG as a data URI."""
-    bounds = surface.bounds
-    with routing_scene(surface, cords, drawn, radius) as drawing:
-        return picture(
-            [
-                Seen(drawing, views.three_quarter(frame)),
-                *(Seen(drawing, v, bounds) for v in views.elevations(frame, bounds)),
-            ]
-        )
-
-
-def routing_scene(
-    surface: Surface, cords: Sequence[Float], drawn: Sequence[Float], radius: float
-) -> Scene:
-    """The same, to be seen from anywhere; it is to be closed."""
-    drawing = Scene()
-    drawing.outline(surface, opacity=0.25)
-    for path in drawn:
-        drawing.line(path, _DRAWN, 1.5)
-    for i, path in enumerate(cords):
-        drawing.tube(path, COLORS[i % len(COLORS)], radius)
-    return drawing
-
-
-# Panels of one scale arranged in a picture: what fits, as large as it can be.
-
-#: Pixels that a picture has across at most.
+#: Largest width of a picture, pixels.
 WIDTH = 1100
-
-
-@dataclass(frozen=True)
-class Panel:
-    """What a drawing needs: `size` (2,) mm, and `rim` pixels around it to the left, top, right and
-    bottom, for what is written there; it is at least `least` pixels wide, rim and all."""
-
-    size: Float
-    rim: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    least: float = 0.0
-
-    def pixels(self, scale: float) -> Float:
-        """Width and height at so many pixels a mm, with the rim."""
-        left, top, right, bottom = self.rim
-        wide, high = np.asarray(self.size) * scale + [left + right, top + bottom]
-        return np.array([max(wide, self.least), high])
-
-
-@dataclass(frozen=True)
-class Arrangement:
-    """`scale` in pixels a mm, the `size` of the whole in pixels, and the top left corner (2,) of
-    the room of each panel and the room's size (2,)."""
-
-    scale: float
-    size: tuple[float, float]
-    corners: tuple[Float, ...]
-    rooms: tuple[Float, ...]
-
-
-#: Panels by their number in rows, which stand below each other.
-Rows = Sequence[Sequence[int]]
-_THREE: tuple[Rows, ...] = (((0, 1, 2),), ((0,), (1, 2)), ((0,), (1,), (2,)), ((0, 1), (2,)))
-_WAYS: dict[int, tuple[Rows, ...]] = {1: (((0,),),), 2: (((0, 1),), ((0,), (1,))), 3: _THREE}
-_SPACE = 24.0
-
-
-def arrange_panels(
-    panels: Sequence[Panel], width: float, height: float, most: float = np.inf
-) -> Arrangement:
-    """Up to three panels in rows or columns, whichever lets them be largest, in a picture of at
-    most so many pixels; `most` is the largest scale."""
-    found = [_in_rows(panels, rows, width, height, most) for rows in _WAYS[len(panels)]]
-    return max(found, key=lambda a: (round(a.scale, 6), -a.size[0] * a.size[1]))
-
-
-def _in_rows(
-    panels: Sequence[Panel], rows: Rows, width: float, height: float, most: float
-) -> Arrangement:
-    def need(scale: float) -> Float:
-        sizes = [[panels[i].pixels(scale) for i in row] for row in rows]
-        wide = max(sum(s[0] for s in row) + _SPACE * (len(row) - 1) for row in sizes)
-        high = sum(max(s[1] for s in row) for row in sizes) + _SPACE * (len(rows) - 1)
-        return np.array([wide, high])
-
-    scale = _largest(lambda s: bool((need(s) <= [width, height]).all()), most)
-    total = need(scale)
-    corners: dict[int, Float] = {}
-    rooms: dict[int, Float] = {}
-    y = 0.0
-    for row in rows:
-        sizes = [panels[i].pixels(scale) for i in row]
-        high = max(s[1] for s in sizes)
-        spare = total[0] - sum(s[0] for s in sizes)
-        x, gap = spare / (len(row) + 1), spare / (len(row) + 1)
-        if len(row) > 1 and gap < _SPACE:
-            x, gap = 0.0, spare / (len(row) - 1)
-        for i, size in zip(row, sizes, strict=True):
-            corners[i], rooms[i] = np.array([x, y + high - size[1]]), size
-            x += size[0] + gap
-        y += high + _SPACE
-    order = range(len(panels))
-    return Arrangement(
-        scale,
-        (float(total[0]), float(total[1])),
-        tuple(corners[i] for i in order),
-        tuple(rooms[i] for i in order),
-    )
-
-
-def _largest(fits: Callable[[float], bool], most: float) -> float:
-    """The largest scale that fits (bisection); next to nothing where none does."""
-    low, high = 1e-6, min(most, 1e3)
-    if fits(high):
-        return high
-    for _ in range(40):
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if fits(middle) else (low, middle)
-    return low
-
-
-# Dimension lines around a straight view of a body.
-
-#: Pixels below a view and to the left of it that a line with its number takes.
-BELOW, BESIDE = 44.0, 22.0
-_AWAY, _TICK = 14.0, 6.0
-
-
-def format_length(length: float) -> str:
-    """A length in mm as it is written at its line."""
-    return f"{length:.0f} mm" if length >= 99.5 else f"{length:.1f} mm"
-
-
-def height_label_width(height: float) -> float:
-    """Pixels to the left of a view for the line of its height, mm."""
-    return BESIDE + extent(format_length(height), SMALL)[0] + 6
-
-
-def draw_width(sheet: Sheet, corner: Place, size: Place, length: float) -> None:
-    """The width below a drawing of `size` pixels with its top left at `corner`."""
-    (x, y), (w, h) = corner, size
-    level = y + h + _AWAY
-    for at, way in ((x, 1), (x + w, -1)):
-        sheet.line([(at, y + h + 2), (at, level + _TICK)], SOFT, 1)
-        _head(sheet, (at, level), (way, 0))
-    sheet.line([(x, level), (x + w, level)], SOFT, 1)
-    sheet.text((x + w / 2, level + 6 + SMALL / 2), format_length(length), SMALL)
-
-
-def draw_height(sheet: Sheet, corner: Place, size: Place, length: float) -> None:
-    """The height to the left of a drawing."""
-    (x, y), (_, h) = corner, size
-    level = x - _AWAY
-    for at, way in ((y, 1), (y + h, -1)):
-        sheet.line([(x - 2, at), (level - _TICK, at)], SOFT, 1)
-        _head(sheet, (level, at), (0, way))
-    sheet.line([(level, y), (level, y + h)], SOFT, 1)
-    sheet.text((level - 9, y + h / 2), format_length(length), SMALL, anchor="rm")
-
-
-def _head(sheet: Sheet, tip: Place, way: Place) -> None:
-    """An arrow's head that points against `way`."""
-    at, along = np.asarray(tip, float), np.asarray(way, float)
-    over = np.array([-along[1], along[0]])
-    for side in (-1, 1):
-        sheet.line([at, at + 8 * along + 3 * side * over], SOFT, 1.2)
-
-
-#: Pixels below a panel: its axes, and beside them from where it is seen.
+#: Height below a panel for its axes and its title, pixels.
 FOOT = 62.0
-_AXES = 58.0
-_LETTERS = SMALL - 2
-_HEIGHT = 760  # pixels of a picture at most
+_MAX_HEIGHT_PX = 760
+_AXES_SIZE_PX = 58.0
+_TITLE_FONT_PX = SMALL - 2
+_PANEL_GAP_PX = 24.0
+_DIMENSION_HEIGHT_PX, _DIMENSION_WIDTH_PX = 44.0, 22.0  # below and to the left of a view
+_DIMENSION_DISTANCE_PX, _TICK_LENGTH_PX = 14.0, 6.0
+_DRAWN_PATH_COLOR = "#777777"
+
+#: Draws the foot of a picture: the sheet, its left and upper edge and its width in pixels.
+Footer = Callable[[Sheet, float, float, float], None]
+#: Indices of panels by row, from top to bottom.
+Rows = Sequence[Sequence[int]]
+_ROWS_OF_THREE: tuple[Rows, ...] = (
+    ((0, 1, 2),),
+    ((0,), (1, 2)),
+    ((0,), (1,), (2,)),
+    ((0, 1), (2,)),
+)
+_ROWS_BY_COUNT: dict[int, tuple[Rows, ...]] = {
+    1: (((0,),),),
+    2: (((0, 1),), ((0,), (1,))),
+    3: _ROWS_OF_THREE,
+}
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A view of a scene; `sizes` (2, 3) is the body's bounds in mm if its dimensions are to be
-    drawn, which only a straight view shows; `color` of its title."""
+    """A view of a scene in a picture.
+
+    Attributes:
+        scene: The scene.
+        view: The view.
+        sizes: Bounds (2, 3) of the body in mm, to draw its dimensions, which only straight views
+            show; None draws none.
+        color: Color of the title.
+    """
 
     scene: Scene
     view: View
@@ -206,37 +61,120 @@ class Seen:
     color: str = SOFT
 
 
-#: Draws at the bottom of a picture: the sheet, the left and the upper end, the width (pixels).
-Footer = Callable[[Sheet, float, float, float], None]
+@dataclass(frozen=True)
+class Panel:
+    """Space that a drawing needs.
+
+    Attributes:
+        size: Width and height (2,) of the drawing, mm.
+        rim: Space for texts to the left, top, right and bottom, pixels.
+        min_width: Smallest width with its rim, pixels.
+    """
+
+    size: Float
+    rim: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    min_width: float = 0.0
+
+    def pixels(self, scale: float) -> Float:
+        """Return width and height with the rim at a scale in pixels per mm."""
+        left, top, right, bottom = self.rim
+        width, height = np.asarray(self.size) * scale + [left + right, top + bottom]
+        return np.array([max(width, self.min_width), height])
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """Places of panels in a picture.
+
+    Attributes:
+        scale: Scale of all panels, pixels per mm.
+        size: Width and height of the picture, pixels.
+        corners: Top left (2,) of each panel's room, pixels.
+        rooms: Width and height (2,) of each panel's room, pixels.
+    """
+
+    scale: float
+    size: tuple[float, float]
+    corners: tuple[Float, ...]
+    rooms: tuple[Float, ...]
+
+
+def draw_routing(
+    surface: Surface, cords: Sequence[Float], drawn: Sequence[Float], radius: float, frame: Float
+) -> str:
+    """Draw a body with its cords from three sides, with its dimensions.
+
+    Args:
+        surface: Surface of the body.
+        cords: Path (p, 3) of each cord, mm.
+        drawn: Paths (p, 3) that the user drew, mm; they are thin and gray.
+        radius: Radius of the cords, mm.
+        frame: Axes (3, 3) to the right, up and towards the viewer, one a row.
+
+    Returns:
+        A PNG data URI.
+    """
+    bounds = surface.bounds
+    with routing_scene(surface, cords, drawn, radius) as scene:
+        return picture(
+            [
+                Seen(scene, views.three_quarter(frame)),
+                *(Seen(scene, v, bounds) for v in views.elevations(frame, bounds)),
+            ]
+        )
+
+
+def routing_scene(
+    surface: Surface, cords: Sequence[Float], drawn: Sequence[Float], radius: float
+) -> Scene:
+    """Return a scene with a body and its cords, as `draw_routing` draws it; close it after use."""
+    scene = Scene()
+    scene.outline(surface, opacity=0.25)
+    for path in drawn:
+        scene.line(path, _DRAWN_PATH_COLOR, 1.5)
+    for i, path in enumerate(cords):
+        scene.tube(path, COLORS[i % len(COLORS)], radius)
+    return scene
 
 
 def picture(
     seen: Sequence[Seen],
     footer: tuple[float, Footer] | None = None,
     width: float = WIDTH,
-    height: float = _HEIGHT,
+    height: float = _MAX_HEIGHT_PX,
     least: float = 0.6,
 ) -> str:
-    """Up to three views side by side or below each other, at one scale, as a PNG in a data URI,
-    with `footer`'s drawing in so many pixels below; at least `least` of the `width`."""
+    """Draw up to three views at one scale, next to or below each other.
+
+    Args:
+        seen: The views.
+        footer: Height of the foot in pixels, and the function that draws it.
+        width: Largest width, pixels.
+        height: Largest height, pixels.
+        least: Smallest width, as a share of `width`.
+
+    Returns:
+        A PNG data URI.
+    """
     panels = [_panel(s) for s in seen]
     foot = footer[0] if footer else 0.0
     plan = arrange_panels(panels, width - 8, height - foot)
-    wide = max(plan.size[0] + 8, least * width)
-    sheet = Sheet(wide, plan.size[1] + foot + 4)
-    shift = np.array([(wide - plan.size[0]) / 2, 0.0])
-    for one, panel, corner, room in zip(seen, panels, plan.corners, plan.rooms, strict=True):
+    sheet_width = max(plan.size[0] + 8, least * width)
+    sheet = Sheet(sheet_width, plan.size[1] + foot + 4)
+    shift = np.array([(sheet_width - plan.size[0]) / 2, 0.0])
+    for item, panel, corner, room in zip(seen, panels, plan.corners, plan.rooms, strict=True):
         left, top, right, bottom = panel.rim
         inside = room - [left + right, top + bottom]
-        shot = one.scene.shot(one.view, *np.maximum(inside, 8))
-        # In the middle of what a foot that is wider than the drawing leaves.
-        spare = max(0.0, inside[0] - shot.size[0]) / 2
-        at = corner + shift + [left + spare, top]
+        shot = item.scene.shot(item.view, *np.maximum(inside, 8))
+        # A drawing that is narrower than its title is centered.
+        margin = max(0.0, inside[0] - shot.size[0]) / 2
+        at = corner + shift + [left + margin, top]
         sheet.paste(shot.image, at)
         below = float(corner[1] + shift[1] + room[1] - FOOT)
-        _foot(sheet, one, float(corner[0] + shift[0]), below, float(room[0]), left + spare)
-        if one.sizes is not None:
-            _dimensions(sheet, shot, at, one.sizes)
+        x = float(corner[0] + shift[0])
+        _write_title(sheet, item, x, below, float(room[0]), left + margin)
+        if item.sizes is not None:
+            _draw_dimensions(sheet, shot, at, item.sizes)
     if footer:
         footer[1](sheet, 0.0, sheet.size[1] - foot, float(sheet.size[0]))
     return sheet.uri()
@@ -247,22 +185,129 @@ def _panel(seen: Seen) -> Panel:
     left, bottom = 0.0, FOOT
     if seen.sizes is not None:
         sizes = np.ptp(seen.view.flat(seen.sizes), axis=0)
-        left, bottom = height_label_width(float(sizes[1])), FOOT + BELOW
-    least = _AXES + 8 + extent(seen.view.title, _LETTERS)[0]
-    return Panel(high - low, (left, 4.0, 4.0, bottom), least)
+        left, bottom = _dimension_width(float(sizes[1])), FOOT + _DIMENSION_HEIGHT_PX
+    min_width = _AXES_SIZE_PX + 8 + extent(seen.view.title, _TITLE_FONT_PX)[0]
+    return Panel(high - low, (left, 4.0, 4.0, bottom), min_width)
 
 
-def _foot(sheet: Sheet, one: Seen, x: float, y: float, room: float, indent: float) -> None:
-    words = extent(one.view.title, _LETTERS)[0]
-    x += min(indent, max(0.0, room - words - _AXES - 8))
-    sheet.axes(one.view, (x, y + 2), _AXES)
-    sheet.text((x + _AXES + 8, y + FOOT / 2), one.view.title, _LETTERS, one.color, anchor="lm")
+def _write_title(sheet: Sheet, seen: Seen, x: float, y: float, width: float, indent: float) -> None:
+    """Draw the axes of a view and its title below it."""
+    title_width = extent(seen.view.title, _TITLE_FONT_PX)[0]
+    x += min(indent, max(0.0, width - title_width - _AXES_SIZE_PX - 8))
+    sheet.axes(seen.view, (x, y + 2), _AXES_SIZE_PX)
+    place = (x + _AXES_SIZE_PX + 8, y + FOOT / 2)
+    sheet.text(place, seen.view.title, _TITLE_FONT_PX, seen.color, anchor="lm")
 
 
-def _dimensions(sheet: Sheet, shot: Shot, at: Float, bounds: Float) -> None:
-    """The width and height of a body in a straight view."""
+def arrange_panels(
+    panels: Sequence[Panel], width: float, height: float, max_scale: float = np.inf
+) -> Arrangement:
+    """Arrange up to three panels in rows so that they are as large as possible.
+
+    Args:
+        panels: The panels; all have one scale.
+        width: Largest width of the picture, pixels.
+        height: Largest height of the picture, pixels.
+        max_scale: Largest scale, pixels per mm.
+
+    Returns:
+        The arrangement with the largest scale; of those with the same, the smallest one.
+    """
+    arrangements = [
+        _arrange_rows(panels, rows, width, height, max_scale)
+        for rows in _ROWS_BY_COUNT[len(panels)]
+    ]
+    return max(arrangements, key=lambda a: (round(a.scale, 6), -a.size[0] * a.size[1]))
+
+
+def _arrange_rows(
+    panels: Sequence[Panel], rows: Rows, width: float, height: float, max_scale: float
+) -> Arrangement:
+    def total_size(scale: float) -> Float:
+        sizes = [[panels[i].pixels(scale) for i in row] for row in rows]
+        total_width = max(sum(s[0] for s in row) + _PANEL_GAP_PX * (len(row) - 1) for row in sizes)
+        total_height = sum(max(s[1] for s in row) for row in sizes)
+        return np.array([total_width, total_height + _PANEL_GAP_PX * (len(rows) - 1)])
+
+    scale = _largest_scale(lambda s: bool((total_size(s) <= [width, height]).all()), max_scale)
+    total = total_size(scale)
+    corners: dict[int, Float] = {}
+    rooms: dict[int, Float] = {}
+    y = 0.0
+    for row in rows:
+        sizes = [panels[i].pixels(scale) for i in row]
+        row_height = max(s[1] for s in sizes)
+        spare = total[0] - sum(s[0] for s in sizes)
+        x, gap = spare / (len(row) + 1), spare / (len(row) + 1)
+        if len(row) > 1 and gap < _PANEL_GAP_PX:
+            x, gap = 0.0, spare / (len(row) - 1)
+        for i, size in zip(row, sizes, strict=True):
+            corners[i], rooms[i] = np.array([x, y + row_height - size[1]]), size
+            x += size[0] + gap
+        y += row_height + _PANEL_GAP_PX
+    order = range(len(panels))
+    return Arrangement(
+        scale,
+        (float(total[0]), float(total[1])),
+        tuple(corners[i] for i in order),
+        tuple(rooms[i] for i in order),
+    )
+
+
+def _largest_scale(fits: Callable[[float], bool], max_scale: float) -> float:
+    """Find the largest scale that fits by bisection; if none does, return nearly 0."""
+    low, high = 1e-6, min(max_scale, 1e3)
+    if fits(high):
+        return high
+    for _ in range(40):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return low
+
+
+def _draw_dimensions(sheet: Sheet, shot: Shot, at: Float, bounds: Float) -> None:
+    """Draw the width and height of a body in a straight view."""
     ends = shot.pixel(bounds) + at
     low, size = ends.min(0), np.ptp(ends, axis=0)
-    wide, high = np.ptp(shot.view.flat(bounds), axis=0)
-    draw_width(sheet, low, size, float(wide))
-    draw_height(sheet, low, size, float(high))
+    width, height = np.ptp(shot.view.flat(bounds), axis=0)
+    _draw_width(sheet, low, size, float(width))
+    _draw_height(sheet, low, size, float(height))
+
+
+def _format_length(length: float) -> str:
+    return f"{length:.0f} mm" if length >= 99.5 else f"{length:.1f} mm"
+
+
+def _dimension_width(height: float) -> float:
+    """Return the width to the left of a view for the dimension of its height in mm, pixels."""
+    return _DIMENSION_WIDTH_PX + extent(_format_length(height), SMALL)[0] + 6
+
+
+def _draw_width(sheet: Sheet, corner: Place, size: Place, length: float) -> None:
+    """Draw the dimension of a width in mm below a drawing of `size` pixels."""
+    (x, y), (w, h) = corner, size
+    level = y + h + _DIMENSION_DISTANCE_PX
+    for at, direction in ((x, 1), (x + w, -1)):
+        sheet.line([(at, y + h + 2), (at, level + _TICK_LENGTH_PX)], SOFT, 1)
+        _draw_arrowhead(sheet, (at, level), (direction, 0))
+    sheet.line([(x, level), (x + w, level)], SOFT, 1)
+    sheet.text((x + w / 2, level + 6 + SMALL / 2), _format_length(length), SMALL)
+
+
+def _draw_height(sheet: Sheet, corner: Place, size: Place, length: float) -> None:
+    """Draw the dimension of a height in mm to the left of a drawing of `size` pixels."""
+    (x, y), (_, h) = corner, size
+    level = x - _DIMENSION_DISTANCE_PX
+    for at, direction in ((y, 1), (y + h, -1)):
+        sheet.line([(x - 2, at), (level - _TICK_LENGTH_PX, at)], SOFT, 1)
+        _draw_arrowhead(sheet, (level, at), (0, direction))
+    sheet.line([(level, y), (level, y + h)], SOFT, 1)
+    sheet.text((level - 9, y + h / 2), _format_length(length), SMALL, anchor="rm")
+
+
+def _draw_arrowhead(sheet: Sheet, tip: Place, direction: Place) -> None:
+    """Draw an arrowhead that points against a direction."""
+    at, along = np.asarray(tip, float), np.asarray(direction, float)
+    across = np.array([-along[1], along[0]])
+    for side in (-1, 1):
+        sheet.line([at, at + 8 * along + 3 * side * across], SOFT, 1.2)

@@ -1,4 +1,4 @@
-"""A scale of colours with round numbers, below what it explains."""
+"""Draw color bars with round numbers."""
 
 from __future__ import annotations
 
@@ -8,18 +8,26 @@ import numpy as np
 
 from .sheet import INK, SMALL, Sheet, extent
 
-#: Scales whose lightness rises or falls evenly, so that those who tell few colours apart, and
-#: printers without colour, show their order too.
+#: Color maps with an even lightness, so that their order is also visible without color.
 STRAIN, ERROR = "viridis", "magma_r"
 
-#: Pixels that a bar with its title and numbers takes.
+#: Height of a bar with its title and numbers, pixels.
 HEIGHT = 104.0
-_THICK, _MOST_STEPS = 20, 5
+_BAR_HEIGHT_PX = 20
+_MAX_STEPS = 5
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Colours from 0 to `top` in steps of `step`; whether there are values `beyond`."""
+    """A scale of colors.
+
+    Attributes:
+        colors: Name of a matplotlib color map.
+        title: Title of the scale.
+        top: Value of the last color; the first one is 0.
+        step: Distance of the numbers.
+        beyond: Whether there are values above `top`.
+    """
 
     colors: str
     title: str
@@ -29,33 +37,48 @@ class Scale:
 
 
 def scale(colors: str, title: str, largest: float, beyond: bool = False) -> Scale:
-    """A scale to a round number that is not below `largest`, in at most five round steps."""
+    """Return a scale with at most five round steps whose end is not below a value.
+
+    Args:
+        colors: Name of a matplotlib color map.
+        title: Title of the scale.
+        largest: Largest value.
+        beyond: Whether there are values above `largest`.
+    """
     if not largest > 0:
         return Scale(colors, title, 1.0, 0.5, beyond)
-    power = 10.0 ** np.floor(np.log10(largest / _MOST_STEPS))
+    power = 10.0 ** np.floor(np.log10(largest / _MAX_STEPS))
     steps = (s * power for s in (1, 2, 2.5, 5, 10, 20))
-    step = next(s for s in steps if np.ceil(largest / s - 1e-9) <= _MOST_STEPS)
+    step = next(s for s in steps if np.ceil(largest / s - 1e-9) <= _MAX_STEPS)
     return Scale(colors, title, float(np.ceil(largest / step - 1e-9) * step), float(step), beyond)
 
 
-def draw(sheet: Sheet, one: Scale, x: float, y: float, width: float) -> None:
-    """The bar with its title above and its numbers below, from `x` to `x + width` pixels."""
+def draw(sheet: Sheet, bar_scale: Scale, x: float, y: float, width: float) -> None:
+    """Draw a color bar with its title above and its numbers below.
+
+    Args:
+        sheet: The sheet.
+        bar_scale: The scale.
+        x: Left edge, pixels.
+        y: Upper edge, pixels.
+        width: Width of the bar, pixels.
+    """
     import matplotlib
 
     length = round(width)
-    colors = matplotlib.colormaps[one.colors](np.linspace(0, 1, length))[:, :3]
-    bar = np.repeat((255 * colors).round().astype(np.uint8)[None], _THICK, axis=0)
+    colors = matplotlib.colormaps[bar_scale.colors](np.linspace(0, 1, length))[:, :3]
+    bar = np.repeat((255 * colors).round().astype(np.uint8)[None], _BAR_HEIGHT_PX, axis=0)
     top = y + 1.6 * SMALL
-    sheet.text((x + width / 2, y + SMALL * 0.8), one.title, SMALL)
+    sheet.text((x + width / 2, y + SMALL * 0.8), bar_scale.title, SMALL)
     sheet.paste(bar, (x, top))
-    count = round(one.top / one.step)
-    widest = extent(f"≥ {one.top - one.step:.6g}", SMALL)[0]
-    every = 1 if width / count > 1.1 * widest else 2  # numbers that do not touch
+    count = round(bar_scale.top / bar_scale.step)
+    widest = extent(f"≥ {bar_scale.top - bar_scale.step:.6g}", SMALL)[0]
+    every = 1 if width / count > 1.1 * widest else 2  # so that numbers do not touch
     for k in range(count + 1):
         at = x + width * k / count
-        words = f"{k * one.step:.6g}"
-        if k == count and one.beyond:
-            words = f"≥ {words}"
-        sheet.line([(at, top + _THICK), (at, top + _THICK + 6)], INK, 1.2)
+        text = f"{k * bar_scale.step:.6g}"
+        if k == count and bar_scale.beyond:
+            text = f"≥ {text}"
+        sheet.line([(at, top + _BAR_HEIGHT_PX), (at, top + _BAR_HEIGHT_PX + 6)], INK, 1.2)
         if k % every == 0 or (k == count and every == 1):
-            sheet.text((at, top + _THICK + 8 + SMALL / 2), words, SMALL)
+            sheet.text((at, top + _BAR_HEIGHT_PX + 8 + SMALL / 2), text, SMALL)

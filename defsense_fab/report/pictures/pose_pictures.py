@@ -1,4 +1,4 @@
-"""How much the body is strained, on sections through what moves."""
+"""Draw deformed bodies: errors on their surface, and strain in sections."""
 
 from __future__ import annotations
 
@@ -18,75 +18,61 @@ from .sections import Sections
 from .sheet import SMALL, Sheet
 from .views import View
 
-# By how much the surface that is read misses the true one, on the body.
-
-#: Pixels of a picture that stands beside another.
-ERROR_WIDTH, ERROR_HEIGHT = 820, 660
+#: Letters and colors of the sections.
+PLANES = (("A", "#d55e00"), ("B", "#0072b2"), ("C", "#7a4f9a"))
+#: Size of a picture that is placed beside another one, pixels.
+_ERROR_WIDTH_PX, _ERROR_HEIGHT_PX = 820, 660
+_STRAIN_WIDTH_PX, _STRAIN_HEIGHT_PX = 820, 760
+_KEY_HEIGHT_PX, _TALL_KEY_HEIGHT_PX = 150.0, 240.0  # of the small picture of the planes
+_LETTER_SIZE_PX = 24.0
+_SAME_DIRECTION_COSINE = np.cos(np.radians(15))
+#: Eight linear tetrahedra in a quadratic one, by VTK's numbers of its nodes.
+_LINEAR_TETS = np.array([[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 9, 8],
+                         [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]])  # fmt: skip
 
 
 def draw_error_map(surface: Surface, error: Float, frame: Float, scale: Scale) -> str:
-    """The deformed surface from two opposite sides, coloured by the error (mm) at its vertices
-    (n,); PNG as a data URI."""
+    """Draw a deformed surface from two opposite sides, colored by its error.
+
+    Args:
+        surface: The deformed surface.
+        error: Error of each vertex (n,), mm.
+        frame: Axes (3, 3) to the right, up and towards the viewer, one a row.
+        scale: Scale of the colors.
+
+    Returns:
+        A PNG data URI.
+    """
     mesh = poly(surface)
     mesh.point_data["error"] = error
     with Scene() as scene:
         scene.colored(mesh, "error", scale.colors, scale.top)
         return body_views.picture(
             [body_views.Seen(scene, v) for v in (views.three_quarter(frame), views.behind(frame))],
-            footer=(color_bar.HEIGHT, _bar(scale)),
-            width=ERROR_WIDTH,
-            height=ERROR_HEIGHT,
+            footer=(color_bar.HEIGHT, _error_footer(scale)),
+            width=_ERROR_WIDTH_PX,
+            height=_ERROR_HEIGHT_PX,
             least=1.0,
         )
 
 
-def _bar(scale: Scale) -> body_views.Footer:
+def _error_footer(scale: Scale) -> body_views.Footer:
     def draw(sheet: Sheet, x: float, y: float, width: float) -> None:
         color_bar.draw(sheet, scale, x + 0.15 * width, y, 0.7 * width)
 
     return draw
 
 
-# Quadratic tets cut by a plane.
-
-#: Eight linear tets in a quadratic one, by the numbers that VTK gives its nodes.
-_EIGHT = np.array([[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 9, 8],
-                   [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]])  # fmt: skip
-
-
-def cut_mesh(
-    nodes: Float, cells: Int, origin: Float, normal: Float, data: Mapping[str, Float]
-) -> Any:
-    """The plane's section through nodes (n, 3) mm and quadratic `cells` (m, 10), as a pyvista mesh
-    with the node `data` on it. Only cells that the plane meets are looked at."""
-    side = (nodes - origin) @ normal
-    of = side[cells]
-    met = cells[(of.min(1) <= 0) & (of.max(1) >= 0)]
-    tets = met[:, _EIGHT].reshape(-1, 4)
-    of = side[tets]
-    tets = tets[(of.min(1) <= 0) & (of.max(1) >= 0)]
-    used, small = np.unique(tets, return_inverse=True)
-    if not len(used):
-        return pv.PolyData()
-    grid = pv.UnstructuredGrid({pv.CellType.TETRA: small.reshape(-1, 4)}, nodes[used])
-    for name, values in data.items():
-        grid.point_data[name] = values[used]
-    return grid.slice(normal=tuple(normal), origin=tuple(origin))
-
-
-#: Pixels of a picture that stands beside another.
-WIDTH, HEIGHT = 820, 760
-#: Letters and colours of the planes.
-PLANES = (("A", "#d55e00"), ("B", "#0072b2"), ("C", "#7a4f9a"))
-_ALONG = np.cos(np.radians(15))  # of two directions that are taken to be the same
-_KEY, _TALL_KEY = 150.0, 240.0  # pixels: height of the small picture of the planes
-_LETTER = 24.0
-
-
 @dataclass(frozen=True)
 class StrainField:
-    """A state: `nodes` (n, 3) mm at rest, quadratic `cells` (m, 10), `displacement` (n, 3) mm,
-    largest principal `strain` (n,)."""
+    """Strain of a body in one state.
+
+    Attributes:
+        nodes: Nodes (n, 3) at rest, mm.
+        cells: Quadratic tetrahedra (m, 10).
+        displacement: Displacement of each node (n, 3), mm.
+        strain: Largest principal strain of each node (n,).
+    """
 
     nodes: Float
     cells: Int
@@ -102,9 +88,21 @@ def strain_sections(
     frame: Float,
     scale: Scale,
 ) -> str:
-    """Three sections, deformed and coloured by the strain in per cent, within the outline of the
-    body, whose surface is at `rest` or has its vertices `moved` (v, 3) mm away; below, the scale
-    and the planes in the body at rest. PNG as a data URI."""
+    """Draw three deformed sections of a body, colored by strain, within its outline.
+
+    Below are the color bar and the planes in the body at rest.
+
+    Args:
+        field: Strain of the body.
+        rest: Surface of the body at rest.
+        moved: Displacement of the surface's vertices (v, 3), mm.
+        planes: The planes of the sections.
+        frame: Axes (3, 3) to the right, up and towards the viewer, one a row.
+        scale: Scale of the colors, in percent.
+
+    Returns:
+        A PNG data URI.
+    """
     data = {"strain": 100 * field.strain, "displacement": field.displacement}
     body = Surface(rest.vertices + moved, rest.faces)
     with Scene() as a, Scene() as b, Scene() as c, Scene() as key:
@@ -114,71 +112,110 @@ def strain_sections(
             if cut.n_points:
                 cut = cut.warp_by_vector("displacement")
                 scene.colored(cut, "strain", scale.colors, scale.top, lit=False)
-        ends = _draw_key(key, rest, planes)
+        outlines = _draw_key(key, rest, planes)
         view = views.three_quarter(frame)
         wide, high = np.ptp(key.extent(view), axis=0)
-        room = _TALL_KEY if high > wide else _KEY
+        key_height = _TALL_KEY_HEIGHT_PX if high > wide else _KEY_HEIGHT_PX
         return body_views.picture(
             [
-                body_views.Seen(scene, _view(letter, plane.normal, frame), color=color)
+                body_views.Seen(scene, _section_view(letter, plane.normal, frame), color=color)
                 for scene, (letter, color), plane in zip((a, b, c), PLANES, planes.all, strict=True)
             ],
-            footer=(room, _footer(scale, key, view, ends, room)),
-            width=WIDTH,
-            height=HEIGHT + room - _KEY,
+            footer=(key_height, _strain_footer(scale, key, view, outlines, key_height)),
+            width=_STRAIN_WIDTH_PX,
+            height=_STRAIN_HEIGHT_PX + key_height - _KEY_HEIGHT_PX,
             least=1.0,
         )
 
 
 def _draw_key(key: Scene, rest: Surface, planes: Sections) -> list[Float]:
-    """The body at rest with the planes' outlines in it, whose points (n, 3) mm it gives."""
+    """Add the body at rest and the outlines of its sections; return the outlines' points (n, 3)."""
     key.outline(rest, opacity=0.25)
-    found = []
+    outlines = []
     for (_, color), plane in zip(PLANES, planes.all, strict=True):
         line = poly(rest).slice(normal=tuple(plane.normal), origin=tuple(plane.origin))
-        found.append(np.asarray(line.points, float))
+        outlines.append(np.asarray(line.points, float))
         if line.n_points:
-            key.mesh(line, found[-1], color=color, line_width=2.5, lighting=False)
-    return found
+            key.mesh(line, outlines[-1], color=color, line_width=2.5, lighting=False)
+    return outlines
 
 
-def _footer(
-    scale: Scale, key: Scene, view: View, ends: list[Float], room: float
+def _strain_footer(
+    scale: Scale, key: Scene, view: View, outlines: list[Float], key_height: float
 ) -> body_views.Footer:
-    """The scale at the left, the planes at the right."""
+    """Return a function that draws the color bar at the left and the planes at the right."""
 
     def draw(sheet: Sheet, x: float, y: float, width: float) -> None:
-        color_bar.draw(sheet, scale, x + 24, y + room - 130, 0.6 * width - 72)
-        shot = key.shot(view, 0.38 * width - 2 * _LETTER, room - 2 * _LETTER)
-        at = np.array([x + 0.8 * width - shot.size[0] / 2, y + (room - shot.size[1]) / 2])
+        color_bar.draw(sheet, scale, x + 24, y + key_height - 130, 0.6 * width - 72)
+        shot = key.shot(view, 0.38 * width - 2 * _LETTER_SIZE_PX, key_height - 2 * _LETTER_SIZE_PX)
+        at = np.array([x + 0.8 * width - shot.size[0] / 2, y + (key_height - shot.size[1]) / 2])
         sheet.paste(shot.image, at)
-        for k, ((letter, color), points) in enumerate(zip(PLANES, ends, strict=True)):
+        for k, ((letter, color), points) in enumerate(zip(PLANES, outlines, strict=True)):
             if len(points):
-                _point_at(sheet, shot, at, points, k, letter, color)
+                _label_plane(sheet, shot, at, points, k, letter, color)
 
     return draw
 
 
-def _point_at(
+def _label_plane(
     sheet: Sheet, shot: Shot, at: Float, points: Float, side: int, letter: str, color: str
 ) -> None:
-    """A plane's letter beside the small picture: to the left, the right, or above it."""
+    """Write a plane's letter to the left, to the right or above the small picture."""
     pixels = shot.pixel(points)
     order = (-pixels[:, 0], pixels[:, 0], -pixels[:, 1])[side]
     tip, (width, _) = pixels[order.argmax()], shot.size
-    gap = _LETTER / 2
+    gap = _LETTER_SIZE_PX / 2
     place = np.array([(-gap, tip[1]), (width + gap, tip[1]), (tip[0], -gap)][side])
     sheet.line([at + tip, at + 0.75 * place + 0.25 * tip], color, 1.0)
     sheet.text(at + place, letter, SMALL, color, bold=True)
 
 
-def _view(letter: str, normal: Float, frame: Float) -> View:
-    """Square to a plane, from the side that is nearer to the front, the right or above."""
+def _section_view(letter: str, normal: Float, frame: Float) -> View:
+    """Return the view square to a plane, from the side closer to the front, right or above."""
     right, up, back = frame
     if normal @ (back + 0.3 * right + 0.2 * up) < 0:
         normal = -normal
-    words = {"the front": back, "the right": right, "above": up, "the left": -right}
-    words |= {"behind": -back, "below": -up}
-    side = next((w for w, way in words.items() if normal @ way > _ALONG), "")
+    directions = {"the front": back, "the right": right, "above": up, "the left": -right}
+    directions |= {"behind": -back, "below": -up}
+    side = next(
+        (
+            name
+            for name, direction in directions.items()
+            if normal @ direction > _SAME_DIRECTION_COSINE
+        ),
+        "",
+    )
     title = f"{letter}: seen from {side}" if side else f"{letter}: seen at an angle"
-    return views.looking(normal, up if abs(normal @ up) < _ALONG else -back, title)
+    return views.looking(normal, up if abs(normal @ up) < _SAME_DIRECTION_COSINE else -back, title)
+
+
+def cut_mesh(
+    nodes: Float, cells: Int, origin: Float, normal: Float, data: Mapping[str, Float]
+) -> Any:
+    """Cut a quadratic mesh with a plane.
+
+    Only cells that the plane meets are processed.
+
+    Args:
+        nodes: Nodes (n, 3), mm.
+        cells: Quadratic tetrahedra (m, 10).
+        origin: Point (3,) of the plane, mm.
+        normal: Normal (3,) of the plane.
+        data: Values of the nodes, by name.
+
+    Returns:
+        The section as a pyvista mesh with the data.
+    """
+    side = (nodes - origin) @ normal
+    side_of_nodes = side[cells]
+    cut_cells = cells[(side_of_nodes.min(1) <= 0) & (side_of_nodes.max(1) >= 0)]
+    tets = cut_cells[:, _LINEAR_TETS].reshape(-1, 4)
+    side_of_nodes = side[tets]
+    tets = tets[(side_of_nodes.min(1) <= 0) & (side_of_nodes.max(1) >= 0)]
+    used_nodes, tet_nodes = np.unique(tets, return_inverse=True)
+    if not len(used_nodes):
+        return pv.PolyData()
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: tet_nodes.reshape(-1, 4)}, nodes[used_nodes])
+    for name, values in data.items():
+        grid.point_data[name] = values[used_nodes]
+    return grid.slice(normal=tuple(normal), origin=tuple(origin))

@@ -1,4 +1,4 @@
-"""Where a body is cut to see its strain: through what moves and where it is strained most."""
+"""Choose planes that show a body's strain: through its movement and its largest strain."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, format_point
 
-_STRAINED = 0.25  # of the largest strain: less than this is not much
-_ASIDE = 0.2  # of the largest movement: less than this to the side is none
-_SQUARE = np.cos(np.radians(20))  # so far a direction may be turned to be that of an axis
-_INSIDE = 0.01  # of the body's size: an end is not cut
+_MIN_STRAIN_SHARE = 0.25  # of the largest strain; smaller strains have no weight
+_MIN_SIDEWAYS_SHARE = 0.2  # of the largest movement; smaller sideways movements are ignored
+_MIN_AXIS_COSINE = np.cos(np.radians(20))  # a direction within 20 degrees is turned to the axis
+_END_MARGIN = 0.01  # of the body's size, that a section keeps from its ends
 
 
 @dataclass(frozen=True)
 class Section:
-    """The plane with the unit `normal` (3,) through `origin` (3,) mm, in the body at rest."""
+    """A plane in the body at rest.
+
+    Attributes:
+        origin: Point (3,) of the plane, mm.
+        normal: Unit normal (3,).
+    """
 
     origin: Float
     normal: Float
 
     def words(self) -> str:
-        """Where it is, for readers."""
+        """Describe the place of the plane for readers."""
         k = int(np.abs(self.normal).argmax())
         if abs(self.normal[k]) > 1 - 1e-6:
             return f"at {'xyz'[k]} = {self.origin[k]:.1f} mm"
@@ -31,9 +36,14 @@ class Section:
 
 @dataclass(frozen=True)
 class Sections:
-    """Three planes square to each other: `moving`, in which the body moves, `beside`, across that
-    and along the body, `across` the body where it is strained most; where that is, `peak` (3,) mm
-    at rest."""
+    """Three planes that are square to each other.
+
+    Attributes:
+        moving: The plane in which the body moves.
+        beside: The plane along the body, across that movement.
+        across: The plane across the body, at its largest strain.
+        peak: Place (3,) of the largest strain at rest, mm.
+    """
 
     moving: Section
     beside: Section
@@ -42,38 +52,50 @@ class Sections:
 
     @property
     def all(self) -> tuple[Section, Section, Section]:
-        """In their order."""
+        """The three planes."""
         return self.moving, self.beside, self.across
 
 
 def sections(rest: Float, moved: Float, strain: Float, held: Bool) -> Sections:
-    """For nodes (n, 3) mm at `rest`, their displacements `moved` (n, 3) mm, and largest principal
-    strain (n,); the nodes (n,) that are `held` by handles, or none.
+    """Choose three planes for a deformed body.
 
-    All but the last hold the line through the middle of what moves that lies nearest to where the
-    strain is large, or along an axis, where that is about the same. The first holds the direction
-    of the movement too, or the largest strain where what moves only turns or is drawn along that
-    line; the last is square to the line, through the largest strain."""
+    The first two planes hold a line through the middle of the moving nodes, as close as possible to
+    where the strain is large; the line is along an axis if that is nearly as close. The first plane
+    also holds the direction of the movement. If the nodes only turn, or move along the line, it
+    holds the largest strain instead. The third plane is square to the line, through the largest strain.
+
+    Args:
+        rest: Nodes (n, 3) at rest, mm.
+        moved: Displacements (n, 3), mm.
+        strain: Largest principal strain of each node (n,).
+        held: Nodes (n,) that handles hold; if there are none, the nodes that move most are taken.
+
+    Returns:
+        The planes.
+    """
     size = float(np.linalg.norm(np.ptp(rest, axis=0)))
-    way = np.linalg.norm(moved, axis=1)
-    some = held if held.any() else way >= np.percentile(way, 95)
-    handle = (rest[some].min(0) + rest[some].max(0)) / 2
-    movement = moved[some].mean(0)
+    distance = np.linalg.norm(moved, axis=1)
+    is_moving = held if held.any() else distance >= np.percentile(distance, 95)
+    handle = (rest[is_moving].min(0) + rest[is_moving].max(0)) / 2
+    movement = moved[is_moving].mean(0)
     peak = rest[strain.argmax()]
-    weight = np.maximum(strain - _STRAINED * strain.max(), 1e-12)
-    along = _line(rest - handle, weight)
-    along = _axis(along) if _axis(along) @ along > _SQUARE else along
-    aside = movement - (movement @ along) * along
-    if np.linalg.norm(aside) < _ASIDE * way.max():
-        aside = peak - handle - ((peak - handle) @ along) * along
-    if np.linalg.norm(aside) < 1e-6 * size:
-        aside = np.eye(3)[np.abs(along).argmin()]
-    normal = np.cross(along, aside)
+    weight = np.maximum(strain - _MIN_STRAIN_SHARE * strain.max(), 1e-12)
+    along = _fit_line(rest - handle, weight)
+    along = _nearest_axis(along) if _nearest_axis(along) @ along > _MIN_AXIS_COSINE else along
+    sideways = movement - (movement @ along) * along
+    if np.linalg.norm(sideways) < _MIN_SIDEWAYS_SHARE * distance.max():
+        sideways = peak - handle - ((peak - handle) @ along) * along
+    if np.linalg.norm(sideways) < 1e-6 * size:
+        sideways = np.eye(3)[np.abs(along).argmin()]
+    normal = np.cross(along, sideways)
     normal = normal / np.linalg.norm(normal)
-    if _axis(normal) @ normal > _SQUARE and abs(_axis(normal) @ along) < 1e-9:
-        normal = _axis(normal)
+    if (
+        _nearest_axis(normal) @ normal > _MIN_AXIS_COSINE
+        and abs(_nearest_axis(normal) @ along) < 1e-9
+    ):
+        normal = _nearest_axis(normal)
     level = peak @ along
-    ends = (rest @ along).min() + _INSIDE * size, (rest @ along).max() - _INSIDE * size
+    ends = (rest @ along).min() + _END_MARGIN * size, (rest @ along).max() - _END_MARGIN * size
     return Sections(
         Section(handle, normal),
         Section(handle, np.cross(normal, along)),
@@ -82,14 +104,16 @@ def sections(rest: Float, moved: Float, strain: Float, held: Bool) -> Sections:
     )
 
 
-def _axis(way: Float) -> Float:
-    """The unit vector of the axis, with its sign, that is nearest to a direction."""
-    k = int(np.abs(way).argmax())
-    return np.asarray(np.eye(3)[k] * np.sign(way[k]))
+def _nearest_axis(direction: Float) -> Float:
+    """Return the unit vector along the axis, with its sign, that is closest to a direction."""
+    k = int(np.abs(direction).argmax())
+    return np.asarray(np.eye(3)[k] * np.sign(direction[k]))
 
 
-def _line(points: Float, weight: Float) -> Float:
-    """The direction of the line from the origin that points (n, 3) of some `weight` (n,) lie
-    nearest to, away from most of them."""
-    way = np.linalg.eigh((weight[:, None] * points).T @ points)[1][:, -1]
-    return np.asarray(way if weight @ points @ way < 0 else -way)
+def _fit_line(points: Float, weight: Float) -> Float:
+    """Return the direction of the line from the origin closest to weighted points (n, 3).
+
+    The direction points away from most of the points.
+    """
+    direction = np.linalg.eigh((weight[:, None] * points).T @ points)[1][:, -1]
+    return np.asarray(direction if weight @ points @ direction < 0 else -direction)

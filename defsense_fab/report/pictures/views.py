@@ -1,4 +1,4 @@
-"""Where a picture is seen from, so that the body stands upright in it."""
+"""Define the directions from which pictures show a body, so that it stands upright."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ from ...core.arrays import Float
 
 @dataclass(frozen=True)
 class View:
-    """Unit vectors (3,) in the rest frame: to the `right` and `up` in the picture, and `back` from
-    what is seen to the eye; `title` says where the eye is."""
+    """A direction of view, given by unit vectors (3,) in the rest frame.
+
+    Attributes:
+        right: Direction to the right in the picture.
+        up: Direction up in the picture.
+        back: Direction from the body to the eye.
+        title: Where the eye is, such as "from the front".
+    """
 
     right: Float
     up: Float
@@ -20,36 +26,42 @@ class View:
     title: str = ""
 
     def flat(self, points: Float) -> Float:
-        """Points (n, 3) mm as seen: (n, 2) mm to the right and up."""
+        """Project points (n, 3) onto the picture: (n, 2) to the right and up, mm."""
         return np.asarray(points @ np.stack([self.right, self.up], axis=1))
 
 
 def looking(back: Float, up: Float, title: str = "") -> View:
-    """A view from the direction `back` (3,), in which `up` (3,) points up as far as it can."""
+    """Return a view from a direction.
+
+    Args:
+        back: Direction (3,) from the body to the eye.
+        up: Direction (3,) that points up in the picture as far as possible.
+        title: Title of the view.
+    """
     back = np.asarray(back, float) / np.linalg.norm(back)
     right = np.cross(up, back)
     right = right / np.linalg.norm(right)
     return View(right, np.cross(back, right), back, title)
 
 
-# Below, `frame` (3, 3) has in its rows what is to the right, up and towards the viewer for a body
-# that stands before them (`geometry.bodies.standing`).
+# In the functions below, `frame` (3, 3) holds the axes to the right, up and towards the viewer of a
+# standing body, one a row (`geometry.bodies.orientation`).
 
 
 def three_quarter(frame: Float) -> View:
-    """From the front, the right and above: most of a body in one picture."""
+    """Return the view from the front, right and above, which shows most of a body."""
     right, up, back = frame
     return looking(0.35 * right + 0.55 * up + back, up, "from the front, right and above")
 
 
 def behind(frame: Float) -> View:
-    """What `three_quarter` hides: from the other side."""
+    """Return the view from behind, which shows what `three_quarter` hides."""
     right, up, back = frame
     return looking(-0.35 * right + 0.45 * up - back, up, "from behind and above")
 
 
 def around(frame: Float) -> tuple[View, ...]:
-    """Other views from above that may show what `three_quarter` hides."""
+    """Return other views from above that may show what `three_quarter` hides."""
     right, up, back = frame
     return (
         looking(-0.35 * right + 0.55 * up + back, up, "from the front, left and above"),
@@ -61,22 +73,29 @@ def around(frame: Float) -> tuple[View, ...]:
 
 
 def front(frame: Float) -> View:
-    """Straight from the front."""
+    """Return the view straight from the front."""
     return looking(frame[2], frame[1], "from the front")
 
 
 def side(frame: Float) -> View:
-    """Straight from the right."""
+    """Return the view straight from the right."""
     return looking(frame[0], frame[1], "from the right")
 
 
 def top(frame: Float) -> View:
-    """Straight from above, the front below."""
+    """Return the view straight from above, with the front at the bottom."""
     return looking(frame[1], -frame[2], "from above")
 
 
 def elevations(frame: Float, bounds: Float) -> tuple[View, View]:
-    """Two straight views that show all three dimensions of a body with `bounds` (2, 3) mm: from the
-    front, and from above or the right, where there is more to see."""
+    """Return two straight views that together show all three dimensions of a body.
+
+    Args:
+        frame: Axes (3, 3) to the right, up and towards the viewer.
+        bounds: Bounds (2, 3) of the body, mm.
+
+    Returns:
+        The view from the front, and the one from above or the right that shows more.
+    """
     wide, high, _ = np.abs(frame) @ np.ptp(bounds, axis=0)
     return front(frame), top(frame) if wide > high else side(frame)
