@@ -8,7 +8,9 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 
 project = "defsense-fab"
 author = "the defsense-fab authors"
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+napoleon_use_ivar = True
+napoleon_use_rtype = False
 source_suffix = {".md": "markdown"}
 myst_heading_anchors = 3
 nitpicky = True
