@@ -1,10 +1,10 @@
-"""Poses of three bodies against independent solvers on the same mesh and energy.
+"""Compare poses of three bodies with independent solvers on the same mesh and energy.
 
     python -m benchmarks.agreement                       # CalculiX, 90 degrees, nu 0.45 and 0.49
     PEER_PYTHON=/path/to/python python -m benchmarks.agreement --peer ngsolve
 
-The handles of our solution, free in translation, are prescribed to the peer along the same path.
-FElupe (GPL) and NGSolve (LGPL) are looked for in the interpreter PEER_PYTHON, by default this one;
+Our handles are free in translation. The peer gets the path that they take as a prescribed path.
+FElupe (GPL) and NGSolve (LGPL) are imported by the interpreter PEER_PYTHON, by default this one;
 CalculiX is the program `ccx`.
 """
 
@@ -39,7 +39,12 @@ PATH = 8
 
 @dataclass(frozen=True)
 class Peer:
-    """A peer's displacements (n, 3) mm and its own statistics."""
+    """The result of a peer.
+
+    Attributes:
+        u: Displacements (n, 3) mm.
+        stats: The peer's own statistics.
+    """
 
     u: np.ndarray
     stats: dict
@@ -47,14 +52,19 @@ class Peer:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Largest distance of any node (mm); largest difference of a line's signal relative to the
-    RMS signal of the pose."""
+    """Differences between two solutions.
+
+    Attributes:
+        displacement: Largest distance of any node, mm.
+        signal: Largest difference of a line's signal, relative to the RMS signal of the pose.
+    """
 
     displacement: float
     signal: float
 
 
 def installed(peer: str) -> bool:
+    """Return whether a peer is installed."""
     if peer == "calculix":
         return shutil.which("ccx") is not None
     seen = subprocess.run([interpreter(), "-c", f"import {peer}"], capture_output=True)
@@ -62,6 +72,7 @@ def installed(peer: str) -> bool:
 
 
 def interpreter() -> str:
+    """Return the Python interpreter of the peers."""
     return os.environ.get("PEER_PYTHON", sys.executable)
 
 
@@ -73,8 +84,19 @@ def ask(
     shifts: np.ndarray,
     increments: int,
 ) -> Peer:
-    """One peer's solution where the handle turns as in `conditions` and its centre moves along
-    `shifts` (k + 1, 3) mm from rest. Raises RuntimeError where it does not converge."""
+    """Return the solution of a peer for the given path of the handle.
+
+    Args:
+        peer: Name of the peer.
+        mesh: The mesh.
+        law: The material.
+        conditions: Fixed nodes, and one handle with its rotation.
+        shifts: Displacements (k + 1, 3) mm of the handle's center, from rest to the full load.
+        increments: Number of load increments.
+
+    Raises:
+        RuntimeError: The peer does not converge.
+    """
     (handle,) = conditions.handles
     with tempfile.TemporaryDirectory() as scratch:
         problem, result = Path(scratch) / "problem.npz", Path(scratch) / "result.npz"
@@ -101,7 +123,7 @@ def ask(
 
 
 def solve(mesh: QuadraticMesh, law: Material, conditions: BoundaryConditions) -> tuple:
-    """Our displacements (n, 3), and the handle's path (PATH + 1, 3) mm."""
+    """Return our displacements (n, 3) mm, and the path (PATH + 1, 3) mm of the handle's center."""
     fractions = [(i + 1) / PATH for i in range(PATH)]
     results = solve_ramp(mesh, law, conditions, fractions, threads=count_cores())
     if not results[-1].converged:
@@ -111,6 +133,7 @@ def solve(mesh: QuadraticMesh, law: Material, conditions: BoundaryConditions) ->
 
 
 def compare(mesh: QuadraticMesh, a: np.ndarray, b: np.ndarray) -> Agreement:
+    """Return the differences between two displacements (n, 3) mm."""
     locator = PointLocator(mesh)
     lines = probing_lines(locator, np.random.default_rng(0))
     at = locator.find(lines.reshape(-1, 3))
@@ -123,7 +146,7 @@ def compare(mesh: QuadraticMesh, a: np.ndarray, b: np.ndarray) -> Agreement:
 
 
 def poses(name: str) -> dict[str, np.ndarray]:
-    """90 degrees of bend and twist about the body's long direction."""
+    """Return rotation vectors for 90 degrees of bend and twist about the body's long axis."""
     axis = np.array(BODIES[name][3], float)
     return {"bend 90": np.pi / 2 * np.roll(axis, 1), "twist 90": np.pi / 2 * axis}
 

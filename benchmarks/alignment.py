@@ -1,11 +1,12 @@
-"""Rigid alignment of 5,000 frames of 12 markers, against a loop over SciPy.
+"""Compare the rigid alignment of 5,000 frames of 12 markers with a loop over SciPy.
 
     python -m benchmarks.alignment [--frames 5000] [--markers 12] [--repeat 7]
 
-Each frame lacks other markers (a third, three stay at least). SciPy's `Rotation.align_vectors` does
-not centre and takes no gaps, so that its loop does both, with the same weights and a residual.
-Medians of runs in turns, in one process, libraries warm; and the largest difference between the
-points. With `sigma` the covariances are found too, which has no peer.
+Each frame lacks about a third of the markers; at least four remain. SciPy's
+`Rotation.align_vectors` neither centers points nor accepts gaps, so the loop does both, with the
+same weights and residuals. The table shows medians of alternating runs in one process after a
+warm-up, and the largest difference of the points. `with sigma` also computes covariances, for which
+there is no peer.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from defsense_fab.capture.tracking.alignment import align
 
 
 def frames(t, m, seed=0):
-    """Frames (t, m, 3) mm with gaps of a moving set `rest` (m, 3) mm, and weights (t, m)."""
+    """Return moving points (t, m, 3) mm with gaps, the same (m, 3) at rest, and weights (t, m)."""
     rng = np.random.default_rng(seed)
     rest = rng.uniform(-1, 1, (m, 3)) * [75, 15, 15]
     points = rest + rng.normal(0, 0.05, (t, m, 3))
@@ -33,7 +34,7 @@ def frames(t, m, seed=0):
 
 
 def loop(points, rest, weights):
-    """The same, a frame at a time: points (t, m, 3) and residuals (t,) mm."""
+    """Return aligned points (t, m, 3) and residuals (t,) mm, computed frame by frame."""
     out, residual = np.full(points.shape, np.nan), np.empty(len(points))
     for k, (frame, w) in enumerate(zip(points, weights, strict=True)):
         seen = np.isfinite(frame[:, 0])

@@ -1,15 +1,15 @@
-"""Bodies to parts: seconds, memory and quality, beside Netgen alone and fTetWild alone.
+"""Measure the way from bodies to parts, next to Netgen and fTetWild alone.
 
     python -m benchmarks.bodies                       # all bodies
     python -m benchmarks.bodies armadillo flat --limit 300
     python -m benchmarks.bodies --file bunny.obj --scale 1500 --until mesh
     python -m benchmarks.bodies --defective           # those of tests.support.defective_bodies
 
-Each body is read, meshed and built up to the parts with a standard device (two bends of its ends
-along its longest axis, two cords) by a process of its own with a time limit and an empty cache of
-meshes; both meshers on their own get the surface as it was read and the same edge length, each in
-a process of its own, too. Seconds are those of the processor, with child processes; memory is the
-largest of one process. Where PrusaSlicer is installed (`prusa-slicer`), it slices the first part.
+Each body is read, meshed and built up to the parts with a standard device: two bends of its ends
+along its longest axis, and two cords. A separate process with a time limit and an empty cache of
+meshes does so. Both meshers get the surface as it was read and the same edge length, each in a
+separate process. Times are CPU seconds with those of child processes; memory is that of the largest
+process. If PrusaSlicer (`prusa-slicer`) is installed, it slices the first part.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _END, _TETS, _EDGES = 0.1, 5000, (3.0, 12.0)
 
 
 def write_device(folder: Path, body: Path, surface: Surface, scale: float = 1.0) -> None:
-    """`device.toml` in `folder` for the file `body` there, whose surface (mm, scaled) is given."""
+    """Write `device.toml` for the file `body` in `folder`, whose scaled surface (mm) is given."""
     low, high = surface.bounds
     along = int((high - low).argmax())
     size = float((high - low).max())
@@ -75,13 +75,13 @@ ALONE = ("netgen", "ftetwild")
 
 
 def memory() -> float:
-    """GB of this process or of its largest child."""
+    """Return the peak memory of this process or of its largest child, GB."""
     used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return max(u.ru_maxrss for u in used) / 1e6
 
 
 def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
-    """Reads, meshes and builds the body in `folder`."""
+    """Read, mesh and build the body in `folder`; return the measurements."""
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.geometry.bodies.body import SIZE_RANGE_MM
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
@@ -118,7 +118,7 @@ def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
 
 
 def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
-    """The surface as read, to one mesher as it comes."""
+    """Mesh the surface as it was read by one mesher alone; return the measurements."""
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.geometry.bodies.body import SIZE_RANGE_MM
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
@@ -149,7 +149,7 @@ def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
 
 
 def in_process(arguments: list[str], folder: Path, limit: float) -> dict[str, Any]:
-    """The same by a fresh process, which is ended with its children after `limit` s."""
+    """Run a measurement in a new process, which is killed after `limit` s."""
     environment = os.environ | {"DEFSENSE_CACHE": str(folder / "meshes"), "OMP_NUM_THREADS": "1"}
     process = subprocess.Popen(
         [sys.executable, "-m", "benchmarks.bodies", *arguments, "--one", str(folder)],
@@ -167,7 +167,7 @@ def in_process(arguments: list[str], folder: Path, limit: float) -> dict[str, An
 
 
 def sliced(folder: Path) -> str:
-    """What PrusaSlicer says to the first part; that there is none."""
+    """Return how PrusaSlicer slices the first part, or why it does not."""
     program = shutil.which("prusa-slicer")
     parts = sorted((folder / "build" / "parts" / "print").glob("*.stl"))
     if program is None or not parts:
@@ -185,7 +185,7 @@ def sliced(folder: Path) -> str:
 
 
 def told(name: str, ours: dict[str, Any], others: dict[str, dict[str, Any]], slicer: str) -> str:
-    """Lines of the table."""
+    """Return the lines of the table for one body."""
     head = f"{name}: {ours.get('triangles', 0):,} triangles, read {ours.get('read', 0):.1f} s"
     if "whole" in ours:
         stages = ", ".join(f"{k} {v:.1f}" for k, v in ours["stages"].items())
@@ -210,7 +210,7 @@ def told(name: str, ours: dict[str, Any], others: dict[str, dict[str, Any]], sli
 
 
 def defective() -> dict[str, Callable[[Path], None]]:
-    """Writers of the bodies of `tests.support.defective_bodies`, by name."""
+    """Return functions that write the bodies of `tests.support.defective_bodies`, by name."""
 
     def write(path: Path, make: Callable[[int, int], Any]) -> None:
         made = make(4, 0)
@@ -221,7 +221,7 @@ def defective() -> dict[str, Callable[[Path], None]]:
 
 
 def sources(options: argparse.Namespace) -> dict[str, Callable[[Path], Path]]:
-    """What writes each body into a folder, and gives the file."""
+    """Return functions that write each body into a folder and return its file, by name."""
     out: dict[str, Callable[[Path], Path]] = {}
     for path in options.file:
         out[path.stem] = lambda f, p=path: Path(shutil.copy(p, f / f"body{p.suffix}"))

@@ -1,13 +1,13 @@
-"""Whether builds succeed, and how far designs spread: on other meshes, and of random bodies.
+"""Count successful builds, and measure how the designs vary: on other meshes, and of random bodies.
 
     python -m benchmarks.builds meshes fixtures/devices/bar fixtures/devices/blob --count 10
     python -m benchmarks.builds bodies --count 100 --seed 0
 
-`meshes` builds each device with edges that are up to `--spread` longer and shorter than its own,
-with no mesh kept. `bodies` makes round, boxy and bent bodies of random size at random, with one to
-three poses (bends, twists, pulls) and as many cords or one less. Both build up to the parts unless
-`--until` names another stage. A build that ends in an error in words is `refused`; whatever else
-goes wrong is `broken`, and so are parts that are missing from a finished build.
+`meshes` builds each device with edges up to `--spread` longer and shorter than its own, without
+cached meshes. `bodies` generates round, boxy and bent bodies of random size, with one to three
+poses (bends, twists, pulls) and as many cords, or one less. Both build up to the parts, or to the
+stage `--until`. A build that ends in an error message is `refused`. A build that fails otherwise is
+`broken`, and so is a finished build with missing parts.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ import trimesh
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DefsenseError
-from defsense_fab.store.mesh import load_mesh_record
 from defsense_fab.store.layout import load_layout
+from defsense_fab.store.mesh import load_mesh_record
 from defsense_fab.workflow.build.build import build
 
 
 def outcome(made: Callable[[], Device], until: str) -> tuple[str, str, float]:
-    """`made`, `refused` or `broken`, what there is to say, and the RMSE (mm) on unseen states."""
+    """Return `made`, `refused` or `broken`, a description, and the RMSE (mm) on unseen states."""
     try:
         device = made()
         folder = build(device, until).folder
@@ -59,7 +59,7 @@ def outcome(made: Callable[[], Device], until: str) -> tuple[str, str, float]:
 
 
 def on_meshes(source: Path, options: argparse.Namespace) -> None:
-    """Builds of one device on other meshes."""
+    """Build one device on other meshes."""
     first = load_device(source)
     own = first.mesh.edge_length
     if own is None:
@@ -84,7 +84,7 @@ def on_meshes(source: Path, options: argparse.Namespace) -> None:
 
 
 def random_body(rng: np.random.Generator) -> trimesh.Trimesh:
-    """Round or boxy, 70 to 180 mm long, with swellings, a bend and a taper at random."""
+    """Return a round or boxy body, 70 to 180 mm long, with random swellings, bend and taper."""
     long, wide, high = rng.uniform([70, 28, 26], [180, 60, 50])
     ball = trimesh.creation.icosphere(subdivisions=4)
     round_off = rng.uniform(2, 6)  # of the norm whose unit ball is taken: 2 is a ball
@@ -107,7 +107,7 @@ def random_body(rng: np.random.Generator) -> trimesh.Trimesh:
 
 
 def write_random(folder: Path, rng: np.random.Generator) -> None:
-    """A device with a random body and random poses."""
+    """Write a device with a random body and random poses."""
     body = random_body(rng)
     body.export(folder / "body.stl")
     low, high = body.bounds[:, 0]
@@ -151,7 +151,7 @@ sensors = {cords}
 
 
 def of_bodies(options: argparse.Namespace) -> None:
-    """Builds of random bodies."""
+    """Build random bodies."""
     kinds = []
     streams = np.random.default_rng(options.seed).spawn(options.count)
     for k, rng in list(enumerate(streams, 1))[options.first - 1 :]:

@@ -1,11 +1,11 @@
-"""Tags in real pictures, and a real board before two cameras, against plain OpenCV and the cameras
-that another program found.
+"""Detect tags in real pictures and a board in real videos; compare with plain OpenCV.
 
     python -m benchmarks.footage FOLDER
 
-FOLDER has `webcam_tags/*.png` (pictures of tags of 4X4_50), `apriltag/*.jpg` with the corners of
-its tags of 36h11 in a `.txt` beside it (number, then four of (x y), px), and `charuco_two_cameras/`
-with two videos, the board in `charuco.toml` and the cameras in `camera_array.toml` (metres).
+FOLDER contains `webcam_tags/*.png` (pictures of 4X4_50 tags), and `apriltag/*.jpg` of 36h11 tags
+with their corners in a `.txt` of the same name (number, then four times x y, px).
+`charuco_two_cameras/` contains two videos, the board in `charuco.toml`, and the cameras that
+another program calibrated in `camera_array.toml` (meters).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from defsense_fab.core.camera import Camera
 
 
 def both(path: Path, family: Dictionary) -> tuple[list[Float], list[Float]]:
-    """Corners (4, 2) px of the tags that we find in a picture, and that plain OpenCV does."""
+    """Return corners (4, 2) px of the tags in a picture, by our detector and by plain OpenCV."""
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     size = (image.shape[1], image.shape[0])
     K = np.array([[float(size[0]), 0, size[0] / 2], [0, float(size[0]), size[1] / 2], [0, 0, 1]])

@@ -1,8 +1,8 @@
-"""A second opinion on solved poses, in plain NumPy: nothing of the solver's code is used.
+"""Check solved poses in plain NumPy, without any code of the solver.
 
-Shape functions come from the Vandermonde matrix of the element's nodes, the quadrature is another
-one (where that matters it is the solver's four points), energies are in principal stretches, and
-stress is their derivative by them.
+Shape functions come from the Vandermonde matrix of the element's nodes. Energies are functions of
+the principal stretches, and stresses are their derivatives. The quadrature has the four points of
+the solver, because the energies must be equal.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _SHAPE = np.linalg.inv(_monomials(_NODES))
 
 
 def principal_energy(model, parameters, s):
-    """Energy density of principal stretches (..., 3), by the textbook's formulas."""
+    """Return the energy density for principal stretches (..., 3), by textbook formulas."""
     J = s.prod(-1)
     if model == "stable-neo-hookean":
         mu, lame, alpha = parameters[:3]
@@ -53,8 +53,13 @@ def principal_energy(model, parameters, s):
 
 @dataclass(frozen=True)
 class Opinion:
-    """`energy` N mm; `force` (n, 3) N by finite differences of it along principal stretches;
-    least det F at the quadrature points."""
+    """Energy and forces of a state.
+
+    Attributes:
+        energy: Energy, N mm.
+        force: Nodal forces (n, 3) N, by finite differences of the energy along principal stretches.
+        least_jacobian: Smallest det F at the quadrature points.
+    """
 
     energy: float
     force: np.ndarray
@@ -62,7 +67,7 @@ class Opinion:
 
 
 def judge(nodes, cells, u, model, parameters):
-    """Energy and nodal forces at displacements u (n, 3) mm."""
+    """Return energy and nodal forces at displacements u (n, 3) mm."""
     dxi = _derivatives(FOUR)  # (q, 10, 3) of the monomials
     dn = np.einsum("mn,qmd->qnd", _SHAPE, dxi)
     X = nodes[cells]
@@ -88,9 +93,9 @@ def judge(nodes, cells, u, model, parameters):
 
 
 def faults(nodes, cells, conditions, state, energy, model, parameters):
-    """What is wrong with a solved state, as a list of sentences; empty if nothing is.
+    """Return the errors of a solved state as a list of sentences.
 
-    Only fixed regions and handles with prescribed rotations and prescribed or free translations.
+    Handles must have prescribed rotations, and prescribed or free translations.
     """
     seen = judge(nodes, cells, state.u, model, parameters)
     said = []

@@ -1,9 +1,9 @@
-"""The paper's way to refine a layout: paths and map as unknowns of one Newton iteration.
+"""Refine a layout as the paper does: paths and map are unknowns of one Newton iteration.
 
-DefSense (CHI 2016, Eqs. 4-8) minimises |S(p) beta - O|^2 + lambda^2 |beta|^2 over the curves'
-control points p and the map beta together. Here as Gauss-Newton steps of a trust-region solver
-(scipy.optimize.least_squares), with broken limits as quadratic penalties, which the paper leaves
-to the user. A reference for tests and benchmarks.
+DefSense (CHI 2016, Eqs. 4-8) minimizes |S(p) beta - O|^2 + lambda^2 |beta|^2 over the control
+points p of the curves and the map beta together. Here a trust-region solver does so by Gauss-Newton
+steps (scipy.optimize.least_squares). Violated limits are quadratic penalties; the paper leaves
+limits to the user. Tests and benchmarks use this module as a reference.
 """
 
 from __future__ import annotations
@@ -20,8 +20,12 @@ from defsense_fab.optimize.problem.problem import Problem
 
 
 def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # type: ignore[no-untyped-def]
-    """The residual and its Jacobian as functions of (paths' parameters, map), the point to start
-    from, with the best map for the paths as they are, and the objective with the map eliminated."""
+    """Return the least-squares problem of a layout.
+
+    Returns:
+        The residual and its Jacobian as functions of (path parameters, map), the start (with the
+        best map for the initial paths), and the objective whose map is eliminated.
+    """
     cords = [CordParameters(s) for s in sensors]
     objective = Objective(problem, cords)
     limits = Constraints(problem.surface, problem.depth, problem.limits, cords)
@@ -63,8 +67,14 @@ def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # ty
 def refine(
     problem: Problem, sensors: tuple[Sensor, ...], steps: int, penalty: float = 1.0
 ) -> tuple[Sensor, ...]:
-    """The layout for the affine map after so many steps; `penalty` in mm of error a mm of
-    violation."""
+    """Return the layout for the affine map after a number of steps.
+
+    Args:
+        problem: The design problem.
+        sensors: The initial cords.
+        steps: Largest number of evaluations.
+        penalty: Error in mm per mm of violation.
+    """
     residual, jacobian, start, objective = system(problem, sensors, penalty)
     found = least_squares(residual, start, jacobian, method="trf", x_scale="jac", max_nfev=steps)
     x = found.x[: sum(c.size for c in objective.cords)]

@@ -1,11 +1,11 @@
-"""How fast layouts are found, and how good they are: against peers, baselines and growing sizes.
+"""Measure how fast layouts are found and how good they are, against peers and baselines.
 
-    python -m benchmarks.layouts                       # all of it, about 10 minutes on 2 cores
+    python -m benchmarks.layouts                       # all parts, about 10 minutes on 2 cores
     python -m benchmarks.layouts objective growth
 
-The bar of `fixtures/devices/bar` with its finite-element fields, three cords, 13 states, about 120
-samples a cord. Compiled code and libraries are warm before the clock starts; medians. JAX is left
-out where it is not installed (`pip install jax`).
+The device is the bar of `fixtures/devices/bar` with its finite-element fields, three cords, 13
+states, and about 120 samples per cord. Times are medians after a warm-up. JAX is optional
+(`pip install jax`).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def quiet(*_: object) -> None:
 
 
 def bar() -> DesignTask:
-    """The bar, its cords sensing on all their length: so the peers know them."""
+    """Return the design problem of the bar; cords sense on their whole length, as in the peers."""
     device = load_device(BAR)
     task = load_task(device, build(device, "simulate").results)
     plain = SignalModel(task.reading.response)
@@ -63,7 +63,7 @@ def bar() -> DesignTask:
 
 
 def median(work: Callable[[], object], repeat: int = 200) -> float:
-    """Seconds."""
+    """Return the median time, s."""
     work()
     times = []
     for _ in range(repeat):
@@ -78,7 +78,7 @@ def three(problem: Problem) -> list[CordParameters]:
 
 
 def objective(problem: Problem) -> None:
-    """Value and gradient against finite differences and JAX."""
+    """Compare value and gradient with finite differences and JAX."""
     print("objective and gradient, 3 cords, 13 states")
     cords = three(problem)
     ours = Objective(problem, cords)
@@ -114,7 +114,7 @@ def objective(problem: Problem) -> None:
 
 
 def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
-    """The same in JAX; which tet holds which sample is looked up before, at x."""
+    """Return the objective in JAX; the tetrahedra of the samples at x are looked up before."""
     import jax.numpy as jnp
     from jax.scipy.spatial.transform import Rotation
 
@@ -162,7 +162,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
 
 
 def refinement(problem: Problem) -> None:
-    """One descent from a selection without peers' shortcuts, and the whole search."""
+    """Compare one descent with peers, and measure the whole search."""
     print("refinement of one selected layout, error and worst violation reached")
     slivers = ThinParts(problem)
     rng = np.random.default_rng(0)
@@ -217,9 +217,11 @@ def refinement(problem: Problem) -> None:
 
 
 def candidates(problem: Problem) -> None:
-    """Signals of thousands of candidates in one batch against a loop over them."""
+    """Compare the signals of thousands of candidates in one batch with a loop over them."""
     rng = np.random.default_rng(0)
-    pool = build_pool(problem, [lambda r=r: waves_through_body(problem, 5000, r) for r in rng.spawn(4)])
+    pool = build_pool(
+        problem, [lambda r=r: waves_through_body(problem, 5000, r) for r in rng.spawn(4)]
+    )
     paths = pool.paths[:5000]
     fast = median(lambda: problem.signals(paths), 5)
     some = paths[:100]
@@ -236,14 +238,16 @@ def candidates(problem: Problem) -> None:
 
 
 def table(task: DesignTask) -> None:
-    """Manual, visual and full layouts with and without noise in the prediction."""
+    """Compare manual, visual and full layouts, with and without noise in the prediction."""
     print("predicted RMSE, mm (held out), bar, three cords")
     for noise in (0.0, 0.002):
         problem = replace(task.design, noise=noise)
         scored = replace(task, reading=replace(task.reading, relative=noise, contact=0.0))
         rows = {"manual": [baselines.manual_layout(problem, 3)]}
         rngs = [np.random.default_rng(s) for s in range(5)]
-        rows["visual"] = [baselines.visual_layout(problem, 3, np.random.default_rng(s)) for s in range(21)]
+        rows["visual"] = [
+            baselines.visual_layout(problem, 3, np.random.default_rng(s)) for s in range(21)
+        ]
         rows["full"] = [optimize_layout(problem, (), r, quiet, extra=3).sensors for r in rngs]
         best = 0.0
         for name in ("full", "visual", "manual"):
@@ -263,7 +267,7 @@ def table(task: DesignTask) -> None:
 
 
 def noise(task: DesignTask) -> None:
-    """Which decoder wins at which noise, on the analytic mixtures, scored on unseen ones."""
+    """Find the best decoder at each noise, on analytic mixtures, by errors on unseen mixtures."""
     from tests.conftest import structured_bar
     from tests.optimize import exact
 
@@ -294,7 +298,7 @@ def noise(task: DesignTask) -> None:
 
 
 def growth(problem: Problem) -> None:
-    """Cost of value and gradient, and of the whole search, as sizes grow."""
+    """Measure the time of value and gradient, and of the whole search, for growing problems."""
     print("value and gradient (ms) and the whole search (s) by number of cords")
     for count in (1, 2, 3, 4, 6, 8):
         cords = [CordParameters(s) for s in baselines.manual_layout(problem, min(count, 3))]

@@ -1,13 +1,13 @@
-"""The live loop end to end, in real time: how late frames are, and whether memory stays flat.
+"""Measure delays and memory of the live loop in real time.
 
     python -m benchmarks.live my-device/model.json --minutes 10
     python -m benchmarks.live my-device/model.json --minutes 10 --view 8080 --output osc
 
-The device's twin walks at 100 samples a second (`--port` names another port). Every half minute are
-told: samples a second, surfaces a second, ms from a sample's arrival until its frame was given to
-outputs, and until its surface was given to the view (median, 99th percentile, most), memory (MB),
-share of a core. At the end, a histogram of both. Open the page of the view to count what a browser
-costs.
+The device's twin sends 100 samples per second (`--port` selects another port). A line every 30 s
+shows: samples per second; surfaces per second; the time from the arrival of a sample to its frame's
+output, and to its surface's display (median, 99th percentile, largest; ms); memory (MB); and the
+number of CPU cores in use. Histograms of both times follow at the end. Open the page of the view to
+include the load by a browser.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ _EDGES = (0, 1, 2, 3, 5, 8, 12, 15, 20, 30, 50, 100, np.inf)  # ms
 
 
 def memory() -> float:
-    """MB in use now."""
+    """Return the memory in use, MB."""
     text = Path("/proc/self/status").read_text(encoding="utf-8")
     return int(next(x for x in text.splitlines() if x.startswith("VmRSS")).split()[1]) / 1024
 
 
 def processor() -> float:
-    """s of all threads so far."""
+    """Return the CPU seconds of all threads."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 
 
 def said(seconds: Float) -> str:
+    """Return median, 99th percentile and maximum of times in s, as text in ms."""
     if not len(seconds):
         return "-"
     ms = 1e3 * seconds

@@ -1,11 +1,11 @@
-"""Amplitudes of poses from markers, against SciPy's bounded least squares.
+"""Compare pose amplitudes from markers with SciPy's bounded least squares.
 
     python -m benchmarks.live_controls                 # 6 poses, 40 markers
     python -m benchmarks.live_controls --markers 200
 
-A bar that is bent, twisted and pulled in mixtures, with noise of 0.5 mm. Both begin at the last
-sample's amplitudes and minimise the same sum; SciPy gets the derivatives, too. CPU time of one
-sample: median and 99th percentile (ms); `off` is the root of the mean square error of amplitudes.
+A bar is bent, twisted and pulled in mixtures, with noise of 0.5 mm. Both solvers start at the
+amplitudes of the last sample and minimize the same sum; SciPy gets the derivatives, too. The table
+shows CPU time per sample (median and 99th percentile, ms) and the RMS error of the amplitudes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SD = 0.5
 
 
 class Peer:
-    """scipy.optimize.least_squares with bounds (trf)."""
+    """Amplitudes by scipy.optimize.least_squares with bounds (trf)."""
 
     def __init__(self, basis: PoseBasis) -> None:
         self._basis, self._last = basis, np.zeros(len(basis.names))

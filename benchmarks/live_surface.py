@@ -1,24 +1,23 @@
-"""Seconds of a surface frame, beside libigl's as-rigid-as-possible solver.
+"""Measure the time per surface frame, next to libigl's as-rigid-as-possible solver.
 
     OMP_NUM_THREADS=1 python -m benchmarks.live_surface [arap] [motion] [frames]
 
-A bar of 150 x 30 x 30 mm, held at one end, bent and twisted, with 40 markers, at about 1,000,
-10,000 and 50,000 vertices; one thread. Times are the least and the median of many, in ms: on a
-machine with other work the least is what the program takes.
+A bar of 150 x 30 x 30 mm is held at one end, bent and twisted. It has 40 markers, and about 1,000,
+10,000 and 50,000 vertices; one thread. Times are minimum and median in ms: on a busy machine the
+minimum is the time of the program.
 
-    arap    one round with hard markers at vertices against one of `arap_solve` (spokes), and how
-            far both are from the converged shape after the same 20 rounds from rest
-    motion  60 frames a second, the tip at up to 236 mm/s and 19 mm/s: what a frame of the default
-            without a second look, and two rounds of as rigid as possible, leave beside what they
-            come to without a limit (500 rounds), RMS: in mm, and relative to the displacement and
-            to a frame's movement
-    frames  whole frames of the default and of as rigid as possible with two rounds, as the live
-            loop calls them: from 15,000 vertices on with a cage
+    arap    one round with hard markers at vertices against one of `arap_solve` (spokes), and the
+            distance of both from the converged shape after 20 rounds from rest
+    motion  60 frames per second, the tip at up to 236 mm/s and 19 mm/s: the RMS difference between
+            one frame by the default, or two rounds of as-rigid-as-possible, and their limits (500
+            rounds); in mm, relative to the displacement, and to the movement in a frame
+    frames  whole frames of the default and of as-rigid-as-possible with two rounds, as the live
+            loop calls them: with a cage from 15,000 vertices on
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from functools import partial
 
@@ -36,7 +35,7 @@ POSES = [(0.5, 0), (0.25, 0), (-0.5, 0), (-0.25, 0), (0, 0.7), (0, 0.35), (0.5, 
 
 
 def bar(cells: int):
-    """Vertices and triangles of its surface, and which are held."""
+    """Return vertices and triangles of the surface of the bar, and which vertices are held."""
     across = max(2, cells // 5)
     counts = np.array([cells, across, across])
     points, faces, first = [], [], 0
@@ -58,7 +57,7 @@ def bar(cells: int):
 
 
 def bent(x, bend, twist):
-    """Constant curvature with a uniform twist, angles (rad) at the tip."""
+    """Return the vertices bent by constant curvature and uniform twist; angles (rad) at the tip."""
     turn = twist * x[:, 0] / LENGTH
     y = np.cos(turn) * x[:, 1] - np.sin(turn) * x[:, 2]
     z = np.sin(turn) * x[:, 1] + np.cos(turn) * x[:, 2]
@@ -207,7 +206,11 @@ def frames():
 
 def main() -> None:
     parts = {"arap": arap, "motion": motion, "frames": frames}
-    for name in sys.argv[1:] or parts:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("parts", nargs="*", help=f"any of {', '.join(parts)}; default: all")
+    for name in parser.parse_args().parts or parts:
         parts[name]()
         print()
 

@@ -1,15 +1,17 @@
-"""Tags in pictures of the twin's cameras: time and error from image to 3D, against others.
+"""Locate tags in pictures of the twin's cameras: time and error from image to 3D, against peers.
 
-python -m benchmarks.markers speed     # against pupil-apriltags and plain ArucoDetector + PnP
-python -m benchmarks.markers cpu       # pairs per CPU second of 12 tags, against OpenCV alone
-python -m benchmarks.markers table     # errors over tag size, blur, noise, baseline, tilt, missing
+    python -m benchmarks.markers speed     # against pupil-apriltags and plain ArucoDetector + PnP
+    python -m benchmarks.markers cpu       # pairs per CPU second of 12 tags, against OpenCV alone
+    python -m benchmarks.markers table     # errors over tag size, blur, noise, baseline, tilt, gaps
 
-Two cameras of 1280 x 720 px, f = 900 px, 400 mm away, 160 mm apart, 20 tags of 15 mm. Cameras are
-calibrated and arranged on rendered boards first; errors are after rigid alignment of each frame.
+Two cameras of 1280 x 720 px, f = 900 px, 400 mm away and 160 mm apart, see 20 tags of 15 mm. The
+cameras are calibrated and arranged on rendered boards first. Errors are after a rigid alignment of
+each frame.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -53,7 +55,7 @@ def cameras(base: float = BASE) -> list[Camera]:
 
 
 def device(rng: np.random.Generator, family: Dictionary, side: float, tilt: float) -> list[Patch]:
-    """Tags in five columns and four rows, tilted."""
+    """Return tilted tags in five columns and four rows."""
     out = []
     for k in range(TAGS):
         center = np.array([(k % 5 - 2) * 32.0, (k // 5 - 1.5) * 30.0, 0.0])
@@ -66,7 +68,7 @@ def device(rng: np.random.Generator, family: Dictionary, side: float, tilt: floa
 
 
 def bent(tags: list[Patch], t: float) -> list[Patch]:
-    """The device as it bends and is moved, at a time, s."""
+    """Return the device as it bends and moves, at a time in s."""
     by = 0.6 * np.sin(2 * np.pi * 0.7 * t)
     held = Rotation.from_rotvec(
         0.25 * np.array([np.sin(2.1 * t), np.cos(1.7 * t), np.sin(1.3 * t)])
@@ -83,7 +85,7 @@ def bent(tags: list[Patch], t: float) -> list[Patch]:
 
 
 def calibrated(true: list[Camera], optics: Optics, seed: int = 0) -> list[Camera]:
-    """The cameras as they are found from 30 rendered views of the default board."""
+    """Return the cameras as calibrated from 30 rendered views of the default board."""
     rng = np.random.default_rng(seed)
     board = CharucoBoard()
     cell = 8 * (board.family.cells + 2 + 7)  # px of a square in the texture
@@ -120,8 +122,10 @@ def corners_of(views: list[TagView], count: int = TAGS) -> tuple[Float, Float]:
 
 
 def error(points: Float, truth: Float, covariance: Float | None = None) -> Float:
-    """Distances (n,) mm after rigid alignment of a frame (m, 3), weighted where places (m, 3, 3)
-    tell how good they are."""
+    """Return distances (n,) mm after rigid alignment of a frame (m, 3).
+
+    Covariances (m, 3, 3) weight the points, if given.
+    """
     good = np.isfinite(points[:, 0])
     weights = None
     if covariance is not None:
@@ -151,7 +155,7 @@ def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[F
 
 
 def plain(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[Float]], Result]:
-    """ArucoDetector and one camera's PnP, as tutorials have it, averaged over the cameras."""
+    """Return the mean over cameras of centers by ArucoDetector and PnP, as in tutorials."""
     detector = cv2.aruco.ArucoDetector(family.table, cv2.aruco.DetectorParameters())
     model = tag_corners(side)
 
@@ -173,7 +177,7 @@ def plain(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[
 
 
 def apriltags(rig: list[Camera], side: float) -> Callable[[list[Float]], Result]:
-    """pupil-apriltags with its pose, averaged over the cameras; half a pixel taken off."""
+    """Return the mean over cameras of centers by pupil-apriltags, minus half a pixel."""
     import pupil_apriltags
 
     detector = pupil_apriltags.Detector("tag36h11", nthreads=2, quad_decimate=1.0)
@@ -243,7 +247,7 @@ def speed(frames: int = 30) -> None:
 
 
 def cpu(frames: int = 40, count: int = 12, rounds: int = 5) -> None:
-    """Pairs per CPU second, on one core, of pictures that follow each other at 30 a second."""
+    """Measure pairs of pictures per CPU second on one core, for pictures at 30 per second."""
     rng = np.random.default_rng(0)
     rig, family = cameras(), dictionary("4X4_50")
     renderers = [Renderer(c, Optics(blur=0.8, exposure=0, read_noise=2.0), rng) for c in rig]
@@ -288,7 +292,7 @@ def trial(
     side: float = SIDE, blur: float = 0.8, noise: float = 2.0, base: float = BASE,
     tilt: float = 30.0, missing: float = 0.0, single: bool = False, frames: int = 12, seed: int = 0,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """RMS error, mm; that over the stated standard deviation; part of the tags not located."""
+    """Return the RMS error (mm), its ratio to the stated deviation, and the share of missed tags."""
     rng = np.random.default_rng(seed)
     optics = Optics(blur=blur, exposure=0, read_noise=noise, shot_noise=0)
     true = cameras(base)
@@ -341,6 +345,10 @@ def table() -> None:
 
 
 if __name__ == "__main__":
-    which = sys.argv[1:] or ["speed", "table"]
-    for name in which:
-        {"speed": speed, "cpu": cpu, "table": table}[name]()
+    parts = {"speed": speed, "cpu": cpu, "table": table}
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("parts", nargs="*", help=f"any of {', '.join(parts)}; default: speed table")
+    for name in parser.parse_args().parts or ["speed", "table"]:
+        parts[name]()

@@ -1,8 +1,8 @@
-"""Organic bodies made by seeded code, for benchmarks: each a closed surface in mm unless told.
+"""Generate organic bodies for benchmarks: closed surfaces in mm, unless a body says otherwise.
 
-Implicit fields, joined smoothly and meshed by marching cubes, give shapes and numbers of triangles
-as sculpting programs and scanners do: even, fine, and with slivers. What a scanner adds, noise and
-uneven triangles, is added where a body says so.
+Implicit fields are blended and meshed by marching cubes. The shapes and the numbers of triangles
+are like those of sculpting programs and scanners: even, fine, and with slivers. Some bodies add the
+noise and the uneven triangles of a scanner. All are generated with fixed seeds.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Field = Callable[[Float], Float]
 
 
 def meshed(field: Field, low: list[float], high: list[float], step: float) -> Surface:
-    """The surface on which `field` (n, 3) -> (n,) is 0, negative inside, on a grid of `step` mm."""
+    """Return the surface where `field` (n, 3) -> (n,) is 0, on a grid of `step` mm."""
     import igl
 
     axes = [np.arange(a - step, b + 2 * step, step) for a, b in zip(low, high, strict=True)]
@@ -43,7 +43,7 @@ def _largest(surface: Surface) -> Surface:
 
 
 def capsule(a: list[float], b: list[float], r: float, s: float | None = None) -> Field:
-    """A limb from `a` of radius `r` to `b` of radius `s`."""
+    """Return the field of a limb from `a` with radius `r` to `b` with radius `s`."""
     start, end = np.array(a, float), np.array(b, float)
     axis, s = end - start, r if s is None else s
 
@@ -61,7 +61,7 @@ def ellipsoid(center: list[float], radii: list[float]) -> Field:
 
 
 def joined(fields: list[Field], k: float) -> Field:
-    """Their union with fillets of about `k` mm."""
+    """Return the union of fields with fillets of about `k` mm."""
 
     def field(p: Float) -> Float:
         out = fields[0](p)
@@ -75,7 +75,7 @@ def joined(fields: list[Field], k: float) -> Field:
 
 
 def path(points: Float, radii: Float) -> list[Field]:
-    """Capsules along points (n, 3) with radii (n,)."""
+    """Return the union of capsules along points (n, 3) with radii (n,)."""
     return [
         capsule(list(a), list(b), r, s)
         for a, b, r, s in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)
@@ -83,7 +83,7 @@ def path(points: Float, radii: Float) -> list[Field]:
 
 
 def bumpy(field: Field, height: float, wave: float, seed: int) -> Field:
-    """With bumps of `height` mm and about `wave` mm, of several directions."""
+    """Add bumps of `height` mm and about `wave` mm in several directions."""
     rng = np.random.default_rng(seed)
     k = rng.normal(size=(8, 3))
     k *= 2 * np.pi / wave / np.linalg.norm(k, axis=1, keepdims=True)
@@ -121,7 +121,7 @@ def _armadillo(step: float = 1.02) -> Surface:
 
 
 def _rings(points: Float, radius: float, tube: float) -> list[Field]:
-    """Lying rings about points (n, 3)."""
+    """Return horizontal rings about points (n, 3)."""
 
     def ring(c: Float) -> Field:
         def field(p: Float) -> Float:
@@ -205,7 +205,7 @@ def _coral() -> Surface:
 
 
 def _scan() -> Surface:
-    """A figure as a scanner sees it: with noise, and triangles of uneven size."""
+    """Return a figure as from a scanner: with noise, and triangles of uneven size."""
     parts = [
         ellipsoid([0, 0, 40], [34, 22, 44]), ellipsoid([0, -4, 104], [20, 23, 26]),
         capsule([0, -22, 100], [0, -31, 96], 5, 3), capsule([30, 0, 66], [42, -14, 26], 10, 8),
@@ -217,7 +217,7 @@ def _scan() -> Surface:
 
 
 def _slivers() -> Surface:
-    """A pear meshed coarsely in one direction only: triangles twelve times as long as wide."""
+    """Return a pear meshed coarsely in one direction: triangles twelve times as long as wide."""
     pear = joined(
         [ellipsoid([0, 0, 30], [34, 34, 32]), capsule([0, 0, 30], [6, 0, 100], 24, 12)], 8
     )
@@ -230,7 +230,7 @@ def _slivers() -> Surface:
 
 
 def _open() -> Surface:
-    """A seal of which some triangles are missing in two places."""
+    """Return a seal with missing triangles in two places."""
     spine = np.array([[0, 0, 14], [40, 0, 26], [90, 0, 24], [140, 4, 12]], float)
     parts = [*path(spine, np.array([10, 24, 20, 6.0])), capsule([0, 0, 14], [-14, 0, 18], 12, 9)]
     made = meshed(joined(parts, 6.0), [-40, -36, -20], [160, 40, 60], 1.8)
@@ -241,7 +241,7 @@ def _open() -> Surface:
 
 
 def _y_up() -> Surface:
-    """A standing figure as animation programs write it: y is up."""
+    """Return a standing figure as from animation programs: y is up."""
     hand = _hand()
     return Surface(hand.vertices[:, [0, 2, 1]] * [1, 1, -1], hand.faces)
 
@@ -255,7 +255,7 @@ BODIES: dict[str, Callable[[], Surface]] = {
 
 
 def write_stl(surface: Surface, path: Path) -> None:
-    """In the binary format."""
+    """Write a binary STL file."""
     import trimesh
 
     path.write_bytes(

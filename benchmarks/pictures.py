@@ -1,16 +1,16 @@
-"""Tags in pictures as cameras make them: found, how exact, how honest; against plain OpenCV.
+"""Detect tags in realistic pictures, and compare with plain OpenCV.
 
     python -m benchmarks.pictures                        # every condition, two cameras, 12 tags
     python -m benchmarks.pictures clean sharpened-1.6 --frames 20 --seed 3
 
-The pictures share nothing with the twin or with the corner fit: 36 rays a pixel meet the tags'
-planes, a disc (a lens out of focus) blurs what they see, square pixels average it, and what a
-condition names follows. Those of `twin-webcam`, `twin-phone` and `twin-industrial` are the twin's.
-`found` is the part of the tags that a camera shows whole; `centre` the root mean square, and the
-95th percentile, of how far tags lie off by the true cameras, of those that both methods found;
-`inside` the part of the coordinates within two stated standard deviations.
-Plain OpenCV is ArucoDetector with its default settings, its corners triangulated by the same code
-with one covariance for all.
+The pictures share no code with the twin or the corner fit. 36 rays per pixel meet the tags' planes,
+a disc (a lens out of focus) blurs the result, square pixels average it, and the effects of the
+condition follow. Only `twin-webcam`, `twin-phone` and `twin-industrial` are pictures of the twin.
+`found` is the share of the completely visible tags that are detected. `centre` is the error of the
+tags' centers with the true cameras (RMS and 95th percentile), for tags that both methods detect.
+`inside` is the share of coordinates within two stated standard deviations. Plain OpenCV is
+ArucoDetector with default settings; the same code triangulates its corners, with one covariance for
+all.
 """
 
 from __future__ import annotations
@@ -42,9 +42,11 @@ PAPER, INK, WALL = 205.0, 28.0, 110.0
 
 @dataclass(frozen=True)
 class Condition:
-    """How a picture is made of light (h, w) in grey levels, before noise: `focus` px, radius of
-    the disc; `noise` grey levels; `light` on everything; `motion` px; and what the camera does to
-    the values afterwards."""
+    """How a picture is made from light (h, w) in gray levels, before noise.
+
+    Attributes `focus` (radius of the disc, px), `noise` (gray levels), `light` (factor), `motion`
+    (px), and the processing by the camera afterwards.
+    """
 
     focus: float = 0.9
     noise: float = 2.0
@@ -71,7 +73,7 @@ def jpeg(quality: int) -> Callable[[Float, np.random.Generator], Float]:
 
 
 def mosaic(v: Float, rng: np.random.Generator) -> Float:
-    """A Bayer pattern of a grey scene under warm light, demosaiced by OpenCV."""
+    """Return a gray scene under warm light as a Bayer pattern that OpenCV demosaics."""
     gains = np.array([[1.08, 1.0], [1.0, 0.78]])
     tiles = np.tile(gains, (v.shape[0] // 2 + 1, v.shape[1] // 2 + 1))[: v.shape[0], : v.shape[1]]
     raw = np.clip(v * tiles + 0.5, 0, 255).astype(np.uint8)
@@ -105,7 +107,7 @@ CONDITIONS: dict[str, Condition] = {
 
 
 def tags(rng: np.random.Generator, family: Dictionary) -> list[Patch]:
-    """Four columns and three rows, tilted by up to 30 degrees."""
+    """Return tags in four columns and three rows, tilted by up to 30 degrees."""
     out = []
     for k in range(TAGS):
         center = np.array([(k % 4 - 1.5) * 38.0, (k // 4 - 1.0) * 36.0, 0.0])
@@ -123,8 +125,10 @@ def backdrop(camera: Camera) -> Float:
 
 
 def seen_of(camera: Camera, patch: Patch, box: tuple[int, int, int, int], wall: Float) -> Float:
-    """Light of the pixels of a box x0, y0, x1, y1, at FINE times their number: each ray meets the
-    tag's plane in a cell, or passes by."""
+    """Return the light of the pixels of a box x0, y0, x1, y1, at FINE times their number.
+
+    Each ray meets a cell of the tag's plane, or passes it.
+    """
     x0, y0, x1, y1 = box
     y, x = np.mgrid[0 : (y1 - y0) * FINE, 0 : (x1 - x0) * FINE]
     at = np.stack([x, y], axis=-1).reshape(-1, 2)
@@ -147,7 +151,7 @@ def seen_of(camera: Camera, patch: Patch, box: tuple[int, int, int, int], wall: 
 def expose(
     camera: Camera, patches: list[Patch], condition: Condition, rng: np.random.Generator
 ) -> Image:
-    """The picture (h, w) of tags."""
+    """Return the picture (h, w) of tags."""
     light, kernel = backdrop(camera), spread_of(condition, rng)
     pad = kernel.shape[0] // (2 * FINE) + 2
     for p in sorted(patches, key=lambda p: -p.center[2]):
@@ -173,7 +177,7 @@ def expose(
 
 
 def spread_of(condition: Condition, rng: np.random.Generator) -> Float:
-    """What a point becomes, in fine pixels: a disc, and a line where there is motion."""
+    """Return the image of a point in fine pixels: a disc, and a line if there is motion."""
     radius = condition.focus * FINE
     length = round(condition.motion * FINE)
     n = int(np.ceil(radius)) + length // 2 + 1
@@ -189,8 +193,11 @@ def spread_of(condition: Condition, rng: np.random.Generator) -> Float:
 
 @dataclass(frozen=True)
 class Result:
-    """Of one method in a condition: part found, root mean square and 95th percentile of the
-    centres' errors, mm, and the part of their coordinates inside two standard deviations."""
+    """Result of one method in a condition.
+
+    It has the share of found tags, the RMS and the 95th percentile of the errors of the centers
+    (mm), and the share of their coordinates within two standard deviations.
+    """
 
     found: float
     rms: float
@@ -201,7 +208,7 @@ class Result:
 def filmed(
     camera: Camera, patches: list[Patch], kind: CameraKind, rng: np.random.Generator
 ) -> Image:
-    """The picture (h, w) of tags by the twin's camera."""
+    """Return the picture (h, w) of tags by the twin's camera."""
     prints = tuple(print_patch(p, kind.ink, kind.curl) for p in patches)
     renderer = Renderer(camera, kind.optics, rng)
     return renderer.shoot(Scene(prints, gloss=kind.gloss), time=float(rng.uniform(0, 10))).image
@@ -210,7 +217,7 @@ def filmed(
 def measure(
     condition: Condition | CameraKind, frames: int, seed: int, name: str = "4X4_50"
 ) -> tuple[Result, Result]:
-    """Ours and plain OpenCV's."""
+    """Return the results of our detector and of plain OpenCV."""
     rng = np.random.default_rng(seed)
     family, rig = dictionary(name), cameras()
     ours = [Detector(c, family) for c in rig]

@@ -1,22 +1,24 @@
-"""Whether built devices keep what was told of them: random states of the pose space, solved afresh.
+"""Check predicted errors of built devices on random states, solved with another mesh and material.
 
     python -m benchmarks.promise fixtures/devices/bar fixtures/devices/blob
     python -m benchmarks.promise my-device --states 50 --devices 30 --seed 0 --edge 0.75
     python -m benchmarks.promise my-device --edge 1 --law device
 
-Each device folder is built up to its layout. Then everything is solved again on a mesh with edges
-of `--edge` times the length and with a Mooney-Rivlin material of the same small-strain moduli (a
-third of mu / 2 in c01) in place of the device's: the states that the device is trained on, and
-random ones of one to three poses that go together, each 0.2 to 1.2 of its amplitude. Built devices
-have cords shifted as a whole by up to 0.3 mm, gauge factors 5 % off, another pre-stretch or, where
-they are bonded, a response that lacks up to half of its slope below zero strain, and noise; each is
-trained on its own readings of its own training states. Their RMSE on the random states is
-compared with the promised band, and so is that on the states that the device holds out, each on as
-many frames as the band is of, at least. `inside` are random states within the amplitudes that were
-designed for, `beyond` the others; `in band` are the shares of devices whose error lies in the band:
-on the states held out, and on the random ones inside. With `--edge 1 --law device` all is solved as
-the design does it: what is then outside of the band is due to how devices are built, and the rest
-to the mesh and the material.
+Each device is built up to its layout. Then its training states and random states are solved with
+edges of `--edge` times the length, and with a Mooney-Rivlin material of the same small-strain
+moduli (a third of mu / 2 in c01). A random state has one to three compatible poses, each at 0.2 to
+1.2 of its amplitude.
+
+Built devices differ from the design: cords are shifted by up to 0.3 mm, gauge factors are 5 % off,
+and signals have noise. The pre-stretch differs, or, for bonded cords, up to half of the slope below
+zero strain is missing. Each device is trained on its own readings of its training states. Its RMSE
+on random and on held-out states is compared with the predicted band, on at least as many frames as
+the band is based on.
+
+`inside` are random states within the designed amplitudes, `beyond` the others. `in band` are the
+shares of devices whose error is within the band: on held-out states, and on random states inside.
+With `--edge 1 --law device` everything is solved as in the design: remaining differences are due to
+how devices are built, and the others to mesh and material.
 """
 
 from __future__ import annotations
@@ -30,10 +32,8 @@ import numpy as np
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.device.states import can_mix, are_opposite
+from defsense_fab.core.device.states import are_opposite, can_mix
 from defsense_fab.decoding.decoders import fit_decoder
-from defsense_fab.store.body import load_surface
-from defsense_fab.store.mesh import load_mesh_record
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform_to_regions
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.material import Material, split
@@ -41,22 +41,24 @@ from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.solver.batch import solve_all
 from defsense_fab.sensing.built_cord import CordReading
+from defsense_fab.store.body import load_surface
 from defsense_fab.store.layout import LayoutRecord, load_layout, load_prediction
+from defsense_fab.store.mesh import load_mesh_record
 from defsense_fab.workflow.build.build import build
-from defsense_fab.workflow.build.load_cases import Loading, jobs, loadings
+from defsense_fab.workflow.build.load_cases import Loading, list_loadings, prepare_jobs
 
 _READINGS = 40  # of each state by each device, at least
 
 
 def law(device: Device) -> Material:
-    """Mooney-Rivlin of the device's small-strain moduli."""
+    """Return a Mooney-Rivlin material with the small-strain moduli of the device."""
     e, nu = device.material.young_modulus, device.material.poisson_ratio
     mu, kappa = e / (2 * (1 + nu)), e / (3 * (1 - 2 * nu))
     return split(kappa, mu / 3, c01=mu / 6, model="mooney-rivlin")
 
 
 def random_states(device: Device, count: int, rng: np.random.Generator) -> list[Loading]:
-    """Of one to three poses that go together, 0.2 to 1.2 of each."""
+    """Return mixtures of one to three compatible poses, each at 0.2 to 1.2."""
     out: list[Loading] = []
     while len(out) < count:
         chosen: list[int] = []
@@ -73,8 +75,10 @@ def random_states(device: Device, count: int, rng: np.random.Generator) -> list[
 def measured(
     device: Device, layout: LayoutRecord, folder: Path, options: argparse.Namespace
 ) -> tuple[Float, list[Loading | None]]:
-    """RMSE (mm) of devices (d, states) on states that were solved: random ones, and None for each
-    of those that the device holds out."""
+    """Return the RMSE (mm) of built devices (d, states) on solved states, and the states.
+
+    The states are random loadings; a state that the device holds out is None.
+    """
     rng = np.random.default_rng(options.seed)
     surface = load_surface(folder)
     edge = load_mesh_record(folder).edge_length
@@ -82,7 +86,7 @@ def measured(
     mesh = tetrahedralize(surface, options.edge * edge).mesh
     fine = QuadraticMesh.from_linear(conform_to_regions(mesh, list(device.regions.values())))
     drawn = random_states(device, options.states, rng)
-    plan, todo, _ = jobs(device, fine, [*loadings(device), *drawn])
+    plan, todo, _ = prepare_jobs(device, fine, [*list_loadings(device), *drawn])
     fields, test = [np.zeros_like(fine.nodes)], [False]
     kept: list[Loading | None] = []
     own = options.law == "device"
@@ -150,7 +154,7 @@ def main() -> None:
         single = np.array([s is not None and len(s.weights) == 1 for s in states])
 
         def rms(which: np.ndarray, errors: Float = errors) -> Float:
-            """Of each device, on some states."""
+            """Return the RMSE of each device on some states."""
             return np.sqrt((errors[:, which] ** 2).mean(axis=1)) if which.any() else np.array([])
 
         band = layout.band

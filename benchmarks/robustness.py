@@ -1,10 +1,10 @@
-"""How large a pose the solver takes: named extremes and random poses, each checked independently.
+"""Find how large a pose the solver can solve: extremes and random poses, checked independently.
 
     python -m benchmarks.robustness                # extremes and 60 random poses, seed 0
     python -m benchmarks.robustness --random 200 --seed 7 --edge 1.0
 
-Bodies are fixtures/devices/bar, blob and character. A pose counts as solved when its status is ok
-and `independent.faults` finds nothing; what is not solved must say so.
+Bodies are fixtures/devices/bar, blob and character. A pose is solved if its status is ok and
+`independent.faults` finds no error; the status of any other pose must not be ok.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ BODIES = {
 
 
 def body(name: str, scale: float = 1.0) -> tuple[QuadraticMesh, dict]:
-    """A fixture's mesh, and the nodes of its regions."""
+    """Return the mesh of a fixture, and the nodes of its regions."""
     device = load_device(DEVICES / name)
     made = tetrahedralize(load_body(device.body).surface, scale * BODIES[name][2]).mesh
     mesh = QuadraticMesh.from_linear(conform_to_regions(made, list(device.regions.values())))
@@ -50,6 +50,7 @@ def body(name: str, scale: float = 1.0) -> tuple[QuadraticMesh, dict]:
 
 
 def material(nu: float, model: str = "neo-hookean") -> Material:
+    """Return a material of a model, with E = 0.6 MPa."""
     mu, kappa = 0.6 / (2 * (1 + nu)), 0.6 / (3 * (1 - 2 * nu))
     if model == "stable-neo-hookean":
         return stable_neo_hookean(mu, kappa)
@@ -61,6 +62,7 @@ def material(nu: float, model: str = "neo-hookean") -> Material:
 
 
 def clamp(mesh, regions, fixed, moved, rotation, translation):
+    """Return conditions that fix one region and move another."""
     own = regions[moved]
     center = (mesh.nodes[own].min(0) + mesh.nodes[own].max(0)) / 2
     handle = RigidHandle(own, center, np.array(rotation, float), np.array(translation, float))
@@ -68,7 +70,7 @@ def clamp(mesh, regions, fixed, moved, rotation, translation):
 
 
 def verdict(mesh, conditions, law, result: Equilibrium) -> str:
-    """What to say of a result; starts with WRONG where it claims more than it has."""
+    """Return a description of a result; it starts with WRONG if the status is too good."""
     if result.state is None:
         return f"{result.status}, {result.amplitude:.0%} of the amplitude reached"
     wrong = faults(
@@ -86,13 +88,13 @@ def verdict(mesh, conditions, law, result: Equilibrium) -> str:
 
 
 def elsewhere(mesh, law, goal, result: Equilibrium) -> float:
-    """Largest distance (mm) to the equilibrium that ten equal steps lead to."""
+    """Return the largest distance (mm) to the equilibrium that ten equal steps reach."""
     slow = solve_ramp(mesh, law, goal, np.arange(1, 11) / 10, threads=count_cores())[-1]
     return np.inf if slow.u is None else float(np.abs(slow.u - result.u).max())
 
 
 def extremes(name: str, regions: dict, mesh: QuadraticMesh) -> dict[str, tuple]:
-    """Bend and twist by 180 degrees, pull to 150 % of the free length."""
+    """Return bend and twist by 180 degrees, and a pull to 150 % of the free length."""
     fixed, moved, _, axis = BODIES[name]
     axis = np.array(axis, float)
     across = np.roll(axis, 1)
@@ -108,7 +110,7 @@ def extremes(name: str, regions: dict, mesh: QuadraticMesh) -> dict[str, tuple]:
 
 
 def random_pose(rng: np.random.Generator, name: str) -> tuple[str, np.ndarray, np.ndarray]:
-    """Region, rotation vector up to 120 degrees, translation: free, or up to 30 mm a coordinate."""
+    """Return a region, a rotation of up to 120 degrees, and a translation: free, or up to 30 mm."""
     moved = rng.choice(BODIES[name][1])
     axis = rng.normal(size=3)
     rotation = axis / np.linalg.norm(axis) * np.deg2rad(rng.uniform(10, 120))

@@ -1,12 +1,13 @@
-"""What a machine without MKL Pardiso waits for: the same equations and poses by the others.
+"""Compare the linear solvers: MKL Pardiso, and those for machines without it.
 
     OMP_NUM_THREADS=1 python -m benchmarks.solvers fixtures/devices/bar fixtures/devices/character
-    python -m benchmarks.solvers fixtures/devices/bar --build     # all of a build, twice
+    python -m benchmarks.solvers fixtures/devices/bar --build     # whole builds
 
-Of each device, on its own mesh and one core: the tangent at rest factored with the ordering kept,
-as every factor of a pose but the first is, and solved once (medians of CPU seconds); the device's
-first pose from rest to its end; how far the solutions differ. With `--build` the device is built
-with each solver in copies of its folder: CPU seconds, and the error and parts that come out.
+Each device is solved on its own mesh and one core. Measured are the first factor of the tangent at
+rest, further factors with the same ordering (as all factors of a pose but the first), one solve
+(medians of CPU seconds), and the first pose from rest to its end; and the differences of the
+solutions. With `--build` the device is built with each solver in copies of its folder: CPU seconds,
+predicted error and parts.
 """
 
 from __future__ import annotations
@@ -26,8 +27,6 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.store.mesh import load_mesh
-from defsense_fab.store.manifest import load_manifest
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
@@ -36,8 +35,10 @@ from defsense_fab.mechanics.solver.linear_solver import Pardiso, Rslab, SuperLU
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
 from defsense_fab.store.layout import load_layout
+from defsense_fab.store.manifest import load_manifest
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.workflow.build.build import build
-from defsense_fab.workflow.build.load_cases import jobs, loadings
+from defsense_fab.workflow.build.load_cases import list_loadings, prepare_jobs
 
 SWITCH = "DEFSENSE_SOLVER"
 SOLVERS = {kind.name: {SWITCH: kind.__name__.lower()} for kind in (Pardiso, Rslab, SuperLU)}
@@ -45,7 +46,7 @@ SOLVERS = {kind.name: {SWITCH: kind.__name__.lower()} for kind in (Pardiso, Rsla
 
 @contextmanager
 def copied(device: Path) -> Iterator[Path]:
-    """A copy of the device's folder without what was built."""
+    """Yield a copy of the device's folder without its build."""
     with tempfile.TemporaryDirectory() as folder:
         to = Path(folder, device.name)
         shutil.copytree(device, to, ignore=shutil.ignore_patterns("build", ".build-*"))
@@ -53,7 +54,7 @@ def copied(device: Path) -> Iterator[Path]:
 
 
 def seconds(work: Callable[[], object], repeat: int) -> float:
-    """Median of CPU seconds."""
+    """Return the median of CPU seconds."""
     taken = []
     for _ in range(repeat):
         start = time.process_time()
@@ -63,12 +64,12 @@ def seconds(work: Callable[[], object], repeat: int) -> float:
 
 
 def equations(device: Path, repeat: int) -> None:
-    """A matrix and a pose by each."""
+    """Solve the same matrix and the same pose by each solver."""
     with copied(device) as folder:
         read = load_device(folder)
         mesh = QuadraticMesh.from_linear(load_mesh(build(read, "mesh").folder))
         law = Material.from_spec(read.material)
-        _, todo, _ = jobs(read, mesh, loadings(read))
+        _, todo, _ = prepare_jobs(read, mesh, list_loadings(read))
     goal = todo[0].conditions
     taken, found = {}, {}
     for name, environment in SOLVERS.items():
@@ -113,7 +114,7 @@ def equations(device: Path, repeat: int) -> None:
 
 
 def builds(device: Path) -> None:
-    """A build by each, in a process of its own."""
+    """Build the device with each solver, in separate processes."""
     print(f"\n{device.name}, built to the end")
     for name, environment in SOLVERS.items():
         with copied(device) as folder:
@@ -135,7 +136,7 @@ def builds(device: Path) -> None:
 
 
 def main() -> None:
-    """For the command line."""
+    """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("devices", nargs="+", type=Path)
     parser.add_argument("--repeat", type=int, default=5)

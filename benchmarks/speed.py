@@ -1,13 +1,13 @@
-"""How fast poses are solved: against peers, growing meshes, edits by hand, points.
+"""Measure how fast poses are solved: against peers, on growing meshes, for edits, at points.
 
-    python -m benchmarks.speed                    # all of it, about 15 minutes on 2 cores
+    python -m benchmarks.speed                    # all parts, about 15 minutes on 2 cores
     python -m benchmarks.speed peers --repeat 3
-    PEER_PYTHON=/path/to/python python -m benchmarks.speed peers    # where FElupe, NGSolve are
+    PEER_PYTHON=/path/to/python python -m benchmarks.speed peers    # Python of FElupe and NGSolve
 
-A bar 150 x 30 x 15 mm, both ends held; compiled code and libraries are warm before the clock
-starts; medians. Peers that are not installed are left out. They get the same mesh, energy,
-quadrature and handle path, and their best number of equal increments, found by trying. The signals
-then agree to digits, so that equal mesh is equal error, which the table shows against a finer one.
+The body is a bar of 150 x 30 x 15 mm, held at both ends. Times are medians after a warm-up. Peers
+that are not installed are skipped. Peers get the same mesh, energy, quadrature and handle path, and
+the best of several numbers of equal increments. The signals then agree to several digits: equal
+meshes have equal errors, which the table shows against a finer mesh.
 """
 
 from __future__ import annotations
@@ -21,18 +21,22 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import agreement
-from tests.support.grid import grid_of_tets
 from benchmarks.robustness import material
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.elements.threads import count_cores
-from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle, rest_state
+from defsense_fab.mechanics.loading.boundary_conditions import (
+    BoundaryConditions,
+    RigidHandle,
+    rest_state,
+)
 from defsense_fab.mechanics.solver.interactive import InteractiveSolver
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
 from defsense_fab.sensing.response import Response, cord_signals
 from defsense_fab.workflow.build.mesh_density import probing_lines
+from tests.support.grid import grid_of_tets
 
 LOW, HIGH = np.array([0, -15, -7.5]), np.array([150, 15, 7.5])
 FREE = np.full(3, np.nan)
@@ -42,7 +46,7 @@ TRIES = {"calculix": (1, 4), "felupe": (4, 5, 6, 8, 9, 10, 12), "ngsolve": (4, 5
 
 
 def bar(tets: int) -> QuadraticMesh:
-    """About so many tets, the same on every run, with nodes on the planes where the clamps end."""
+    """Return a mesh of about `tets` tetrahedra, with nodes on the planes where the clamps end."""
     k = (tets / 2520) ** (1 / 3)
     ends, middle, across, up = (max(1, round(n * k)) for n in (2, 24, 5, 3))
     axes = [
@@ -60,6 +64,7 @@ def bar(tets: int) -> QuadraticMesh:
 
 
 def pose(mesh: QuadraticMesh, rotation) -> BoundaryConditions:
+    """Return conditions that hold one end and rotate the other, with free translation."""
     x = mesh.nodes[:, 0]
     tip = np.flatnonzero(x >= 140 - 1e-6)
     handle = RigidHandle(tip, np.array([145.0, 0, 0]), np.array(rotation, float), FREE)
@@ -70,7 +75,7 @@ POSES = {"bend 90": [0, -np.pi / 2, 0], "twist 90": [np.pi / 2, 0, 0]}
 
 
 def from_rest(mesh, law, goal):
-    """Displacements and seconds, set-up and analysis included."""
+    """Solve from rest; return the result and the seconds, with set-up and analysis."""
     start = time.perf_counter()
     system = System(mesh, law, goal, count_cores())
     result = follow(system, rest_state(goal, len(mesh.nodes)), goal, check=False)[-1]
@@ -80,13 +85,14 @@ def from_rest(mesh, law, goal):
 
 
 def line_signals(mesh, u, lines):
+    """Return the signals of lines at displacements u."""
     locator = PointLocator(mesh)
     moved = locator.displacement(locator.find(lines.reshape(-1, 3)), u[None])[0]
     return cord_signals(lines, (lines + moved.reshape(lines.shape))[None], Response.line(1.0))[0]
 
 
 def peers(repeat: int) -> None:
-    """Rest to 90 degrees against every peer that is installed."""
+    """Compare rest to 90 degrees with every installed peer."""
     mesh, fine = bar(TETS), bar(8 * TETS)
     lines = probing_lines(PointLocator(fine), np.random.default_rng(0))
     print(f"from rest to 90 degrees, {len(mesh.cells)} quadratic tets, {count_cores()} cores")
@@ -136,6 +142,7 @@ def _one_peer(peer, mesh, law, goal, shifts, own, seconds, repeat, error) -> Non
 
 
 def parts_of_an_iteration() -> None:
+    """Measure the parts of a Newton iteration."""
     mesh, law = bar(TETS), material(0.45)
     goal = pose(mesh, POSES["bend 90"])
     system = System(mesh, law, goal, count_cores())
@@ -169,7 +176,7 @@ def parts_of_an_iteration() -> None:
 
 
 def edits(repeat: int) -> None:
-    """A pose at 60 degrees changed by 5 and by 10, the coarse answer and the fine one."""
+    """Measure changes of a pose at 60 degrees by 5 and 10: the coarse solution and the fine one."""
     fine, coarse = bar(TETS), bar(TETS // 8)
     print(f"edits, {len(fine.cells)} tets (coarse: {len(coarse.cells)})")
     for nu in (0.45, 0.49):
@@ -198,7 +205,7 @@ def edits(repeat: int) -> None:
 
 
 def points(repeat: int) -> None:
-    """50,000 points located and evaluated with gradients; libigl's tree in the same run."""
+    """Locate 50,000 points and evaluate gradients there, next to libigl's tree."""
     import igl
 
     mesh = bar(100_000)
@@ -230,7 +237,7 @@ def points(repeat: int) -> None:
 
 
 def growth(picture: Path) -> None:
-    """Time and peak memory from 2,000 to 50,000 tets, each size in a process of its own."""
+    """Measure time and peak memory from 2,000 to 50,000 tets, in separate processes."""
     rows = []
     for size in (2_000, 4_000, 8_000, 16_000, 30_000, 50_000):
         ended = subprocess.run(
@@ -268,7 +275,7 @@ def growth(picture: Path) -> None:
 
 
 def one(size: int) -> None:
-    """One size: tets, unknowns, seconds, peak memory of the process in GB."""
+    """Print tets, unknowns, seconds, and the peak memory of the process in GB, for one size."""
     small = bar(600)
     from_rest(small, material(0.45), pose(small, POSES["bend 90"]))  # compiles
     mesh = bar(size)

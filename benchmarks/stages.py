@@ -1,11 +1,11 @@
-"""What a build costs from an empty cache, stage by stage, in CPU seconds and on the clock.
+"""Measure a build from an empty cache, stage by stage, in CPU seconds and elapsed time.
 
     python -m benchmarks.stages fixtures/devices/bar
     python -m benchmarks.stages fixtures/devices/* --compile
 
-Each device is copied to a folder of its own and built there by a process of its own, with no mesh
-kept. Compiled code is kept from a first build unless `--compile` is given. CPU seconds are those of
-the process and of its children, which mesh and run scripts.
+Each device is copied to a separate folder and built by a separate process, without cached meshes. A
+first build compiles the code, unless `--compile` is given. CPU seconds are those of the process and
+of its children, which mesh and run scripts.
 """
 
 from __future__ import annotations
@@ -23,14 +23,17 @@ from pathlib import Path
 
 
 def cpu() -> float:
-    """Seconds of this process and of its children that have ended."""
+    """Return the CPU seconds of this process and of its finished children."""
     used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(u.ru_utime + u.ru_stime for u in used)
 
 
 def built(folder: Path) -> list[tuple[str, float, float]]:
-    """Builds the device, and returns for each stage its name, CPU seconds and seconds; the first is
-    what importing takes."""
+    """Build the device.
+
+    Returns:
+        Name, CPU seconds and elapsed seconds of each stage; imports are the first.
+    """
     begun = cpu(), time.perf_counter()
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.workflow.build.build import build
@@ -48,7 +51,7 @@ def built(folder: Path) -> list[tuple[str, float, float]]:
 
 
 def in_process(folder: Path, environment: dict[str, str]) -> list[tuple[str, float, float]]:
-    """The same by a fresh process."""
+    """Return the same from a new process."""
     command = [sys.executable, "-m", "benchmarks.stages", "--one", str(folder)]
     out = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     return [tuple(row) for row in json.loads(out.stdout.splitlines()[-1])]

@@ -1,13 +1,13 @@
-"""The studio on its server: how soon the error follows a hand, and what an hour of use costs.
+"""Measure how soon the studio shows the error while a cord is dragged, and its use of an hour.
 
     python -m benchmarks.studio my-device other-device
     python -m benchmarks.studio my-device --hour --minutes 60
 
-Devices are built ones; they are copied, and the copies changed. Told are, of each, how often a
-second cords were judged while a control point is dragged with 60 messages a second, for 10 s, and
-the time from a message to its error on the page (median, 95th of 100). With `--hour` a script uses
-the studio at a person's pace, with so many pages looking as web sockets: it drags, draws, deletes,
-undo_name and goes through the modes; told each minute are memory, and the share of a core.
+Devices must be built; they are copied, and the copies are changed. A control point is dragged with
+60 messages per second for 10 s. Printed are the evaluations per second, and the time from a message
+to its error on the page (median and 95th percentile). With `--hour` a script uses the studio at a
+person's pace, while pages are connected by web sockets: it drags, draws, deletes, undoes, and
+enters the modes. Memory and the share of a core are printed every minute.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _LOOKING = 2
 
 
 def opened(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
-    """The studio of a copy, and what ends it."""
+    """Return the studio of a copy of the device, and a function that closes it."""
     copy = folder / device.name
     shutil.copytree(device, copy)
     with socket.socket() as probe:
@@ -61,7 +61,7 @@ def opened(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
 
 
 def drag(page: StudioPage) -> tuple[float, np.ndarray]:
-    """Errors a second, and s from each message that was answered to its answer."""
+    """Return evaluations per second, and the time from each message to its answer, s."""
     mode = page.modes["Cords"]
     sensor = page.bench.project.device.sensors[0]
     mode.choose(sensor.name)
@@ -97,12 +97,13 @@ def drag(page: StudioPage) -> tuple[float, np.ndarray]:
 
 
 def wait_for_all(mode) -> None:  # type: ignore[no-untyped-def]
+    """Wait until all workers are idle."""
     for work in (mode.error_worker, mode.limits_worker, mode.comparison_worker):
         work.wait(60.0)
 
 
 def use(page: StudioPage, minutes: float, seed: int) -> None:
-    """As a person would, and told each minute."""
+    """Use the studio as a person would, and print a line every minute."""
     rng = random.Random(seed)
     cords = page.modes["Cords"]
     begun = told = time.monotonic()
@@ -147,13 +148,13 @@ def _step(page: StudioPage, cords, rng: random.Random) -> None:  # type: ignore[
 
 
 def memory() -> float:
-    """Of this process, MB."""
+    """Return the memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def look(port: int, over: threading.Event) -> None:
-    """A page that looks, as a web socket that takes all that is sent and answers nothing."""
+    """Connect a page: a web socket that receives all messages and answers none."""
     import viser
     from websockets.sync.client import connect
 

@@ -1,14 +1,13 @@
-"""Training against scikit-learn: seconds with the same folds, and of one decoded sample.
+"""Compare training with scikit-learn, with the same folds, and measure one decoded sample.
 
     python -m benchmarks.train
     python -m benchmarks.train --minutes 10 60 --markers 40
 
-Signals of three cords at 60 Hz and markers at 30 Hz, smooth and noisy, for so many minutes. Affine:
-the ridge's weight chosen by five contiguous folds among as many as here, by this project and by
-scikit-learn's RidgeCV, which is given the same features, folds and weights (it refits for each; its
-fastest way, leave one out by the singular values, has no folds). All: every decoder that
-`defsense train` tries, time constants and intervals with them. CPU seconds, the median of so many
-rounds, this project and the peer in turns.
+The data are smooth, noisy signals of three cords at 60 Hz and markers at 30 Hz. `affine`: five
+contiguous folds select the ridge weight, by this project and by scikit-learn's RidgeCV, which gets
+the same features, folds and weights. RidgeCV fits again for each; its fastest way, leave-one-out by
+singular values, has no folds. `all decoders`: every decoder that `defsense train` tries, with time
+constants and intervals. Times are CPU seconds, medians of alternating rounds.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from defsense_fab.training.regression.weighted_ridge import INPUT_NOISES
 
 
 def recorded(minutes: float, markers: int, seed: int = 0) -> Dataset:
-    """Of a device that wanders smoothly through three dimensions."""
+    """Return the recording of a device that moves smoothly in three dimensions."""
     rng = np.random.default_rng(seed)
     when = np.arange(0, 60 * minutes, 1 / 60)
     knots = np.arange(int(when[-1] / 2) + 3) * 2.0
@@ -52,12 +51,14 @@ def recorded(minutes: float, markers: int, seed: int = 0) -> Dataset:
 
 
 def cpu(work: Callable[[], object]) -> float:
+    """Return the CPU seconds of a call."""
     begin = time.process_time()
     work()
     return time.process_time() - begin
 
 
 def affine(dataset: Dataset, rounds: int) -> tuple[float, float]:
+    """Return the CPU seconds of this project and of RidgeCV."""
     frames, _ = split_frames(Frames.from_dataset(dataset))
     x: Float = frames.inputs(Past(), range(3))
     outputs = frames.points - dataset.rest_points
@@ -76,7 +77,7 @@ def affine(dataset: Dataset, rounds: int) -> tuple[float, float]:
 
 
 def one_sample(dataset: Dataset) -> float:
-    """Microseconds, by the wall clock, of the chosen decoder: the median of a thousand."""
+    """Return the median elapsed time of the chosen decoder per sample, microseconds."""
     model = train(dataset).model
     r = dataset.recordings[0]
     stream, taken = model.stream(), []

@@ -1,20 +1,24 @@
-"""What training makes of a device's twin, which no decoder and no design assumes.
+"""Train on simulated built devices, whose behavior no decoder and no design assumes.
 
     python -m benchmarks.training my-device
     python -m benchmarks.training fixtures/devices/bar --seeds 5 --minutes 10 --few --later
 
-Each device is built up to its layout; each seed is another built unit, moved by another hand, for
-so many minutes. Told are, for each: the design's promise and its band; RMSE (mm) on the last 30 %
-of the paper's affine decoder, of the best static one and of the one chosen; its peak and average
-peak; what cross-validation had promised; the share of marker positions inside of their 90 %
-intervals, over all and in the pose where it is least, and the intervals' mean radius; the error
-that design and training predict of the decoder chosen, and of the best without memory, its ratio to
-the measured one, and the promise's; all mean squares (mm^2) that the prediction is made of.
+Each device is built up to its layout. Each seed is another built unit with another hand movement.
+The output shows for each seed:
 
-`--few` trains on less: nothing but the simulation, 60 pictures of the first minute, 5 minutes; each
-with and without the simulation, by RMSE on the same last 30 %. `--later` decodes another session of
-the same unit, twenty hours later, as it is and after a re-calibration by one and three rounds of
-three poses of it; and with each cord in turn whose gain changed by a fifth.
+- RMSE (mm) on the last 30 % of the paper's affine decoder, of the best static decoder and of the
+  chosen one, next to the predicted error and its band; peak and average peak of the chosen decoder;
+  its error by cross-validation;
+- the share of marker positions inside of their 90 % intervals, over all and in the worst pose, and
+  the mean radius of the intervals;
+- the error predicted from design and training, of the chosen decoder and of the best without
+  memory, its ratio to the measured error and that of the design's prediction, and all mean squares
+  (mm^2) that the prediction consists of.
+
+`--few` trains on less data: none but the simulation, 60 frames of the first minute, 5 minutes; each
+with and without the simulation, by RMSE on the same last 30 %. `--later` decodes a session of the
+same unit 20 hours later: as it is, after a recalibration by one and by three rounds of three poses,
+and with the gain of each cord changed by a fifth.
 """
 
 from __future__ import annotations
@@ -47,24 +51,25 @@ _TEST = 0.3
 
 
 def pictures(dataset: Dataset, keep: slice) -> Dataset:
-    """With some of the pictures of its first recording."""
+    """Return the dataset with some of the frames of its first recording."""
     r = dataset.recordings[0]
     part = replace(r, time=r.time[keep], points=r.points[keep], sigma=r.sigma[keep])
     return replace(dataset, recordings=(part,))
 
 
 def errors(model: TrainedModel, r: Recording, frames: slice) -> tuple[Float, Float]:
-    """Distances (t, m) mm from where cameras saw the markers, and the intervals' radius."""
+    """Return distances (t, m) mm from the measured markers, and the radius of the intervals."""
     found = model.decode(r.sample_time, r.signals, r.time[frames])
     return np.linalg.norm(found.points - r.points[frames], axis=2), found.radius
 
 
 def rmse(off: Float) -> float:
+    """Return the RMS of distances."""
     return float(np.sqrt(np.nanmean(off**2)))
 
 
 def by_pose(r: Recording, frames: slice, inside: Float) -> dict[str, float]:
-    """Shares inside of what was asked for."""
+    """Return the share of positions inside of their intervals, by pose."""
     out: dict[str, list[Float]] = {}
     time = r.time[frames]
     ends = [*(t for t, _ in r.poses[1:]), np.inf]
@@ -75,6 +80,7 @@ def by_pose(r: Recording, frames: slice, inside: Float) -> dict[str, float]:
 
 
 def device_rows(device: Device, options: argparse.Namespace) -> None:
+    """Print the results of a device."""
     layout = load_layout(build_folder(device))
     promised = layout.unseen[layout.prediction.decoder]
     band = layout.band
@@ -105,6 +111,7 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
 
 
 def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str, float]) -> None:
+    """Print the errors and intervals of a seed."""
     rows = {a.name: a for a in result.candidates}
     static = min(a.test.rmse for a in rows.values() if a.test and not (a.moved or a.worked))
     best = rows[result.selected]
@@ -125,7 +132,7 @@ def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str
 
 
 def foretold(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
-    """Predicted against measured."""
+    """Print predicted and measured errors."""
     plain = train(whole, TrainingOptions(decoder="quadratic", memory=False))
     for found in (result, plain):
         if found.repeatability is None:
@@ -142,6 +149,7 @@ def foretold(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
 
 
 def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: ignore[no-untyped-def]
+    """Print the errors of training on less data."""
     r = whole.recordings[0]
     goal = rmse(errors(full.model, r, after)[0])
     alone = fit_simulated_model(
@@ -168,7 +176,7 @@ def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: i
 
 
 def later(model: TrainedModel, r: Recording) -> None:
-    """A session twenty hours later; and the same with a cord's gain a fifth smaller or larger."""
+    """Print the errors 20 hours later, and with the gain of a cord changed by a fifth."""
     every = slice(0, len(r.time), 10)
     cases = [(k, gain) for k in range(len(model.channels)) for gain in (0.8, 1.2)]
     for k, gain in [(0, 1.0), *cases]:
@@ -196,9 +204,11 @@ def later(model: TrainedModel, r: Recording) -> None:
 
 
 def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0) -> Recording:
-    """Rounds of up to three poses, and a rest, a few seconds of each, after half a minute of
-    movement: of each pose the list_pose_samples that went farthest, as the hand of the twin often goes a part
-    of the way."""
+    """Return a recalibration recording: rounds of up to three poses and a rest, a few seconds each.
+
+    It starts after half a minute of movement. Of each pose the samples with the largest movement
+    are taken, because the simulated hand often stops before the full pose.
+    """
     parts, marks, at = [], [], 0.0
     warm = [(n, s) for n, s in list_pose_samples(r) if r.sample_time[s.start] > 30]
     poses = [n for n in model.poses if any(n == name for name, _ in warm)][:3]
@@ -224,7 +234,7 @@ def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0
 
 
 def _reach(r: Recording, samples: slice) -> float:
-    """mm, of the markers from their mean places, at most in a show."""
+    """Return the largest RMS distance (mm) of markers from their mean positions in some samples."""
     begin, end = r.sample_time[samples][[0, -1]]
     within = (r.time >= begin) & (r.time <= end)
     off = r.points[within] - np.nanmean(r.points, axis=0)

@@ -1,4 +1,4 @@
-"""CalculiX: C3D10 elements, one step per increment, its own cut-backs within a step."""
+"""Solve poses by CalculiX: C3D10 elements, one step per increment, cut-backs within a step."""
 
 from __future__ import annotations
 
@@ -30,13 +30,23 @@ def solve(
     increments: int | Sequence[float],
     folder: Path | None = None,
 ) -> tuple[np.ndarray, dict[str, Any]]:
-    """Displacements (n, 3) mm at full load, and statistics.
+    """Return displacements (n, 3) mm at full load, and statistics.
 
-    `nodes` (n, 3) mm, `cells` (m, 10) in VTK's order, which is C3D10's, `mu` and `kappa` MPa;
-    `fixed` and `moved` (k,) are node indices, `positions(t)` (k, 3) mm the displacements of the
-    moved ones at the load fraction t. The input and output stay in `folder` if it is given.
-    Besides the common statistics: `substeps`, the increments CalculiX made of ours, and
-    `iterations` counts those of cut-back attempts, too. Raises RuntimeError where it gives up.
+    `substeps` are the increments into which CalculiX divides ours; `iterations` include those of
+    cut-back attempts.
+
+    Args:
+        nodes: Nodes (n, 3) mm.
+        cells: Quadratic tetrahedra (m, 10) in VTK's order.
+        mu: Shear modulus, MPa.
+        kappa: Bulk modulus, MPa.
+        fixed: Indices of the fixed nodes.
+        moved: Indices (k,) of the moved nodes.
+        positions: Function of the load fraction t: displacements (k, 3) mm of the moved nodes.
+        folder: Keeps input and output, if given.
+
+    Raises:
+        RuntimeError: The solver does not converge.
     """
     steps = fractions(increments)
     with tempfile.TemporaryDirectory() as scratch:
@@ -86,7 +96,7 @@ def _deck(
     moved: np.ndarray,
     targets: list[np.ndarray],
 ) -> str:
-    """The input; `targets` (k, 3) mm are the moved nodes' displacements at each step's end."""
+    """Return the input; `targets` (k, 3) mm are the moved nodes' displacements at the steps' ends."""
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{i}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(nodes, 1)]
     lines.append("*ELEMENT, TYPE=C3D10, ELSET=BODY")
@@ -111,7 +121,7 @@ def _deck(
 
 
 def _rows(path: Path, columns: int, exact: bool = True) -> list[list[float]]:
-    """The lines of a file that hold that many numbers (or more, if not `exact`)."""
+    """Return the lines of a file with that many numbers (or more, if not `exact`)."""
     out = []
     for line in path.read_text().splitlines() if path.exists() else []:
         words = line.split()

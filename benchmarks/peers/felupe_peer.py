@@ -1,7 +1,7 @@
-"""FElupe: assembly in NumPy, plain Newton, MKL Pardiso where installed.
+"""Solve poses by FElupe: assembly in NumPy, plain Newton, MKL Pardiso if installed.
 
-Its LinesearchPlugin gets by with fewer increments, but takes two to five times as long, and has
-converged to another equilibrium.
+Its LinesearchPlugin needs fewer increments, but takes two to five times as long, and has converged
+to another equilibrium.
 """
 
 from __future__ import annotations
@@ -33,11 +33,20 @@ def solve(
     increments: int | Sequence[float],
     folder: Path | None = None,
 ) -> tuple[np.ndarray, dict[str, Any]]:
-    """Displacements (n, 3) mm at full load, and statistics.
+    """Return displacements (n, 3) mm at full load, and statistics.
 
-    `nodes` (n, 3) mm, `cells` (m, 10) in VTK's order, `mu` and `kappa` MPa; `fixed` and `moved`
-    (k,) are node indices, `positions(t)` (k, 3) mm the displacements of the moved ones at the
-    load fraction t. `folder` is not needed. Raises RuntimeError where Newton does not converge.
+    Args:
+        nodes: Nodes (n, 3) mm.
+        cells: Quadratic tetrahedra (m, 10) in VTK's order.
+        mu: Shear modulus, MPa.
+        kappa: Bulk modulus, MPa.
+        fixed: Indices of the fixed nodes.
+        moved: Indices (k,) of the moved nodes.
+        positions: Function of the load fraction t: displacements (k, 3) mm of the moved nodes.
+        folder: Unused.
+
+    Raises:
+        RuntimeError: The solver does not converge.
     """
     steps = fractions(increments)
     region = felupe.RegionQuadraticTetra(felupe.Mesh(nodes, cells, "tetra10"))
@@ -83,7 +92,7 @@ def solve(
 
 
 def _linear_solver() -> Callable[[Any, np.ndarray], np.ndarray]:
-    """Pardiso for symmetric indefinite matrices; SciPy's SuperLU where there is no MKL."""
+    """Return Pardiso for symmetric indefinite matrices, or SuperLU of SciPy without MKL."""
     try:
         import pypardiso
     except ImportError:

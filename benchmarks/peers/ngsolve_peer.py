@@ -1,7 +1,7 @@
-"""NGSolve: a symbolic energy, compiled to C++ where that can be, its Newton solver.
+"""Solve poses by NGSolve: a symbolic energy, compiled to C++ if possible, and its Newton solver.
 
-The solver's line search is not used: it accepts a NaN energy, and did not get by with fewer
-increments where that was caught.
+The line search of the solver is not used: it accepts NaN energies. With these refused it did not
+need fewer increments.
 """
 
 from __future__ import annotations
@@ -41,11 +41,20 @@ def solve(
     increments: int | Sequence[float],
     folder: Path | None = None,
 ) -> tuple[np.ndarray, dict[str, Any]]:
-    """Displacements (n, 3) mm at full load, and statistics.
+    """Return displacements (n, 3) mm at full load, and statistics.
 
-    `nodes` (n, 3) mm, `cells` (m, 10) in VTK's order, `mu` and `kappa` MPa; `fixed` and `moved`
-    (k,) are node indices, `positions(t)` (k, 3) mm the displacements of the moved ones at the
-    load fraction t. `folder` is not needed. Raises RuntimeError where Newton does not converge.
+    Args:
+        nodes: Nodes (n, 3) mm.
+        cells: Quadratic tetrahedra (m, 10) in VTK's order.
+        mu: Shear modulus, MPa.
+        kappa: Bulk modulus, MPa.
+        fixed: Indices of the fixed nodes.
+        moved: Indices (k,) of the moved nodes.
+        positions: Function of the load fraction t: displacements (k, 3) mm of the moved nodes.
+        folder: Unused.
+
+    Raises:
+        RuntimeError: The solver does not converge.
     """
     steps = fractions(increments)
     ng.SetNumThreads(THREADS)
@@ -87,7 +96,7 @@ def solve(
 
 
 def _increment(newton: NewtonSolver, target: Any, tolerance: float, t: float) -> int:
-    """Linear solves of one increment: NGSolve's linear predictor, then Newton."""
+    """Return the linear solves of an increment: NGSolve's linear predictor, then Newton."""
 
     def watch(iteration: int, error: float) -> None:
         if not np.isfinite(error):  # NGSolve would iterate on to the limit
@@ -102,7 +111,7 @@ def _increment(newton: NewtonSolver, target: Any, tolerance: float, t: float) ->
 
 
 def _density(u: Any, mu: float, kappa: float) -> tuple[Any, bool]:
-    """The energy density of the trial function, and whether a C++ compiler was found for it."""
+    """Return the energy density of the trial function, and whether it is compiled to C++."""
     F = ng.Id(3) + ng.Grad(u)
     J = ng.Det(F)
     isochoric = mu / 2 * (J ** (-2 / 3) * ng.InnerProduct(F, F) - 3)
@@ -115,7 +124,7 @@ def _density(u: Any, mu: float, kappa: float) -> tuple[Any, bool]:
 
 
 def _mesh(nodes: np.ndarray, cells: np.ndarray) -> ng.Mesh:
-    """The straight tets; the corners come first among the nodes and keep their numbers."""
+    """Return the straight tets; the corners are the first nodes and keep their numbers."""
     corners = np.ascontiguousarray(cells[:, :4], np.int32)
     mesh = netgen.meshing.Mesh(dim=3)
     mesh.AddPoints(np.ascontiguousarray(nodes[: corners.max() + 1]))
@@ -124,7 +133,7 @@ def _mesh(nodes: np.ndarray, cells: np.ndarray) -> ng.Mesh:
 
 
 def _dofs(mesh: ng.Mesh, space: Any, nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """The number (n,) of the basis function that belongs to each node."""
+    """Return the number (n,) of the basis function of each node."""
     pairs = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
     ends = np.sort(cells[:, pairs].reshape(-1, 2), axis=1).tolist()
     middle = dict(zip(map(tuple, ends), cells[:, 4:].ravel().tolist(), strict=True))
@@ -141,10 +150,11 @@ def _dofs(mesh: ng.Mesh, space: Any, nodes: np.ndarray, cells: np.ndarray) -> np
 def _scale(
     mesh: ng.Mesh, space: Any, nodes: np.ndarray, cells: np.ndarray, dof: np.ndarray
 ) -> float:
-    """Value at its node of each basis function (NGSolve 6.2 scales them to 1/4).
+    """Return the value of each basis function at its node (NGSolve 6.2 scales them to 1/4).
 
-    Raises RuntimeError where the basis is not a multiple of Lagrange's, for all at once: the
-    coefficients are the values of a quadratic function, which it must then reproduce.
+    Raises:
+        RuntimeError: The basis is not a multiple of Lagrange's. The check is for all at once: the
+            coefficients are values of a quadratic function, which the basis must reproduce.
     """
 
     def quadratic(x: np.ndarray) -> np.ndarray:

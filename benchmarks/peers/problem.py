@@ -1,4 +1,4 @@
-"""What the peers share: load fractions, and a problem stored in a file."""
+"""Read problems for peers from files, and prescribe their load fractions."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 
 def fractions(increments: int | Sequence[float]) -> list[float]:
-    """Load fractions in (0, 1] of a number of equal increments, or the given ones."""
+    """Return load fractions in (0, 1]: equal increments, or the given ones."""
     if isinstance(increments, (int, np.integer)):
         return [(i + 1) / increments for i in range(increments)]
     return [float(t) for t in increments]
 
 
 def load(path: Path) -> dict[str, Any]:
-    """The first seven arguments of a peer's `solve`, from an npz file.
+    """Return the first seven arguments of `solve` of a peer, from an npz file.
 
-    It holds nodes (n, 3) mm, cells (m, 10), mu and kappa (MPa), fixed and moved (node indices),
-    angle (3,) rad, the moved nodes' rotation vector at full load, centre (3,) mm about which
-    they turn, and centre_path (k + 1, 3) mm, the displacements of that centre at the fractions
-    linspace(0, 1, k + 1).
+    The file contains nodes (n, 3) mm, cells (m, 10), mu and kappa (MPa), fixed and moved (node
+    indices), and the rigid movement of the moved nodes: `angle` (3,) rad, their rotation vector at
+    full load, `centre` (3,) mm of the rotation, and `centre_path` (k + 1, 3) mm, the displacements
+    of this center at the load fractions linspace(0, 1, k + 1).
     """
     with np.load(path) as f:
         moved = f["moved"]
@@ -40,7 +40,7 @@ def load(path: Path) -> dict[str, Any]:
 def rigid_path(
     nodes: np.ndarray, angle: np.ndarray, centre: np.ndarray, centre_path: np.ndarray
 ) -> Callable[[float], np.ndarray]:
-    """Displacements (k, 3) mm of `nodes` (k, 3) by load fraction: rotated by angle, and moved."""
+    """Return displacements (k, 3) mm of `nodes` (k, 3), rotated and moved, by load fraction."""
     arm = nodes - centre
     table = np.linspace(0, 1, len(centre_path))
 
@@ -52,7 +52,7 @@ def rigid_path(
 
 
 def _rotation(vector: np.ndarray) -> np.ndarray:
-    """Rodrigues' formula: rotation vector (3,) rad to a matrix (3, 3)."""
+    """Return the matrix (3, 3) of a rotation vector (3,) rad, by Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     if angle == 0:
         return np.eye(3)

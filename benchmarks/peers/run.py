@@ -1,9 +1,9 @@
-"""One peer in this interpreter.
+"""Run one peer in this interpreter.
 
     python -m benchmarks.peers.run PEER problem.npz result.npz --increments N
 
-The result holds u (n, 3) mm and stats (json). Ends with status 1 and the reason on stderr where
-the peer does not converge.
+The result contains u (n, 3) mm and stats (JSON). If the peer does not converge, the exit code is 1
+and stderr has the reason.
 """
 
 from __future__ import annotations
