@@ -1,1 +1,1 @@
-"""The mode in which the device is built: its parts, their assembly, what to cut and to buy."""
+"""The mode that builds the device: its parts, their assembly, and the lists of materials."""

@@ -1,7 +1,8 @@
-"""The mode in which the device is built: its parts, their assembly, what to cut and to buy."""
+"""The mode that builds the device: its parts, their assembly, and the lists of materials."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ...core.device.build_folder import build_folder
@@ -12,71 +13,104 @@ from ...workflow.build.options import describe_options, recorded_options
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
-from .built_device import BuiltDevice, Note, load_built
-from .parts_scene import fly
-from .built_device import state_words, step_words, table_words
-from .parts_scene import PartsScene
+from .built_device import (
+    BuildState,
+    BuiltDevice,
+    Note,
+    load_built,
+    state_text,
+    step_text,
+    table_text,
+)
+from .parts_scene import PartsScene, fly_to
 
-_ALL = "All parts"
-_MARK = (200, 30, 120)
+_ALL_PARTS = "All parts"
+_NOT_BUILT = "not built yet"
+_TABLES = ("Cut list", "Bill of materials", "Print", "Checked before writing")
+_MARK_COLOR, _MARK_RADIUS = (200, 30, 120), 0.02  # radius times the body's size
 
 
 class MakeMode(Mode):
-    """Builds run beside the page; their parts are shown apart, and put together step by step."""
+    """Build the device in the background, and show its parts and the steps of their assembly.
+
+    Attributes:
+        device: The built device, or None.
+        scene: Its parts in the scene, or None.
+        state: Which version of the device the parts belong to.
+        step: Number of the shown step from 1, or 0 for all parts.
+        marked_note: The note whose point is marked, or None.
+        loading: Loads the last build.
+        checking: Checks whether the parts are up to date.
+        flying: Flies the cameras.
+        exporting: Writes the zip.
+    """
 
     label = "Make"
-    hint = "Build the parts, see how they go together, and take all along."
+    hint = "Build the parts, see how to assemble them, and export everything."
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(bench)
         self.device: BuiltDevice | None = None
-        self._scene: PartsScene | None = None
-        self._step, self._entered = 0, False
-        self._notes: list[Any] = []
-        bench.on_build_started.append(self._begun)
+        self.scene: PartsScene | None = None
+        self.state = BuildState(is_built=False)
+        self.step = 0
+        self.marked_note: Note | None = None
+        self._is_active = False
+        self._note_handles: list[Any] = []
         self._mark: Any = None
         self.loading = LatestWorker(self._load, bench.show_error)
         self.checking = LatestWorker(self._check, bench.show_error)
         self.flying = LatestWorker(self._fly, bench.show_error)
         self.exporting = LatestWorker(self._export, bench.show_error)
+        bench.on_build_started.append(self._show_cancel)
 
     def add_panel(self) -> None:
         bench, gui = self.bench, self.bench.server.gui
-        self._state = gui.add_markdown("")
-        bench.button("Build everything", "Parts, guide, report, as 'defsense build'",
-                     lambda: bench.build("report"), color="blue")  # fmt: skip
+        self._state_text = gui.add_markdown("")
+        bench.button(
+            "Build everything",
+            "Build the parts, the guide and the report, as `defsense build` does",
+            lambda: bench.build("report"),
+            color="blue",
+        )
         self._cancel = bench.button(
-            "Cancel", "The last build stays", bench.builds.cancel, visible=False, color="gray"
+            "Cancel",
+            "Stop the build and keep the last one",
+            bench.builds.cancel,
+            visible=False,
+            color="gray",
         )
         self._save = gui.add_button(
             "Export as a zip",
-            hint="Parts, guide, report, cut list, the design and the body's files",
+            hint="Save the parts, guide, report, cut list, design and body files in one file",
         )
         self._save.on_click(lambda event: self.export(event.client))
-        self._steps = gui.add_dropdown("Step", (_ALL,), hint="As the guide has them")
-        self._steps.on_update(lambda event: self._listed(event))
-        self._turn = gui.add_button_group("Go", ("Back", "Next"))
+        self._steps = gui.add_dropdown("Step", (_ALL_PARTS,), hint="Choose a step of the guide")
+        self._steps.on_update(self._choose_from_list)
+        self._turn = gui.add_button_group("Go to", ("Back", "Next"))
         self._turn.on_click(lambda _: self.go(1 if self._turn.value == "Next" else -1))
-        self._apart = gui.add_slider("Apart", 0.0, 1.0, 0.01, 1.0, hint="How far the parts are")
-        self._apart.on_update(lambda _: self._slid())
-        self._words = gui.add_markdown("")
+        self._explosion = gui.add_slider(
+            "Exploded view", 0.0, 1.0, 0.01, 1.0, hint="Set the distance between the parts"
+        )
+        self._explosion.on_update(lambda _: self._explode())
+        self._step_text = gui.add_markdown("")
         self._warnings = gui.add_folder("Warnings", expand_by_default=True)
         with self._warnings:
-            self._none = gui.add_markdown("none")
+            self._no_warnings = gui.add_markdown("none")
         self._tables = {}
-        for title in ("Cut list", "Bill of materials", "Print", "Checked before writing"):
+        for title in _TABLES:
             with gui.add_folder(title, expand_by_default=False):
-                self._tables[title] = gui.add_markdown("nothing is built yet")
+                self._tables[title] = gui.add_markdown(_NOT_BUILT)
 
     def enter(self) -> None:
-        self._entered = True
+        self._is_active = True
         self._draw()
         self.on_device_changed()
 
     def leave(self) -> None:
-        self._entered = False
-        if self._scene is not None:
-            self._scene.hide()
+        self._is_active = False
+        if self.scene is not None:
+            self.scene.hide()
         self._unmark()
         if self.bench.body is not None:
             self.bench.body.visible = True
@@ -92,136 +126,151 @@ class MakeMode(Mode):
         for worker in (self.loading, self.checking, self.flying, self.exporting):
             worker.close()
 
-    def go(self, by: int) -> None:
-        """To a step after or before this one."""
-        count = 0 if self.device is None else len(self.device.steps)
-        self.choose(min(max(self._step + by, 0), count))
+    def go(self, count: int) -> None:
+        """Go forward by a number of steps, or back if it is negative."""
+        last = 0 if self.device is None else len(self.device.steps)
+        self.choose(min(max(self.step + count, 0), last))
 
     def choose(self, step: int) -> None:
-        """A step of the guide from 1 on, or 0 for all parts."""
+        """Show a step of the guide, numbered from 1, or 0 for all parts."""
         with self.bench.drawing_lock:
-            self._step = step
+            self.step = step
             self._unmark()
             self._steps.value = self._steps.options[step]
             self._draw()
 
-    def show_place(self, note: Note) -> None:
-        """Fly there, and mark it."""
+    def set_explosion(self, share: float) -> None:
+        """Set the share of the exploded view, from 0 (assembled) to 1."""
+        self._explosion.value = share
+        self._explode()
+
+    def show_note(self, note: Note) -> None:
+        """Fly to the point of a note and mark it."""
         self.flying.give(note)
 
     def export(self, client: Any) -> None:
-        """Write the zip, and send it to the browser that asked, if any."""
-        self.bench.show_message("Writing the zip ...")
+        """Write the zip, and send it to a browser if one is given."""
+        self.bench.show_message("Writing the zip ...", "exporting")
         self.exporting.give(client)
 
-    def _begun(self) -> None:
+    def _show_cancel(self) -> None:
         self._cancel.visible = True
 
-    def _listed(self, event: Any) -> None:
+    def _choose_from_list(self, event: Any) -> None:
         if event.client is not None:
             self.choose(self._steps.options.index(self._steps.value))
 
-    def _slid(self) -> None:
+    def _explode(self) -> None:
         with self.bench.drawing_lock:
-            if self._scene is not None and self._entered:
-                self._scene.move(self._apart.value)
+            if self.scene is not None and self._is_active:
+                self.scene.explode(self._explosion.value)
 
     def _load(self, _: None) -> None:
         bench = self.bench
         device = bench.project.device
         try:
-            found = load_built(device, build_folder(device))
+            built = load_built(device, build_folder(device))
         except (DefsenseError, OSError) as error:
-            found = None
+            built = None
             bench.show_error(error)
         with bench.drawing_lock:
-            if self._scene is not None:
-                self._scene.remove()
-            self.device, self._scene, self._step = found, None, 0
-            if found is not None:
-                wire = device.fabrication.wire_diameter / 2
-                self._scene = PartsScene(bench.server, found, device.cord.diameter / 2, wire)
-            self._list()
+            if self.scene is not None:
+                self.scene.remove()
+            self.device, self.scene, self.step = built, None, 0
+            if built is not None:
+                wire_radius = device.fabrication.wire_diameter / 2
+                self.scene = PartsScene(bench.server, built, device.cord.diameter / 2, wire_radius)
+            self._list_contents()
             self._draw()
         self.checking.give(None)
 
     def _check(self, _: None) -> None:
         device = self.bench.project.device
         folder, stage = build_folder(device), first_outdated(device)
-        self._state.content = state_words(
-            self.device is not None,
-            None if stage is None else stage.title,
-            self.bench.build_error,
-            describe_changes(device, folder)
-            if stage is not None
-            else describe_options(recorded_options(device, folder)),
+        changes = options = ""
+        if stage is not None:
+            changes = describe_changes(device, folder)
+        else:
+            options = describe_options(recorded_options(device, folder))
+        error = self.bench.build_error
+        self.state = BuildState(
+            is_built=self.device is not None,
+            outdated_stage=None if stage is None else stage.title,
+            error=None if error is None else str(error),
+            changes=changes,
+            options=options,
         )
+        self._state_text.content = state_text(self.state)
 
-    def _list(self) -> None:
-        """Steps, notes and tables of the device that is built."""
-        gui, found = self.bench.server.gui, self.device
-        steps = () if found is None else found.steps
-        self._steps.options = (_ALL, *(f"{k}. {s.title}" for k, s in enumerate(steps, start=1)))
-        self._steps.value = _ALL
-        for handle in self._notes:
+    def _list_contents(self) -> None:
+        """List the steps, notes and tables of the built device."""
+        gui, built = self.bench.server.gui, self.device
+        steps = () if built is None else built.steps
+        titles = (f"{number}. {step.title}" for number, step in enumerate(steps, start=1))
+        self._steps.options = (_ALL_PARTS, *titles)
+        self._steps.value = _ALL_PARTS
+        for handle in self._note_handles:
             handle.remove()
-        self._notes = []
-        notes = () if found is None else found.notes
-        self._none.visible = not notes
+        self._note_handles = []
+        notes = () if built is None else built.notes
+        self._no_warnings.visible = not notes
         with self._warnings:
             for note in notes:
-                self._notes.append(gui.add_markdown(f"- {note.text}"))
-                if note.place is not None:
-                    button = gui.add_button("Show the place", hint="In every browser")
-                    button.on_click(self._shower(note))
-                    self._notes.append(button)
-        if found is not None:
-            for table in (*found.tables, found.checks):
-                self._tables[table.title].content = table_words(table)
+                self._note_handles.append(gui.add_markdown(f"- {note.text}"))
+                if note.point is not None:
+                    button = gui.add_button("Show the place", hint="Fly all cameras to the place")
+                    button.on_click(self._note_action(note))
+                    self._note_handles.append(button)
+        if built is not None:
+            for table in (*built.tables, built.checks):
+                self._tables[table.title].content = table_text(table)
         else:
-            for words in self._tables.values():
-                words.content = "nothing is built yet"
+            for text in self._tables.values():
+                text.content = _NOT_BUILT
 
-    def _shower(self, note: Note) -> Any:
-        return lambda _: self.show_place(note)
+    def _note_action(self, note: Note) -> Callable[[Any], None]:
+        return lambda _: self.show_note(note)
 
     def _draw(self) -> None:
-        found, bench = self.device, self.bench
-        step = found.steps[self._step - 1] if found is not None and self._step else None
-        self._words.content = "" if step is None else step_words(step, self._step)
-        if not self._entered:
+        built, bench = self.device, self.bench
+        step = built.steps[self.step - 1] if built is not None and self.step else None
+        self._step_text.content = "" if step is None else step_text(step, self.step)
+        if not self._is_active:
             return
         if bench.body is not None:
-            bench.body.visible = self._scene is None
-        if self._scene is not None:
-            self._scene.show(step, self._step - 1, self._apart.value)
+            bench.body.visible = self.scene is None
+        if self.scene is not None:
+            self.scene.show(step, self.step - 1, self._explosion.value)
 
     def _fly(self, note: Note) -> None:
         bench = self.bench
-        if note.place is None or bench.surface is None:
+        if note.point is None or bench.surface is None:
             return
         with bench.drawing_lock:
             self._unmark()
-            self._step = 0
-            self._steps.value, self._apart.value = _ALL, 0.0
+            self.step = 0
+            self._steps.value, self._explosion.value = _ALL_PARTS, 0.0
             self._draw()
-            if self._scene is not None and self._entered:
-                self._scene.fade()
+            if self.scene is not None and self._is_active:
+                self.scene.fade()
+            self.marked_note = note
             self._mark = bench.server.scene.add_icosphere(
-                "/place", 0.02 * bench.size, color=_MARK,
-                position=tuple(note.place.tolist()),
-            )  # fmt: skip
-        fly(bench.server, note.place, bench.surface.bounds.mean(axis=0), bench.size)
+                "/place",
+                _MARK_RADIUS * bench.size,
+                color=_MARK_COLOR,
+                position=tuple(note.point.tolist()),
+            )
+        fly_to(bench.server, note.point, bench.surface.bounds.mean(axis=0), bench.size)
 
     def _unmark(self) -> None:
         if self._mark is not None:
             self._mark.remove()
-            self._mark = None
+            self._mark = self.marked_note = None
 
     def _export(self, client: Any) -> None:
         device = self.bench.project.device
         path = device.source / export_name(device)
         names = export(device, path)
-        self.bench.show_message(f"{len(names)} files in {path}")
+        self.bench.show_message(f"Wrote {len(names)} files to {path}", "exported")
         if client is not None:
             client.send_file_download(path.name, path.read_bytes(), save_immediately=True)

@@ -1,4 +1,4 @@
-"""Cords are optimised and layouts compared, by the page's own buttons."""
+"""The Optimize mode, used through its buttons without a browser."""
 
 from __future__ import annotations
 
@@ -12,52 +12,51 @@ import pytest
 from defsense_fab.cli.main import main
 from defsense_fab.core.curve import Hermite
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import StorageError
 from defsense_fab.report.surface_errors import surface_errors
 from defsense_fab.store.build import Build
 from defsense_fab.studio.workbench.build_job import CandidateLayout
+from tests.runtime.live_frames import wait_for
+from tests.support.errors import raises
 
-LONG = 280.0
+TIMEOUT_S = 280.0
 
 
-def optimise_mode(page):
-    mode = page.modes["Optimise"]
-    page.enter("Optimise")
-    assert mode.compared.worker.wait(LONG)
+def optimize_mode(page):
+    mode = page.modes["Optimize"]
+    page.enter("Optimize")
+    assert mode.comparison.worker.wait(TIMEOUT_S)
     return mode
 
 
-def bent(sensor, by):
+def bent(sensor, distance):
     points = sensor.curve.points.copy()
-    points[2:-2, 1] += by
+    points[2:-2, 1] += distance
     return replace(sensor, curve=Hermite(points, sensor.curve.tangents))
 
 
-def test_a_search_is_seen_and_its_best_is_taken_and_undone(studio_page):
-    mode, bench = optimise_mode(studio_page), studio_page.bench
+def test_the_best_layout_of_a_search_is_taken_and_undone(studio_page):
+    mode, bench = optimize_mode(studio_page), studio_page.bench
     text, sensors = bench.project.text, bench.project.device.sensors
     mode.take_best()
-    assert "No search has come" in bench._message.content
-    for told in bench.on_build_started:
-        told()
-    assert mode._pause.visible
+    assert bench.message_code == "no-cords-found"
+    for callback in bench.on_build_started:
+        callback()
+    assert mode.shows_build_controls
     folder = bench.project.folder / "build"
     better = tuple(bent(s, 3.0) for s in sensors)
-    mode.search.see(CandidateLayout(folder, sensors, 2.0, True, 1.0))
-    assert mode.search.worker.wait(LONG)
-    first = mode.search.record.judged.error
-    assert f"### {first:.2f} mm" in mode.search._told.content
-    mode.search.see(CandidateLayout(folder, better, 1.0, False, 2.0))
-    assert mode.search.worker.wait(LONG)
-    assert mode.search.record.best.sensors is sensors  # on the way, limits may be broken
-    assert set(mode.search._present._tubes) == {s.name for s in sensors}
+    mode.search.add(CandidateLayout(folder, sensors, 2.0, True, 1.0))
+    assert mode.search.worker.wait(TIMEOUT_S)
+    mode.search.add(CandidateLayout(folder, better, 1.0, False, 2.0))
+    assert mode.search.worker.wait(TIMEOUT_S)
+    assert mode.search.record.best.sensors is sensors  # the other may break limits
+    assert mode.search.current_cords == {s.name for s in sensors}
     errors = [bench.judge.judge(s, quick=True).error for s in (sensors, better)]
-    mode.search.see(CandidateLayout(folder, better, 1.0, True, 3.0))
-    assert mode.search.worker.wait(LONG)
+    mode.search.add(CandidateLayout(folder, better, 1.0, True, 3.0))
+    assert mode.search.worker.wait(TIMEOUT_S)
     assert mode.search.record.judged.error == min(errors)
-    assert len(mode.search._curve.data[0]) == 3
-    assert "| bend_up |" in mode.search._poses.content
+    assert len(mode.search.record.curve[0]) == 3
     mode.take_best()
-    assert bench.project.undo_name == "take the optimised cords"
     taken = load_device(bench.project.folder).sensors
     best = mode.search.record.best.sensors
     for a, b in zip(taken, best, strict=True):
@@ -65,104 +64,111 @@ def test_a_search_is_seen_and_its_best_is_taken_and_undone(studio_page):
     bench.project.undo()
     assert bench.project.text == text
     studio_page.enter("Cords")
-    assert not mode.search._present._tubes
-    assert not mode.search._best._tubes
+    assert not mode.search.current_cords
+    assert not mode.search.best_cords
 
 
-def test_what_cannot_be_done_yet_is_told(studio_page):
-    mode, bench = optimise_mode(studio_page), studio_page.bench
+def test_actions_that_are_not_possible_yet_show_a_message(studio_page):
+    mode, bench = optimize_mode(studio_page), studio_page.bench
     mode.pause()
-    assert bench._message.content == "Nothing is running that could be paused."
-    mode.compared.take()
-    assert bench._message.content == "Choose a layout first."
-    mode.compared.weigh()
-    assert "optimize the cords first" in bench._message.content
+    assert bench.message_code == "no-build-running"
+    mode.comparison.take()
+    assert bench.message_code == "no-layout-chosen"
+    mode.comparison.compare()
+    assert bench.message_code == "no-layouts"
     (bench.project.folder / "build" / "layout.json").unlink()
     bench.load()
     mode.take()
-    assert bench._message.content == "Optimise the cords first."
-    assert mode.errors._told.content.startswith("Nothing is optimised yet")
+    assert bench.message_code == "not-optimized"
+    assert mode.error_map.status == "not-optimized"
 
 
 @pytest.mark.slow
 def test_layouts_are_compared_and_one_is_taken(made_page):
-    mode, bench = optimise_mode(made_page), made_page.bench
-    (known,) = mode.compared.layouts
-    assert known.taken
-    assert known.parts == 2
-    assert "(about " in mode.compared._weigh.label
-    mode.compared.weigh()
-    assert mode.compared.work.wait(LONG)
-    assert mode.compared._state.content == ""
-    by_name = {one.name: one for one in mode.compared.layouts}
-    assert set(by_name) == {known.name, "as drawn", "by eye"}
-    drawn = by_name["as drawn"]  # locked, so that they are those of the build
-    assert drawn.error == pytest.approx(known.error)
-    assert drawn.parts == known.parts
-    assert drawn.band == pytest.approx(known.band)
-    mode.compared.choose("by eye")
-    assert mode.compared._tubes.names == {s.name for s in by_name["by eye"].sensors}
+    mode, bench = optimize_mode(made_page), made_page.bench
+    (built,) = mode.comparison.layouts
+    assert built.taken
+    assert built.parts == 2
+    assert mode.comparison.estimated_time_s > 0
+    mode.comparison.compare()
+    assert mode.comparison.job.wait(TIMEOUT_S)
+    assert mode.comparison.error is None
+    by_name = {layout.name: layout for layout in mode.comparison.layouts}
+    assert set(by_name) == {built.name, "as drawn", "by eye"}
+    drawn = by_name["as drawn"]  # the cords are locked, so the build has the same ones
+    assert drawn.error == pytest.approx(built.error)
+    assert drawn.parts == built.parts
+    assert drawn.band == pytest.approx(built.band)
+    mode.comparison.choose("by eye")
+    assert mode.comparison.drawn_cords == {s.name for s in by_name["by eye"].sensors}
     text = bench.project.text
-    mode.compared.take()
+    mode.comparison.take()
     assert [s.name for s in bench.project.device.sensors] == ["cord-1", "cord-2"]
     bench.project.undo()
     assert bench.project.text == text
-    other = text.replace("degrees = 45", "degrees = 40")
-    (bench.project.folder / "device.toml").write_text(other, encoding="utf-8")
-    made_page.look()
-    bench.run_action(mode.compared.weigh)
-    assert "the poses have changed since they were simulated" in bench._message.content
+
+
+@pytest.mark.slow
+def test_layouts_are_not_compared_after_the_poses_have_changed(made_page):
+    mode, bench = optimize_mode(made_page), made_page.bench
+    changed = bench.project.text.replace("degrees = 45", "degrees = 40")
+    (bench.project.folder / "device.toml").write_text(changed, encoding="utf-8")
+    made_page.poll()
+    with raises(StorageError, "build-outdated", stage="simulate"):
+        mode.comparison.compare()
 
 
 @pytest.mark.slow
 def test_the_error_map_has_the_numbers_of_the_report(made_page):
-    mode, folder = optimise_mode(made_page), made_page.bench.project.folder / "build"
-    found = surface_errors(Build(folder))
-    mode.errors.choose("twist@1")
-    assert mode.errors.worker.wait(LONG)
-    at = found.names.index("twist@1")
-    assert f"**{found.mean(at):.2f} mm** over the surface" in mode.errors._told.content
-    assert f"<span>{found.highest:.3g}</span>" in mode.errors._bar.content
+    mode, folder = optimize_mode(made_page), made_page.bench.project.folder / "build"
+    errors = surface_errors(Build(folder))
+    mode.error_map.choose("twist@1")
+    assert mode.error_map.worker.wait(TIMEOUT_S)
+    index = errors.names.index("twist@1")
+    assert mode.error_map.status == "shown"
+    assert mode.error_map.shown_error == pytest.approx(errors.mean(index))
+    assert f"<span>{errors.highest:.3g}</span>" in mode.error_map.bar
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert f"{found.mean(at):.2f}" in page
+    assert f"{errors.mean(index):.2f}" in page
     assert not made_page.bench.body.visible
-    bar = mode.errors._bar.content
-    mode.errors.choose("bend_up@1")
-    assert mode.errors.worker.wait(LONG)
-    assert mode.errors._bar.content == bar  # one scale for all
+    bar = mode.error_map.bar
+    mode.error_map.choose("bend_up@1")
+    assert mode.error_map.worker.wait(TIMEOUT_S)
+    assert mode.error_map.bar == bar  # one scale for all states
     made_page.enter("Cords")
-    assert mode.errors.worker.wait(LONG)
+    assert mode.error_map.worker.wait(TIMEOUT_S)
     assert made_page.bench.body.visible
-    assert mode.errors._mesh is None
+    assert not mode.error_map.is_shown
 
 
 @pytest.mark.slow
-def test_a_search_that_is_watched_and_paused_gives_what_the_command_gives(made_page, tmp_path):
-    mode, bench = optimise_mode(made_page), made_page.bench
+def test_a_paused_search_gives_the_results_of_the_command(made_page, tmp_path):
+    mode, bench = optimize_mode(made_page), made_page.bench
     path = bench.project.folder / "device.toml"
     text = bench.project.text
     at = text.rindex("\ncontrol_points")
     path.write_text(text[:at] + '\nfree = ["path"]' + text[at:], encoding="utf-8")
-    made_page.look()
+    made_page.poll()
     shutil.copytree(bench.project.folder, tmp_path / "other")
-    over = threading.Event()
-    bench.on_build_loaded.append(over.set)
+    loaded = threading.Event()
+    bench.on_build_loaded.append(loaded.set)
 
-    def first(_):
-        bench.on_layout_found.remove(first)
+    def pause_at_first_layout(_):
+        bench.on_layout_found.remove(pause_at_first_layout)
         mode.pause()
 
-    bench.on_layout_found.append(first)
+    bench.on_layout_found.append(pause_at_first_layout)
     assert bench.build("optimize")
     assert wait_for(lambda: bench.builds.state == "paused")
-    assert mode._pause.label == "Go on"
+    assert mode.is_paused
     mode.pause()
-    assert over.wait(LONG)
+    assert not mode.is_paused
+    assert loaded.wait(TIMEOUT_S)
     assert bench.build_error is None
-    assert mode.search.worker.wait(LONG)
+    assert mode.search.worker.wait(TIMEOUT_S)
     assert mode.search.record.best is not None
     assert len(mode.search.record.curve[0]) > 2
     assert main(["optimize", str(tmp_path / "other")]) == 0
     for name in ("layout.json", "layouts.json", "prediction.json"):
-        ours, theirs = (f / "build" / name for f in (bench.project.folder, tmp_path / "other"))
-        assert ours.read_bytes() == theirs.read_bytes()
+        studio_file = bench.project.folder / "build" / name
+        assert studio_file.read_bytes() == (tmp_path / "other" / "build" / name).read_bytes()
