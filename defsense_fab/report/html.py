@@ -1,4 +1,4 @@
-"""Self-contained pages: Jinja templates of this folder, figures as data in the page."""
+"""Render self-contained HTML pages from this folder's Jinja templates."""
 
 from __future__ import annotations
 
@@ -24,19 +24,38 @@ def _environment() -> jinja2.Environment:
 
 
 def render(template: str, **values: Any) -> str:
-    """The page `<template>.html` with `values` filled in, escaped. A value that the template names
-    and that is not given raises jinja2.UndefinedError."""
+    """Render a template with escaped values.
+
+    Args:
+        template: Name of the template, without `.html`.
+        values: Values that the template uses.
+
+    Returns:
+        The page.
+
+    Raises:
+        jinja2.UndefinedError: A value that the template uses is missing.
+    """
     return _environment().get_template(f"{template}.html").render(**values)
 
 
 def write_page(path: Path, template: str, **values: Any) -> None:
-    """`render` to a file, whole or not at all. Raises StorageError."""
+    """Render a template to a file, completely or not at all.
+
+    Args:
+        path: The file to write.
+        template: Name of the template, without `.html`.
+        values: Values that the template uses.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
     with storage_errors(path):
         write_text(path, render(template, **values))
 
 
 def as_image(figure: Any) -> str:
-    """A matplotlib figure as a data URI for `<img src>`."""
+    """Return a matplotlib figure as a PNG data URI."""
     data = io.BytesIO()
     figure.savefig(data, format="png")
     return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode("ascii")

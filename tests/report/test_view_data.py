@@ -13,7 +13,7 @@ import pytest
 
 from defsense_fab.core.mesh import Surface
 from defsense_fab.report.viewer.page import in_script, view3d
-from defsense_fab.report.viewer.simplified import light_faces, simplified
+from defsense_fab.report.viewer.simplified import decimate_faces
 from tests.report.twisted_bar import BACK, FRONT, TOP, displaced, twisted_bar
 
 
@@ -31,15 +31,15 @@ class Reader:
     """Arrays of a scene, by their places."""
 
     def __init__(self, scene):
-        self.told, self._bytes = scene.told, zlib.decompress(base64.b64decode(scene.numbers))
+        self.content, self._bytes = scene.content, zlib.decompress(base64.b64decode(scene.numbers))
 
     def array(self, place):
-        kind, start, count = self.told["arrays"][place]
+        kind, start, count = self.content["arrays"][place]
         return np.frombuffer(self._bytes, "<" + kind, count, start).astype(int)
 
     def points(self, place, sheets=1):
         """(sheets, n, 3) mm."""
-        return np.moveaxis(self.array(place).reshape(3, sheets, -1), 0, 2) * self.told["step"]
+        return np.moveaxis(self.array(place).reshape(3, sheets, -1), 0, 2) * self.content["step"]
 
     def faces(self, place):
         steps = self.array(place)
@@ -53,8 +53,8 @@ def middle_of(bar):
 
 def test_parts_are_there_as_they_lie_in_the_device(bar, scene):
     read = Reader(scene)
-    assert [p["name"] for p in read.told["parts"]] == [FRONT, BACK, TOP]
-    for told, part in zip(read.told["parts"], bar.parts.values(), strict=True):
+    assert [p["name"] for p in read.content["parts"]] == [FRONT, BACK, TOP]
+    for told, part in zip(read.content["parts"], bar.parts.values(), strict=True):
         found = Surface(read.points(told["places"])[0] + middle_of(bar), read.faces(told["faces"]))
         assert found.volume == pytest.approx(part.volume, rel=2e-3)
         assert found.bounds == pytest.approx(part.bounds, abs=0.04)
@@ -62,12 +62,12 @@ def test_parts_are_there_as_they_lie_in_the_device(bar, scene):
 
 def test_joints_open_along_their_normals_and_cords_go_with_the_parts_beside_them(scene):
     read = Reader(scene)
-    ways = np.array([j["ways"] for j in read.told["joints"]])
-    reach = 0.1 * read.told["size"]
+    ways = np.array([j["ways"] for j in read.content["joints"]])
+    reach = 0.1 * read.content["size"]
     first = reach * np.array([[0, -1, 0], [0, 1, 0], [0, 0, 0]])
     second = reach * np.array([[0, 0, -1], [0, 0, -1], [0, 0, 1]])
     assert ways == pytest.approx(np.array([first, second]), abs=1e-4)
-    followers = {t["name"]: t for t in read.told["followers"]}
+    followers = {t["name"]: t for t in read.content["followers"]}
     level = read.points(followers["level"]["opened"], 2)
     assert level[0] == pytest.approx(np.tile([0, reach, 0], (level.shape[1], 1)) / 2, abs=0.02)
     assert level[1] == pytest.approx(0, abs=0.02)  # between top and back
@@ -80,25 +80,25 @@ def test_joints_open_along_their_normals_and_cords_go_with_the_parts_beside_them
 
 def test_all_that_moves_is_where_the_poses_take_it(bar, scene):
     read = Reader(scene)
-    names = [s["name"] for s in read.told["states"]]
-    surface = read.told["surface"]
+    names = [s["name"] for s in read.content["states"]]
+    surface = read.content["surface"]
     rest = read.points(surface["places"])[0] + middle_of(bar)
     moved = read.points(surface["moved"], len(names))
-    cord = next(t for t in read.told["followers"] if t["kind"] == "cord")
+    cord = next(t for t in read.content["followers"] if t["kind"] == "cord")
     path = read.points(cord["places"])[0] + middle_of(bar)
     carried = read.points(cord["moved"], len(names))
     weights = dict(zip(bar.found.names, bar.found.weights, strict=True))
     for k, name in enumerate(names):
         assert moved[k] == pytest.approx(displaced(rest, weights[name]), abs=0.02)
         assert carried[k] == pytest.approx(displaced(path, weights[name]), abs=0.1)
-    off = read.points(surface["missed"], len(names)) / read.told["step"] * surface["missed_step"]
+    off = read.points(surface["missed"], len(names)) / read.content["step"] * surface["missed_step"]
     assert off[names.index("twist@1")] == pytest.approx(
         np.tile([0, 0.8, 0], (len(rest), 1)), abs=0.01
     )
 
 
 def test_poses_pass_through_the_states_on_their_way(scene):
-    told = scene.told
+    told = scene.content
     names = [s["name"] for s in told["states"]]
     poses = {p["name"]: ([names[s] for s in p["states"]], p["at"]) for p in told["poses"]}
     assert poses == {
@@ -111,7 +111,7 @@ def test_poses_pass_through_the_states_on_their_way(scene):
 
 def test_a_device_of_one_part_has_nothing_to_open(bar):
     whole = replace(bar, manifest=replace(bar.manifest, assembly=(), pins=()))
-    told = whole.scene().told
+    told = whole.scene().content
     assert told["joints"] == []
     assert {t["kind"] for t in told["followers"]} == {"cord", "wire", "seat"}
 
@@ -157,7 +157,7 @@ def ball(radius, around, along):
 
 def test_a_body_of_many_triangles_is_light_and_keeps_its_shape():
     body = ball(50.0, 400, 130)  # 104,000 triangles
-    (light,) = simplified({"ball": body}, 100.0).values()
+    (light,) = simplify_parts({"ball": body}, 100.0).values()
     assert len(light.faces) < 60_000
     assert light.volume == pytest.approx(body.volume, rel=5e-3)
     assert np.linalg.norm(light.vertices, axis=1) == pytest.approx(50.0, abs=0.4)
@@ -165,14 +165,14 @@ def test_a_body_of_many_triangles_is_light_and_keeps_its_shape():
 
 def test_a_part_that_is_not_closed_is_shown_as_it_is():
     open_one = Surface(np.eye(3), np.array([[0, 1, 2]]))
-    (shown,) = simplified({"open": open_one}, 1.0).values()
+    (shown,) = simplify_parts({"open": open_one}, 1.0).values()
     assert shown.vertices[shown.faces] == pytest.approx(open_one.vertices[open_one.faces])
 
 
 def test_a_surface_with_many_states_keeps_some_of_its_vertices():
     body = ball(50.0, 100, 60)
-    assert light_faces(body, 10) is body.faces
+    assert decimate_faces(body, 10) is body.faces
     states = 115  # room for 2,000 vertices
-    faces = light_faces(body, states)
+    faces = decimate_faces(body, states)
     assert len(np.unique(faces)) <= 2_006
     assert Surface(body.vertices, faces).volume == pytest.approx(body.volume, rel=0.02)

@@ -59,10 +59,11 @@ class Sections:
 def sections(rest: Float, moved: Float, strain: Float, held: Bool) -> Sections:
     """Choose three planes for a deformed body.
 
-    The first two planes hold a line through the middle of the moving nodes, as close as possible to
-    where the strain is large; the line is along an axis if that is nearly as close. The first plane
-    also holds the direction of the movement. If the nodes only turn, or move along the line, it
-    holds the largest strain instead. The third plane is square to the line, through the largest strain.
+    The first two planes hold a line through the middle of the moving nodes, as close as possible
+    to where the strain is large; the line is along an axis if that is nearly as close. The first
+    plane also holds the direction of the movement. If the nodes only turn, or move along the line,
+    it holds the largest strain instead. The third plane is square to the line, through the largest
+    strain.
 
     Args:
         rest: Nodes (n, 3) at rest, mm.

@@ -1,1 +1,1 @@
-"""The three-dimensional view in a build's pages: data, script and style, all inside the page."""
+"""Build the interactive 3D view of a build's pages: data, script and style, all in the page."""

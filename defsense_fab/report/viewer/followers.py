@@ -1,4 +1,4 @@
-"""What goes with the body: cords, wires, pins and marker seats, each as a few points."""
+"""Place what moves along with parts in the 3D view: cords, wires, pins and marker seats."""
 
 from __future__ import annotations
 
@@ -15,65 +15,25 @@ from ...core.mesh import Surface
 from ...store.layout import CordRecord, LayoutRecord
 from ...store.manifest import CutCord, JoinStep, Manifest, PinRecord
 
-# How a device opens: the joints in the reverse of the order in which they are closed.
-
-_OPENED = 0.1  # of the device's size: how far either side of a joint goes
-_NEAR = 0.5  # mm further off than the nearest part: a cord lies between both
-_SOFT = 0.04  # of a cord's length: how soon it goes from one part's way to another's
-
-
-def openings(steps: Sequence[JoinStep], names: Sequence[str], size: float) -> Float:
-    """Where the joints take the parts `names` as they open, (steps, parts, 3) mm: either side along
-    the normal of the cut."""
-    out = np.zeros((len(steps), len(names), 3))
-    for k, step in enumerate(steps):
-        for side, sign in zip(step.join, (-1, 1), strict=True):
-            for name in side:
-                out[k, list(names).index(name)] = sign * _OPENED * size * step.opens
-    return out
-
-
-def move_with_parts(
-    followers: Sequence[Follower], parts: Mapping[str, Surface], ways: Float
-) -> list[Float]:
-    """Where the joints take the points (p, 3) of each follower, (steps, p, 3) mm, as they open by
-    the `ways` (steps, parts, 3) mm of the parts: with the parts that they lie in or between."""
-    if not followers:
-        return []
-    counts = [len(f.points) for f in followers]
-    points = np.concatenate([f.points for f in followers])
-    squared = [
-        igl.point_mesh_squared_distance(points, s.vertices, s.faces)[0] for s in parts.values()
-    ]
-    away = np.sqrt(np.maximum(np.transpose(squared), 0))
-    near = (away <= away.min(axis=1, keepdims=True) + _NEAR).astype(float)
-    near /= near.sum(axis=1, keepdims=True)
-    pieces = np.split(near, np.cumsum(counts)[:-1])
-    return [
-        np.einsum("pn,snj->spj", _evened(f, piece), ways)
-        for f, piece in zip(followers, pieces, strict=True)
-    ]
-
-
-def _evened(follower: Follower, near: Float) -> Float:
-    """Shares (p, parts): of what bends they change little by little, of others not."""
-    if not follower.bends:
-        return np.broadcast_to(near.mean(axis=0), near.shape)
-    at = arc_lengths(follower.points)
-    soft = np.exp(-(((at[:, None] - at) / (_SOFT * max(float(at[-1]), 1e-9))) ** 2))
-    return np.asarray(soft @ near / soft.sum(axis=1, keepdims=True))
-
-
 CORD, WIRE, PIN, SEAT = "cord", "wire", "pin", "seat"
-_SPACING = 1.5  # mm, between points of a cord
-_MOST = 96  # points of a cord
+_POINT_SPACING_MM = 1.5  # of a cord
+_MIN_POINTS, _MAX_POINTS = 8, 96  # of a cord
+_OPENING_SHARE = 0.1  # of the device's size, by which each side of a joint opens
+_SAME_DISTANCE_MM = 0.5  # a point this close to two parts lies between them
+_SMOOTHING_SHARE = 0.04  # of a cord's length, over which it passes from one part to another
 
 
 @dataclass(frozen=True)
 class Follower:
-    """What moves along with parts, of a kind with a name; the middle line (p, 3) mm of a tube of a
-    `radius` mm, or the corners (4, 3) mm of a flat one, whose radius is 0; what is told of it,
-    label and value."""
+    """A thing that moves along with parts.
+
+    Attributes:
+        kind: One of "cord", "wire", "pin" and "seat".
+        name: Name of the thing.
+        points: Middle line (p, 3) of a tube, or corners (4, 3) of a flat thing, mm.
+        radius: Radius of the tube, mm; 0 for a flat thing.
+        facts: Labels and values that the view shows.
+    """
 
     kind: str
     name: str
@@ -83,12 +43,12 @@ class Follower:
 
     @property
     def bends(self) -> bool:
-        """Whether it can go with one part here and with another there."""
+        """Whether different points can follow different parts."""
         return self.kind in (CORD, WIRE)
 
 
 def followers(device: Device, layout: LayoutRecord, manifest: Manifest) -> list[Follower]:
-    """All of a device, cords first, in the order of the layout's."""
+    """Return all followers of a device: cords in the layout's order, wires, pins and seats."""
     cut = {c.sensor: c for c in manifest.cords}
     return [
         *(_cord(s, cut[s.name]) for s in layout.sensors),
@@ -100,9 +60,9 @@ def followers(device: Device, layout: LayoutRecord, manifest: Manifest) -> list[
 
 def _cord(cord: CordRecord, cut: CutCord) -> Follower:
     low, high = cut.range
-    laid = (
-        "glued in all along" if cord.prestretch is None
-        else f"stretched by {100 * cord.prestretch:.0f} % as it is laid"
+    fixing = (
+        "glued along its whole length" if cord.prestretch is None
+        else f"stretched by {100 * cord.prestretch:.0f} % when it is inserted"
     )  # fmt: skip
     return Follower(
         CORD,
@@ -111,32 +71,32 @@ def _cord(cord: CordRecord, cut: CutCord) -> Follower:
         cord.cord_diameter / 2,
         (
             ("path", f"{cord.length:.1f} mm long, {cord.cord_diameter:g} mm thick"),
-            ("cut to", f"{cut.cut_length:.0f} mm, {laid}"),
+            ("cut to", f"{cut.cut_length:.0f} mm, {fixing}"),
             ("strain in use", f"{100 * cord.least_strain:.1f} to {100 * cord.peak_strain:.1f} %"),
-            ("at rest", f"{cut.resistance:.0f} Ω"),
-            ("in use", f"{low:.0f} to {high:.0f} Ω"),
+            ("resistance at rest", f"{cut.resistance:.0f} Ω"),
+            ("resistance in use", f"{low:.0f} to {high:.0f} Ω"),
             ("reference resistor", f"{cut.reference_resistor:g} Ω"),
         ),
     )
 
 
 def _wires(cord: CutCord, radius: float) -> Iterator[Follower]:
-    for end, what in zip(cord.ends, ("start", "end"), strict=True):
+    for end, end_name in zip(cord.ends, ("start", "end"), strict=True):
         line = end.wire.line
         if line is not None:
             facts = (
-                ("leaves by the", end.wire.leaves),
-                ("in the body", f"{end.wire.length:.1f} mm"),
+                ("leaves by", end.wire.leaves),
+                ("length in the body", f"{end.wire.length:.1f} mm"),
             )
-            yield Follower(WIRE, f"{cord.sensor}, {what}", _line(line), radius, facts)
+            yield Follower(WIRE, f"{cord.sensor}, {end_name}", _line(line), radius, facts)
 
 
 def _pins(manifest: Manifest) -> Iterator[Follower]:
     kinds: Mapping[str, PinRecord] = {p.name: p for p in manifest.pins}
     for step in manifest.assembly:
         for pin in step.pins:
-            kind, along = kinds[pin.name], step.opens / np.linalg.norm(step.opens)
-            ends = pin.center + kind.length / 2 * np.array([[-1.0], [1.0]]) * along
+            kind, direction = kinds[pin.name], step.opens / np.linalg.norm(step.opens)
+            ends = pin.center + kind.length / 2 * np.array([[-1.0], [1.0]]) * direction
             facts = (
                 ("size", f"{kind.diameter:g} mm thick, {kind.length:g} mm long"),
                 ("socket", f"{pin.socket:g} mm, {pin.depth:g} mm deep"),
@@ -155,6 +115,76 @@ def _seats(manifest: Manifest) -> Iterator[Follower]:
 
 
 def _line(points: Float) -> Float:
-    """As many points as a picture of a line needs."""
+    """Resample a line to as many points as a picture of it needs."""
     length = float(arc_lengths(points)[-1])
-    return resample(points, 0.0, length, int(np.clip(length / _SPACING, 8, _MOST)))
+    return resample(
+        points, 0.0, length, int(np.clip(length / _POINT_SPACING_MM, _MIN_POINTS, _MAX_POINTS))
+    )
+
+
+def joint_movements(steps: Sequence[JoinStep], names: Sequence[str], size: float) -> Float:
+    """Return the movement of each part when each joint opens along its normal.
+
+    Args:
+        steps: Joints, in the order in which they are closed.
+        names: Names of the parts.
+        size: Diagonal of the device, mm.
+
+    Returns:
+        Displacements (steps, parts, 3), mm.
+    """
+    movements = np.zeros((len(steps), len(names), 3))
+    for k, step in enumerate(steps):
+        for side, sign in zip(step.join, (-1, 1), strict=True):
+            for name in side:
+                movements[k, list(names).index(name)] = sign * _OPENING_SHARE * size * step.opens
+    return movements
+
+
+def follower_movements(
+    followers: Sequence[Follower], parts: Mapping[str, Surface], part_movements: Float
+) -> list[Float]:
+    """Return the movement of each follower's points when each joint opens.
+
+    A point moves with the part in which it lies, or with the average of the parts around it.
+
+    Args:
+        followers: The followers.
+        parts: Surfaces of the parts, by name.
+        part_movements: Displacement of each part (steps, parts, 3), mm.
+
+    Returns:
+        For each follower, displacements (steps, p, 3), mm.
+    """
+    if not followers:
+        return []
+    counts = [len(f.points) for f in followers]
+    points = np.concatenate([f.points for f in followers])
+    squared = [
+        igl.point_mesh_squared_distance(points, s.vertices, s.faces)[0] for s in parts.values()
+    ]
+    distances = np.sqrt(np.maximum(np.transpose(squared), 0))
+    shares = (distances <= distances.min(axis=1, keepdims=True) + _SAME_DISTANCE_MM).astype(float)
+    shares /= shares.sum(axis=1, keepdims=True)
+    pieces = np.split(shares, np.cumsum(counts)[:-1])
+    return [
+        np.einsum("pn,snj->spj", _smooth_shares(f, piece), part_movements)
+        for f, piece in zip(followers, pieces, strict=True)
+    ]
+
+
+def _smooth_shares(follower: Follower, shares: Float) -> Float:
+    """Smooth the shares (p, parts) along things that bend; average those of other things."""
+    if not follower.bends:
+        return np.broadcast_to(shares.mean(axis=0), shares.shape)
+    positions = arc_lengths(follower.points)
+    weights = np.exp(
+        -(
+            (
+                (positions[:, None] - positions)
+                / (_SMOOTHING_SHARE * max(float(positions[-1]), 1e-9))
+            )
+            ** 2
+        )
+    )
+    return np.asarray(weights @ shares / weights.sum(axis=1, keepdims=True))

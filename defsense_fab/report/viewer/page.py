@@ -1,5 +1,4 @@
-"""The view as a piece of a page: everything that it needs is inside, so that it opens from a file
-without a network."""
+"""Render the 3D view as part of a page that opens from a file, without a network."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ from markupsafe import Markup
 from ..html import render
 from .scene import Scene
 
-#: The script, in the order in which its files need each other.
+#: Files of the script, in the order of their dependencies.
 _SCRIPT = (
     "unpack.js", "keyframes.js", "color_maps.js", "tube.js", "camera.js", "followers.js",
     "stage.js", "panel.js", "main.js",
@@ -21,28 +20,35 @@ _SCRIPT = (
 
 
 def view3d(scene: Scene) -> Markup:
-    """The view of a scene, to be put into a page once."""
-    return Markup(  # noqa: S704  # of the template below, which escapes, and of this package's files
+    """Render the view of a scene, for one place in a page.
+
+    Args:
+        scene: Data of the view.
+
+    Returns:
+        HTML with style, library, script and data.
+    """
+    return Markup(  # noqa: S704  # the template escapes, the files are this package's
         render(
             "viewer/page/view",
             style=Markup(_text("page", "style.css")),  # noqa: S704
             library=Markup(_library()),  # noqa: S704
             script=Markup(_script()),  # noqa: S704
-            told=Markup(in_script(scene.told)),  # noqa: S704
+            told=Markup(in_script(scene.content)),  # noqa: S704
             numbers=scene.numbers,
         )
     )
 
 
 def in_script(value: Any) -> str:
-    """JSON that nothing ends or opens inside `<script>`, whatever names are in it."""
+    """Return JSON that cannot end or open a tag inside `<script>`, whatever names it holds."""
     text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 @cache
 def _library() -> str:
-    """three.js with its licence, which every copy has to carry."""
+    """Return three.js with its license, which every copy must carry."""
     return f"/*\n{_text('three', 'LICENSE')}*/\n{_text('three', 'three.min.js')}"
 
 

@@ -1,4 +1,4 @@
-"""All that the view shows of a build, as numbers in one text and words in another."""
+"""Collect the data of the 3D view of a build: contents for JSON, and packed arrays of numbers."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ from ...store.build import Build
 from ...store.manifest import Manifest, PartRecord
 from ..pictures.sheet import COLORS
 from ..surface_errors import SurfaceErrors, state_words
-from .followers import CORD, Follower, followers, move_with_parts, openings
-from .simplified import light_faces, order_of, simplified
+from .followers import CORD, Follower, follower_movements, followers, joint_movements
+from .simplified import decimate_faces, simplify_parts, vertex_order
 
-# Arrays of numbers as text inside a page: rounded to integers, deflated, base64.
-
-_ALIGNED = 4  # bytes: where a browser may lay an array of any of these types
+_ALIGNMENT_BYTES = 4  # at which a browser can place an array of any of these types
 _TYPES: dict[str, type[np.integer[Any]]] = {
     "u1": np.uint8,
     "i2": np.int16,
@@ -33,51 +31,67 @@ _TYPES: dict[str, type[np.integer[Any]]] = {
 }
 
 
-class Packed:
-    """Arrays in the order in which they are added; each is known by its place."""
+class PackedArrays:
+    """Arrays of integers in one text: deflated and base64-encoded.
+
+    Attributes:
+        index: Type, first byte and number of values of each array.
+    """
 
     def __init__(self) -> None:
         self._bytes = bytearray()
-        self.index: list[tuple[str, int, int]] = []  #: Type, first byte, numbers of each array.
+        self.index: list[tuple[str, int, int]] = []
 
     def add(self, numbers: Any, kind: str) -> int:
-        """Integers as type `kind`, little-endian; what is out of its range is set to its ends.
-        Returns the array's place."""
+        """Add an array of integers.
+
+        Args:
+            numbers: Numbers; they are rounded, and clipped to the range of the type.
+            kind: Type, one of "u1", "i2", "u2" and "u4" (little-endian).
+
+        Returns:
+            The array's index.
+        """
         limits = np.iinfo(_TYPES[kind])
-        fit = np.clip(np.rint(np.asarray(numbers)), limits.min, limits.max)
-        data = fit.astype(np.dtype(_TYPES[kind]).newbyteorder("<"))
-        self._bytes += bytes(-len(self._bytes) % _ALIGNED)
+        clipped = np.clip(np.rint(np.asarray(numbers)), limits.min, limits.max)
+        data = clipped.astype(np.dtype(_TYPES[kind]).newbyteorder("<"))
+        self._bytes += bytes(-len(self._bytes) % _ALIGNMENT_BYTES)
         self.index.append((kind, len(self._bytes), data.size))
         self._bytes += data.tobytes()
         return len(self.index) - 1
 
     def lengths(self, mm: Float, step: float) -> int:
-        """Coordinates or ways (..., 3) mm as multiples of `step` mm, each axis on its own."""
+        """Add coordinates (..., 3) mm as multiples of `step` mm, axis by axis; return the index."""
         return self.add(np.moveaxis(np.asarray(mm), -1, 0) / step, "i2")
 
     def faces(self, faces: Int) -> int:
-        """Triangles (f, 3) of vertex numbers, as differences from the one before: of meshes whose
-        triangles follow one another these are small."""
+        """Add triangles (f, 3) as differences of consecutive vertex numbers; return the index.
+
+        The differences are small in meshes whose triangles follow one another.
+        """
         flat = np.asarray(faces, np.int64).ravel()
         steps = np.diff(flat, prepend=0)
         return self.add((steps << 1) ^ (steps >> 63), "u2" if np.ptp(flat) < 2**15 else "u4")
 
     def shares(self, values: Float, top: float) -> int:
-        """Values from 0 to `top` in 255 steps."""
+        """Add values from 0 to `top` in 255 steps; return the index."""
         return self.add(255 * np.asarray(values) / max(top, 1e-12), "u1")
 
     def text(self) -> str:
-        """All arrays: base64 of their deflated bytes, the same for the same numbers."""
+        """Return all arrays as text; the same numbers give the same text."""
         return base64.b64encode(zlib.compress(bytes(self._bytes), 6)).decode("ascii")
-
-
-# The poses that are played: the simulated shapes on the way to each, and what is read of them.
 
 
 @dataclass(frozen=True)
 class PosePath:
-    """From rest to a state: the states (k,) on the way, the state itself last, and how far along
-    it they are (k,), up to 1; whether the device was not designed for the state."""
+    """The way from rest to a state.
+
+    Attributes:
+        name: Name of the state.
+        states: Simulated states (k,) on the way; the state itself is the last one.
+        at: Position (k,) of these states on the way, up to 1.
+        held_out: Whether the layout was optimized without the state.
+    """
 
     name: str
     states: Int
@@ -86,50 +100,64 @@ class PosePath:
 
 
 def pose_paths(found: SurfaceErrors) -> list[PosePath]:
-    """Of the states that reports show."""
+    """Return the paths to the states that reports show."""
     return [_path(found, i) for i in found.shown]
 
 
 def _path(found: SurfaceErrors, state: int) -> PosePath:
-    """All states that have the same poses in the same ratio and are not further along."""
+    """Return the path to a state: the states with the same poses in the same ratio, up to it."""
     full = found.weights[state]
-    at = {k: _fraction(weights, full) for k, weights in enumerate(found.weights)}
-    on = sorted((a, k) for k, a in at.items() if a is not None and (a < 1 or k == state))
+    position_by_state = {k: _fraction(weights, full) for k, weights in enumerate(found.weights)}
+    on_path = sorted(
+        (a, k) for k, a in position_by_state.items() if a is not None and (a < 1 or k == state)
+    )
     return PosePath(
         state_words(full),
-        np.array([k for _, k in on]),
-        np.array([a for a, _ in on]),
+        np.array([k for _, k in on_path]),
+        np.array([a for a, _ in on_path]),
         bool(found.held_out[state]),
     )
 
 
 def _fraction(weights: Mapping[str, float], full: Mapping[str, float]) -> float | None:
-    """How far along the way to `full` a state is; None where it lies on another way."""
+    """Return how far along the way to `full` a state is, or None if it is on another way."""
     if {p for p, w in weights.items() if w} != {p for p, w in full.items() if w}:
         return None
-    some = [weights[pose] / w for pose, w in full.items() if w]
-    least, most = min(some), max(some)
-    return least if 0 < least <= 1 + 1e-9 and most - least < 1e-6 else None
+    ratios = [weights[pose] / w for pose, w in full.items() if w]
+    lowest, highest = min(ratios), max(ratios)
+    return lowest if 0 < lowest <= 1 + 1e-9 and highest - lowest < 1e-6 else None
 
 
 def moved_points(mesh: TetMesh, points: Float, fields: Float) -> Float:
-    """Where points (p, 3) mm of the body at rest go in states with fields (k, n, 3) mm of its mesh:
-    their displacements (k, p, 3) mm."""
+    """Return the displacements of points of a body in simulated states.
+
+    Args:
+        mesh: Mesh of the body.
+        points: Points (p, 3) of the body at rest, mm.
+        fields: Displacements (k, n, 3) of the mesh's nodes, mm.
+
+    Returns:
+        Displacements (k, p, 3), mm.
+    """
     locator = PointLocator(QuadraticMesh.from_linear(mesh))
     return locator.displacement(locator.find(points), np.ascontiguousarray(fields))
 
 
-_FINENESS = 20_000  # steps of coordinates along the device's size
-_ERROR_STEPS = 2000  # from no error to the largest along an axis
-_TOP = 99.5  # per cent of the strains in the states shown: the end of their scale
+_STEPS_PER_SIZE = 20_000  # of coordinates, along the device's size
+_STEPS_PER_ERROR = 2000  # of errors, up to the largest one along an axis
+_TOP_STRAIN_PERCENTILE = 99.5  # of the strains in the shown states: the end of their scale
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What the page's script reads: `told`, which JSON can hold, and `numbers` as text, to whose
-    arrays it refers by their places."""
+    """Data of the 3D view.
 
-    told: Mapping[str, Any]
+    Attributes:
+        content: Contents for JSON; they refer to the arrays by their indices.
+        numbers: The packed arrays as text.
+    """
+
+    content: Mapping[str, Any]
     numbers: str
 
 
@@ -151,49 +179,61 @@ def scene(
         StorageError: A result is missing or damaged.
     """
     layout, manifest, parts = build.layout, build.manifest, build.parts
-    packed, bounds = Packed(), np.array([s.bounds for s in parts.values()])
+    packed, bounds = PackedArrays(), np.array([s.bounds for s in parts.values()])
     low, high = bounds[:, 0].min(0), bounds[:, 1].max(0)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
     paths = pose_paths(found)
     states = np.unique(np.concatenate([p.states for p in paths]))
-    following = followers(device, layout, manifest)
-    ways = openings(manifest.assembly, [p.name for p in manifest.parts], size)
-    light = simplified(parts, size)
-    points = np.concatenate([f.points for f in following])
-    gone = moved_points(build.mesh, points, found.fields.displacements[states])
-    lengths = _Lengths(packed, middle, size, found.moved[states], gone)
-    told = {
+    device_followers = followers(device, layout, manifest)
+    movements = joint_movements(manifest.assembly, [p.name for p in manifest.parts], size)
+    light_parts = simplify_parts(parts, size)
+    points = np.concatenate([f.points for f in device_followers])
+    displacements = moved_points(build.mesh, points, found.fields.displacements[states])
+    lengths = _Lengths(packed, middle, size, found.moved[states], displacements)
+    content = {
         "device": device.name,
         "step": lengths.step,
         "size": size,
-        "frame": _rounded(frame),
-        "parts": [_part(lengths, p, light[p.name], k) for k, p in enumerate(manifest.parts)],
+        "frame": _round(frame),
+        "parts": [_part(lengths, p, light_parts[p.name], k) for k, p in enumerate(manifest.parts)],
         "joints": [
-            {"join": s.join, "cords": s.cords, "ways": _rounded(w)}
-            for s, w in zip(manifest.assembly, ways, strict=True)
+            {"join": s.join, "cords": s.cords, "ways": _round(w)}
+            for s, w in zip(manifest.assembly, movements, strict=True)
         ],
-        "followers": _followers(lengths, following, move_with_parts(following, parts, ways), gone),
+        "followers": _followers(
+            lengths,
+            device_followers,
+            follower_movements(device_followers, parts, movements),
+            displacements,
+        ),
         "surface": _surface(lengths, found, states),
         "states": _states(build.prediction.signals[1:], found, states),
         "poses": [_pose(p, states) for p in paths],
         "resistances": [_resistance(manifest, s.name) for s in layout.sensors],
     }
-    return Scene({**told, "arrays": packed.index}, packed.text())
+    return Scene({**content, "arrays": packed.index}, packed.text())
 
 
 class _Lengths:
-    """Lengths in steps fine enough for a screen, and coarse enough for what moves furthest."""
+    """Packs lengths in steps that suit a screen, and that hold the largest movement.
 
-    def __init__(self, packed: Packed, middle: Float, size: float, *moved: Float) -> None:
-        furthest = size + max(float(np.abs(m).max(initial=0.0)) for m in moved)
+    Args:
+        packed: The arrays.
+        middle: Middle (3,) of the device, mm.
+        size: Diagonal of the device, mm.
+        moved: Displacements (..., 3), mm.
+    """
+
+    def __init__(self, packed: PackedArrays, middle: Float, size: float, *moved: Float) -> None:
+        max_length = size + max(float(np.abs(m).max(initial=0.0)) for m in moved)
         self.packed, self._middle = packed, middle
-        self.step = float(f"{max(size / _FINENESS, furthest / 32_000):.6g}")
+        self.step = float(f"{max(size / _STEPS_PER_SIZE, max_length / 32_000):.6g}")
 
     def places(self, points: Float) -> int:
         return self.packed.lengths(points - self._middle, self.step)
 
-    def ways(self, ways: Float) -> int:
-        return self.packed.lengths(ways, self.step)
+    def movements(self, movements: Float) -> int:
+        return self.packed.lengths(movements, self.step)
 
 
 def _part(lengths: _Lengths, part: PartRecord, surface: Surface, k: int) -> dict[str, Any]:
@@ -212,9 +252,14 @@ def _part(lengths: _Lengths, part: PartRecord, surface: Surface, k: int) -> dict
 
 
 def _followers(
-    lengths: _Lengths, following: Sequence[Follower], opened: Sequence[Float], gone: Float
+    lengths: _Lengths,
+    device_followers: Sequence[Follower],
+    movements: Sequence[Float],
+    displacements: Float,
 ) -> list[dict[str, Any]]:
-    pieces = np.split(gone, np.cumsum([len(f.points) for f in following])[:-1], axis=1)
+    pieces = np.split(
+        displacements, np.cumsum([len(f.points) for f in device_followers])[:-1], axis=1
+    )
     return [
         {
             "kind": f.kind,
@@ -223,28 +268,27 @@ def _followers(
             "facts": f.facts,
             "radius": round(f.radius, 4),
             "places": lengths.places(f.points),
-            "opened": lengths.ways(o),
-            "moved": lengths.ways(m),
+            "opened": lengths.movements(o),
+            "moved": lengths.movements(m),
         }
-        for k, (f, o, m) in enumerate(zip(following, opened, pieces, strict=True))
+        for k, (f, o, m) in enumerate(zip(device_followers, movements, pieces, strict=True))
     ]
 
 
 def _surface(lengths: _Lengths, found: SurfaceErrors, states: Int) -> dict[str, Any]:
-    """The body's simulated surface, and in each state where it goes, how far off it is read
-    and how it is strained."""
-    faces = light_faces(Surface(found.rest, found.faces), len(states))
-    kept = order_of(faces)
+    """Return the simulated surface, and its displacement, error and strain in each state."""
+    faces = decimate_faces(Surface(found.rest, found.faces), len(states))
+    vertices = vertex_order(faces)
     number = np.zeros(len(found.rest), np.int64)
-    number[kept] = np.arange(len(kept))
-    missed, strain = found.missed[states][:, kept], found.strain[states][:, kept]
+    number[vertices] = np.arange(len(vertices))
+    missed, strain = found.missed[states][:, vertices], found.strain[states][:, vertices]
     shown = found.strain[list(found.shown)]
-    top = float(np.percentile(shown, _TOP))
-    missed_step = float(f"{np.abs(missed).max(initial=1e-9) / _ERROR_STEPS:.6g}")
+    top = float(np.percentile(shown, _TOP_STRAIN_PERCENTILE))
+    missed_step = float(f"{np.abs(missed).max(initial=1e-9) / _STEPS_PER_ERROR:.6g}")
     return {
-        "places": lengths.places(found.rest[kept]),
+        "places": lengths.places(found.rest[vertices]),
         "faces": lengths.packed.faces(number[faces]),
-        "moved": lengths.ways(found.moved[states][:, kept]),
+        "moved": lengths.movements(found.moved[states][:, vertices]),
         "missed": lengths.packed.lengths(missed, missed_step),
         "missed_step": missed_step,
         "strain": lengths.packed.shares(strain, top),
@@ -254,7 +298,7 @@ def _surface(lengths: _Lengths, found: SurfaceErrors, states: Int) -> dict[str, 
 
 
 def _states(signals: Float, found: SurfaceErrors, states: Int) -> list[dict[str, Any]]:
-    return [{"name": found.names[s], "signals": _rounded(signals[s])} for s in states]
+    return [{"name": found.names[s], "signals": _round(signals[s])} for s in states]
 
 
 def _pose(path: PosePath, states: Int) -> dict[str, Any]:
@@ -262,14 +306,14 @@ def _pose(path: PosePath, states: Int) -> dict[str, Any]:
         "name": path.name,
         "held_out": path.held_out,
         "states": np.searchsorted(states, path.states).tolist(),
-        "at": _rounded(path.at),
+        "at": _round(path.at),
     }
 
 
 def _resistance(manifest: Manifest, name: str) -> float:
-    """Of a cord at rest in the device, ohm."""
+    """Return the resistance of a cord in the device at rest, ohm."""
     return next(round(c.resistance, 1) for c in manifest.cords if c.sensor == name)
 
 
-def _rounded(numbers: Float) -> Any:
+def _round(numbers: Float) -> Any:
     return np.round(np.asarray(numbers, float), 6).tolist()

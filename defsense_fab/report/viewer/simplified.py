@@ -1,4 +1,4 @@
-"""Surfaces as light as a view on a screen needs them."""
+"""Simplify surfaces for a view on a screen."""
 
 from __future__ import annotations
 
@@ -12,47 +12,59 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.triangle_kernel import to_manifold
 
-# Fewer triangles of a surface whose vertices stay where they are, so that fields still fit.
+_MAX_STATE_BYTES = 3_000_000  # of all states, before compression
+_BYTES_PER_VERTEX = 13  # in a state: displacement, error and strain
+#: Geometric tolerances of the parts, as shares of the device's size.
+_MIN_TOLERANCE, _MAX_TOLERANCE = 1 / 4000, 1 / 250
+_MAX_TRIANGLES = 60_000  # of all parts
 
-_BYTES = 3_000_000  # of all states, before they are deflated
-_EACH = 13  # bytes of a vertex in a state: where it is, how far off it is read, its strain
 
+def decimate_faces(surface: Surface, states: int) -> Int:
+    """Reduce a surface whose fields are too large for a page, keeping vertices in place.
 
-def light_faces(surface: Surface, states: int) -> Int:
-    """The surface's triangles (f, 3), or, where its vertices in so many states were too many for a
-    page, those of some of its vertices."""
-    room = _BYTES // (_EACH * max(states, 1))
-    if len(surface.vertices) <= room:
+    Args:
+        surface: The surface.
+        states: Number of states in which each vertex has values.
+
+    Returns:
+        The surface's triangles (f, 3), or those of a subset of its vertices.
+    """
+    max_vertices = _MAX_STATE_BYTES // (_BYTES_PER_VERTEX * max(states, 1))
+    if len(surface.vertices) <= max_vertices:
         return surface.faces
-    made = igl.decimate(surface.vertices, surface.faces, 2 * (room - 2))
-    a, b, c = corners = made[3][made[1]].T
-    apart = (a != b) & (b != c) & (a != c)  # two corners may be born of one vertex
-    return np.asarray(corners.T[apart], np.int64)
+    decimated = igl.decimate(surface.vertices, surface.faces, 2 * (max_vertices - 2))
+    a, b, c = corners = decimated[3][decimated[1]].T
+    is_triangle = (a != b) & (b != c) & (a != c)  # two corners may stem from one vertex
+    return np.asarray(corners.T[is_triangle], np.int64)
 
 
-#: Of the device's size: what may be lost of its shape, at first and at most.
-_FINEST, _COARSEST = 1 / 4000, 1 / 250
-_TRIANGLES = 60_000  # of all parts
+def simplify_parts(parts: Mapping[str, Surface], size: float) -> dict[str, Surface]:
+    """Simplify parts within a tolerance.
 
+    The tolerance is a four-thousandth of the device's size; it grows only if the parts have more
+    triangles than a browser can turn smoothly. A part that is not closed is not simplified.
 
-def simplified(parts: Mapping[str, Surface], size: float) -> dict[str, Surface]:
-    """Parts within a four-thousandth of the device's `size` (mm) of what they are; further off only
-    where they have more triangles than a browser turns with ease. A part that is not closed stays
-    as it is."""
+    Args:
+        parts: Surfaces of the parts, by name.
+        size: Diagonal of the device, mm.
+
+    Returns:
+        The simplified surfaces, by name.
+    """
     solids = {}
     for name, surface in parts.items():
         try:
             solids[name] = to_manifold(surface, name)
         except FabricationError:
             solids[name] = None
-    tolerance = _FINEST * size
+    tolerance = _MIN_TOLERANCE * size
     while True:
         solids = {n: s and s.simplify(tolerance) for n, s in solids.items()}
         total = sum(s.num_tri() if s else len(parts[n].faces) for n, s in solids.items())
         tolerance *= 2
-        if total <= _TRIANGLES or tolerance > _COARSEST * size:
+        if total <= _MAX_TRIANGLES or tolerance > _MAX_TOLERANCE * size:
             break
-    return {n: in_order(_surface(s) if s else parts[n]) for n, s in solids.items()}
+    return {n: reorder_vertices(_surface(s) if s else parts[n]) for n, s in solids.items()}
 
 
 def _surface(solid: object) -> Surface:
@@ -60,15 +72,15 @@ def _surface(solid: object) -> Surface:
     return Surface(np.array(mesh.vert_properties, float)[:, :3], np.array(mesh.tri_verts, np.int64))
 
 
-def in_order(surface: Surface) -> Surface:
-    """The same surface, its vertices numbered as its triangles come to them: it packs better."""
-    order = order_of(surface.faces)
+def reorder_vertices(surface: Surface) -> Surface:
+    """Renumber vertices in the order in which triangles use them, which compresses better."""
+    order = vertex_order(surface.faces)
     number = np.empty(len(surface.vertices), np.int64)
     number[order] = np.arange(len(order))
     return Surface(surface.vertices[order], number[surface.faces])
 
 
-def order_of(faces: Int) -> Int:
-    """Vertices (v,) in the order in which faces (f, 3) come to them; all must have a face."""
-    seen, first = np.unique(faces, return_index=True)
-    return np.asarray(seen[np.argsort(first)])
+def vertex_order(faces: Int) -> Int:
+    """Return vertices (v,) in the order in which faces (f, 3) use them; all must have a face."""
+    vertices, first_use = np.unique(faces, return_index=True)
+    return np.asarray(vertices[np.argsort(first_use)])
