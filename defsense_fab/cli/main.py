@@ -55,6 +55,9 @@ _INTERRUPTED = {
     "twin": "No incomplete session is kept; solved states are reused by the next run.",
 }
 
+#: Flags that fix an error when they are added to the command, by the code of the error.
+_MISSING_FLAGS = {"unit-doubtful": "--units"}
+
 _log = logging.getLogger(__name__)
 
 
@@ -109,7 +112,8 @@ def run_command(words: Sequence[str]) -> int:
             make_parser(options.command or None).parse_args(words, options)
             _log_to_standard_error(options.verbose)
             return int(options.run(options))
-        except DefsenseError:
+        except DefsenseError as error:
+            _name_flag(error, words)
             raise
         except Exception as error:
             if interrupts:
@@ -118,6 +122,15 @@ def run_command(words: Sequence[str]) -> int:
                 raise
             _log.debug("traceback of the error", exc_info=True)
             raise _convert_system_error(error, options) from error
+
+
+def _name_flag(error: DefsenseError, words: Sequence[str]) -> None:
+    """Replace the argument that an error of the library names by its flag."""
+    flag = f"--{error.where.replace('_', '-').replace(' ', '-')}"
+    if error.where and any(word.partition("=")[0] == flag for word in words):
+        error.where = flag
+    else:
+        error.where = _MISSING_FLAGS.get(error.code, error.where)
 
 
 def _log_to_standard_error(verbose: bool) -> None:

@@ -1,4 +1,4 @@
-"""The commands `defsense calibrate ...`."""
+"""Commands `defsense calibrate ...`: specimen, coupon, clearance, fit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import DeviceError
 from ..options import add_output_options, parse_numbers
-from ..output import print_json, print_lines, progress_bars
+from ..output import console, print_json, print_lines, progress_bars
 from . import calibrate_record
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """Add the commands."""
+    """Add `calibrate` and its steps."""
     bars = progress_bars
     parent = commands.add_parser(
         "calibrate",
@@ -36,9 +36,9 @@ def add(commands: Commands) -> None:
     )
     sub.add_argument("folder", type=Path, metavar="OUT", help="Output folder")
     for name, default, text in (
-        ("length", 150.0, "of the specimen"),
-        ("thickness", 15.0, "of the specimen"),
-        ("width", 20.0, "of the specimen"),
+        ("length", 150.0, "length of the specimen"),
+        ("thickness", 15.0, "thickness of the specimen"),
+        ("width", 20.0, "width of the specimen"),
     ):
         sub.add_argument(
             f"--{name}",
@@ -59,7 +59,7 @@ def add(commands: Commands) -> None:
         metavar="R,R,...",
         help="Set the radii of the jigs' surfaces in mm (default: 75,87.5,...,250)",
     )
-    _common(sub)
+    _add_common_options(sub)
     sub.set_defaults(run=lambda options: _specimen(options, bars))
     sub = steps.add_parser(
         "coupon",
@@ -75,11 +75,11 @@ def add(commands: Commands) -> None:
         metavar="C,C,...",
         help="Set the clearances on the diameter in mm (default: 0,0.1,0.2,0.3,0.4,0.5)",
     )
-    _common(sub)
+    _add_common_options(sub)
     sub.set_defaults(run=_coupon)
     sub = steps.add_parser(
         "clearance",
-        help="Write the clearance found with the coupon to a device",
+        help="Write the clearance result with the coupon to a device",
         description="Write [fabrication] clearance to DIR/device.toml, keeping its comments and "
         "order, or remove it to use the process's clearance again.",
         examples=[
@@ -183,9 +183,15 @@ def _fit(options: argparse.Namespace, bars: Bars) -> int:
     from ...workflow.calibrate.fit_response import fit_response
 
     if not 0 <= options.spread <= 50:
-        raise DeviceError(f"--spread {options.spread:g}: give per cent, from 0 to 50")
+        raise DeviceError(
+            f"{options.spread:g} is out of range",
+            code="out-of-range",
+            where="--spread",
+            action="Give percent, from 0 to 50",
+            value=options.spread,
+        )
     with bars(options) as progress:
-        found = fit_response(
+        result = fit_response(
             options.sources,
             out=options.out,
             geometry=Geometry(options.thickness, options.offset),
@@ -196,30 +202,26 @@ def _fit(options: argparse.Namespace, bars: Bars) -> int:
             progress=progress,
         )
     if options.json:
-        print_json(found.data)
+        print_json(result.data)
         return 0
-    from rich.console import Console
-
-    d = found.data
+    d = result.data
     low, high = d["interval"]
-    neutral = "none" if d["neutral_drift"] is None else f"{d['neutral_drift']:+.2%}"
+    neutral_drift = "none" if d["neutral_drift"] is None else f"{d['neutral_drift']:+.2%}"
     lines = [
         f"k_res = {d['k_res']:.2f}  (95 %: {low:.2f} to {high:.2f})",
         d["reason"],
         f"strains {d['strain_range'][0]:.1%} to {d['strain_range'][1]:.1%}, {d['readings']}"
-        f" readings of {len(d['pieces'])} pieces; neutral cord {neutral}",
+        f" readings of {len(d['pieces'])} pieces; drift of the neutral cord: {neutral_drift}",
         *(f"note: {w}" for w in d["warnings"]),
         f"Look at: {options.out.with_suffix('.html')}",
-        f"Next:    copy {options.out} into the device's folder and write [cord] response ="
-        f' "{options.out.name}" into its device.toml',
+        f"Next:    copy {options.out} to the device folder and set [cord] response ="
+        f' "{options.out.name}" in its device.toml',
     ]
-    console = Console()
-    for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    print_lines(lines)
     return 0
 
 
-def _common(sub: argparse.ArgumentParser) -> None:
+def _add_common_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--cord",
         default="rubber-2mm",
@@ -241,7 +243,7 @@ def _specimen(options: argparse.Namespace, bars: Bars) -> int:
     from ...workflow.calibrate.calibration_parts import write_specimen
 
     with bars(options) as progress:
-        found = write_specimen(
+        result = write_specimen(
             options.folder,
             length=options.length,
             thickness=options.thickness,
@@ -253,29 +255,29 @@ def _specimen(options: argparse.Namespace, bars: Bars) -> int:
             progress=progress,
         )
     if options.json:
-        print_json(found.data)
+        print_json(result.data)
     else:
-        _show(found.data, options)
+        _print_specimen(result.data, options)
     return 0
 
 
 def _coupon(options: argparse.Namespace) -> int:
     from ...workflow.calibrate.calibration_parts import CLEARANCES, write_coupon
 
-    asked = options.clearances
-    found = write_coupon(
+    clearances = options.clearances
+    result = write_coupon(
         options.folder,
-        clearances=parse_numbers("--clearances", asked) if asked else CLEARANCES,
+        clearances=parse_numbers("--clearances", clearances) if clearances else CLEARANCES,
         cord=options.cord,
         process=options.process,
     )
     if options.json:
-        print_json(found.data)
+        print_json(result.data)
     else:
         sys.stdout.write(
             f"Look at: {options.folder}\n"
             "Next:    print the plate twice and the peg once; close the plates over a piece of cord"
-            " and find the least number at which it slides and the peg goes in by hand; then:"
+            " and find the smallest number at which it slides and the peg fits by hand; then"
             " defsense calibrate clearance DIR --fits NUMBER\n"
         )
     return 0
@@ -285,55 +287,49 @@ def _clearance(options: argparse.Namespace) -> int:
     from ...calibration.clearance import write_clearance
     from ...workflow.calibrate.calibration_parts import NO_MOULD
 
-    found = write_clearance(options.folder, options.fits)
-    now, process = found.fabrication.clearance, found.fabrication.process
-    undo = "--reset" if found.written is None else f"--fits {found.written:g}"
+    result = write_clearance(options.folder, options.fits)
+    now, process = result.fabrication.clearance, result.fabrication.process
+    undo = "--reset" if result.written is None else f"--fits {result.written:g}"
     if options.json:
         data = {
-            "file": str(found.file), "process": process, "was": found.was,
-            "written_before": found.written, "clearance": now,
+            "file": str(result.file), "process": process, "was": result.was,
+            "written_before": result.written, "clearance": now,
         }  # fmt: skip
         print_json(data)
         return 0
-    before = "of the process" if found.written is None else "as written"
-    after = f"of process {process}" if found.now is None else "written"
-    if found.fabrication.kind == "cast" and found.now is not None:
+    before = "from the process" if result.written is None else "set"
+    after = f"from process {process}" if result.now is None else "set"
+    if result.fabrication.kind == "cast" and result.now is not None:
         print_lines([f"note: {process} {NO_MOULD}"])
     sys.stdout.write(
-        f"{found.file}: [fabrication] clearance is {now:g} mm ({after}); it was {found.was:g} mm"
+        f"{result.file}: [fabrication] clearance is {now:g} mm ({after}); it was {result.was:g} mm"
         f" ({before})\n"
         f"Undo:    defsense calibrate clearance {options.folder} {undo}\n"
-        f"Next:    defsense build {options.folder}, which makes channels and sockets anew\n"
+        f"Next:    defsense build {options.folder}, which updates channels and sockets\n"
     )
     return 0
 
 
-def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
-    from rich.console import Console
+def _print_specimen(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.table import Table
 
     from ...workflow.calibrate.calibration_parts import OFFSET
 
-    console = Console()
-    table = Table(title="strain of the cords, %")
-    for column in ("jig", "neutral radius, mm", *data["channels"]):
+    table = Table(title="Strain of the cords (%)")
+    for column in ("jig", "neutral radius (mm)", *data["channels"]):
         table.add_column(column, justify="left" if column == "jig" else "right")
     for jig in data["jigs"]:
         radius = "-" if jig["radius"] is None else f"{jig['neutral_radius']:g}"
         table.add_row(jig["name"], radius, *(f"{100 * e + 0:.2f}" for e in jig["strains"]))
-    console.print(table)
-    for warning in data["warnings"]:
-        console.print(f"warning: {warning}", highlight=False, markup=False, soft_wrap=True)
+    console().print(table)
+    print_lines(f"warning: {warning}" for warning in data["warnings"])
     if data["offset"] != OFFSET:
-        console.print(
-            f"note: the outer cords lie {data['offset']:g} mm from bottom and top: give 'defsense"
-            f" calibrate fit' of a table of your own --offset {data['offset']:g}",
-            highlight=False, markup=False, soft_wrap=True,
-        )  # fmt: skip
-    console.print(
-        f"Look at: {options.folder}\nNext:    print the halves in the device's material and the"
-        " jigs in a rigid one; glue the cords into their grooves all along, and the halves",
-        highlight=False,
-        markup=False,
-        soft_wrap=True,
-    )
+        print_lines([
+            f"note: the outer cords are {data['offset']:g} mm from bottom and top. For tables, run"
+            f" 'defsense calibrate fit' with --offset {data['offset']:g}."
+        ])  # fmt: skip
+    print_lines([
+        f"Look at: {options.folder}",
+        "Next:    print the halves in the device's material and the jigs in a rigid one; glue the"
+        " cords into their grooves along the whole length, and then the halves together",
+    ])  # fmt: skip

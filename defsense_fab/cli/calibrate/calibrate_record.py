@@ -1,4 +1,4 @@
-"""The commands `defsense calibrate ports | record | reference | twin`."""
+"""Commands `defsense calibrate ports | record | reference | twin`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PORT = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed
 
 
 def add(steps: Commands) -> None:
-    """Add the commands to those of `calibrate`."""
+    """Add the commands to `calibrate`."""
     sub = steps.add_parser(
         "ports",
         help="List serial ports and show what a read-out board reads",
@@ -50,8 +50,8 @@ def add(steps: Commands) -> None:
     sub.add_argument(
         "--seconds", type=float, metavar="S", help="Stop after this time in s (default: at Ctrl-C)"
     )
-    _board(sub)
-    _ends(sub)
+    _add_board_options(sub)
+    add_output_options(sub)
     sub.set_defaults(run=_ports)
     sub = steps.add_parser(
         "record",
@@ -122,8 +122,8 @@ def add(steps: Commands) -> None:
         action="store_true",
         help="Read no keys: for twins, and for machines that bend the specimen",
     )
-    _board(sub)
-    _ends(sub)
+    _add_board_options(sub)
+    add_output_options(sub)
     sub.set_defaults(run=_record)
     sub = steps.add_parser(
         "reference",
@@ -153,7 +153,7 @@ def add(steps: Commands) -> None:
         metavar="S",
         help="Set the time to average over in s (default: 2)",
     )
-    _ends(sub)
+    add_output_options(sub)
     sub.set_defaults(run=_reference)
     sub = steps.add_parser(
         "twin",
@@ -167,15 +167,15 @@ def add(steps: Commands) -> None:
         "folder", type=Path, metavar="OUT", help="Output folder; it gets one session per specimen"
     )
     for name, default, text in (
-        ("k", 2.0, "slope of the response at rest, k_res"),
-        ("q", 0.0, "its quadratic coefficient"),
+        ("k", 2.0, "slope of the response at rest (k_res)"),
+        ("q", 0.0, "quadratic coefficient of the response"),
         ("noise", 0.002, "standard deviation of one reading of (R - R0)/R0"),
-        ("play", 0.003, "half the width of the hysteresis, of R0"),
-        ("healing", 0.1, "part of a change that relaxes"),
-        ("time", 8.0, "time constant of that, s"),
-        ("spread", 0.02, "standard deviation of the pieces' gains"),
-        ("drift", 0.0, "of all resistances, per hour"),
-        ("misplaced", 0.0, "standard deviation of the cords' heights, mm"),
+        ("play", 0.003, "half width of the hysteresis, relative to R0"),
+        ("healing", 0.1, "share of a change that relaxes"),
+        ("time", 8.0, "time constant of the relaxation in s"),
+        ("spread", 0.02, "standard deviation of the gains of the pieces"),
+        ("drift", 0.0, "drift of all resistances per hour"),
+        ("misplaced", 0.0, "standard deviation of the heights of the cords in mm"),
     ):
         sub.add_argument(
             f"--{name}", type=float, default=default, help=f"Set the {text} (default: {default:g})"
@@ -194,11 +194,11 @@ def add(steps: Commands) -> None:
         help="Set the number of rounds over all jigs (default: 3)",
     )
     sub.add_argument("--seed", type=int, default=1, help="Set the random seed (default: 1)")
-    _ends(sub)
+    add_output_options(sub)
     sub.set_defaults(run=_twin)
 
 
-def _board(sub: argparse.ArgumentParser) -> None:
+def _add_board_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--reference",
         metavar="OHM,...",
@@ -216,10 +216,6 @@ def _board(sub: argparse.ArgumentParser) -> None:
     )
 
 
-def _ends(sub: argparse.ArgumentParser) -> None:
-    add_output_options(sub)
-
-
 def _ports(options: argparse.Namespace) -> int:
     from ...capture.readout.ports import serial_ports
     from ...capture.readout.reader import ReadoutSettings
@@ -228,30 +224,30 @@ def _ports(options: argparse.Namespace) -> int:
     if options.seconds is not None:
         check_range("--seconds", options.seconds, 0.1, 1e6)
     if options.port is None:
-        return _survey(options, serial_ports())
+        return _list_ports(options, serial_ports())
     source = open_source(
         options.port, ReadoutSettings(rate=options.rate, average=options.average)
     ).source
     info = source.start()
     try:
-        return _watch(options, source, info)
+        return _show_readings(options, source, info)
     except KeyboardInterrupt:
         return 0
     finally:
         source.close()
 
 
-def _survey(options: argparse.Namespace, found: Sequence[Port]) -> int:
-    """Every port, and one look at what the read-out boards on them read."""
-    looks = [{} if options.list else _look(options, p.device) for p in found]
+def _list_ports(options: argparse.Namespace, ports: Sequence[Port]) -> int:
+    """List every port, with one reading of the read-out board on it."""
+    readings = [{} if options.list else _read_port(options, p.device) for p in ports]
     if options.json:
-        rows = [vars(p) | look for p, look in zip(found, looks, strict=True)]
+        rows = [vars(p) | reading for p, reading in zip(ports, readings, strict=True)]
         print_json(rows)
         return 0
-    if not found:
+    if not ports:
         sys.stdout.write(
-            "no serial port is plugged in\n"
-            "Next:    plug the read-out board in; or try defsense calibrate ports --port twin\n"
+            "No serial port was found.\n"
+            "Next:    connect the read-out board, or try defsense calibrate ports --port twin\n"
         )
         return 0
     from rich.console import Console
@@ -259,23 +255,25 @@ def _survey(options: argparse.Namespace, found: Sequence[Port]) -> int:
     from ..terminal.guided_measurement import bars
 
     console = Console()
-    for p, look in zip(found, looks, strict=True):
+    for p, reading in zip(ports, readings, strict=True):
         console.print(f"{p.device:<16} {p.description}", highlight=False, markup=False)
-        if "ohm" in look:
+        if "ohm" in reading:
             nan = float("nan")
             values = {f"  channel {i + 1}": nan if r is None else r
-                      for i, r in enumerate(look["ohm"])}  # fmt: skip
+                      for i, r in enumerate(reading["ohm"])}  # fmt: skip
             console.print(bars(values))
-        elif look:
-            console.print(f"  {look['problem']}", highlight=False, markup=False, soft_wrap=True)
-    best = next((p.device for p, look in zip(found, looks, strict=True) if "ohm" in look), None)
-    console.print(f"Next:    defsense calibrate ports --port {best or found[0].device}",
+        elif reading:
+            console.print(f"  {reading['problem']}", highlight=False, markup=False, soft_wrap=True)
+    best = next(
+        (p.device for p, reading in zip(ports, readings, strict=True) if "ohm" in reading), None
+    )
+    console.print(f"Next:    defsense calibrate ports --port {best or ports[0].device}",
                   highlight=False)  # fmt: skip
     return 0
 
 
-def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
-    """Resistances on a port, or why there are none."""
+def _read_port(options: argparse.Namespace, port: str) -> dict[str, Any]:
+    """Return the resistances of the board on a port, or the problem."""
     import numpy as np
 
     from ...capture.readout.reader import ReadoutSettings
@@ -291,13 +289,13 @@ def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
         return {"problem": str(error).removeprefix(f"{port}: ")}
     finally:
         source.close()
-    known = np.array(parse_references(options.reference or f"{REFERENCE_OHM:g}", info.channels))
-    ohm = Dividers(known, float(info.full_scale)).resistance(latest.sample.counts)
+    reference = np.array(parse_references(options.reference or f"{REFERENCE_OHM:g}", info.channels))
+    ohm = Dividers(reference, float(info.full_scale)).resistance(latest.sample.counts)
     return {"ohm": [float(r) if np.isfinite(r) else None for r in ohm]}
 
 
-def _watch(options: argparse.Namespace, source: Source, info: Info) -> int:
-    """Live values until the time is over or the source has no more."""
+def _show_readings(options: argparse.Namespace, source: Source, info: Info) -> int:
+    """Show readings until the time is over or the source ends."""
     import numpy as np
     from rich.console import Console
     from rich.live import Live
@@ -326,10 +324,15 @@ def _watch(options: argparse.Namespace, source: Source, info: Info) -> int:
                 live.update(bars(named), refresh=not options.json)
     s = source.statistics
     if ohm is None:
-        raise CaptureError(f"{source.name}: no sample arrived")
+        raise CaptureError(
+            "no sample arrived",
+            code="no-samples",
+            where=source.name,
+            action="Check the read-out board and its cable",
+        )
     if options.json:
-        told = [float(r) if np.isfinite(r) else None for r in ohm]
-        print_json({"ohm": told, **vars(s)})
+        values = [float(r) if np.isfinite(r) else None for r in ohm]
+        print_json({"ohm": values, **vars(s)})
     else:
         sys.stdout.write(f"\n{s.samples} samples, {s.lost} lost, {s.bad} damaged frames\n")
     return 0
@@ -343,13 +346,18 @@ def _record(options: argparse.Namespace) -> int:
     from ..terminal.guided_measurement import MeasurementLines, MeasurementTerminal
 
     if options.port.endswith(".csv"):
-        raise DeviceError(f"--port {options.port}: a recording cannot be measured again")
-    about = sessions.read_specimen(options.specimen)
-    beside = options.specimen if options.specimen.is_dir() else options.specimen.parent
-    folder = options.out or beside / "session"
-    wanted = _wanted(options, about)
-    session, begun = sessions.create_or_resume(
-        folder, wanted, [k for k in wanted if k in _given(options)]
+        raise DeviceError(
+            f"{options.port} is a recording, which cannot be measured again",
+            code="port-is-recording",
+            where="--port",
+            action="Give the port of a read-out board, or twin",
+        )
+    specimen = sessions.read_specimen(options.specimen)
+    parent = options.specimen if options.specimen.is_dir() else options.specimen.parent
+    folder = options.out or parent / "session"
+    fields = _session_fields(options, specimen)
+    session, is_resumed = sessions.create_or_resume(
+        folder, fields, [k for k in fields if k in _given_fields(options)]
     )
     settings = ReadoutSettings(channels=3, average=session.average, rate=session.rate)
     try:
@@ -367,49 +375,61 @@ def _record(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         done = False
     except DefsenseError:
-        if not begun:
+        if not is_resumed:
             sessions.discard_empty(session)
         raise
-    return _recorded(options, session, done)
+    return _print_recorded(options, session, done)
 
 
-#: Options of `record` by what they set in a session, with what is taken where they are not given.
-_PLAN = {
+#: Options of `record`, by their field of a session, with the defaults of a new session.
+_DEFAULTS = {
     "name": None, "rounds": 3, "radii": None, "faces": "ab", "tolerance": 0.05, "longest": 90.0,
     "seed": 1, "reference": f"{REFERENCE_OHM:g}", "rate": 20, "average": None,
 }  # fmt: skip
 
 
-def _given(options: argparse.Namespace) -> set[str]:
-    """What of a session the user named."""
-    given = {name for name in _PLAN if getattr(options, name) is not None}
+def _given_fields(options: argparse.Namespace) -> set[str]:
+    """Return the fields of a session that the user has set."""
+    given = {name for name in _DEFAULTS if getattr(options, name) is not None}
     return {{"tolerance": "criterion", "longest": "criterion"}.get(n, n) for n in given}
 
 
-def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any]:
-    """Of a new session. Raises DeviceError for options that make none."""
+def _session_fields(options: argparse.Namespace, specimen: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a new session, after checking the options."""
     from ...calibration.readings import MIN_RADII
     from ...core.storage.session_manifest import Criterion
 
     o: dict[str, Any] = {
-        n: d if getattr(options, n) is None else getattr(options, n) for n, d in _PLAN.items()
+        n: d if getattr(options, n) is None else getattr(options, n) for n, d in _DEFAULTS.items()
     }
     for name, low, high in (
         ("rounds", 1, 100), ("rate", 1, 500), ("tolerance", 1e-4, 10), ("longest", 10, 3600),
         ("seed", 0, 2**32),
     ):  # fmt: skip
         check_range(f"--{name}", o[name], low, high)
-    radii = about["radii"] if o["radii"] is None else parse_numbers("--radii", o["radii"])
-    strange = [r for r in radii if r not in about["radii"]]
-    if strange:
-        have = ", ".join(f"{r:g}" for r in about["radii"])
-        raise DeviceError(f"--radii: {strange[0]:g} is none of the specimen's jigs: {have}")
+    radii = specimen["radii"] if o["radii"] is None else parse_numbers("--radii", o["radii"])
+    unknown = [r for r in radii if r not in specimen["radii"]]
+    if unknown:
+        available = ", ".join(f"{r:g}" for r in specimen["radii"])
+        raise DeviceError(
+            f"{unknown[0]:g} is not the radius of one of the specimen's jigs",
+            code="unknown-radius",
+            where="--radii",
+            action=f"Choose from {available}",
+            radius=unknown[0],
+        )
     if len(set(radii)) < max(len(radii), MIN_RADII):
-        raise DeviceError(f"--radii: give {MIN_RADII} different ones or more")
+        raise DeviceError(
+            f"{len(set(radii))} different radii are too few",
+            code="too-few-radii",
+            where="--radii",
+            action=f"Give {MIN_RADII} different radii or more",
+            count=len(set(radii)),
+        )
     return {
-        "name": o["name"] or f"{about['length']:g}",
-        "geometry": about["geometry"],
-        "length": about["length"],
+        "name": o["name"] or f"{specimen['length']:g}",
+        "geometry": specimen["geometry"],
+        "length": specimen["length"],
         "radii": radii,
         "rounds": o["rounds"],
         "faces": list(o["faces"]),
@@ -421,25 +441,26 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
     }
 
 
-def _recorded(options: argparse.Namespace, session: CalibrationSession, done: bool) -> int:
+def _print_recorded(options: argparse.Namespace, session: CalibrationSession, done: bool) -> int:
     from ...calibration import session as sessions
 
-    left = len(sessions.unfinished_steps(session))
+    remaining = len(sessions.unfinished_steps(session))
     total = len(session.steps)
     if options.json:
-        data = {"session": str(session.folder), "finished": done, "left": left, "steps": total}
+        data = {"session": str(session.folder), "finished": done, "left": remaining, "steps": total}
         print_json(data)
-    elif done and not left:
+    elif done and not remaining:
         sys.stdout.write(
-            f"all {total} readings are done: {session.folder}\n"
+            f"All {total} readings are complete: {session.folder}\n"
             f"Next:    defsense calibrate fit {session.folder} (and other specimens' sessions)\n"
         )
     else:
         sys.stdout.write(
-            f"stopped with {total - left} of {total} readings; every frame is in {session.folder}\n"
-            "Next:    the same command goes on with the others; fit takes what there is\n"
+            f"Stopped after {total - remaining} of {total} readings; all frames are in"
+            f" {session.folder}\n"
+            "Next:    rerun the command to resume; fit accepts incomplete sessions\n"
         )
-    return DONE if done and not left else STOPPED
+    return DONE if done and not remaining else STOPPED
 
 
 def _reference(options: argparse.Namespace) -> int:
@@ -461,7 +482,12 @@ def _reference(options: argparse.Namespace) -> int:
     finally:
         source.close()
     if not counts:
-        raise CaptureError(f"{source.name}: no sample arrived")
+        raise CaptureError(
+            "no sample arrived",
+            code="no-samples",
+            where=source.name,
+            action="Check the read-out board and its cable",
+        )
     found = measure_reference(np.mean(counts, axis=0), options.known, float(info.full_scale))
     words = ",".join(f"{r:.1f}" for r in found)
     if options.json:
@@ -487,12 +513,22 @@ def _twin(options: argparse.Namespace) -> int:
     for length in lengths:
         check_range("--lengths", length, 10, 1000)
     folders = [options.folder / f"session-{length:g}" for length in lengths]
-    there = [f for f in folders if f.exists()]
-    if there or len(set(folders)) < len(folders):
+    existing = [f for f in folders if f.exists()]
+    if len(set(folders)) < len(folders):
         raise DeviceError(
-            f"{there[0]}: is there already; choose another folder" if there
-            else f"--lengths {options.lengths}: give different ones"
-        )  # fmt: skip
+            f"{options.lengths} has equal lengths",
+            code="lengths-not-unique",
+            where="--lengths",
+            action="Give different lengths",
+        )
+    if existing:
+        raise DeviceError(
+            "exists already",
+            code="session-exists",
+            where=existing[0],
+            action="Choose another folder",
+            path=existing[0],
+        )
     spec = ResponseSpec("quadratic", {"k": options.k, "q": options.q}, (-0.1, 0.1))
     traits = CordTraits(
         build_response(spec), options.noise, options.play, options.healing, options.time,

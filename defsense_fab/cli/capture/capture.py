@@ -1,4 +1,4 @@
-"""The commands `defsense capture ...`."""
+"""Commands `defsense capture ...`: markers, cameras, recording, tracks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """Add the commands."""
+    """Add `capture` and its steps."""
     bars = progress_bars
     parent = commands.add_parser(
         "capture",
@@ -124,7 +124,7 @@ def _add_process(steps: Commands, bars: Bars) -> None:
         help="Rotate the first camera's frame (y down) so that this axis points upwards in "
         "its picture; for videos",
     )
-    ends(sub)
+    add_output_options(sub)
     sub.set_defaults(run=lambda options: _process(options, bars))
 
 
@@ -148,7 +148,7 @@ def _add_convert(steps: Commands) -> None:
         help="Set what points upwards in FROM, for --up: y, z, or camera (y down, z "
         "forwards, as 'process' writes)",
     )
-    ends(sub)
+    add_output_options(sub)
     sub.set_defaults(run=_convert)
 
 
@@ -159,33 +159,37 @@ def _convert(options: argparse.Namespace) -> int:
     check_suffix(options.out)
     if options.up and not options.source_up:
         raise DeviceError(
-            "--up: say what points upwards in the file that is read: --source-up camera (y down, as"
-            " 'process' writes), y or z"
+            "the upward axis of the file is unknown",
+            code="options-incomplete",
+            where="--up",
+            action="Give --source-up camera (y down, as 'process' writes), y or z",
+            option="--source-up",
         )
     if options.source_up and not options.up:
-        raise DeviceError("--source-up is for --up: give the axis that is to point upwards, too")
-    tracks, frame = read_tracks(options.source), "as it was"
+        raise DeviceError(
+            "applies to --up only",
+            code="options-incomplete",
+            where="--source-up",
+            action="Give --up with the axis that will point upwards",
+            option="--up",
+        )
+    tracks, frame = read_tracks(options.source), "unchanged"
     if options.up:
         tracks, frame = change_axes(tracks, options.source_up, options.up), AXES[options.up]
     written = write_tracks(options.out, tracks)
-    seen = float(tracks.visible.mean()) if tracks.points.size else 0.0
+    visible = float(tracks.visible.mean()) if tracks.points.size else 0.0
     data = {"frames": written.frames, "rate": written.rate, "gaps": written.gaps,
-            "markers": len(tracks.ids), "seen": seen, "frame": frame}  # fmt: skip
+            "markers": len(tracks.ids), "seen": visible, "frame": frame}  # fmt: skip
     if options.json:
         print_json(data)
     else:
         print_lines([
-            f"{written.summary}; {data['markers']} markers, {seen:.0%} seen in"
+            f"{written.summary}; {data['markers']} markers, {visible:.0%} visible in"
             f" {len(tracks.time)} frames",
             f"frame: {frame}",
             f"Look at: {options.out}",
         ])  # fmt: skip
     return 0
-
-
-def ends(sub: argparse.ArgumentParser) -> None:
-    """Options that all commands end with."""
-    add_output_options(sub)
 
 
 def _process(options: argparse.Namespace, bars: Bars) -> int:
@@ -195,38 +199,70 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
     from ...capture.videos.video_tracks import process_videos
 
     if (options.session is None) == (options.videos is None):
-        raise DeviceError("give either a SESSION or --videos")
+        raise DeviceError(
+            "either a SESSION or --videos is required, and not both",
+            code="sources-missing",
+            action="Give one of them",
+        )
     if options.out is not None:
         check_suffix(options.out)
-        _writable(options.out)
+        _check_writable(options.out)
     if options.smooth is not None and not 0 < options.smooth < 1e6:
-        raise DeviceError(f"--smooth {options.smooth:g}: give seconds, above 0")
-    alone = "--tag-size", "--dictionary", "--rate", "--offsets", "--frame", "--up"
+        raise DeviceError(
+            f"{options.smooth:g} is out of range",
+            code="out-of-range",
+            where="--smooth",
+            action="Give seconds, above 0",
+            value=options.smooth,
+        )
+    video_options = "--tag-size", "--dictionary", "--rate", "--offsets", "--frame", "--up"
     if options.session is not None:
-        for name in alone:
+        for name in video_options:
             if getattr(options, name[2:].replace("-", "_")) is not None:
-                raise DeviceError(f"{name} is for --videos: a session knows its own")
+                raise DeviceError(
+                    "applies to --videos only, since a session has its own value",
+                    code="options-conflict",
+                    where=name,
+                    action="Omit the option",
+                    option=name,
+                )
         return _process_session(options, bars)
     if options.tag_size is None:
-        raise DeviceError("--tag-size is missing: the side of a tag's black square, mm")
+        raise DeviceError(
+            "is required for --videos",
+            code="options-incomplete",
+            where="--tag-size",
+            action="Give the side of a tag's black square in mm",
+            option="--tag-size",
+        )
     if options.rate is not None and not 0 < options.rate <= 10_000:
-        raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
+        raise DeviceError(
+            f"{options.rate:g} is out of range",
+            code="out-of-range",
+            where="--rate",
+            action="Give frames per second, above 0",
+            value=options.rate,
+        )
     world = options.frame == "world"
     if world and options.up:
         raise DeviceError(
-            "--up turns the first camera's frame, and only the calibration's author knows which way"
-            " is up in its world; turn that with 'defsense capture convert --up --source-up'"
+            "rotates the first camera's frame and cannot be combined with --frame world, whose"
+            " upward axis is unknown",
+            code="options-conflict",
+            where="--up",
+            action="Rotate the tracks with 'defsense capture convert --up --source-up'",
+            option="--up",
         )
     offsets = parse_numbers("--offsets", options.offsets, "s") if options.offsets else None
     out = options.out or Path("tracks.csv")
-    _writable(out)
+    _check_writable(out)
     with bars(options) as progress:
-        found = process_videos(
+        result = process_videos(
             options.videos, options.calibration, options.tag_size, options.dictionary or "4X4_50",
             rate=options.rate, offsets=offsets, world=world,
             progress=progress,
         )  # fmt: skip
-    tracks, quality = found.tracks, found.quality
+    tracks, quality = result.tracks, result.quality
     if options.up:
         tracks = change_axes(tracks, "camera", options.up)
     if not world:
@@ -239,19 +275,37 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         quality |= {"rate": written.rate, "gaps": written.gaps}
         print_json(quality)
         return 0
-    show_quality(quality)
-    print_lines([f"written: {written.summary}", f"frame: {quality['frame']}", f"Look at: {out}"])
+    print_quality(quality)
+    print_lines([f"Wrote:   {written.summary}", f"frame: {quality['frame']}", f"Look at: {out}"])
     return 0
 
 
-def _writable(out: Path) -> None:
-    """Raises StorageError, before the work and not after it, where nothing can be written."""
+def _check_writable(out: Path) -> None:
+    """Raise StorageError if a file cannot be written, before the long work starts."""
     if not out.parent.is_dir():
-        raise StorageError(f"{out}: there is no folder {out.parent}; make it, or choose another")
+        raise StorageError(
+            f"the folder {out.parent} does not exist",
+            code="folder-not-result",
+            where=out,
+            action="Create it, or choose another",
+            path=out,
+        )
     if out.is_dir():
-        raise StorageError(f"{out}: is a folder; give a file in it")
+        raise StorageError(
+            "is a folder",
+            code="not-a-file",
+            where=out,
+            action="Give a file in it",
+            path=out,
+        )
     if not os.access(out.parent, os.W_OK):
-        raise StorageError(f"{out}: {out.parent} cannot be written to; choose another folder")
+        raise StorageError(
+            f"the folder {out.parent} is not writable",
+            code="folder-not-writable",
+            where=out,
+            action="Choose another folder",
+            path=out,
+        )
 
 
 def _process_session(options: argparse.Namespace, bars: Bars) -> int:
@@ -261,14 +315,14 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
     from ...workflow.sessions.processing import process_session
 
     with bars(options) as progress:
-        found = process_session(
+        result = process_session(
             options.session, anchor=options.align, video=options.from_video,
             tracks=options.tracks, progress=progress,
         )  # fmt: skip
-    q = found.quality
+    q = result.quality
     written = None
     if options.out is not None:
-        aligned = found.aligned
+        aligned = result.aligned
         smoothed = smooth(aligned, options.smooth) if options.smooth else aligned
         written = write_tracks(options.out, smoothed)
     if options.json:
@@ -277,10 +331,12 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
     lines = []
     for run in q["runs"]:
         s = run["sync"]
-        error = "not known" if s.get("error_ms") is None else f"{s['error_ms']:.1f} ms"
-        lines.append(f"{run['run']}: {run['ended']}; clocks by {s['method']}, error {error}")
+        error = "unknown" if s.get("error_ms") is None else f"{s['error_ms']:.1f} ms"
+        lines.append(
+            f"{run['run']}: {run['ended']}; clocks aligned by {s['method']}, error {error}"
+        )
         lines += [f"  warning: {w}" for w in run["tracks"]["warnings"] + s.get("notes", [])]
-    lines += [f"{s['run']} was left out: {s['why']}" for s in q["skipped"]]
+    lines += [f"{s['run']} was skipped: {s['why']}" for s in q["skipped"]]
     residual = q["residual"]["median"]
     lines += [
         f"{q['frames']} frames, {q['aligned_frames']:.0%} aligned to rest by {q['aligned_by']}"
@@ -293,14 +349,14 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
     return 0
 
 
-def show_quality(q: dict[str, Any]) -> None:
-    """What tracks are worth, in lines."""
+def print_quality(q: dict[str, Any]) -> None:
+    """Print the quality of tracks."""
 
     def mm(value: float | None) -> str:
         return "-" if value is None else f"{value:.3f} mm"
 
     lines = [
-        f"{q['markers']} tags in {q['frames']} frames, seen in {q['seen']:.0%} of them:"
+        f"{q['markers']} tags in {q['frames']} frames, visible in {q['seen']:.0%} of them:"
         f" {q['by_several']:.0%} by several cameras (standard deviation {mm(q['sigma_several'])}),"
         f" {q['by_one']:.0%} by one ({mm(q['sigma_one'])})",
     ]
@@ -308,10 +364,10 @@ def show_quality(q: dict[str, Any]) -> None:
         lines.append(f"residual {q['residual']:.3f} px")
     if q["size"] is not None:
         lines.append(
-            f"the tags' sides are {q['size']:.3f} mm to these cameras (standard deviation"
-            f" {mm(q['size_sigma'])}), {q['tag_size']:g} mm was told"
+            f"the cameras measure tags of {q['size']:.3f} mm (standard deviation"
+            f" {mm(q['size_sigma'])}); {q['tag_size']:g} mm was given"
         )
     if q["impossible"]:
-        lines.append(f"{q['impossible']} places were taken out: nothing moves like that")
+        lines.append(f"{q['impossible']} positions with impossible movement were removed")
     lines += [f"warning: {w}" for w in q["warnings"]]
     print_lines(lines)

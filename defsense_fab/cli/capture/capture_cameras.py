@@ -1,4 +1,4 @@
-"""The commands `defsense capture camera calibrate | arrange | check`."""
+"""Commands `defsense capture camera calibrate | arrange | check`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def add(steps: Commands, bars: Bars) -> None:
-    """Add the commands to those of `capture`; `bars` shows progress."""
+    """Add the commands to `capture`; `bars` shows progress."""
     parent = steps.add_parser(
         "camera",
         help="Calibrate cameras with a printed board, arrange them, check them",
@@ -49,7 +49,7 @@ def add(steps: Commands, bars: Bars) -> None:
         ],
     )
     sub.usage = f"{sub.prog} SOURCE [SOURCE ...] --board DIR [--name NAME ...] [options]"
-    _common(sub)
+    _add_common_arguments(sub)
     sub.add_argument(
         "--name",
         action="extend",
@@ -85,7 +85,7 @@ def add(steps: Commands, bars: Bars) -> None:
             " --calibration cameras.toml"
         ],
     )
-    _common(sub)
+    _add_common_arguments(sub)
     sub.add_argument(
         "--views",
         type=int,
@@ -107,7 +107,7 @@ def add(steps: Commands, bars: Bars) -> None:
         "still valid. The exit code is 1 if it is not.",
         examples=["defsense capture camera check a.mkv b.mkv --board my-cameras"],
     )
-    _common(sub)
+    _add_common_arguments(sub)
     sub.add_argument(
         "--views",
         type=int,
@@ -118,7 +118,7 @@ def add(steps: Commands, bars: Bars) -> None:
     sub.set_defaults(run=lambda options: _check(options, bars))
 
 
-def _common(sub: argparse.ArgumentParser) -> None:
+def _add_common_arguments(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "sources",
         nargs="+",
@@ -144,33 +144,58 @@ def _common(sub: argparse.ArgumentParser) -> None:
     add_output_options(sub)
 
 
-def _live(sources: Sequence[str]) -> bool:
-    """Whether the sources are cameras. Raises DeviceError where only some are."""
+def _are_live(sources: Sequence[str]) -> bool:
+    """Return whether the sources are live cameras, or raise DeviceError if only some are."""
     live = [s.isdigit() or s.startswith("/dev/") for s in sources]
     if any(live) and not all(live):
-        raise DeviceError("give either cameras (0, /dev/video0) or recordings, not both")
+        raise DeviceError(
+            "cameras and recordings are mixed",
+            code="sources-mixed",
+            where="SOURCE",
+            action="Give either cameras (0, /dev/video0) or recordings",
+        )
     return all(live)
 
 
-def _board(options: argparse.Namespace) -> CharucoBoard:
-    """What the sources show, after a look at the other options. Raises DeviceError."""
-    if not _twin_meant(options) and any(_is_twin(s) for s in options.sources):
+def _load_board(options: argparse.Namespace) -> CharucoBoard:
+    """Return the board that the sources show, after checking the other options."""
+    if not _is_twin_source(options) and any(_is_twin(s) for s in options.sources):
         raise DeviceError(
-            "twin stands for all cameras: give it alone; twin:cameras=3 has three of them"
+            "twin stands for all cameras and cannot be combined with other sources",
+            code="twin-not-alone",
+            where="SOURCE",
+            action="Give it alone; twin:cameras=3 has three cameras",
         )
     if options.rate is not None and not 0 < options.rate <= 10_000:
-        raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
+        raise DeviceError(
+            f"{options.rate:g} is out of range",
+            code="out-of-range",
+            where="--rate",
+            action="Give frames per second, above 0",
+            value=options.rate,
+        )
     if not 1 <= options.views <= 80:
-        raise DeviceError(f"--views {options.views}: give a number from 1 to 80")
+        raise DeviceError(
+            f"{options.views} is out of range",
+            code="out-of-range",
+            where="--views",
+            action="Give a number from 1 to 80",
+            value=options.views,
+        )
     if not options.calibration.parent.is_dir():
-        raise DeviceError(f"{options.calibration}: there is no folder {options.calibration.parent}")
+        raise DeviceError(
+            f"the folder {options.calibration.parent} does not exist",
+            code="folder-not-result",
+            where=options.calibration,
+            action="Create it, or choose another",
+        )
     from ...capture.tags.tag_patterns import load_board
 
     board = load_board(options.board)
     if board.measured is None and not options.json:
         sys.stderr.write(
-            "note: the board's squares were never measured: lengths are as exact as the printer;"
-            f" defsense capture board {options.board} --measured MM\n"
+            "note: the squares of the board were not measured, so lengths are as accurate as the"
+            f" printer. Run: defsense capture board {options.board} --measured MM\n"
         )
     return board
 
@@ -179,13 +204,13 @@ def _is_twin(source: str) -> bool:
     return source.partition(":")[0] == "twin"
 
 
-def _twin_meant(options: argparse.Namespace) -> bool:
+def _is_twin_source(options: argparse.Namespace) -> bool:
     return len(options.sources) == 1 and _is_twin(options.sources[0])
 
 
-def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
-    """The twin, where one is meant; the sources are its cameras then. Raises DeviceError."""
-    if not _twin_meant(options):
+def _create_twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
+    """Return the twin if it is the source, and replace the sources by its cameras."""
+    if not _is_twin_source(options):
         return None
     seed, count, kind = parse_twin_cameras("SOURCE", options.sources[0])
     from ...twin.live.board_twin import BoardTwin
@@ -196,20 +221,23 @@ def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
 
 
 def _screen(twin: BoardTwin | None) -> BoardTerminal | BoardLines:
-    """What shows live cameras; lines, where a twin needs no keys and there is no terminal."""
+    """Return the display of live cameras: plain lines for a twin without a terminal."""
     from ..terminal.camera_calibration import BoardLines, BoardTerminal
 
     terminal = twin is None or (sys.stdin.isatty() and sys.stdout.isatty())
     return BoardTerminal() if terminal else BoardLines()
 
 
-def _names(options: argparse.Namespace) -> list[str]:
+def _camera_names(options: argparse.Namespace) -> list[str]:
     given = options.name or []
     if given and len(given) != len(options.sources):
         raise DeviceError(
-            f"--name {' '.join(given)}: names {len(given)} cameras, but there are"
-            f" {len(options.sources)} sources ({' '.join(options.sources)}); give one name for"
-            " each, in their order"
+            f"{' '.join(given)} names {len(given)} cameras, but there are"
+            f" {len(options.sources)} sources ({' '.join(options.sources)})",
+            code="camera-count-differs",
+            where="--name",
+            action="Give one name per source, in their order",
+            count=len(given),
         )
     names = given or [
         f"cam_{k}" if s.isdigit() or s.startswith("/dev/") else Path(s).stem
@@ -222,10 +250,10 @@ def _names(options: argparse.Namespace) -> list[str]:
 
 
 def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
-    board, given = _board(options), options.sources[0]
-    twin = _twin(options, board)
-    names = _names(options)
-    if twin or _live(options.sources):
+    board, given = _load_board(options), options.sources[0]
+    twin = _create_twin(options, board)
+    names = _camera_names(options)
+    if twin or _are_live(options.sources):
         from ...capture.cameras.image_sources import Webcam
         from ...workflow.cameras.live_views import Opener, calibrate_live
 
@@ -255,13 +283,13 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
     for d in data:
         lines.append(
             f"{d['name']}: {d['error']:.3f} px over {d['views'] - d['left_out']} views"
-            f" ({d['left_out']} left out), focal length {d['focal'][0]:.1f} +-"
-            f" {d['focal_sigma'][0]:.1f} px, {d['coverage']:.0%} of the picture covered"
+            f" ({d['left_out']} excluded), focal length {d['focal'][0]:.1f} +-"
+            f" {d['focal_sigma'][0]:.1f} px, {d['coverage']:.0%} of the image covered"
         )
-        lines += [f"  better: {h}" for h in d["hints"][:3]]
+        lines += [f"  improvement: {h}" for h in d["hints"][:3]]
         if "true_focal" in d:
-            off = d["focal"][0] / d["true_focal"][0] - 1
-            lines.append(f"  true focal length {d['true_focal'][0]:.1f} px: off by {off:+.2%}")
+            deviation = d["focal"][0] / d["true_focal"][0] - 1
+            lines.append(f"  true focal length {d['true_focal'][0]:.1f} px, error {deviation:+.2%}")
     lines += [
         f"Look at: {options.calibration.with_suffix('.html')}",
         f"Next:    defsense capture camera arrange {given if twin else 'SOURCE SOURCE'} --board"
@@ -272,11 +300,17 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
 
 
 def _arrange(options: argparse.Namespace, bars: Bars) -> int:
-    board, given = _board(options), options.sources[0]
-    twin = _twin(options, board)
+    board, given = _load_board(options), options.sources[0]
+    twin = _create_twin(options, board)
     if not 2 <= len(options.sources) <= 6:
-        raise DeviceError("arrange takes 2 to 6 cameras; one alone needs no arranging")
-    if twin or _live(options.sources):
+        raise DeviceError(
+            f"{len(options.sources)} cameras cannot be arranged",
+            code="camera-count-invalid",
+            where="SOURCE",
+            action="Give 2 to 6 cameras; a single camera need not be arranged",
+            count=len(options.sources),
+        )
+    if twin or _are_live(options.sources):
         from ...capture.cameras.image_sources import Webcam
         from ...workflow.cameras.live_views import Opener, arrange_live
 
@@ -300,10 +334,10 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
         print_json(data)
         return 0
     lines = [
-        f"{data['boards']} boards, {data['error']:.3f} px; their corners are where they should be"
-        f" to {data['length_error']:.3f} mm"
+        f"{data['boards']} boards, {data['error']:.3f} px; error of the board's corners:"
+        f" {data['length_error']:.3f} mm"
     ]
-    true = [f" (truly {x:.1f} mm)" for x in data.get("true_distances", [])]
+    true = [f" (true: {x:.1f} mm)" for x in data.get("true_distances", [])]
     lines += [
         f"{name}: {distance:.1f} mm from {data['names'][0]}{more}, {error:.3f} px"
         for name, distance, error, more in zip(
@@ -325,51 +359,54 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
 
 
 def _check(options: argparse.Namespace, bars: Bars) -> int:
-    board = _board(options)
-    twin = _twin(options, board)
-    if twin or _live(options.sources):
+    board = _load_board(options)
+    twin = _create_twin(options, board)
+    if twin or _are_live(options.sources):
         from ...capture.cameras.image_sources import Webcam
         from ...workflow.cameras.live_views import Opener, check_live
 
         opener: Opener = twin.together(again=True) if twin else Webcam
         with _screen(twin) as screen:
-            found = check_live(
+            result = check_live(
                 options.sources, board, options.calibration, options.views, screen, opener
             )
     else:
         from ...workflow.cameras.recorded_views import check_cameras
 
         with bars(options) as progress:
-            found = check_cameras(
+            result = check_cameras(
                 [Path(s) for s in options.sources], board, options.calibration, options.rate,
                 progress,
             )  # fmt: skip
-    check, cause = found.check, found.cause
+    check, cause = result.check, result.cause
     if options.json:
         data = {
-            "holds": check.holds, "own": [_finite(x) for x in check.camera_errors], "boards": check.boards,
+            "holds": check.holds,
+            "own": [_finite(x) for x in check.camera_errors], "boards": check.boards,
             "together": _finite(check.ray_error), "length": _finite(check.corner_error),
             "cause": cause and cause.kind, "square": cause and cause.square,
             "order": cause and cause.order and [options.sources[k] for k in cause.order],
         }  # fmt: skip
         print_json(data)
         return DONE if check.holds else NO
-    own = ", ".join(
-        f"{name} {f'{x:.2f} px' if isfinite(x) else 'did not see the board'}"
-        for name, x in zip(found.names, check.camera_errors, strict=True)
+    errors = ", ".join(
+        f"{name} {f'{x:.2f} px' if isfinite(x) else 'does not see the board'}"
+        for name, x in zip(result.names, check.camera_errors, strict=True)
     )
-    lines = [f"alone: {own}"]
+    lines = [f"each camera: {errors}"]
     if isfinite(check.ray_error):
         corners = (
             f"corners of the board by {check.corner_error:.3f} mm"
             if isfinite(check.corner_error)
-            else "and meet in no board"
+            else "and do not meet in a board"
         )
         lines.append(
-            f"together: rays miss by {check.ray_error:.2f} px, {corners} ({check.boards} views)"
+            f"all cameras: rays miss by {check.ray_error:.2f} px, {corners} ({check.boards} views)"
         )
-    said = "The calibration does not hold: " + _why(options, board, found) if cause else ""
-    print_lines([*lines, said or "The calibration holds."])
+    verdict = "The calibration is valid."
+    if cause:
+        verdict = "The calibration is not valid: " + _describe_cause(options, board, result)
+    print_lines([*lines, verdict])
     return DONE if check.holds else NO
 
 
@@ -377,44 +414,48 @@ def _finite(value: float) -> float | None:
     return float(value) if isfinite(value) else None
 
 
-def _why(options: argparse.Namespace, board: CharucoBoard, found: Diagnosis) -> str:
-    """The cause in words, and what to do."""
+def _describe_cause(options: argparse.Namespace, board: CharucoBoard, result: Diagnosis) -> str:
+    """Describe why a calibration is not valid, and what to do."""
     from ...capture.cameras.rig_check import MAX_ERROR_PX
 
-    cause, names = found.cause, found.names
+    cause, names = result.cause, result.names
     assert cause is not None
     if cause.kind == "order" and cause.order is not None:
         given = [options.sources[k] for k in cause.order]
         pairs = ", ".join(f"{s} is camera {n}" for s, n in zip(given, names, strict=True))
-        said = f"the sources are swapped: {pairs}. Give them in this order: {' '.join(given)}."
-        return said + (f" Besides, {_size(options, board, cause.square)}" if cause.square else "")
+        text = f"the sources are swapped: {pairs}. Give them in this order: {' '.join(given)}."
+        return text + (
+            f" In addition, {_describe_size(options, board, cause.square)}" if cause.square else ""
+        )
     if cause.kind == "board" and cause.square is not None:
-        return _size(options, board, cause.square)
+        return _describe_size(options, board, cause.square)
     if cause.kind == "lens":
-        bad = [n for n, x in zip(names, found.check.camera_errors, strict=True) if x > MAX_ERROR_PX]
+        bad = [
+            n for n, x in zip(names, result.check.camera_errors, strict=True) if x > MAX_ERROR_PX
+        ]
         return (
             f"zoom, focus or resolution of {' and '.join(bad)} has changed. Calibrate again, then"
             " arrange."
         )
-    odd = [n for n, x in zip(names, found.check.disagreeing, strict=True) if x]
-    who = f"camera {odd[0]}" if len(odd) == 1 else "a camera"
-    return f"{who} has been moved. Arrange them again."
+    moved = [n for n, x in zip(names, result.check.disagreeing, strict=True) if x]
+    camera = f"camera {moved[0]}" if len(moved) == 1 else "a camera"
+    return f"{camera} has been moved. Arrange the cameras again."
 
 
-def _size(options: argparse.Namespace, board: CharucoBoard, square: float) -> str:
-    """What to say of squares of another size, mm, than stated."""
+def _describe_size(options: argparse.Namespace, board: CharucoBoard, square: float) -> str:
+    """Describe squares whose size, in mm, differs from the stated one."""
     stated = board.scale * board.square
-    todo = f"store it: defsense capture board {options.board} --measured MM"
+    action = f"store it: defsense capture board {options.board} --measured MM"
     try:
         board.measure(square)
-    except CaptureError:  # further off than a print may be
-        todo = (
+    except CaptureError:  # the difference is larger than a printer causes
+        action = (
             "print the board again at 100 %, or describe this one: defsense capture board"
             f" {options.board} --printed --square MM"
         )
     return (
-        f"the printed board's squares measure {square:.2f} mm by these cameras, where"
-        f" {stated:.2f} mm are stated; all else fits. Measure several squares in a row with a"
-        f" ruler, and {todo}. If they do measure {stated:.2f} mm, a camera has been moved: arrange"
-        " them again."
+        f"the cameras measure squares of {square:.2f} mm on the printed board, but {stated:.2f} mm"
+        " is stated; everything else agrees. Measure several squares in a row with a ruler, and"
+        f" {action}. If they measure {stated:.2f} mm, a camera has been moved: arrange the cameras"
+        " again."
     )

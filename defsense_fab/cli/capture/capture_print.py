@@ -1,9 +1,8 @@
-"""The commands `defsense capture markers | board`: what users print."""
+"""Commands `defsense capture markers | board`: sheets for printing."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,21 +10,21 @@ from typing import TYPE_CHECKING
 from ...core.errors import CaptureError, DeviceError
 from ..device import device_folder
 from ..options import add_output_options, parse_numbers
-from ..output import print_json
+from ..output import print_json, print_lines
 
 if TYPE_CHECKING:
     from ...core.arrays import Float
     from ..options import Bars, Commands
 
 _PAPER = "a4 (default), letter or a3"
-#: Options of a board's design, which a print that is measured has already.
-_DESIGN = (
+#: Options of the board's design, which cannot be combined with --measured.
+_DESIGN_OPTIONS = (
     "square", "columns", "rows", "dictionary", "marker", "printed", "inverted", "legacy", "paper",
 )  # fmt: skip
 
 
 def add(steps: Commands, bars: Bars) -> None:
-    """Add the commands to those of `capture`; `bars` shows progress."""
+    """Add the commands to `capture`; `bars` shows progress."""
     sub = steps.add_parser(
         "markers",
         help="Write the tags of a device for printing, and where to glue them",
@@ -71,7 +70,7 @@ def add(steps: Commands, bars: Bars) -> None:
         metavar="DIR",
         help="Set the output folder (default: markers, in the device folder)",
     )
-    _common(sub)
+    add_output_options(sub)
     sub.set_defaults(run=lambda options: _markers(options, bars))
     sub = steps.add_parser(
         "board",
@@ -139,23 +138,25 @@ def add(steps: Commands, bars: Bars) -> None:
         metavar="MM",
         help="Store the measured side of a printed square in mm in the board.json of OUT",
     )
-    _common(sub)
+    add_output_options(sub)
     sub.set_defaults(run=_board)
 
 
-def _common(sub: argparse.ArgumentParser) -> None:
-    add_output_options(sub)
-
-
-def _direction(text: str | None) -> Float | None:
-    """X,Y,Z as (3,), or None. Raises DeviceError for what is no direction."""
+def _parse_direction(text: str | None) -> Float | None:
+    """Return X,Y,Z as a vector of shape (3,), or None if omitted."""
     if text is None:
         return None
     import numpy as np
 
     values = np.array(parse_numbers("--side", text, "any unit"))
     if values.shape != (3,) or not np.linalg.norm(values) > 0:
-        raise DeviceError(f"--side {text}: give a direction x,y,z, as in 0,-1,1")
+        raise DeviceError(
+            f"{text} is not a direction",
+            code="direction-invalid",
+            where="--side",
+            action="Give a direction x,y,z, such as 0,-1,1",
+            value=text,
+        )
     return values
 
 
@@ -165,7 +166,7 @@ def _markers(options: argparse.Namespace, bars: Bars) -> int:
 
     device = load_device(options.device, complete=False)
     with bars(options) as progress:
-        found = write_markers(
+        result = write_markers(
             device,
             options.out,
             count=options.count,
@@ -173,29 +174,29 @@ def _markers(options: argparse.Namespace, bars: Bars) -> int:
             family=options.dictionary,
             paper=options.paper,
             skin=options.skin,
-            side=_direction(options.side),
+            side=_parse_direction(options.side),
             progress=progress,
         )
-    m = found.markers
+    m = result.markers
     if options.json:
         data = {
-            "folder": str(found.folder),
+            "folder": str(result.folder),
             "dictionary": m.dictionary,
             "size": m.size,
             "ids": m.ids.tolist(),
             "anchor": m.ids[m.anchor].tolist(),
-            "notes": list(found.notes),
+            "notes": list(result.notes),
         }
         print_json(data)
         return 0
-    on = f", {m.anchor.sum()} of them on {device.outputs.anchor}" if m.anchor.any() else ""
-    _say(
+    on_anchor = f", {m.anchor.sum()} of them on {device.outputs.anchor}" if m.anchor.any() else ""
+    print_lines(
         [
-            f"{len(m.ids)} tags of {m.size:g} mm, {m.dictionary}{on}",
-            *(f"note: {n}" for n in found.notes),
-            f"Look at: {found.folder / SHEETS}",
-            "Next:    print it at 100 % (the rulers must be 100 mm), cut the tags out with their"
-            " white, glue them on as pictured; then the cameras: defsense capture board",
+            f"{len(m.ids)} tags of {m.size:g} mm, {m.dictionary}{on_anchor}",
+            *(f"note: {n}" for n in result.notes),
+            f"Look at: {result.folder / SHEETS}",
+            "Next:    print it at 100 % (the rulers must be 100 mm), cut out the tags with their"
+            " white margins, glue them on as shown; for the cameras: defsense capture board",
         ]
     )
     return 0
@@ -211,19 +212,25 @@ def _board(options: argparse.Namespace) -> int:
 
     folder: Path = options.folder
     path = folder / FILE
-    given = {k: v for k in _DESIGN if (v := getattr(options, k)) is not None and v is not False}
+    given = {
+        k: v for k in _DESIGN_OPTIONS if (v := getattr(options, k)) is not None and v is not False
+    }
     if options.measured is not None:
         if given:
+            option = next(iter(given))
             raise CaptureError(
-                f"--measured goes without --{next(iter(given))}: it belongs to the board that"
-                f" {path} describes"
+                f"cannot be combined with --{option}, since {path} describes the measured board",
+                code="options-conflict",
+                where="--measured",
+                action=f"Omit --{option}",
+                option=f"--{option}",
             )
         board = load_board(path).measure(options.measured)
         save_board(board, path)
         lines = [
             f"measured: squares of {board.measured:g} mm, drawn as {board.square:g} mm"
             f" ({board.scale - 1:+.2%})",
-            f"Written: {path}",
+            f"Wrote:   {path}",
             f"Next:    defsense capture camera calibrate --board {path}",
         ]
     else:
@@ -233,24 +240,28 @@ def _board(options: argparse.Namespace) -> int:
         board = CharucoBoard(**{"marker": round(MARKER * square, 1), **given})
         with storage_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        forgotten = path.is_file() and _was_measured(path)
+        had_measurement = path.is_file() and _was_measured(path)
         if not printed:
             write_board(board, path.with_suffix(".pdf"), paper)
         save_board(board, path)
         lines = [
             f"{board.columns} x {board.rows} squares of {board.square:g} mm, tags of"
             f" {board.marker:g} mm, {board.family.name}",
-            *(["note: what was measured of an earlier print is forgotten"] if forgotten else []),
-            f"Written: {path}" if printed else f"Look at: {path.with_suffix('.pdf')}",
+            *(
+                ["note: the measurement of the earlier print was removed"]
+                if had_measurement
+                else []
+            ),
+            f"Wrote:   {path}" if printed else f"Look at: {path.with_suffix('.pdf')}",
             "Next:    "
             + ("" if printed else _PRINT_BOARD)
-            + "measure squares with a caliper, and store the side of one:"
+            + "measure squares with a caliper, and store the side of one with"
             f" defsense capture board {folder} --measured MM",
         ]
     if options.json:
         print_json({"file": str(path), **asdict(board)})
     else:
-        _say(lines)
+        print_lines(lines)
     return 0
 
 
@@ -261,11 +272,3 @@ def _was_measured(path: Path) -> bool:
         return load_board(path).measured is not None
     except CaptureError:
         return False
-
-
-def _say(lines: Sequence[str]) -> None:
-    from rich.console import Console
-
-    console = Console()
-    for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The command `defsense capture record`, and processing what it recorded."""
+"""Command `defsense capture record`: record a device with cameras and read-out board."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from ..options import Commands
 
 _CAMERAS = (
-    "one for each of the calibration: 0, /dev/video0; a twin's (twin:webcam, twin:phone or"
-    " twin:industrial, twin:seed=1,cameras=3; twin alone has webcams); or none, where another"
-    " system records the markers"
+    "one per camera of the calibration: 0, /dev/video0; simulated ones (twin:webcam, twin:phone or"
+    " twin:industrial, twin:seed=1,cameras=3; twin alone has webcams); or none, if another system"
+    " records the markers"
 )
 
 
 def add(steps: Commands) -> None:
-    """Add `record` to the commands of `capture`."""
+    """Add `record` to `capture`."""
     sub = steps.add_parser(
         "record",
         help="Record a device's movement and signals, step by step",
@@ -149,17 +149,17 @@ def _record(options: argparse.Namespace) -> int:
     markers = read_markers(options.markers or device.source / "markers")
     folder = options.out or device.source / "session"
     with ExitStack() as stack:
-        setup = set_up_capture(device, markers, folder, _asked(options), stack, _note)
+        setup = set_up_capture(device, markers, folder, _capture_options(options), stack, _note)
         if options.auto:
             screen: CaptureScreen = CaptureLines()
             done = setup.record(screen, auto=True)
         else:
             with CaptureTerminal() as screen:
                 done = setup.record(screen)
-    return _told(options, setup.session, done)
+    return _print_recorded(options, setup.session, done)
 
 
-def _asked(options: argparse.Namespace) -> CaptureOptions:
+def _capture_options(options: argparse.Namespace) -> CaptureOptions:
     from ...twin.live.capture_setup import CaptureOptions
 
     word = options.cameras[0]
@@ -169,7 +169,8 @@ def _asked(options: argparse.Namespace) -> CaptureOptions:
         tuple(options.cameras), options.port, options.calibration,
         parse_twin_cameras("--cameras", word) if simulated else None,
         options.rounds, options.seconds, options.free, options.rest, options.rate,
-        partial(parse_references, given) if given is not None else None, options.unit, options.video,
+        partial(parse_references, given) if given is not None else None,
+        options.unit, options.video,
     )  # fmt: skip
 
 
@@ -178,7 +179,7 @@ def _note(text: str) -> None:
     sys.stderr.flush()
 
 
-def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> int:
+def _print_recorded(options: argparse.Namespace, session: CaptureSession, done: bool) -> int:
     from ...capture.sessions.session import finished_steps, run_ending, session_summary
 
     if options.json:
@@ -192,8 +193,8 @@ def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> i
         lines.append(f"Next:    defsense capture process {session.folder}")
     else:
         lines.append(
-            "Next:    the same command goes on; or defsense capture process"
-            f" {session.folder} takes what there is"
+            "Next:    rerun the command to resume; defsense capture process"
+            f" {session.folder} also accepts incomplete sessions"
         )
     sys.stdout.write("\n".join(lines) + "\n")
     return DONE if done else STOPPED

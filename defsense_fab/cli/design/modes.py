@@ -1,4 +1,4 @@
-"""The command `defsense modes`."""
+"""Command `defsense modes`: propose poses from natural modes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`modes`."""
+    """Add `modes`."""
     sub = commands.add_parser(
         "modes",
         help="Propose poses from the body's natural modes",
@@ -39,46 +39,54 @@ def _modes(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
 
     if not 1 <= options.count <= 50:
-        raise DeviceError(f"--count {options.count}: give a number from 1 to 50")
+        raise DeviceError(
+            f"{options.count} is out of range",
+            code="out-of-range",
+            where="--count",
+            action="Give a number from 1 to 50",
+            value=options.count,
+        )
     device = load_device(options.folder, parse_overrides(options.set), complete=False)
     from ...workflow.study import propose_poses
 
     with silent_stdout(), progress_bars(options) as progress:
-        found = propose_poses.propose_poses(device, options.fixed, options.count, progress)
+        proposal = propose_poses.propose_poses(device, options.fixed, options.count, progress)
     if options.write:
         propose_poses.append_poses(
-            options.folder / "device.toml", found, tuple(p.name for p in device.poses)
+            options.folder / "device.toml", proposal, tuple(p.name for p in device.poses)
         )
     with standard_output():
         if options.json:
             rows = [
-                {"frequency": m.frequency, "kind": m.kind, "order": m.order} for m in found.modes
+                {"frequency": m.frequency, "kind": m.kind, "order": m.order} for m in proposal.modes
             ]
-            data = {"modes": rows, "toml": found.text, "picture": str(found.picture)}
+            data = {"modes": rows, "toml": proposal.text, "picture": str(proposal.picture)}
             print_json(data)
         else:
-            _show_modes(found, options)
+            _print_modes(proposal, options)
             if options.write and device.poses and device.states.given:
-                print_lines(["note: [states] in device.toml lists mixtures: add those of the new poses,"
-                     " or leave the lists out, so that all poses are mixed"])  # fmt: skip
+                print_lines([
+                    "note: [states] in device.toml lists mixtures. Add mixtures of the new poses,"
+                    " or remove the lists to mix all poses."
+                ])  # fmt: skip
     return 0
 
 
-def _show_modes(found: Proposal, options: argparse.Namespace) -> None:
+def _print_modes(proposal: Proposal, options: argparse.Namespace) -> None:
     from rich.table import Table
 
     out = console()
-    table = Table(title=f"modes with {options.fixed!r} held")
-    for column in ("Hz", "kind", "order"):
+    table = Table(title=f"Modes with {options.fixed!r} fixed")
+    for column in ("frequency (Hz)", "kind", "order"):
         table.add_column(column, justify="left" if column == "kind" else "right")
-    for mode in found.modes:
+    for mode in proposal.modes:
         table.add_row(f"{mode.frequency:.3g}", mode.kind, str(mode.order))
     out.print(table)
-    print_lines([found.text])
-    following = (
+    print_lines([proposal.text])
+    next_step = (
         f"defsense build {options.folder}"
         if options.write
         else f"defsense modes {options.folder} --fixed {options.fixed} --write, or paste the text"
         " into device.toml"
     )
-    print_lines([f"Look at: {found.picture}", f"Next:    {following}"])
+    print_lines([f"Look at: {proposal.picture}", f"Next:    {next_step}"])

@@ -1,4 +1,4 @@
-"""The command `defsense new`."""
+"""Command `defsense new`: create a device folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`new`."""
+    """Add `new`."""
     sub = commands.add_parser(
         "new",
         help="Create a device folder with a device.toml that can be built",
@@ -48,7 +48,7 @@ def add(commands: Commands) -> None:
     sub.add_argument(
         "--poses",
         metavar="NAMES",
-        help="Set the poses: modes (found from the body's natural modes), or some of bend, "
+        help="Set the poses: modes (body from the body's natural modes), or some of bend, "
         "bend_side, twist and pull, separated by commas",
     )
     sub.add_argument(
@@ -95,55 +95,83 @@ def _new(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     check_folder_name(folder)
     if options.name is not None and not (options.name.strip() and options.name.isprintable()):
-        raise DeviceError(f"--name {options.name!r}: give one line of letters")
+        raise DeviceError(
+            f"{options.name!r} is not a line of printable text",
+            code="name-invalid",
+            where="--name",
+            action="Give one line of letters",
+        )
     if folder.exists() and not folder.is_dir():
-        raise StorageError(f"{folder}: is a file; choose another name for the folder")
+        raise StorageError(
+            "is a file",
+            code="not-a-folder",
+            where=folder,
+            action="Choose another name for the folder",
+        )
     if (folder / DEVICE).exists():
         raise StorageError(
-            f"{folder / DEVICE}: there is a device already, and it stays as it is; choose another"
-            " folder"
+            "a device exists here already; it is unchanged",
+            code="device-exists",
+            where=folder / DEVICE,
+            action="Choose another folder",
         )
-    asked = sys.stdin.isatty() and not options.json
-    if not asked and options.body is None:
+    interactive = sys.stdin.isatty() and not options.json
+    if not interactive and options.body is None:
         names = ", ".join(start.name for start in STARTING_DEVICES)
-        raise DeviceError(f"--body: give one of {names}, or the file of a body")
-    found = _body(options)
-    begun = _from_file(found, options, asked) if found else _from_start(options, asked)
-    _tell(begun, options)
+        raise DeviceError(
+            "no body is given",
+            code="body-missing",
+            where="--body",
+            action=f"Give one of {names}, or a body file",
+        )
+    body = _read_body(options)
+    created = (
+        _create_from_body(body, options, interactive)
+        if body
+        else _create_from_example(options, interactive)
+    )
+    _print_created(created, options)
     return 0
 
 
-def _body(options: argparse.Namespace) -> DroppedBody | None:
-    """The body of a file; None where `options.body` names a device of the package."""
+def _read_body(options: argparse.Namespace) -> DroppedBody | None:
+    """Return the body of a file, or None if an example of the package is chosen."""
     from ...workflow.starts.dropped_body import load_body_file
     from ...workflow.starts.starting_devices import STARTING_DEVICES
-    from .new_questions import answered, ask_body
+    from .new_questions import ask_body, ask_until_valid
 
-    starts = {start.name for start in STARTING_DEVICES}
+    examples = {start.name for start in STARTING_DEVICES}
 
-    def look(word: str) -> tuple[str, DroppedBody | None]:
-        if word in starts:
+    def read(word: str) -> tuple[str, DroppedBody | None]:
+        if word in examples:
             return word, None
         if not word.strip("'\" "):
             raise DeviceError(
-                f"--body: give one of {', '.join(s.name for s in STARTING_DEVICES)}, or a file"
+                "no body is given",
+                code="body-missing",
+                where="--body",
+                action=f"Give one of {', '.join(s.name for s in STARTING_DEVICES)}, or a body file",
             )
-        path = _path(word)
+        path = _parse_path(word)
         if not path.exists() and not path.suffix:
             raise DeviceError(
-                f"{word}: is no file, and none of {', '.join(s.name for s in STARTING_DEVICES)}"
+                f"is neither a file nor one of {', '.join(s.name for s in STARTING_DEVICES)}",
+                code="body-not-found",
+                where=word,
+                action="Check the path",
+                body=word,
             )
         with silent_stdout():
             return word, load_body_file(path)
 
     if options.body is not None:
-        return look(options.body)[1]
-    options.body, found = answered(ask_body, look)
-    return found
+        return read(options.body)[1]
+    options.body, body = ask_until_valid(ask_body, read)
+    return body
 
 
-def _path(word: str) -> Path:
-    """A file as it was typed, or as terminals paste one that is dropped on them."""
+def _parse_path(word: str) -> Path:
+    """Return a path as typed, or as terminals paste a file that is dropped on them."""
     bare = word.strip("'\"")
     forms = [word, bare]
     if os.name != "nt":
@@ -153,29 +181,33 @@ def _path(word: str) -> Path:
     return next((p for p in paths if p.exists()), Path(bare).expanduser())
 
 
-def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
-    """A device of the package, with its own body and poses."""
+def _create_from_example(options: argparse.Namespace, interactive: bool) -> dict[str, Any]:
+    """Create a device from an example, with the example's body and poses."""
     from ...core.device.device_file import load_device
     from ...workflow.starts.first_device import default_material
     from ...workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
-    from .new_questions import answered, ask_cord, cord_row
+    from .new_questions import ask_cord, ask_until_valid, check_cord
 
     for name in ("units", "poses", "cords", "process", "material", "edge_length"):
         if getattr(options, name) is not None:
+            option = f"--{name.replace('_', '-')}"
             raise DeviceError(
-                f"--{name.replace('_', '-')}: {options.body} comes with its own; leave the option"
-                " out and change device.toml afterwards"
+                f"{options.body} has its own value",
+                code="options-conflict",
+                where=option,
+                action="Omit the option, and change device.toml afterwards",
+                option=option,
             )
     start = next(s for s in STARTING_DEVICES if s.name == options.body)
     cord = options.cord
-    if cord is None and asked:
-        cord = answered(lambda: ask_cord(start.cord), cord_row)
-    create_starting_device(start, options.folder, _name(options), cord and cord_row(cord))
+    if cord is None and interactive:
+        cord = ask_until_valid(lambda: ask_cord(start.cord), check_cord)
+    create_starting_device(start, options.folder, _device_name(options), cord and check_cord(cord))
     device = load_device(options.folder)
     material, printed = device.material.name, default_material(device.fabrication.process)
     note = (
-        f"the example's body is computed as {material}; write what you print, such as {printed},"
-        " under [material] before you build"
+        f"the example's body is computed as {material}. Set the printed material, such as"
+        f" {printed}, under [material] before the build"
     )
     return {
         "device": str(options.folder), "name": device.name, "body": device.body.path.name,
@@ -186,8 +218,10 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> dict[str, Any]:
-    """A device from a body of one's own."""
+def _create_from_body(
+    body: DroppedBody, options: argparse.Namespace, interactive: bool
+) -> dict[str, Any]:
+    """Create a device from a body file."""
     from ...core.device.device_file import load_device
     from ...workflow.starts.body_ends import find_ends
     from ...workflow.starts.dropped_body import check_unit, choose_unit
@@ -198,110 +232,124 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
         default_material,
     )
     from ...workflow.starts.units import describe_unusual_size, parse_unit
-    from .new_questions import answered, ask_poses, ask_unit, material_row, pose_names, process_row
+    from .new_questions import (
+        ask_poses,
+        ask_unit,
+        ask_until_valid,
+        check_material,
+        check_process,
+        parse_poses,
+    )
 
-    process = process_row(DEFAULT_PROCESS if options.process is None else options.process)
+    process = check_process(DEFAULT_PROCESS if options.process is None else options.process)
     named = options.material
-    material = default_material(process) if named is None else material_row(named)
+    material = default_material(process) if named is None else check_material(named)
     cords, edge = options.cords, options.edge_length
-    if cords is not None and not 1 <= cords <= MAX_CORDS:  # none: devices that are drawn on
-        raise DeviceError(f"--cords {cords}: give a number from 1 to {MAX_CORDS}")
+    if cords is not None and not 1 <= cords <= MAX_CORDS:  # 0 is for the studio, which draws them
+        raise DeviceError(
+            f"{cords} is out of range",
+            code="out-of-range",
+            where="--cords",
+            action=f"Give a number from 1 to {MAX_CORDS}",
+            value=cords,
+        )
 
     def checked(text: str) -> str:
         unit = parse_unit(text)
-        check_unit(found, unit)
-        _usual_cord(found, unit, process)
+        check_unit(body, unit)
+        _first_fitting_cord(body, unit, process)
         return unit
 
-    ask = (lambda: answered(lambda: ask_unit(found), checked)) if asked else None
-    unit = choose_unit(found, options.units, ask)
+    ask = (lambda: ask_until_valid(lambda: ask_unit(body), checked)) if interactive else None
+    unit = choose_unit(body, options.units, ask)
     if edge is not None:
-        check_edge_length(found, unit, edge)
-    usual = find_ends(found.in_mm(unit)).default_poses()
+        check_edge_length(body, unit, edge)
+    default = find_ends(body.in_mm(unit)).default_poses()
     poses = options.poses
     if poses is not None:
-        poses = pose_names(poses)
-    elif asked:
-        poses = answered(lambda: ask_poses(usual), pose_names)
-    cord = _cord(found, unit, process, options.cord, asked)
+        poses = parse_poses(poses)
+    elif interactive:
+        poses = ask_until_valid(lambda: ask_poses(default), parse_poses)
+    cord = _choose_cord(body, unit, process, options.cord, interactive)
     first = FirstDevice(
-        _name(options), unit, material, found.edge_length(unit) if edge is None else edge,
-        poses or usual, cord, process, cords,
+        _device_name(options), unit, material, body.edge_length(unit) if edge is None else edge,
+        poses or default, cord, process, cords,
     )  # fmt: skip
     with silent_stdout(), progress_bars(options) as progress:
-        create_first_device(found, options.folder, first, progress)
+        create_first_device(body, options.folder, first, progress)
     device = load_device(options.folder)
-    size = found.size(unit)
+    size = body.size(unit)
     return {
-        "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
+        "device": str(options.folder), "name": first.name, "body": f"{body.name}{body.suffix}",
         "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
-        "repaired": found.repairs(unit),
+        "repaired": body.repairs(unit),
         "edge_length": device.mesh.edge_length,
         "poses": [p.name for p in device.poses], "cord": first.cord, "cords": device.propose,
         "material": first.material, "process": process, "note": describe_unusual_size(size),
     }  # fmt: skip
 
 
-def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked: bool) -> str:
-    """The cord that is named or chosen. Raises DeviceError for one that there is not, BodyError for
-    a body that has no room for it, or for none of those that could be chosen."""
+def _choose_cord(
+    body: DroppedBody, unit: str, process: str, named: str | None, interactive: bool
+) -> str:
+    """Return the given or chosen cord, after checking that it exists and fits the body."""
     from ...workflow.starts.first_device import check_room
-    from .new_questions import answered, ask_cord, cord_row
+    from .new_questions import ask_cord, ask_until_valid, check_cord
 
     def checked(text: str) -> str:
-        cord = cord_row(text)
-        check_room(found, unit, cord, process)
+        cord = check_cord(text)
+        check_room(body, unit, cord, process)
         return cord
 
-    if named is not None or not asked:
+    if named is not None or not interactive:
         return checked(DEFAULT_CORD if named is None else named)
-    usual = _usual_cord(found, unit, process)
-    return answered(lambda: ask_cord(usual), checked)
+    default = _first_fitting_cord(body, unit, process)
+    return ask_until_valid(lambda: ask_cord(default), checked)
 
 
-def _usual_cord(found: DroppedBody, unit: str, process: str) -> str:
-    """The first that the body has room for. Raises BodyError where there is none."""
+def _first_fitting_cord(body: DroppedBody, unit: str, process: str) -> str:
+    """Return the first cord that fits the body, or raise BodyError."""
     from ...workflow.starts.first_device import check_room
-    from .new_questions import cords
+    from .new_questions import cord_names
 
-    for cord in cords():
+    for cord in cord_names():
         with contextlib.suppress(BodyError):
-            check_room(found, unit, cord, process)
+            check_room(body, unit, cord, process)
             return cord
-    check_room(found, unit, DEFAULT_CORD, process)
+    check_room(body, unit, DEFAULT_CORD, process)
     return DEFAULT_CORD
 
 
-def _name(options: argparse.Namespace) -> str:
+def _device_name(options: argparse.Namespace) -> str:
     from ...core.storage.file_names import safe_name
 
     folder = safe_name(options.folder.resolve().name + ".")
     return folder if options.name is None else str(options.name)
 
 
-def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
+def _print_created(created: dict[str, Any], options: argparse.Namespace) -> None:
     from ...workflow.starts.dropped_body import notable_repairs
 
-    build = f"defsense build {shlex.quote(begun['device'])}"
+    build = f"defsense build {shlex.quote(created['device'])}"
     with standard_output():
         if options.json:
-            print_json({**begun, "next": build})
+            print_json({**created, "next": build})
             return
-        folder = Path(begun["device"])
+        folder = Path(created["device"])
         size = ""
-        if "size_mm" in begun:
-            x, y, z = begun["size_mm"]
+        if "size_mm" in created:
+            x, y, z = created["size_mm"]
             size = f", {x:g} x {y:g} x {z:g} mm"
-        mended = notable_repairs(begun.get("repaired", ()))
+        repairs = notable_repairs(created.get("repaired", ()))
         print_lines([
-            f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
-            *(f"Mended:  {line}" for line in mended),
-            *([f"note: {begun['note']}"] if begun["note"] else []),
-            f"Poses:   {', '.join(begun['poses'])}",
-            f"Cords:   {begun['cords']} of {begun['cord']}; body of {begun['material']} by"
-            f" {begun['process']}",
+            f"Wrote:   {folder / 'device.toml'} and {created['body']}{size}",
+            *(f"Fixed:   {line}" for line in repairs),
+            *([f"note: {created['note']}"] if created["note"] else []),
+            f"Poses:   {', '.join(created['poses'])}",
+            f"Cords:   {created['cords']} of {created['cord']}; body of {created['material']} by"
+            f" {created['process']}",
             f"Next:    {build}",
-            f"Then:    open {folder / 'build' / 'report.html'}: the cords, and the error to expect",
+            f"Then:    open {folder / 'build' / 'report.html'}: the cords and the expected error",
             f"Change:  poses, regions and cords in {folder / 'device.toml'}, or on the page of"
-            f" defsense studio {shlex.quote(begun['device'])}",
+            f" defsense studio {shlex.quote(created['device'])}",
         ])  # fmt: skip

@@ -1,4 +1,4 @@
-"""What `defsense new` asks in a terminal, and which answers it takes."""
+"""Questions that `defsense new` shows in a terminal, and checks of the answers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,14 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def answered(ask: Callable[[], str], check: Callable[[str], T]) -> T:
-    """What `check` makes of an answer; asked again, with the reason, where it raises."""
+def ask_until_valid(ask: Callable[[], str], check: Callable[[str], T]) -> T:
+    """Ask until an answer is valid.
+
+    Args:
+        ask: Shows the question and returns the answer.
+        check: Converts the answer; the question is repeated with the reason if it raises a
+            DefsenseError.
+    """
     while True:
         try:
             return check(ask())
@@ -25,62 +31,66 @@ def answered(ask: Callable[[], str], check: Callable[[str], T]) -> T:
 
 
 def ask_body() -> str:
-    """The name of a device of the package, or a file."""
+    """Ask for the body: the name of an example of the package, or a file."""
     from ...workflow.starts.starting_devices import STARTING_DEVICES
 
     rows = [(start.name, start.about) for start in STARTING_DEVICES]
     return _choose(
-        "Which body? Choose one of these, or type the path of your own file: a script (.py), STEP,"
-        " or a mesh (STL, OBJ, PLY, 3MF, GLB).",
+        "Which body? Choose an example, or enter the path of a file: a script (.py), STEP, or a"
+        " mesh (STL, OBJ, PLY, 3MF, GLB).",
         rows,
         "bar",
     )
 
 
 def ask_unit(found: DroppedBody) -> str:
-    """The unit of a mesh whose size is not that of a device in mm."""
+    """Ask for the unit of a mesh whose size is unusual for a device in mm."""
     from ...workflow.starts.units import UNIT_WORDS
 
-    unit = "so large" if found.unit == found.format_unit else f"in {UNIT_WORDS[found.unit]}"
+    unit = "this correct" if found.unit == found.format_unit else f"in {UNIT_WORDS[found.unit]}"
     size = found.format_size(found.format_unit)
     return _choose(
-        f"In {UNIT_WORDS[found.format_unit]} the body would be {size}: is it {unit}?",
+        f"In {UNIT_WORDS[found.format_unit]} the body would be {size}: is {unit}?",
         [(unit, f"{words}: {found.format_size(unit)}") for unit, words in UNIT_WORDS.items()],
         found.unit,
     )
 
 
-def ask_poses(usual: Sequence[str]) -> str:
-    """`modes`, or names of poses with commas."""
+def ask_poses(default: Sequence[str]) -> str:
+    """Ask for the poses: `modes`, or names separated by commas."""
     from ...workflow.starts.body_ends import END_POSES
 
     return _choose(
-        "Which poses is it to sense? It is held at one end of its length and moved at the other."
-        " Give several with commas; modes finds them by the body's natural modes, for bodies with"
-        " limbs or a shape of their own.",
-        [*END_POSES.items(), ("modes", "bends, twists and stretches that cost the least force")],
-        ",".join(usual),
+        "Which poses should the device sense? It is held at one end of its length and moved at the"
+        " other. Separate several by commas; modes derives them from the body's natural modes, for"
+        " bodies with limbs or of irregular shape.",
+        [*END_POSES.items(), ("modes", "bends, twists and stretches that need the smallest force")],
+        ",".join(default),
         several=True,
     )
 
 
-def ask_cord(usual: str) -> str:
-    """A row of cords.csv; `usual` for no answer."""
+def ask_cord(default: str) -> str:
+    """Ask for the cord, a row of cords.csv; `default` for an empty answer."""
     from ...core.storage.package_data import read_rows
 
     rows = [
         (
             name,
-            f"{row['diameter']} mm thick, {row['ohm_per_mm']} ohm per mm, takes"
-            f" {100 * float(row['max_strain']):g} % of stretch",
+            f"{row['diameter']} mm thick, {row['ohm_per_mm']} ohm per mm, up to"
+            f" {100 * float(row['max_strain']):g} % strain",
         )
         for name, row in read_rows("cords.csv").items()
     ]
-    return _choose("Which cord?", rows, usual)
+    return _choose("Which cord?", rows, default)
 
 
-def pose_names(text: str) -> tuple[str, ...]:
-    """Raises DeviceError for poses that there are not."""
+def parse_poses(text: str) -> tuple[str, ...]:
+    """Parse the names of poses, separated by commas.
+
+    Raises:
+        DeviceError: A pose does not exist.
+    """
     from ...workflow.starts.first_device import check_poses
 
     names = tuple(word.strip().replace("-", "_") for word in text.split(",") if word.strip())
@@ -88,50 +98,60 @@ def pose_names(text: str) -> tuple[str, ...]:
     return names
 
 
-def cord_row(text: str) -> str:
-    """Raises DeviceError for a cord that there is not."""
-    return _row("cords.csv", "cord", text)
+def check_cord(text: str) -> str:
+    """Return the name of a cord, or raise DeviceError (`unknown-cord`)."""
+    return _check_row("cords.csv", "cord", text)
 
 
-def cords() -> list[str]:
-    """Those that there are."""
+def cord_names() -> list[str]:
+    """Return the names of all cords."""
     from ...core.storage.package_data import read_rows
 
     return list(read_rows("cords.csv"))
 
 
-def material_row(text: str) -> str:
-    """Raises DeviceError for a material that there is not."""
-    return _row("materials.csv", "material", text)
+def check_material(text: str) -> str:
+    """Return the name of a material, or raise DeviceError (`unknown-material`)."""
+    return _check_row("materials.csv", "material", text)
 
 
-def process_row(text: str) -> str:
-    """Raises DeviceError for a process that there is not."""
-    return _row("printers.csv", "process", text)
+def check_process(text: str) -> str:
+    """Return the name of a process, or raise DeviceError (`unknown-process`)."""
+    return _check_row("printers.csv", "process", text)
 
 
-def _row(table: str, what: str, text: str) -> str:
+def _check_row(table: str, kind: str, text: str) -> str:
+    """Return the name of a row of a table of the package, after checking that it exists."""
     from ...core.storage.package_data import read_rows
 
     rows = read_rows(table)
     if text not in rows:
-        raise DeviceError(f"{what} {text}: there is {', '.join(rows)}")
+        raise DeviceError(
+            f"{text} is not a {kind}",
+            code=f"unknown-{kind}",
+            where=kind,
+            action=f"Choose one of {', '.join(rows)}",
+            value=text,
+        )
     return text
 
 
 def _choose(
-    question: str, rows: Sequence[tuple[str, str]], usual: str, several: bool = False
+    question: str, choices: Sequence[tuple[str, str]], default: str, several: bool = False
 ) -> str:
-    """An answer, or `usual` for none; a row may be given by its number, `several` with commas."""
-    width = max(len(name) for name, _ in rows)
-    lines = [f"  {k}  {name:<{width}}  {about}" for k, (name, about) in enumerate(rows, 1)]
+    """Show numbered choices, and return the answer, or `default` if it is empty.
+
+    A choice may be given by its name or number; `several` are separated by commas.
+    """
+    width = max(len(name) for name, _ in choices)
+    lines = [f"  {k}  {name:<{width}}  {about}" for k, (name, about) in enumerate(choices, 1)]
     print_lines(["", question, *lines])
-    sys.stdout.write(f"[{usual}] ")
+    sys.stdout.write(f"[{default}] ")
     sys.stdout.flush()
     line = sys.stdin.readline()
     if not line:
         raise KeyboardInterrupt  # the terminal was closed
     answer = line.strip()
     words = [word.strip() for word in answer.split(",")] if several else [answer]
-    numbered = {str(k): name for k, (name, _) in enumerate(rows, 1)}
-    return ",".join(numbered.get(word, word) for word in words if word) or usual
+    numbered = {str(k): name for k, (name, _) in enumerate(choices, 1)}
+    return ",".join(numbered.get(word, word) for word in words if word) or default

@@ -1,4 +1,4 @@
-"""The command `defsense reproduce`."""
+"""Command `defsense reproduce`: repeat the experiments of the paper."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`reproduce`."""
+    """Add `reproduce`."""
     sub = commands.add_parser(
         "reproduce",
         help="Repeat the paper's experiments and compare the numbers",
@@ -61,35 +61,42 @@ def _reproduce(options: argparse.Namespace) -> int:
     from ...workflow.reproduce.experiments.examples import find_experiments
     from ...workflow.reproduce.run import PAGE, RESULTS, reproduce
 
-    found = find_experiments(options.names)
-    sized = [e.at_size(quick=options.quick, units=options.units) for e in found]
+    experiments = [
+        e.at_size(quick=options.quick, units=options.units) for e in find_experiments(options.names)
+    ]
     out = options.out or Path("reproduced-quick" if options.quick else "reproduced")
     with silent_stdout(), progress_bars(options) as progress:
-        data = reproduce(sized, out, progress)
+        data = reproduce(experiments, out, progress)
     with standard_output():
         if options.json:
             print_json(data)
         else:
-            _show(data)
+            _print_numbers(data)
             print_lines([f"Look at: {out / PAGE}", f"Numbers: {out / RESULTS}"])
     return 0
 
 
-def _show(data: dict[str, Any]) -> None:
+def _print_numbers(data: dict[str, Any]) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     from ...workflow.reproduce.results.page import format_number
 
-    table = Table(title="the paper's numbers and ours", box=SIMPLE_HEAD)
+    table = Table(title="Numbers of the paper and of this run", box=SIMPLE_HEAD)
     table.add_column("experiment", no_wrap=True)
     table.add_column("number")
-    for name in ("paper", "here"):
+    for name in ("paper", "this run"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("expected")
-    for e in data["experiments"]:
-        for k, row in enumerate(e["numbers"]):
-            n = format_number(row)
-            expected = f"{n['expected']}: {n['met']}" if n["expected"] else ""
-            table.add_row("" if k else e["name"], n["what"], n["paper"], n["ours"], expected)
+    for experiment in data["experiments"]:
+        for k, row in enumerate(experiment["numbers"]):
+            number = format_number(row)
+            expected = f"{number['expected']}: {number['met']}" if number["expected"] else ""
+            table.add_row(
+                "" if k else experiment["name"],
+                number["what"],
+                number["paper"],
+                number["ours"],
+                expected,
+            )
     console().print(table)

@@ -1,4 +1,4 @@
-"""The command `defsense studio`."""
+"""Command `defsense studio`: edit a device in the browser."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from ..options import Commands
 
 _PORT = 8090
-_LOOK = 1.0  # s between looks at what others have written
+#: Time between checks for changes by other programs.
+_POLL_INTERVAL_S = 1.0
 
 
 def add(commands: Commands) -> None:
-    """`studio`."""
+    """Add `studio`."""
     sub = commands.add_parser(
         "studio",
         help="Edit a device's cords in the browser, with live error estimates",
@@ -91,9 +92,9 @@ def _studio(options: argparse.Namespace) -> int:
     try:
         studio = Studio(server, options.device, Agreement(trusted=options.trust))
         url = page_link(host, options.port, access)
-        lines = [f"Studio:  {url}", "Ctrl-C ends; everything is written already."]
+        lines = [f"Studio:  {url}", "Press Ctrl-C to stop; all changes are saved."]
         if access.token:
-            lines.insert(1, "         (the link is the key: whoever has it may do what you may)")
+            lines.insert(1, "         (anyone with this link has full access)")
         print_lines(lines)
         _run(studio, url, options)
     finally:
@@ -108,13 +109,13 @@ def _run(studio: Studio, url: str, options: argparse.Namespace) -> None:
         import webbrowser
 
         webbrowser.open(url)
-    begun = time.monotonic()
+    started_at = time.monotonic()
     try:
-        with one_blas_thread():  # as builds have it
-            while options.seconds is None or time.monotonic() - begun < options.seconds:
-                time.sleep(_LOOK)
+        with one_blas_thread():  # as in builds
+            while options.seconds is None or time.monotonic() - started_at < options.seconds:
+                time.sleep(_POLL_INTERVAL_S)
                 studio.poll()
     except KeyboardInterrupt:
-        print_lines(["ended"])
+        print_lines(["Stopped."])
     finally:
         studio.close()

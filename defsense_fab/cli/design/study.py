@@ -1,4 +1,4 @@
-"""The command `defsense study`."""
+"""Command `defsense study`: vary the number of cords, or the parameters of study.toml."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`study`."""
+    """Add `study`."""
     sub = commands.add_parser(
         "study",
         help="Find how many cords a device needs, or vary parameters by study.toml",
@@ -56,8 +56,11 @@ def _study(options: argparse.Namespace) -> int:
     if is_there(options.folder):
         if options.sensors is not None:
             raise DeviceError(
-                f"--sensors {options.sensors}: {options.folder / FILE} says what is studied; give"
-                " design.sensors there, or move that file away"
+                f"{options.sensors} conflicts with {options.folder / FILE}",
+                code="options-conflict",
+                where="--sensors",
+                action="Set design.sensors there, or move that file away",
+                option="--sensors",
             )
         from .parameter_study import run_parameter_study
 
@@ -65,8 +68,11 @@ def _study(options: argparse.Namespace) -> int:
     for name in ("workers", "scheduler"):
         if getattr(options, name) is not None:
             raise DeviceError(
-                f"--{name}: is for the runs of {options.folder / FILE}, which is not there;"
-                " docs/study.md tells how to write one"
+                f"applies to the runs of {options.folder / FILE}, which does not exist",
+                code="study-file-missing",
+                where=f"--{name}",
+                action="Create the file (docs/study.md), or omit the option",
+                option=f"--{name}",
             )
     return _count_cords(options)
 
@@ -74,54 +80,66 @@ def _study(options: argparse.Namespace) -> int:
 def _count_cords(options: argparse.Namespace) -> int:
     from ...core.device.device_file import load_device
 
-    least, most = _range(options.sensors or "1..6")
+    low, high = _parse_range(options.sensors or "1..6")
     device = load_device(options.folder, parse_overrides(options.set))
     from ...workflow.study import cord_count
 
     with silent_stdout(), progress_bars(options) as progress:
-        found = cord_count.study_cord_count(device, least, most, progress)
+        result = cord_count.study_cord_count(device, low, high, progress)
     with standard_output():
         if options.json:
-            rows = [{k: v for k, v in vars(r).items() if k != "layout"} for r in found.rows]
-            data = {"rows": rows, "knee": found.knee, "decoder": found.decoder, "how": found.how}
-            data["ended"] = found.ended
-            files = {"file": str(found.file), "picture": str(found.picture)}
+            rows = [{k: v for k, v in vars(r).items() if k != "layout"} for r in result.rows]
+            data = {"rows": rows, "knee": result.knee, "decoder": result.decoder, "how": result.how}
+            data["ended"] = result.ended
+            files = {"file": str(result.file), "picture": str(result.picture)}
             print_json({**data, **files})
         else:
-            _show_study(found, options)
+            _print_study(result, options)
     return 0
 
 
-def _range(text: str) -> tuple[int, int]:
-    least, dots, most = text.partition("..")
-    if not (least.isdecimal() and (most.isdecimal() if dots else not most)):
-        raise DeviceError(f"--sensors {text}: write a range such as 1..6, or one number")
-    a, b = int(least), int(most or least)
-    if not 1 <= a <= b <= 16:
-        raise DeviceError(f"--sensors {text}: give numbers from 1 to 16, the smaller one first")
-    return a, b
+def _parse_range(text: str) -> tuple[int, int]:
+    low, dots, high = text.partition("..")
+    if not (low.isdecimal() and (high.isdecimal() if dots else not high)):
+        raise DeviceError(
+            f"{text} is not a range",
+            code="range-invalid",
+            where="--sensors",
+            action="Give a range such as 1..6, or one number",
+            value=text,
+        )
+    first, last = int(low), int(high or low)
+    if not 1 <= first <= last <= 16:
+        raise DeviceError(
+            f"{text} is out of range",
+            code="out-of-range",
+            where="--sensors",
+            action="Give numbers from 1 to 16, the smaller one first",
+            value=text,
+        )
+    return first, last
 
 
-def _show_study(found: Study, options: argparse.Namespace) -> None:
+def _print_study(result: Study, options: argparse.Namespace) -> None:
     from rich.table import Table
 
     from ...decoding.expected_errors import MEANING
 
     out = console()
-    table = Table(title="predicted RMSE, mm, by number of cords")
-    for column in ("cords", "unseen", "fitted", "no noise", "affine floor", "decoder", ""):
+    table = Table(title="Predicted RMSE (mm) by number of cords")
+    for column in ("cords", "unseen", "fitted", "without noise", "affine limit", "decoder", ""):
         table.add_column(column, justify="left" if column in ("decoder", "") else "right")
-    for r in found.rows:
+    for r in result.rows:
         numbers = (r.unseen, r.rmse, r.rmse_noise_free, r.floor)
         cells = (f"{v:.3f}" for v in numbers)
-        mark = "recommended" if r.sensors == found.knee else ""
+        mark = "recommended" if r.sensors == result.knee else ""
         table.add_row(str(r.sensors), *cells, r.decoder, mark)
     out.print(table)
-    if found.ended:
-        print_lines([f"note: ended early: {found.ended}"])
-    print_lines([f"note: {MEANING[found.how]}"])
+    if result.ended:
+        print_lines([f"note: the study ended early: {result.ended}"])
+    print_lines([f"note: {MEANING[result.how]}"])
     print_lines([
-        f"Look at: {found.picture}",
-        f"Next:    [design] sensors = {found.knee} in {options.folder / 'device.toml'}, then"
-        f" defsense build {options.folder}",
+        f"Look at: {result.picture}",
+        f"Next:    set [design] sensors = {result.knee} in"
+        f" {options.folder / 'device.toml'}, then run defsense build {options.folder}",
     ])  # fmt: skip

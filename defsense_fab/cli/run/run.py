@@ -155,7 +155,14 @@ def _run(options: argparse.Namespace) -> int:
     count = len(options.models)
     for name, given in (("--port", options.port), ("--device", options.device)):
         if given is not None and len(given) != count:
-            raise DeviceError(f"{name}: give one for each model, {count} of them")
+            raise DeviceError(
+                f"has {len(given)} values for {count} models",
+                code="count-differs",
+                where=name,
+                action="Give one for each model",
+                option=name,
+                count=len(given),
+            )
     check_range("--rate", options.rate, 10, 500)
     if options.view is not None:
         check_range("--view", options.view, 1024, 65535 - count)

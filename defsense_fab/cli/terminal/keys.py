@@ -32,8 +32,9 @@ class Keys:
         """Raises DeviceError where standard input is no terminal, or cannot be read by keys."""
         if not sys.stdin.isatty():
             raise DeviceError(
-                "this command asks for keys, but standard input is no terminal; run it in one, or"
-                f" {self._otherwise}"
+                "standard input is not a terminal, and this command reads keys",
+                code="terminal-missing",
+                action=f"Run it in a terminal, or {self._otherwise}",
             )
         self._terminal = Terminal()
         return self

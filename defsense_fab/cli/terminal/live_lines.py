@@ -133,7 +133,12 @@ def _look(followed: _Followed) -> DefsenseError | None:
     except Exception as error:  # of what this run alone is made of: others go on
         _log.debug("%s: where it happened", followed.label, exc_info=True)
         told = f"{followed.label}: {type(error).__name__} in the live loop: {error}"
-        failure = LiveError(f"{told}; run it with -v and report where it happened")
+        failure = LiveError(
+            f"{type(error).__name__} in the live loop: {error}",
+            code="live-loop-failed",
+            where=followed.label,
+            action="Run it with -v and report the traceback",
+        )
     if failure is not None:
         followed.ended = str(failure)
     return failure

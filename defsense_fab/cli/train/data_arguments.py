@@ -68,7 +68,11 @@ def read_data_arguments(options: argparse.Namespace) -> DataFiles | None:
     from ...training.recordings.datasets import DataFiles
 
     if (options.signals is None) != (options.tracks is None):
-        raise TrainingError("--signals and --tracks go together: give both, or sessions")
+        raise TrainingError(
+            "--signals and --tracks belong together",
+            code="options-incomplete",
+            action="Give both, or sessions",
+        )
     offset = _seconds("--offset", options.offset)
     shift = _seconds("--shift", options.shift)
     if not options.sources and options.signals is None:
@@ -96,5 +100,11 @@ def _seconds(option: str, text: str) -> float | Literal["auto"]:
     except ValueError:
         seconds = math.nan
     if not math.isfinite(seconds):
-        raise TrainingError(f"{option} {text}: give s, or auto")
+        raise TrainingError(
+            f"{text} is not a time",
+            code="not-a-number",
+            where=option,
+            action="Give seconds, or auto",
+            value=text,
+        )
     return seconds

@@ -58,12 +58,26 @@ def add(commands: Commands) -> None:
 def _dataset(options: argparse.Namespace) -> int:
     files = read_data_arguments(options)
     if files is None:
-        raise TrainingError("nothing to write: give sessions, or --signals with --tracks")
+        raise TrainingError(
+            "there are no data to export",
+            code="sources-missing",
+            action="Give sessions, or --signals with --tracks",
+        )
     if options.out is None and options.lerobot is None:
-        raise TrainingError("nowhere to write: give --out FOLDER, --lerobot FOLDER, or both")
+        raise TrainingError(
+            "there is no output",
+            code="output-missing",
+            action="Give --out FOLDER, --lerobot FOLDER, or both",
+        )
     if options.rate is not None:
         if options.lerobot is None:
-            raise TrainingError("--rate is of --lerobot alone: Parquet has the times as they are")
+            raise TrainingError(
+                "applies to --lerobot only; Parquet keeps the original times",
+                code="options-conflict",
+                where="--rate",
+                action="Omit the option, or give --lerobot",
+                option="--rate",
+            )
         check_range("--rate", options.rate, 1, 1000)
     from ...core.device.device_file import load_device
     from ...training.models.prepare import export_dataset

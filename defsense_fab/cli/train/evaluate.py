@@ -66,7 +66,13 @@ def add(commands: Commands) -> None:
 def _evaluate(options: argparse.Namespace) -> int:
     share = options.last_share
     if share is not None and not 0 < share <= 1:
-        raise TrainingError(f"--last-share {share:g}: give a share above 0, up to 1")
+        raise TrainingError(
+            f"{share:g} is out of range",
+            code="out-of-range",
+            where="--last-share",
+            action="Give a share above 0, up to 1",
+            value=share,
+        )
     from ...core.device.device_file import load_device
     from ...report.evaluation.evaluation_report import check_folder, write_evaluation
     from ...report.evaluation.tables import as_data
@@ -74,7 +80,11 @@ def _evaluate(options: argparse.Namespace) -> int:
 
     files = read_data_arguments(options)
     if files is None:
-        raise TrainingError("nothing to test on: give sessions, or --signals with --tracks")
+        raise TrainingError(
+            "there are no data to test on",
+            code="sources-missing",
+            action="Give sessions, or --signals with --tracks",
+        )
     device = load_device(options.device) if options.device else None
     models = [options.model, *options.against]
     beside = options.model if options.model.is_dir() else options.model.parent

@@ -97,8 +97,9 @@ def _train(options: argparse.Namespace) -> int:
     if files is None:
         if device is None:
             raise TrainingError(
-                "nothing to train on: give sessions, --signals with --tracks, or --device for the"
-                " simulation's own model"
+                "there are no data to train on",
+                code="sources-missing",
+                action="Give sessions, --signals with --tracks, or --device to train on the simulation",
             )
         return _simulated(options, device)
     from ...training.fitting.train_model import TrainingOptions
@@ -127,7 +128,13 @@ def _numbers(text: str) -> list[int]:
     try:
         return [int(part) for part in text.split(",") if part.strip()]
     except ValueError:
-        raise TrainingError(f"--without-markers {text}: give numbers, such as 4,7") from None
+        raise TrainingError(
+            f"{text} is not a list of numbers",
+            code="not-a-number",
+            where="--without-markers",
+            action="Give numbers, such as 4,7",
+            value=text,
+        ) from None
 
 
 def _simulated(options: argparse.Namespace, device: Device) -> int:

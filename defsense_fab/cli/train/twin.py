@@ -144,7 +144,12 @@ def _twin(options: argparse.Namespace) -> int:
 
         check_range("--rate", options.rate, 5, 60)
         if "seed" in options.cameras:
-            raise DeviceError(f"--cameras {options.cameras}: the seed is given with --seed")
+            raise DeviceError(
+                f"{options.cameras} contains a seed",
+                code="options-conflict",
+                where="--cameras",
+                action="Set the seed with --seed",
+            )
         _, count, kind = parse_twin_cameras("--cameras", f"twin:{options.cameras}")
         traits = replace(traits, film=FilmTraits(kind, count, options.rate))
     traits.disable_traits(off)

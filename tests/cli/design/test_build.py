@@ -1,27 +1,42 @@
-"""What `build` says of a layout below its table."""
+"""Notes that `build` prints below the table of predicted errors."""
 
 import pytest
 
-from defsense_fab.cli.design.build import _begun_better, _cost_of_affine
+from defsense_fab.cli.design.build import _note_better_decoder, _note_worse_than_start
+from defsense_fab.cli.main import run_command
+from defsense_fab.core.errors import DeviceError
+from tests.support.errors import raises
+from tests.support.places import BAR
 
 
-def layout(kept="affine", how="held out", initial=1.0, taken=0.9):
+def layout(decoder="affine", how="held out", initial=1.0, final=0.9):
     return {
-        "unseen": {"affine": taken, "quadratic": 0.4, "kernel": 0.6},
-        "prediction": {"decoder": kept, "how": how, "unseen": taken},
+        "unseen": {"affine": final, "quadratic": 0.4, "kernel": 0.6},
+        "prediction": {"decoder": decoder, "how": how, "unseen": final},
         "initial": {"unseen": initial},
     }
 
 
-def test_what_the_affine_map_costs_is_told_where_it_is_kept():
-    (said,) = _cost_of_affine(layout())
-    assert "affine map has 0.90 mm and quadratic 0.40 mm" in said
-    assert _cost_of_affine(layout("kernel")) == []
-    assert _cost_of_affine(layout(how="none")) == []
-    assert _cost_of_affine(layout(taken=0.3)) == []
+def test_note_on_a_better_decoder_only_for_the_affine_map():
+    (note,) = _note_better_decoder(layout())
+    assert all(word in note for word in ("affine", "0.90", "quadratic", "0.40"))
+    assert _note_better_decoder(layout("kernel")) == []
+    assert _note_better_decoder(layout(how="none")) == []
+    assert _note_better_decoder(layout(final=0.3)) == []
 
 
-@pytest.mark.parametrize(("initial", "told"), [(1.0, 0), (0.9, 0), (0.8996, 0), (0.89, 1)])
-def test_a_search_that_ends_worse_than_it_began_says_so(initial, told):
-    said = _begun_better(layout(initial=initial))
-    assert len(said) == told
+@pytest.mark.parametrize(("initial", "count"), [(1.0, 0), (0.9, 0), (0.8996, 0), (0.89, 1)])
+def test_note_on_a_search_that_ends_worse_than_its_start(initial, count):
+    assert len(_note_worse_than_start(layout(initial=initial))) == count
+
+
+@pytest.mark.parametrize("bed", ["220,220", "10,220,250", "220,220,9000"])
+def test_bed_size_is_checked(bed):
+    with raises(DeviceError, "bed-size-invalid", value=bed):
+        run_command(["build", str(BAR), "--bed", bed])
+
+
+def test_copies_are_checked():
+    with raises(DeviceError, "out-of-range", value=0) as caught:
+        run_command(["build", str(BAR), "--copies", "0"])
+    assert caught.value.where == "--copies"

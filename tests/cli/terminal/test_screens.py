@@ -8,12 +8,12 @@ import pytest
 from rich.console import Console
 
 from defsense_fab.calibration.guided_measurement import MeasurementView
-from defsense_fab.core.storage.session_manifest import Criterion
 from defsense_fab.calibration.protocol import JigStep
 from defsense_fab.capture.sessions.guided_recording import CameraView, CaptureView
 from defsense_fab.cli.terminal import camera_calibration, guided_recording
 from defsense_fab.cli.terminal.guided_measurement import MeasurementTerminal
 from defsense_fab.cli.terminal.screen import fitting
+from defsense_fab.core.storage.session_manifest import Criterion
 from defsense_fab.workflow.cameras.live_views import BoardShown
 
 

@@ -143,5 +143,5 @@ def test_simulated_specimens_are_named(calibration, monkeypatch):
 
 def test_the_page_and_the_command_want_the_same():
     about = {"length": 150.0, "geometry": Geometry(8.0, 2.0), "radii": [75.0, 100.0, 150.0]}
-    options = argparse.Namespace(**dict.fromkeys(calibrate_record._PLAN))
-    assert calibrate_record._wanted(options, about) == sessions.default_settings(about)
+    options = argparse.Namespace(**dict.fromkeys(calibrate_record._DEFAULTS))
+    assert calibrate_record._session_fields(options, about) == sessions.default_settings(about)

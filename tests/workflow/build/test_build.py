@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.capture.files.formats import read_tracks
 from defsense_fab.cli.design import build
 from defsense_fab.cli.exit_codes import STOPPED
-from defsense_fab.cli.main import main
+from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.errors import StorageError
+from defsense_fab.core.errors import DeviceError, StorageError
 from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.storage.files import storage_errors
@@ -34,6 +34,7 @@ from defsense_fab.store.layout import load_layout
 from defsense_fab.store.manifest import load_manifest, load_part
 from defsense_fab.workflow.build import stage_fabricate, stage_report
 from defsense_fab.workflow.build.stage_optimize import _as_kept, _uncalibrated
+from tests.support.errors import raises
 from tests.support.places import BAR
 
 
@@ -255,8 +256,7 @@ def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monk
     with monkeypatch.context() as m:
         m.setattr(stage_report, "run", interrupt)
         assert main(["build", str(copy)]) == STOPPED
-    told = "stopped; the last build is untouched, and the same command goes on"
-    assert told in capsys.readouterr().err
+    assert capsys.readouterr().err.splitlines()[-1].startswith("Interrupted. ")
     assert snapshot(copy / "build") == before
     assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == ["report"]
@@ -336,11 +336,13 @@ def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
 
     monkeypatch.setattr(build, "_build", clumsy)
     assert main(["build", str(BAR)]) == STOPPED
-    assert capsys.readouterr().err.startswith("stopped; ")
+    assert capsys.readouterr().err.startswith("Interrupted. ")
 
 
 def test_output_that_nobody_reads_is_no_traceback(tmp_path):
-    code = "from defsense_fab.cli import output as cli\nwith cli.results(): print('x' * 99999)"
+    code = (
+        "from defsense_fab.cli import output as cli\nwith cli.standard_output(): print('x' * 99999)"
+    )
     with open("/dev/full", "w") as full:
         out = subprocess.run(
             [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True
@@ -370,9 +372,9 @@ def test_help_and_version_need_no_heavy_import():
     assert out.stdout.splitlines()[-1] == "[]"
 
 
-def test_set_wants_a_name_and_a_value(capsys):
-    assert main(["build", str(BAR), "--set", "length"]) == 2
-    assert "--set length: write it as NAME=VALUE" in capsys.readouterr().err
+def test_set_needs_a_name_and_a_value():
+    with raises(DeviceError, "override-invalid", value="length"):
+        run_command(["build", str(BAR), "--set", "length"])
 
 
 def test_parameters_from_the_command_line():
