@@ -88,16 +88,16 @@ def measured(
     drawn = random_states(device, options.states, rng)
     plan, todo, _ = prepare_jobs(device, fine, [*list_loadings(device), *drawn])
     fields, test = [np.zeros_like(fine.nodes)], [False]
-    kept: list[Loading | None] = []
-    own = options.law == "device"
-    material = Material.from_spec(device.material) if own else law(device)
+    states_held_out: list[Loading | None] = []
+    is_device_law = options.law == "device"
+    material = Material.from_spec(device.material) if is_device_law else law(device)
     for loading, results in zip(plan, solve_all(fine, material, todo), strict=True):
         for result in results:
             if result.u is not None and result.problem is None:
                 fields.append(result.u)
                 test.append(loading.held_out)
                 if loading.held_out:
-                    kept.append(loading if any(loading is x for x in drawn) else None)
+                    states_held_out.append(loading if any(loading is x for x in drawn) else None)
     u, tested = np.stack(fields), np.array(test)
     locator = PointLocator(fine)
     points = load_prediction(folder).markers
@@ -105,7 +105,9 @@ def measured(
     flat = markers.reshape(len(u), -1)
     reading, normal = CordReading.from_device(device), rng.normal
     # No shorter a test than that which the band is of: noise would widen what it finds.
-    readings = max(_READINGS, int(np.ceil(layout.band.frames / max(kept.count(None), 1))))
+    readings = max(
+        _READINGS, int(np.ceil(layout.band.frames / max(states_held_out.count(None), 1)))
+    )
     errors = []
     for _ in range(options.devices):
         columns, sigma = [], []
@@ -123,10 +125,10 @@ def measured(
         square = np.zeros(int(tested.sum()))
         for _ in range(readings):
             read = S[tested] + noise * normal(0, 1, S[tested].shape)
-            off = (decoder(read) - flat[tested]).reshape(len(read), -1, 3)
-            square += (off**2).sum(2).mean(1) / readings
+            difference = (decoder(read) - flat[tested]).reshape(len(read), -1, 3)
+            square += (difference**2).sum(2).mean(1) / readings
         errors.append(np.sqrt(square))
-    return np.array(errors), kept
+    return np.array(errors), states_held_out
 
 
 def main() -> None:
@@ -149,7 +151,7 @@ def main() -> None:
         folder = build(device, "optimize").folder
         layout = load_layout(folder)
         errors, states = measured(device, layout, folder, options)
-        own = np.array([s is None for s in states])
+        is_device_law = np.array([s is None for s in states])
         inside = np.array([s is not None and max(s.weights.values()) <= 1 for s in states])
         single = np.array([s is not None and len(s.weights) == 1 for s in states])
 
@@ -158,18 +160,20 @@ def main() -> None:
             return np.sqrt((errors[:, which] ** 2).mean(axis=1)) if which.any() else np.array([])
 
         band = layout.band
-        beyond, mixed = ~own & ~inside, ~own & ~single
-        found = [rms(which) for which in (own, ~own, inside, beyond, single, mixed)]
+        beyond, mixed = ~is_device_law & ~inside, ~is_device_law & ~single
+        found = [
+            rms(which) for which in (is_device_law, ~is_device_law, inside, beyond, single, mixed)
+        ]
         built = found[2]
         shares = [
             f"{((x >= band.low) & (x <= band.high)).mean():.0%}" if len(x) else "-"
             for x in found[:3:2]
         ]
-        over = "   over" if len(built) and np.median(built) > band.high else ""
-        told = f"{band.median:.2f} ({band.low:.2f}-{band.high:.2f})"
-        print(f"{device.name:<17} {layout.prediction.decoder:<10} {told:<20}"
+        note = "   over" if len(built) and np.median(built) > band.high else ""
+        prediction_text = f"{band.median:.2f} ({band.low:.2f}-{band.high:.2f})"
+        print(f"{device.name:<17} {layout.prediction.decoder:<10} {prediction_text:<20}"
               + "".join(f"{np.median(x):8.2f}" if len(x) else f"{'-':>8}" for x in found)
-              + f"{' / '.join(shares):>14}{over}", flush=True)  # fmt: skip
+              + f"{' / '.join(shares):>14}{note}", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -55,12 +55,12 @@ def copied(device: Path) -> Iterator[Path]:
 
 def seconds(work: Callable[[], object], repeat: int) -> float:
     """Return the median of CPU seconds."""
-    taken = []
+    times_s = []
     for _ in range(repeat):
         start = time.process_time()
         work()
-        taken.append(time.process_time() - start)
-    return float(np.median(taken))
+        times_s.append(time.process_time() - start)
+    return float(np.median(times_s))
 
 
 def equations(device: Path, repeat: int) -> None:
@@ -71,7 +71,7 @@ def equations(device: Path, repeat: int) -> None:
         law = Material.from_spec(read.material)
         _, todo, _ = prepare_jobs(read, mesh, list_loadings(read))
     goal = todo[0].conditions
-    taken, found = {}, {}
+    times_s, solutions = {}, {}
     for name, environment in SOLVERS.items():
         os.environ.pop(SWITCH, None)
         os.environ.update(environment)
@@ -91,25 +91,27 @@ def equations(device: Path, repeat: int) -> None:
         system.close()
 
         def pose() -> object:
-            one = System(mesh, law, goal)
+            fresh_system = System(mesh, law, goal)
             try:
-                return follow(one, rest_state(goal, len(mesh.nodes)), goal, check=False)[-1]
+                return follow(fresh_system, rest_state(goal, len(mesh.nodes)), goal, check=False)[
+                    -1
+                ]
             finally:
-                one.close()
+                fresh_system.close()
 
         u = pose().u  # compiled now
-        taken[name] = (first, again, solved, seconds(pose, repeat))
-        found[name] = (x, u)
+        times_s[name] = (first, again, solved, seconds(pose, repeat))
+        solutions[name] = (x, u)
     print(f"\n{device.name}: {len(mesh.cells)} tets, {matrix.shape[0]} unknowns, CPU s, one core")
     print(f"{'':<16}{'first factor':>14}{'factor':>10}{'solve':>10}{'pose':>10}")
-    for name, times in taken.items():
+    for name, times in times_s.items():
         print(f"{name:<16}{times[0]:>14.3f}" + "".join(f"{t:>10.3f}" for t in times[1:]))
-    least, (x, u) = taken[Pardiso.name], found[Pardiso.name]
+    reference, (x, u) = times_s[Pardiso.name], solutions[Pardiso.name]
     for name in [n for n in SOLVERS if n != Pardiso.name]:
-        ratios = [b / a for a, b in zip(least, taken[name], strict=True)]
-        y, v = found[name]
+        ratios = [b / a for a, b in zip(reference, times_s[name], strict=True)]
+        y, v = solutions[name]
         print(f"{name:<16}{ratios[0]:>13.1f}x" + "".join(f"{r:>9.1f}x" for r in ratios[1:])
-              + f"  off by {np.abs(x - y).max() / np.abs(x).max():.0e} of the largest, pose "
+              + f"  difference {np.abs(x - y).max() / np.abs(x).max():.0e} of the largest, pose "
               f"{np.abs(u - v).max():.0e} mm")  # fmt: skip
 
 

@@ -32,7 +32,9 @@ def cad_files(device: Device) -> list[SourceFile]:
     if device.body.kind != "script":
         return []
     return [
-        SourceFile.from_path(p) for p in own_files(device.source) if p.suffix.lower() in _CAD_SUFFIXES
+        SourceFile.from_path(p)
+        for p in own_files(device.source)
+        if p.suffix.lower() in _CAD_SUFFIXES
     ]
 
 
@@ -59,7 +61,8 @@ def is_unchanged(device: Device, folder: Path) -> bool:
     """
     sources = load_sources(folder)
     return sources is not None and all(
-        SourceFile.from_path(device.source / name).content == content for name, content in sources.items()
+        SourceFile.from_path(device.source / name).content == content
+        for name, content in sources.items()
     )
 
 

@@ -263,7 +263,7 @@ def freshness(device: Device) -> dict[str, Freshness]:
 
 
 def first_outdated(device: Device, until: str = "report") -> Stage | None:
-    """Return the first stage up to `until` whose result is missing or old; None if there is none."""
+    """Return the first stage up to `until` with a missing or old result, or None."""
     states = freshness(device)
     for stage in STAGES:
         if states[stage.name] != "current":

@@ -1,4 +1,4 @@
-"""What a device asks to be solved: poses with their ramps, mixtures, held-out mixtures."""
+"""The load cases of a device: ramps of its poses, mixtures, and held-out mixtures."""
 
 from __future__ import annotations
 
@@ -18,8 +18,14 @@ from ...mechanics.solver.batch import Job
 
 @dataclass(frozen=True)
 class Loading:
-    """One solve: weights of poses, the load fractions kept, whether they are held out, and whether
-    it may be left out where it cannot be solved."""
+    """One path of loading, which is one solve.
+
+    Attributes:
+        weights: Weights of the poses at the end of the path, by name.
+        fractions: Fractions of the path at which states are kept.
+        held_out: Whether these states are held out of the design.
+        optional: Whether states that cannot be solved are left out instead of refused.
+    """
 
     weights: Mapping[str, float]
     fractions: tuple[float, ...]
@@ -27,61 +33,76 @@ class Loading:
     optional: bool = False
 
     def state(self, fraction: float) -> str:
-        """Its name at a fraction."""
+        """Return the name of the state at a fraction, as in "bend@0.5" or "0.5*bend+1*twist"."""
         if len(self.weights) == 1 and next(iter(self.weights.values())) == 1.0:
             return f"{next(iter(self.weights))}@{fraction:g}"
         return "+".join(f"{w * fraction:g}*{n}" for n, w in self.weights.items())
 
+    @property
+    def label(self) -> str:
+        """Name of the state at the end of the path."""
+        return self.state(self.fractions[-1])
 
-def loadings(device: Device) -> list[Loading]:
-    """Every solve that the device asks for: ramps of its poses, mixtures, held-out mixtures."""
+
+def list_loadings(device: Device) -> list[Loading]:
+    """Return all loadings of a device: ramps of its poses, mixtures, and held-out mixtures."""
     s = device.states
     return [
         *(Loading({p.name: 1.0}, s.ramp, False) for p in device.poses),
-        *_along(s.mixtures, False, not s.given),
-        *_along(s.held_out, True, not s.given),
+        *_mixture_loadings(s.mixtures, False, not s.given),
+        *_mixture_loadings(s.held_out, True, not s.given),
     ]
 
 
-def _along(
+def _mixture_loadings(
     mixtures: Sequence[Mapping[str, float]], held_out: bool, optional: bool
 ) -> list[Loading]:
-    """Mixtures of which one is a part of another lie on one path of loading."""
+    """Return loadings for mixtures; proportional mixtures share one."""
     paths: dict[LoadingPath, list[tuple[float, Mapping[str, float]]]] = {}
     for m in mixtures:
-        path, at = loading_path(m)
-        paths.setdefault(path, []).append((at, m))
-    out = []
-    for same in paths.values():
-        whole, weights = max(same, key=lambda found: found[0])
-        fractions = tuple(sorted(at / whole for at, _ in same))
-        out.append(Loading(weights, fractions, held_out, optional))
-    return out
+        path, amount = loading_path(m)
+        paths.setdefault(path, []).append((amount, m))
+    loadings = []
+    for proportional in paths.values():
+        largest, weights = max(proportional, key=lambda item: item[0])
+        fractions = tuple(sorted(amount / largest for amount, _ in proportional))
+        loadings.append(Loading(weights, fractions, held_out, optional))
+    return loadings
 
 
-def jobs(
+def prepare_jobs(
     device: Device, mesh: QuadraticMesh, plan: Sequence[Loading]
 ) -> tuple[list[Loading], list[Job], list[str]]:
-    """What to solve of a plan, how, and warnings. Raises DeviceError where a pose does not hold the
-    body, or poses that do not go together are to be mixed."""
-    kept, out, warnings = [], [], []
+    """Convert loadings to jobs of the solver.
+
+    Args:
+        device: The device.
+        mesh: The mesh.
+        plan: The loadings.
+
+    Returns:
+        The loadings without optional ones that cannot be mixed, a job for each, and warnings.
+
+    Raises:
+        DeviceError: A pose does not hold the body, or poses that must be mixed do not fit together.
+    """
+    kept, jobs, warnings = [], [], []
     for loading in plan:
         try:
             conditions = mix_poses(
                 device.poses, loading.weights, device.regions, mesh, device.material.density
             )
-            said = check_constraints(mesh, conditions, loading.state(loading.fractions[-1]))
+            constraint_warnings = check_constraints(mesh, conditions, loading.label)
         except DeviceError as error:
             if not loading.optional:
                 raise
             warnings.append(f"{' and '.join(loading.weights)} are not mixed: {error}")
             continue
         kept.append(loading)
-        warnings += said
-        for name in sorted(
-            {n for p in device.poses if loading.weights.get(p.name) for n in p.fixed}
-        ):
-            held = np.flatnonzero(device.regions[name].contains(mesh.nodes))
-            warnings += warn_small_region(mesh, held, name)
-        out.append(Job(conditions, loading.fractions, loading.state(loading.fractions[-1])))
-    return kept, out, list(dict.fromkeys(warnings))
+        warnings += constraint_warnings
+        fixed = {n for p in device.poses if loading.weights.get(p.name) for n in p.fixed}
+        for name in sorted(fixed):
+            nodes = np.flatnonzero(device.regions[name].contains(mesh.nodes))
+            warnings += warn_small_region(mesh, nodes, name)
+        jobs.append(Job(conditions, loading.fractions, loading.label))
+    return kept, jobs, list(dict.fromkeys(warnings))

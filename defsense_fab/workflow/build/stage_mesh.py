@@ -1,7 +1,8 @@
-"""Stage 2: tetrahedra and the tags of the regions."""
+"""Stage 2: make the tetrahedra, and tag the nodes of the regions."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 
 import numpy as np
@@ -12,8 +13,8 @@ from ...core.mesh import Surface, TetMesh
 from ...geometry.bodies import regions
 from ...geometry.bodies.meshing import mesh_lock, mesh_store
 from ...geometry.bodies.meshing.mesh_quality import measure_quality
-from ...geometry.bodies.meshing.region_conforming import conform_to_regions
 from ...geometry.bodies.meshing.meshers import FTETWILD
+from ...geometry.bodies.meshing.region_conforming import conform_to_regions
 from ...geometry.bodies.meshing.tetrahedra import Tetrahedra, tetrahedralize
 from ...store.build import Build
 from ...store.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
@@ -22,107 +23,165 @@ from .stages import Report
 
 
 def run(device: Device, build: Build, report: Report) -> None:
-    """Make the tetrahedra at the requested density, and tag the nodes of the regions."""
+    """Make the tetrahedra at the requested density, and tag the nodes of the regions.
+
+    Args:
+        device: The device.
+        build: Results of the earlier stages.
+        report: Receives the completed fraction and a message.
+
+    Raises:
+        DeviceError: A region contains no part of the body, or no node of the mesh.
+        MeshingError: The body cannot be meshed.
+    """
     surface = build.surface
     _check_regions(device, surface)
-    limit = device.mesh.time_limit
-    kept_before = mesh_lock.read(device.source)
-    locked = {k: made for k, made in kept_before.items() if not made.is_outgrown(limit)}
-    used: dict[float, Tetrahedra] = {}
-
-    def make(edge_length: float) -> TetMesh:
-        key = mesh_lock.key(surface, edge_length)
-        if key in locked:
-            made: Tetrahedra | None = locked[key]
-        else:
-            made = mesh_store.recall(surface, edge_length, limit)
-        if made is None:
-            made = tetrahedralize(surface, edge_length, lambda m: report(0.3, m), limit)
-            mesh_store.remember(surface, edge_length, made)
-        used[edge_length] = made
-        return conform_to_regions(made.mesh, list(device.regions.values()))
-
-    edge_length, accuracy = device.mesh.edge_length, None
-    if edge_length is not None:
-        mesh = make(edge_length)
-    elif not device.poses:  # looking for poses: what they will need is not known yet
-        mesh = make(mesh_density.coarse_edge(surface) / mesh_density.RATIO)
-    else:
-        assert device.mesh.accuracy is not None
-        choice = mesh_density.choose(device, surface, device.mesh.accuracy, make, report)
-        mesh, edge_length = choice.taken.mesh, choice.taken.edge_length
-        accuracy = Accuracy(
-            device.mesh.accuracy,
-            _known(choice.taken.error),
-            tuple(
-                DensityTrial(t.edge_length, len(t.mesh.tets), _known(t.error))
-                for t in choice.trials
-            ),
-        )
+    source = _MeshSource(device, surface, report)
+    mesh, edge_length, accuracy = _make_mesh(device, surface, source.make, report)
     report(0.8, "measuring quality")
     tags = {name: shape.contains(mesh.nodes) for name, shape in device.regions.items()}
     for name, inside in tags.items():
         if not inside.any():
             raise DeviceError(
-                f"device.toml: regions.{name}: contains no nodes of the mesh, being smaller than"
-                " its edges; enlarge it, or use a smaller [mesh] edge_length"
+                "contains no nodes of the mesh, as it is smaller than the edges of the mesh",
+                code="region-without-nodes",
+                where=f"device.toml: regions.{name}",
+                action="Enlarge it, or use a smaller [mesh] edge_length",
+                region=name,
+                key=f"regions.{name}",
             )
-    found = asdict(measure_quality(mesh, surface))
-    taken = used[edge_length] if edge_length else next(iter(used.values()))
+    quality = asdict(measure_quality(mesh, surface))
+    used = source.used
+    tets = used[edge_length] if edge_length else next(iter(used.values()))
     record = MeshRecord(
-        hash=mesh.digest, edge_length=edge_length, accuracy=accuracy, mesher=taken.mesher,
-        note=_note(taken), way=taken.way, tried=taken.tried, surface=taken.surface, **found,
-    )  # fmt: skip
+        hash=mesh.digest,
+        edge_length=edge_length,
+        accuracy=accuracy,
+        mesher=tets.mesher,
+        note=_note(tets),
+        way=tets.way,
+        tried=tets.tried,
+        surface=tets.surface,
+        **quality,
+    )
     build.mesh, build.region_nodes, build.mesh_record = mesh, tags, record
     save_mesh(build.folder, mesh, tags, record)
-    kept = {
-        mesh_lock.key(surface, edge): made for edge, made in used.items() if not made.repeatable
-    }
-    new = kept.keys() - locked.keys()
-    if new or len(locked) < len(kept_before):
-        mesh_lock.write(device.source, kept if new else locked)
-    if new:
-        report(0.9, f"{mesh_lock.FILE} keeps the mesh, which cannot be made again: it belongs to"
-                    " the device as device.toml does")  # fmt: skip
+    if source.lock_meshes():
+        report(
+            0.9,
+            f"{mesh_lock.FILE} keeps the mesh, which cannot be made again. It belongs to the"
+            " device, as device.toml does",
+        )
 
 
-def _note(made: Tetrahedra) -> str:
-    """What a reader of the report should know of how the mesh was made."""
+class _MeshSource:
+    """Makes meshes of a body, or takes them from `device.mesh` or from the cache.
+
+    Attributes:
+        used: The tetrahedra that were returned, by edge length.
+    """
+
+    def __init__(self, device: Device, surface: Surface, report: Report) -> None:
+        self._device, self._surface, self._report = device, surface, report
+        self._limit = device.mesh.time_limit
+        self._in_file = mesh_lock.read(device.source)
+        self._locked = {
+            k: tets for k, tets in self._in_file.items() if not tets.is_outgrown(self._limit)
+        }
+        self.used: dict[float, Tetrahedra] = {}
+
+    def make(self, edge_length: float) -> TetMesh:
+        """Return the mesh of an edge length in mm, whose facets end at the borders of regions."""
+        surface, limit = self._surface, self._limit
+        key = mesh_lock.key(surface, edge_length)
+        if key in self._locked:
+            tets: Tetrahedra | None = self._locked[key]
+        else:
+            tets = mesh_store.recall(surface, edge_length, limit)
+        if tets is None:
+            tets = tetrahedralize(surface, edge_length, lambda m: self._report(0.3, m), limit)
+            mesh_store.remember(surface, edge_length, tets)
+        self.used[edge_length] = tets
+        return conform_to_regions(tets.mesh, list(self._device.regions.values()))
+
+    def lock_meshes(self) -> bool:
+        """Write meshes that cannot be repeated to `device.mesh`.
+
+        Returns:
+            Whether one of them is new.
+        """
+        kept = {
+            mesh_lock.key(self._surface, edge): tets
+            for edge, tets in self.used.items()
+            if not tets.repeatable
+        }
+        new = kept.keys() - self._locked.keys()
+        if new or len(self._locked) < len(self._in_file):
+            mesh_lock.write(self._device.source, kept if new else self._locked)
+        return bool(new)
+
+
+def _make_mesh(
+    device: Device, surface: Surface, make: Callable[[float], TetMesh], report: Report
+) -> tuple[TetMesh, float | None, Accuracy | None]:
+    """Return the mesh, its edge length in mm, and how it was chosen."""
+    edge_length, accuracy = device.mesh.edge_length, device.mesh.accuracy
+    if edge_length is not None:
+        return make(edge_length), edge_length, None
+    if not device.poses:  # to find poses, whose needs are not known yet
+        edge = mesh_density.coarse_edge(surface) / mesh_density.EDGE_RATIO
+        return make(edge), None, None
+    assert accuracy is not None
+    choice = mesh_density.choose_mesh(device, surface, accuracy, make, report)
+    trials = tuple(
+        DensityTrial(t.edge_length, len(t.mesh.tets), _finite(t.error)) for t in choice.trials
+    )
+    chosen = choice.chosen
+    return chosen.mesh, chosen.edge_length, Accuracy(accuracy, _finite(chosen.error), trials)
+
+
+def _note(tets: Tetrahedra) -> str:
+    """Return notes for the report on how the mesh was made."""
     notes = []
-    if made.surface:
-        s = made.surface
+    if tets.surface:
+        s = tets.surface
         notes.append(
             f"The mesh has a surface of {s.triangles:,} triangles instead of the body's {s.of:,},"
             f" at most {s.deviation:.2g} mm from it; the parts keep the body's own surface."
         )
-    if not made.repeatable:
-        why = "made by fTetWild, which repeats none"
-        if made.mesher != FTETWILD:
-            why = (
-                "made after a mesher was stopped for want of time or memory, as may not happen"
-                " elsewhere"
+    if not tets.repeatable:
+        reason = "as fTetWild gives a different mesh each time"
+        if tets.mesher != FTETWILD:
+            reason = (
+                "as another mesher was stopped by the limits of time or memory, which may not"
+                " happen elsewhere"
             )
-        notes.append(f"{mesh_lock.FILE} keeps the mesh, {why}.")
-    if made.tried:
-        notes.append(f"It was made by {made.way}. Tried before: {'; '.join(made.tried)}.")
+        notes.append(f"{mesh_lock.FILE} keeps the mesh, {reason}.")
+    if tets.tried:
+        notes.append(f"It was made by {tets.way}. Tried before: {'; '.join(tets.tried)}.")
     return " ".join(notes)
 
 
 def _check_regions(device: Device, surface: Surface) -> None:
-    """Before anything is meshed. Raises DeviceError for a region that holds nothing of the body."""
+    """Raise DeviceError for a region that contains no part of the body."""
     for name, shape in device.regions.items():
         if regions.holds_body(shape, surface):
             continue
         poses = [
             p.name for p in device.poses if name in p.fixed or name in [h.region for h in p.handles]
         ]
-        used = f" (used by the pose{'s' * (len(poses) > 1)} {', '.join(poses)})" if poses else ""
+        use = f" (used by the pose{'s' * (len(poses) > 1)} {', '.join(poses)})" if poses else ""
         raise DeviceError(
-            f"device.toml: regions.{name}: holds nothing of the body{used}: it is"
-            f" {regions.describe_region(shape)}, and the body lies {regions.describe_extent(surface)};"
-            " move it to where the body is"
+            f"contains no part of the body{use}; it is {regions.describe_region(shape)}, and the"
+            f" body extends {regions.describe_extent(surface)}",
+            code="region-outside-body",
+            where=f"device.toml: regions.{name}",
+            action="Move it to the body",
+            region=name,
+            key=f"regions.{name}",
+            poses=tuple(poses),
         )
 
 
-def _known(error: float) -> float | None:
+def _finite(error: float) -> float | None:
     return error if np.isfinite(error) else None

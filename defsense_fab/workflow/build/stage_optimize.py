@@ -19,7 +19,13 @@ from ...geometry.parts.records import PartSet
 from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.prediction.as_built import assumed_cords, score_paths
 from ...optimize.prediction.choose_layout import Trial, choose_layout
-from ...optimize.prediction.design_task import SEED, DesignTask, candidate_decoders, load_task, device_tolerances
+from ...optimize.prediction.design_task import (
+    SEED,
+    DesignTask,
+    candidate_decoders,
+    device_tolerances,
+    load_task,
+)
 from ...optimize.prediction.predict import ScoredLayout, left_out_error, predict
 from ...optimize.refinement.refine import (
     OptimizedLayout,
@@ -212,7 +218,7 @@ def _as_stored(found: OptimizedLayout) -> OptimizedLayout:
 
 
 class _SearchObserver:
-    """Callbacks for a search: of the best layout so far, and of every step; None without `watch`."""
+    """Callbacks of a search for the best layout so far and every step; None without `watch`."""
 
     def __init__(self, folder: Path, watch: Watch | None) -> None:
         self.kept = None if watch is None else self._callback(folder, watch, kept=True)

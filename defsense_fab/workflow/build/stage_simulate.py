@@ -1,8 +1,9 @@
-"""Stage 3: every pose, ramp step and mixture to a displacement field."""
+"""Stage 3: solve the displacement field of every pose, ramp step and mixture."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 from ...core.arrays import Float
@@ -25,11 +26,12 @@ from ...store.fields import (
     save_index,
     state_file,
 )
-from .load_cases import Loading, jobs, loadings
+from .load_cases import Loading, list_loadings, prepare_jobs
 from .stages import Report, Solve
 
-#: Tets with a smaller dihedral angle (degrees) are warned of.
-SLIVER = 2.0
+# Dihedral angle of a tetrahedron below which it is a sliver, degrees.
+_SLIVER_ANGLE_DEG = 2.0
+_UNREACHED = "not-reached"
 
 
 def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) -> None:
@@ -47,38 +49,30 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
     mesh, folder = build.quadratic_mesh, build.folder
     material = Material.from_spec(device.material)
     (folder / FOLDER).mkdir()
-    for stale in (device.source / "not-reached").glob("*@*.vtu"):
+    for stale in (device.source / _UNREACHED).glob("*@*.vtu"):
         stale.unlink()
-    questions = unusual_properties(device.material)
-    for line in questions:
+    doubts = unusual_properties(device.material)
+    for line in doubts:
         report(0.0, line)
-    plan, todo, warnings = jobs(device, mesh, loadings(device))
-    warnings = [*questions, *warnings]
+    plan, jobs, job_warnings = prepare_jobs(device, mesh, list_loadings(device))
+    warnings = [*doubts, *job_warnings]
     angle = build.mesh_record.min_dihedral
-    if angle < SLIVER:
+    if angle < _SLIVER_ANGLE_DEG:
         warnings.append(
-            f"the mesh has a sliver with an angle of {angle:.1f} degrees, where strains are not to"
-            " be trusted; use another [mesh] edge_length, or repair thin folds of the body"
+            f"the mesh has a sliver with an angle of {angle:.1f} degrees, where strains are"
+            " unreliable. Use another [mesh] edge_length, or repair thin folds of the body"
         )
-    reached = [0.0] * len(plan)
-    lock = threading.Lock()
-
-    def show(job: int, at: float) -> None:
-        with lock:
-            reached[job] = at
-            label = plan[job].state(plan[job].fractions[-1])
-            report(sum(reached) / len(plan), f"{label}: {100 * at:.0f} %")
-
     states: list[StateRecord] = []
     fields: list[tuple[Float, Float]] = []
-    for loading, results in zip(plan, solve(mesh, material, todo, show), strict=True):
+    solutions = solve(mesh, material, jobs, _progress_of_jobs(plan, report))
+    for loading, results in zip(plan, solutions, strict=True):
         if not loading.optional:
             _refuse_unreached(device, mesh, loading, results[-1])
         for fraction, result in zip(loading.fractions, results, strict=not loading.optional):
             name = loading.state(fraction)
             if loading.optional and not (result.converged and result.problem is None):
-                why = result.problem or "it did not converge"
-                warnings.append(f"the proposed state {name} is left out: {why}")
+                reason = result.problem or "it did not converge"
+                warnings.append(f"the proposed state {name} is left out: {reason}")
                 continue
             assert result.u is not None
             stats = {k: v for k, v in asdict(result.statistics).items() if k != "seconds"}
@@ -92,22 +86,42 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
     build.fields = Fields.of(states, fields)
 
 
+def _progress_of_jobs(plan: Sequence[Loading], report: Report) -> Callable[[int, float], None]:
+    """Return a callback that reports the progress of jobs, which run in several threads."""
+    fractions = [0.0] * len(plan)
+    lock = threading.Lock()
+
+    def show(job: int, fraction: float) -> None:
+        with lock:
+            fractions[job] = fraction
+            message = f"{plan[job].label}: {100 * fraction:.0f} %"
+            report(sum(fractions) / len(plan), message)
+
+    return show
+
+
 def _refuse_unreached(
     device: Device, mesh: QuadraticMesh, loading: Loading, last: Equilibrium
 ) -> None:
-    """Raise SolveError for a pose that the body cannot take; its furthest field is left beside."""
+    """Raise SolveError for a pose that did not converge, and save its last field.
+
+    The field is saved in the folder `not-reached` of the device.
+    """
     if last.converged:
         return
-    label = loading.state(loading.fractions[-1])
-    offered = ""
+    state, path, saved = loading.label, None, ""
     if last.last_state is not None and last.amplitude > 0:
-        folder = device.source / "not-reached"
+        folder = device.source / _UNREACHED
         folder.mkdir(exist_ok=True)
-        path = folder / f"{state_file(label.split('@')[0])}@{last.amplitude:.3g}.vtu"
+        path = folder / f"{state_file(state.split('@')[0])}@{last.amplitude:.3g}.vtu"
         save_field(path, mesh, last.last_state.u, {})
-        offered = f" (the body at that amplitude: {path})"
+        saved = f" (the body at that amplitude: {path})"
     raise SolveError(
-        f"device.toml: poses: {label!r} did not converge beyond {last.amplitude:.0%} of its"
-        f" amplitude{offered}; lower its movement or load, enlarge its regions, or refine the"
-        " mesh"
+        f"{state!r} did not converge beyond {last.amplitude:.0%} of its amplitude{saved}",
+        code="pose-not-reached",
+        where="device.toml: poses",
+        action="Reduce its movement or load, enlarge its regions, or refine the mesh",
+        state=state,
+        amplitude=last.amplitude,
+        path=path,
     )
