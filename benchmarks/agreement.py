@@ -67,8 +67,8 @@ def installed(peer: str) -> bool:
     """Return whether a peer is installed."""
     if peer == "calculix":
         return shutil.which("ccx") is not None
-    seen = subprocess.run([interpreter(), "-c", f"import {peer}"], capture_output=True)
-    return seen.returncode == 0
+    process = subprocess.run([interpreter(), "-c", f"import {peer}"], capture_output=True)
+    return process.returncode == 0
 
 
 def interpreter() -> str:
@@ -113,11 +113,11 @@ def ask(
             centre_path=shifts,
         )
         command = [interpreter(), "-m", "benchmarks.peers.run", peer, str(problem), str(result)]
-        ended = subprocess.run(
+        process_result = subprocess.run(
             [*command, "--increments", str(increments)], cwd=ROOT, capture_output=True, text=True
         )
-        if ended.returncode:
-            raise RuntimeError(ended.stderr.strip()[-300:])
+        if process_result.returncode:
+            raise RuntimeError(process_result.stderr.strip()[-300:])
         with np.load(result) as data:
             return Peer(data["u"], json.loads(str(data["stats"])))
 
@@ -169,16 +169,17 @@ def main() -> None:
                 goal = clamp(mesh, regions, fixed, moved[0], rotation, np.full(3, np.nan))
                 law = material(nu)
                 ours, shifts = solve(mesh, law, goal)
-                said = f"{name} ({len(mesh.cells)} tets), {title}, nu {nu}: "
+                title_text = f"{name} ({len(mesh.cells)} tets), {title}, nu {nu}: "
                 try:
                     theirs = ask(options.peer, mesh, law, goal, shifts, increments)
                 except RuntimeError as error:
-                    print(said + f"the peer failed: {error}", flush=True)
+                    print(title_text + f"the peer failed: {error}", flush=True)
                     continue
-                found = compare(mesh, ours, theirs.u)
+                agreement = compare(mesh, ours, theirs.u)
                 print(
-                    said + f"displacement within {found.displacement:.2g} mm, signals within"
-                    f" {found.signal:.2%} ({theirs.stats['version']})",
+                    title_text
+                    + f"displacement within {agreement.displacement:.2g} mm, signals within"
+                    f" {agreement.signal:.2%} ({theirs.stats['version']})",
                     flush=True,
                 )
 

@@ -27,9 +27,9 @@ def frames(t, m, seed=0):
     points = rest + rng.normal(0, 0.05, (t, m, 3))
     points = Rotation.random(t, rng=rng).as_matrix() @ points.swapaxes(1, 2)
     points = points.swapaxes(1, 2) + rng.uniform(-300, 300, (t, 1, 3))
-    gone = rng.random((t, m)) < 1 / 3
-    gone[gone.sum(axis=1) > m - 4] = False
-    points[gone] = np.nan
+    hidden = rng.random((t, m)) < 1 / 3
+    hidden[hidden.sum(axis=1) > m - 4] = False
+    points[hidden] = np.nan
     return points, rest, rng.uniform(0.5, 2, (t, m))
 
 
@@ -37,12 +37,12 @@ def loop(points, rest, weights):
     """Return aligned points (t, m, 3) and residuals (t,) mm, computed frame by frame."""
     out, residual = np.full(points.shape, np.nan), np.empty(len(points))
     for k, (frame, w) in enumerate(zip(points, weights, strict=True)):
-        seen = np.isfinite(frame[:, 0])
-        p, r, w = frame[seen], rest[seen], w[seen] / w[seen].sum()
+        visible = np.isfinite(frame[:, 0])
+        p, r, w = frame[visible], rest[visible], w[visible] / w[visible].sum()
         at, to = w @ p, w @ r
         rotation, _ = Rotation.align_vectors(r - to, p - at, weights=w)
-        out[k, seen] = rotation.apply(p - at) + to
-        residual[k] = np.sqrt(((out[k, seen] - r) ** 2).sum(axis=1).mean())
+        out[k, visible] = rotation.apply(p - at) + to
+        residual[k] = np.sqrt(((out[k, visible] - r) ** 2).sum(axis=1).mean())
     return out, residual
 
 
@@ -51,32 +51,38 @@ def main():
     parser.add_argument("--frames", type=int, default=5000)
     parser.add_argument("--markers", type=int, default=12)
     parser.add_argument("--repeat", type=int, default=7)
-    given = parser.parse_args()
-    points, rest, weights = frames(given.frames, given.markers)
+    options = parser.parse_args()
+    points, rest, weights = frames(options.frames, options.markers)
     sigma = np.full(points.shape, 0.05)
-    ways = {
+    functions = {
         "align": lambda: align(points, rest, weights),
         "align with sigma": lambda: align(points, rest, weights, sigma=sigma),
         "loop over align_vectors": lambda: loop(points, rest, weights),
     }
-    taken = {name: [] for name in ways}
+    times_ms = {name: [] for name in functions}
     align(points, rest, weights), loop(points[:50], rest, weights[:50])
-    for _ in range(given.repeat):
-        for name, way in ways.items():
+    for _ in range(options.repeat):
+        for name, function in functions.items():
             start = time.perf_counter()
-            way()
-            taken[name].append(1e3 * (time.perf_counter() - start))
-    ours, (theirs, residual) = ways["align"](), ways["loop over align_vectors"]()
-    done = ours.ok
+            function()
+            times_ms[name].append(1e3 * (time.perf_counter() - start))
+    result, (peer_points, residual) = functions["align"](), functions["loop over align_vectors"]()
+    aligned = result.ok
     print(
-        f"{given.frames} frames of {given.markers} markers, {given.repeat} runs, ms: median (range)"
+        f"{options.frames} frames of {options.markers} markers, {options.repeat} runs, ms:"
+        " median (range)"
     )
-    for name, ms in taken.items():
+    for name, ms in times_ms.items():
         print(f"{name:24} {np.median(ms):8.1f} ({min(ms):.1f} to {max(ms):.1f})")
-    ratio = np.median(taken["loop over align_vectors"]) / np.median(taken["align"])
-    away = np.nanmax(np.abs(ours.points[done] - theirs[done]))
-    print(f"ratio {ratio:.0f}; largest difference of points {away:.1e} mm, of residuals")
-    print(f"{np.abs(ours.residual - residual)[done].max():.1e} mm; {(~done).sum()} frames refused")
+    ratio = np.median(times_ms["loop over align_vectors"]) / np.median(times_ms["align"])
+    largest_difference = np.nanmax(np.abs(result.points[aligned] - peer_points[aligned]))
+    print(
+        f"ratio {ratio:.0f}; largest difference of points {largest_difference:.1e} mm, of residuals"
+    )
+    print(
+        f"{np.abs(result.residual - residual)[aligned].max():.1e} mm;"
+        f" {(~aligned).sum()} frames refused"
+    )
 
 
 if __name__ == "__main__":

@@ -87,34 +87,34 @@ def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
     from defsense_fab.workflow.build.build import build
 
-    begun = cpu()
+    started_at = cpu()
     (file,) = folder.glob("body.*")
     surface, repairs, _ = read_mesh(file, scale, SIZE_RANGE_MM)
     out: dict[str, Any] = {"triangles": len(surface.faces), "repairs": list(repairs)}
-    out["read"] = cpu() - begun
+    out["read"] = cpu() - started_at
     write_device(folder, file, surface, scale)
     device = load_device(folder)
     marks: dict[str, float] = {}
-    begun = cpu()
+    started_at = cpu()
 
     def progress(stage: str, fraction: float, message: str) -> None:
         marks[stage] = cpu()
         if fraction == 0.0:
             print(f"    {stage}", file=sys.stderr, flush=True)
 
-    def seen() -> dict[str, Any]:
-        ends = [begun, *marks.values()]
+    def measurements() -> dict[str, Any]:
+        ends = [started_at, *marks.values()]
         took = dict(zip(marks, np.diff(ends).tolist(), strict=True))
-        return out | {"stages": took, "whole": cpu() - begun, "memory": memory()}
+        return out | {"stages": took, "whole": cpu() - started_at, "memory": memory()}
 
     try:
         where = build(device, until, progress).folder
     except Exception as error:  # what a user would see, or a fault of this project
-        return seen() | {"error": f"{type(error).__name__}: {error}"}
+        return measurements() | {"error": f"{type(error).__name__}: {error}"}
     record = json.loads((where / "mesh.json").read_text())
-    kept = ("tets", "min_dihedral", "boundary_deviation", "volume_change", "way", "tried")
-    out |= {key: record[key] for key in kept} | {"edge_length": record["edge_length"]}
-    return seen()
+    keys = ("tets", "min_dihedral", "boundary_deviation", "volume_change", "way", "tried")
+    out |= {key: record[key] for key in keys} | {"edge_length": record["edge_length"]}
+    return measurements()
 
 
 def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
@@ -132,18 +132,18 @@ def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
     more: dict[str, Any] = {"points": np.zeros((0, 3)), "edges": []}
     if mesher == "ftetwild":
         more = {"epsilon": min(1e-3, 0.02 * edge / size)}
-    begun = cpu()
+    started_at = cpu()
     watch = RunMonitor(1e9, lambda _: None, mesher, 1.0, "nothing")
     try:
         mesh = run_mesher(mesher, surface, {"edge_length": edge} | more, watch)
     except Exception as error:
-        return {"error": str(error).partition(";")[0], "whole": cpu() - begun}
-    found = measure_quality(mesh, surface)
+        return {"error": str(error).partition(";")[0], "whole": cpu() - started_at}
+    result = measure_quality(mesh, surface)
     return {
-        "whole": cpu() - begun,
-        "tets": found.tets,
-        "min_dihedral": found.min_dihedral,
-        "volume_change": found.volume_change,
+        "whole": cpu() - started_at,
+        "tets": result.tets,
+        "min_dihedral": result.min_dihedral,
+        "volume_change": result.volume_change,
         "memory": memory(),
     }
 
@@ -156,8 +156,8 @@ def in_process(arguments: list[str], folder: Path, limit: float) -> dict[str, An
         env=environment, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
-        said, _ = process.communicate(timeout=limit)
-        return dict(json.loads(said.splitlines()[-1]))
+        output, _ = process.communicate(timeout=limit)
+        return dict(json.loads(output.splitlines()[-1]))
     except subprocess.TimeoutExpired:
         process.kill()  # its children end with it
         process.communicate()
@@ -173,18 +173,24 @@ def sliced(folder: Path) -> str:
     if program is None or not parts:
         return "no slicer" if program is None else "no parts"
     target = folder / "part.gcode"
-    done = subprocess.run(
+    process_result = subprocess.run(
         [program, "--export-gcode", "--output", str(target), str(parts[0])],
         capture_output=True, text=True, timeout=300,
     )  # fmt: skip
-    bad = [s for s in (done.stdout + done.stderr).splitlines() if "error" in s.lower()]
-    if done.returncode or bad or not target.exists():
-        return f"refused: {(bad or [done.stderr.strip()])[-1][:80]}"
+    bad = [
+        s
+        for s in (process_result.stdout + process_result.stderr).splitlines()
+        if "error" in s.lower()
+    ]
+    if process_result.returncode or bad or not target.exists():
+        return f"refused: {(bad or [process_result.stderr.strip()])[-1][:80]}"
     layers = target.read_text(errors="replace").count(";LAYER_CHANGE")
     return f"sliced, {layers} layers"
 
 
-def told(name: str, ours: dict[str, Any], others: dict[str, dict[str, Any]], slicer: str) -> str:
+def format_lines(
+    name: str, ours: dict[str, Any], others: dict[str, dict[str, Any]], slicer: str
+) -> str:
     """Return the lines of the table for one body."""
     head = f"{name}: {ours.get('triangles', 0):,} triangles, read {ours.get('read', 0):.1f} s"
     if "whole" in ours:
@@ -200,12 +206,12 @@ def told(name: str, ours: dict[str, Any], others: dict[str, dict[str, Any]], sli
         lines += [f"    before: {t}" for t in ours["tried"]]
     if "error" in ours:
         lines.append(f"    REFUSED: {ours['error']}")
-    for mesher, found in others.items():
-        text = found.get("error") or (
-            f"{found['tets']} tets, least angle {found['min_dihedral']:.2f}, volume"
-            f" {100 * found['volume_change']:+.2f} %, {found['memory']:.2f} GB"
+    for mesher, result in others.items():
+        text = result.get("error") or (
+            f"{result['tets']} tets, least angle {result['min_dihedral']:.2f}, volume"
+            f" {100 * result['volume_change']:+.2f} %, {result['memory']:.2f} GB"
         )
-        lines.append(f"    {mesher} alone: {found.get('whole', float('nan')):.1f} s, {text}")
+        lines.append(f"    {mesher} alone: {result.get('whole', float('nan')):.1f} s, {text}")
     return "\n".join(lines)
 
 
@@ -213,8 +219,8 @@ def defective() -> dict[str, Callable[[Path], None]]:
     """Return functions that write the bodies of `tests.support.defective_bodies`, by name."""
 
     def write(path: Path, make: Callable[[int, int], Any]) -> None:
-        made = make(4, 0)
-        write_stl(Surface(made.vertices, made.faces), path)
+        temporary = make(4, 0)
+        write_stl(Surface(temporary.vertices, temporary.faces), path)
 
     makers = import_module("tests.support.defective_bodies").BODIES
     return {name: partial(write, make=make) for name, make in makers.items()}
@@ -249,18 +255,18 @@ def main() -> None:
     parser.add_argument("--mesher", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
-        one = options.one
-        found = (
-            alone(one, options.mesher, options.scale)
+        body_name = options.one
+        result = (
+            alone(body_name, options.mesher, options.scale)
             if options.mesher
-            else built(one, options.until, options.scale)
+            else built(body_name, options.until, options.scale)
         )
-        print(json.dumps(found))
+        print(json.dumps(result))
         return
     same = ["--until", options.until, "--scale", str(options.scale)]
     for name, write in sources(options).items():
-        with tempfile.TemporaryDirectory() as made:
-            folder = Path(made) / "device"
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary) / "device"
             folder.mkdir()
             write(folder)
             ours = in_process(same, folder, options.limit)
@@ -268,7 +274,7 @@ def main() -> None:
             if not options.ours and (folder / "device.toml").exists():
                 for mesher in ALONE:
                     others[mesher] = in_process([*same, "--mesher", mesher], folder, options.limit)
-            print(told(name, ours, others, sliced(folder)), flush=True)
+            print(format_lines(name, ours, others, sliced(folder)), flush=True)
 
 
 if __name__ == "__main__":

@@ -32,10 +32,10 @@ from defsense_fab.store.mesh import load_mesh_record
 from defsense_fab.workflow.build.build import build
 
 
-def outcome(made: Callable[[], Device], until: str) -> tuple[str, str, float]:
+def outcome(make_device: Callable[[], Device], until: str) -> tuple[str, str, float]:
     """Return `made`, `refused` or `broken`, a description, and the RMSE (mm) on unseen states."""
     try:
-        device = made()
+        device = make_device()
         folder = build(device, until).folder
     except DefsenseError as error:
         return "refused", str(error), np.nan
@@ -43,7 +43,7 @@ def outcome(made: Callable[[], Device], until: str) -> tuple[str, str, float]:
         return "broken", repr(error), np.nan
     layout = load_layout(folder)
     chosen = next(t for t in layout.weighed if t.chosen)
-    said = (
+    text = (
         f"{layout.band.median:.3f} mm ({layout.band.low:.3f}-{layout.band.high:.3f}),"
         f" {layout.prediction.decoder}, {chosen.planes} planes, {chosen.slanted} slanted,"
         f" {chosen.parts} parts, {len(chosen.warnings)} notes"
@@ -54,32 +54,39 @@ def outcome(made: Callable[[], Device], until: str) -> tuple[str, str, float]:
         named = [p[kind] for p in manifest["parts"] for kind in kinds]
         gone = [n for n in named if n is None or not (folder / "parts" / n).exists()]
         if gone:
-            return "broken", f"{said}; missing: {', '.join(map(str, gone))}", layout.band.median
-    return "made", said, layout.band.median
+            return "broken", f"{text}; missing: {', '.join(map(str, gone))}", layout.band.median
+    return "made", text, layout.band.median
 
 
 def on_meshes(source: Path, options: argparse.Namespace) -> None:
     """Build one device on other meshes."""
     first = load_device(source)
-    own = first.mesh.edge_length
-    if own is None:
-        own = load_mesh_record(build(first, "mesh").folder).edge_length
+    device_edge = first.mesh.edge_length
+    if device_edge is None:
+        device_edge = load_mesh_record(build(first, "mesh").folder).edge_length
     errors, kinds = [], []
     factors = np.linspace(1 - options.spread, 1 + options.spread, options.count)
     for k, factor in list(enumerate(factors))[options.first - 1 :]:
-        with tempfile.TemporaryDirectory() as made:
-            copy = Path(made) / source.name
+        with tempfile.TemporaryDirectory() as make_device:
+            copy = Path(make_device) / source.name
             shutil.copytree(
                 source, copy, ignore=shutil.ignore_patterns("build", ".build*", "*.mesh")
             )
             device = load_device(copy)
-            mesh = replace(device.mesh, edge_length=float(own * factor))
-            kind, said, error = outcome(partial(replace, device, mesh=mesh), options.until)
+            mesh = replace(device.mesh, edge_length=float(device_edge * factor))
+            kind, text, error = outcome(partial(replace, device, mesh=mesh), options.until)
         kinds.append(kind)
         errors.append(error)
-        print(f"  {source.name} {k + 1}, edge {own * factor:.2f} mm: {kind}: {said}", flush=True)
-    told = np.array(errors)[np.isfinite(errors)]
-    spread = f"{told.min():.3f} to {told.max():.3f} mm" if len(told) else "no error"
+        print(
+            f"  {source.name} {k + 1}, edge {device_edge * factor:.2f} mm: {kind}: {text}",
+            flush=True,
+        )
+    finite_errors = np.array(errors)[np.isfinite(errors)]
+    spread = (
+        f"{finite_errors.min():.3f} to {finite_errors.max():.3f} mm"
+        if len(finite_errors)
+        else "no error"
+    )
     print(f"{source.name}: {_counted(kinds)}; {spread}", flush=True)
 
 
@@ -155,13 +162,13 @@ def of_bodies(options: argparse.Namespace) -> None:
     kinds = []
     streams = np.random.default_rng(options.seed).spawn(options.count)
     for k, rng in list(enumerate(streams, 1))[options.first - 1 :]:
-        with tempfile.TemporaryDirectory() as made:
-            folder = Path(made) / f"body-{k}"
+        with tempfile.TemporaryDirectory() as make_device:
+            folder = Path(make_device) / f"body-{k}"
             folder.mkdir()
             write_random(folder, rng)
-            kind, said, _ = outcome(partial(load_device, folder), options.until)
+            kind, text, _ = outcome(partial(load_device, folder), options.until)
         kinds.append(kind)
-        print(f"  body {k}: {kind}: {said}", flush=True)
+        print(f"  body {k}: {kind}: {text}", flush=True)
     print(
         f"random bodies {options.first} to {options.count}, seed {options.seed}: {_counted(kinds)}",
         flush=True,

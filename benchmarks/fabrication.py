@@ -43,10 +43,10 @@ def main() -> None:
 def alone(**task: object) -> dict:
     """Return the result of `one` in a new process."""
     command = [sys.executable, "-m", "benchmarks.fabrication", "one", "--task", json.dumps(task)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        return {"error": done.stderr.strip().splitlines()[-1]}
-    return json.loads(done.stdout.splitlines()[-1])
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    if process.returncode:
+        return {"error": process.stderr.strip().splitlines()[-1]}
+    return json.loads(process.stdout.splitlines()[-1])
 
 
 def one(kind: str, name: str, seed: int | None = None, cell: float | None = None) -> dict:
@@ -55,11 +55,11 @@ def one(kind: str, name: str, seed: int | None = None, cell: float | None = None
     base = peak()
     begin = time.perf_counter()
     if kind == "parts":
-        found = parts(device, body, seed)
+        result = parts(device, body, seed)
     else:
-        found = {"manifold3d": by_manifold, "build123d": by_build123d}[kind](body, device)
-    return {**found, "faces": len(body.surface.faces), "memory": peak(), "before": base} | {
-        "seconds": found.get("seconds", time.perf_counter() - begin)
+        result = {"manifold3d": by_manifold, "build123d": by_build123d}[kind](body, device)
+    return {**result, "faces": len(body.surface.faces), "memory": peak(), "before": base} | {
+        "seconds": result.get("seconds", time.perf_counter() - begin)
     }
 
 
@@ -92,10 +92,10 @@ def parts(device, body, seed: int | None) -> dict:
     coarse = load(device.name, None)[0].surface
     sensors = device.sensors if seed is None else random_layout(coarse, layout_limits(device), seed)
     begin = time.perf_counter()
-    made = fabricate(device, body.surface, sensors, lambda *_: None, body.solid)
-    step = all(p.solid is not None for p in made.parts)
+    layout = fabricate(device, body.surface, sensors, lambda *_: None, body.solid)
+    step = all(p.solid is not None for p in layout.parts)
     return {"seconds": time.perf_counter() - begin, "cords": len(sensors),
-            "parts": len(made.parts), "pins": len(made.pins), "step": step}  # fmt: skip
+            "parts": len(layout.parts), "pins": len(layout.pins), "step": step}  # fmt: skip
 
 
 def straight(body):

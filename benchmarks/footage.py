@@ -40,10 +40,10 @@ def both(path: Path, family: Dictionary) -> tuple[list[Float], list[Float]]:
 
 def webcam_tags(folder: Path) -> None:
     paths = sorted(folder.glob("*.png"))
-    found = np.array([[len(f) > 0 for f in both(p, dictionary("4X4_50"))] for p in paths])
+    detections = np.array([[len(f) > 0 for f in both(p, dictionary("4X4_50"))] for p in paths])
     sys.stdout.write(
-        f"{folder.name}: of {len(paths)} pictures a tag is found in {found[:, 0].sum()}, by OpenCV"
-        f" in {found[:, 1].sum()}\n"
+        f"{folder.name}: of {len(paths)} pictures a tag is found in {detections[:, 0].sum()},"
+        f" by OpenCV in {detections[:, 1].sum()}\n"
     )
 
 
@@ -53,39 +53,41 @@ def apriltag(folder: Path) -> None:
         marked = [
             np.array(re.findall(r"\((\S+) (\S+)\)", line), float) for line in lines if "(" in line
         ]
-        told = []
+        marked_found = []
         for corners in both(path, dictionary("APRILTAG_36H11")):
-            off = [
+            distance = [
                 min(float(np.abs(np.roll(m, k, axis=0)[::s] - c).max())
                     for k in range(4) for s in (1, -1))
                 for c in corners
                 for m in [min(marked, key=lambda m: float(np.linalg.norm(m.mean(0) - c.mean(0))))]
             ]  # fmt: skip
-            told.append(f"{len(off)} (corners within {np.median(off):.1f} px of those by hand)")
+            marked_found.append(
+                f"{len(distance)} (corners within {np.median(distance):.1f} px of those by hand)"
+            )
         sys.stdout.write(
-            f"{path.name}: of {len(marked)} tags marked by hand {told[0]}, by OpenCV {told[1]}\n"
+            f"{path.name}: of {len(marked)} tags marked by hand {marked_found[0]}, by OpenCV {marked_found[1]}\n"
         )
 
 
 def board(folder: Path) -> None:
-    given = tomllib.loads((folder / "charuco.toml").read_text())
+    truth = tomllib.loads((folder / "charuco.toml").read_text())
     other = tomllib.loads((folder / "camera_array.toml").read_text())["cameras"]
-    side = 10 * given["square_size_override_cm"]
-    with tempfile.TemporaryDirectory() as made:
-        out = ["--board", made, "--calibration", f"{made}/cameras.toml"]
+    side = 10 * truth["square_size_override_cm"]
+    with tempfile.TemporaryDirectory() as temporary:
+        out = ["--board", temporary, "--calibration", f"{temporary}/cameras.toml"]
         videos = [str(folder / f"cam_{k}.mkv") for k in other]
         defsense(
-            ["capture", "board", made, "--columns", str(given["columns"]), "--rows",
-             str(given["rows"]), "--square", str(side), "--marker",
-             str(side * given["aruco_scale"]), "--dictionary",
-             given["dictionary"].removeprefix("DICT_")]
-            + ["--inverted"] * given["inverted"]
+            ["capture", "board", temporary, "--columns", str(truth["columns"]), "--rows",
+             str(truth["rows"]), "--square", str(side), "--marker",
+             str(side * truth["aruco_scale"]), "--dictionary",
+             truth["dictionary"].removeprefix("DICT_")]
+            + ["--inverted"] * truth["inverted"]
         )  # fmt: skip
         if defsense(["capture", "camera", "calibrate", *videos, *out]) or defsense(
             ["capture", "camera", "arrange", *videos, *out]
         ):
             raise SystemExit(1)
-        rig = read_rig(Path(made) / "cameras.toml")
+        rig = read_rig(Path(temporary) / "cameras.toml")
     placed = []
     for camera, (name, c) in zip(rig.cameras, other.items(), strict=True):
         K = np.array(c["matrix"])

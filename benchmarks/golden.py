@@ -128,12 +128,14 @@ def collect_results(folder: Path, steps: tuple[str, ...] | list[str]) -> dict[st
 def run(*words: object) -> str:
     """Run a command of `defsense` and return what it prints."""
     print("defsense", *words, file=sys.stderr)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", _MAIN, *map(str, words)], capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        sys.exit(f"defsense {' '.join(map(str, words))}: exit {done.returncode}\n{done.stderr}")
-    return done.stdout
+    if process.returncode:
+        sys.exit(
+            f"defsense {' '.join(map(str, words))}: exit {process.returncode}\n{process.stderr}"
+        )
+    return process.stdout
 
 
 def describe_build(build: Path) -> dict[str, Any]:
@@ -167,8 +169,8 @@ def numbers(value: Any) -> list[float]:
 def round_numbers(value: Any) -> Any:
     """Return a JSON value without its texts."""
     if isinstance(value, dict):
-        kept = {key: round_numbers(value[key]) for key in value}
-        return {key: item for key, item in kept.items() if item not in (None, {}, [])}
+        expected_step = {key: round_numbers(value[key]) for key in value}
+        return {key: item for key, item in expected_step.items() if item not in (None, {}, [])}
     if isinstance(value, list):
         return [round_numbers(item) for item in value if not isinstance(item, str)]
     return value if isinstance(value, int | float) else None
@@ -195,16 +197,18 @@ def digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value).encode()).hexdigest()[:16]
 
 
-def compare(where: str, expected: Any, found: Any) -> list[str]:
+def compare(where: str, expected: Any, step_results: Any) -> list[str]:
     """List the differences of two JSON values, by their paths."""
-    if isinstance(expected, dict) and isinstance(found, dict):
-        keys = sorted({*expected, *found})
+    if isinstance(expected, dict) and isinstance(step_results, dict):
+        keys = sorted({*expected, *step_results})
         return [
             line
             for key in keys
-            for line in compare(f"{where}.{key}", expected.get(key), found.get(key))
+            for line in compare(f"{where}.{key}", expected.get(key), step_results.get(key))
         ]
-    return [] if expected == found else [f"{where}: expected {expected}, found {found}"]
+    return (
+        [] if expected == step_results else [f"{where}: expected {expected}, found {step_results}"]
+    )
 
 
 if __name__ == "__main__":

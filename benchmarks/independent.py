@@ -97,17 +97,17 @@ def faults(nodes, cells, conditions, state, energy, model, parameters):
 
     Handles must have prescribed rotations, and prescribed or free translations.
     """
-    seen = judge(nodes, cells, state.u, model, parameters)
-    said = []
-    if seen.least_jacobian <= 0:
-        said.append(f"det F is {seen.least_jacobian:.3g} somewhere")
-    if abs(seen.energy - energy) > 1e-6 * max(seen.energy, 1e-9):
-        said.append(f"energy {energy:.9g}, not {seen.energy:.9g}")
-    largest = np.abs(seen.force).max()
+    opinion = judge(nodes, cells, state.u, model, parameters)
+    problems = []
+    if opinion.least_jacobian <= 0:
+        problems.append(f"det F is {opinion.least_jacobian:.3g} somewhere")
+    if abs(opinion.energy - energy) > 1e-6 * max(opinion.energy, 1e-9):
+        problems.append(f"energy {energy:.9g}, not {opinion.energy:.9g}")
+    largest = np.abs(opinion.force).max()
     free = np.ones(len(nodes), bool)
     free[conditions.fixed] = False
     if np.abs(state.u[conditions.fixed]).max(initial=0) > 0:
-        said.append("a fixed node moved")
+        problems.append("a fixed node moved")
     for h in conditions.handles:
         free[h.nodes] = False
         moved = nodes[h.nodes] + state.u[h.nodes]
@@ -118,15 +118,15 @@ def faults(nodes, cells, conditions, state, energy, model, parameters):
         k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         turn = np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
         if np.abs(b - a @ turn.T).max() > 1e-7:
-            said.append("a handle is not turned as prescribed")
+            problems.append("a handle is not turned as prescribed")
         loose = np.isnan(h.translation)
-        net = seen.force[h.nodes].sum(0)
+        net = opinion.force[h.nodes].sum(0)
         if np.abs(net[loose]).max(initial=0) > 1e-5 * largest:
-            said.append("a free handle carries a force")
+            problems.append("a free handle carries a force")
         shift = moved.mean(0) - h.center - turn @ arm.mean(0)
         if np.abs((shift - h.translation)[~loose]).max(initial=0) > 1e-7:
-            said.append("a handle is not moved as prescribed")
-    rest = np.abs(seen.force[free]).max(initial=0)
+            problems.append("a handle is not moved as prescribed")
+    rest = np.abs(opinion.force[free]).max(initial=0)
     if rest > 1e-5 * largest:
-        said.append(f"a free node carries {rest / largest:.1e} of the largest force")
-    return said
+        problems.append(f"a free node carries {rest / largest:.1e} of the largest force")
+    return problems

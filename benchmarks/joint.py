@@ -76,8 +76,8 @@ def refine(
         penalty: Error in mm per mm of violation.
     """
     residual, jacobian, start, objective = system(problem, sensors, penalty)
-    found = least_squares(residual, start, jacobian, method="trf", x_scale="jac", max_nfev=steps)
-    x = found.x[: sum(c.size for c in objective.cords)]
+    solution = least_squares(residual, start, jacobian, method="trf", x_scale="jac", max_nfev=steps)
+    x = solution.x[: sum(c.size for c in objective.cords)]
     return tuple(
         place_cord(c, p).sensor() for c, p in zip(objective.cords, objective.split(x), strict=True)
     )

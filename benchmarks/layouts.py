@@ -148,8 +148,8 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
             shape = jnp.concatenate(
                 [bary * (2 * bary - 1), 4 * bary[:, edges[:, 0]] * bary[:, edges[:, 1]]], axis=1
             )
-            moved = points + jnp.einsum("pn,spnj->spj", shape, local)
-            length = jnp.linalg.norm(jnp.diff(moved, axis=1), axis=2).sum(1)
+            displaced = points + jnp.einsum("pn,spnj->spj", shape, local)
+            length = jnp.linalg.norm(jnp.diff(displaced, axis=1), axis=2).sum(1)
             rest = jnp.linalg.norm(jnp.diff(points, axis=0), axis=1).sum()
             columns.append(problem.sense.response.linear_slope * (length / rest - 1))
         S = jnp.concatenate([jnp.zeros((1, len(cords))), jnp.stack(columns, axis=1)])
@@ -191,7 +191,7 @@ def refinement(problem: Problem) -> None:
     zero = np.zeros(sum(c.size for c in free))
     for method, options in (("COBYLA", {"maxiter": 3000, "rhobeg": 1.0}),):
         begin = time.perf_counter()
-        found = minimize(
+        result = minimize(
             lambda x: np.log(objective.value(x)),
             zero,
             method=method,
@@ -199,17 +199,17 @@ def refinement(problem: Problem) -> None:
             options=options,
         )
         layout = tuple(
-            place_cord(c, x).sensor() for c, x in zip(free, objective.split(found.x), strict=True)
+            place_cord(c, x).sensor() for c, x in zip(free, objective.split(result.x), strict=True)
         )
-        show(f"scipy {method}, {found.nfev} values", layout, time.perf_counter() - begin, ours)
+        show(f"scipy {method}, {result.nfev} values", layout, time.perf_counter() - begin, ours)
     print("the whole search: proposal, selection, refinement; 8 seeds")
     times, errors = [], []
     for seed in range(8):
         anew = replace(problem)
         begin = time.perf_counter()
-        found = optimize_layout(anew, (), np.random.default_rng(seed), quiet, extra=3)
+        result = optimize_layout(anew, (), np.random.default_rng(seed), quiet, extra=3)
         times.append(time.perf_counter() - begin)
-        errors.append(found.rmse)
+        errors.append(result.rmse)
     print(
         f"  {statistics.median(times):.2f} s (median), worst {max(times):.2f} s; error"
         f" {min(errors):.3f} to {max(errors):.3f} mm"
@@ -228,8 +228,10 @@ def candidates(problem: Problem) -> None:
 
     def loop() -> None:
         for path in some:
-            moved = path + problem.locator.displacement(problem.locator.find(path), problem.fields)
-            step = np.linalg.norm(np.diff(moved, axis=1), axis=2).sum(1)
+            displaced = path + problem.locator.displacement(
+                problem.locator.find(path), problem.fields
+            )
+            step = np.linalg.norm(np.diff(displaced, axis=1), axis=2).sum(1)
             step / np.linalg.norm(np.diff(path, axis=0), axis=1).sum() - 1
 
     slow = median(loop, 3) * len(paths) / len(some)
@@ -251,18 +253,18 @@ def table(task: DesignTask) -> None:
         rows["full"] = [optimize_layout(problem, (), r, quiet, extra=3).sensors for r in rngs]
         best = 0.0
         for name in ("full", "visual", "manual"):
-            found = [
+            result = [
                 predict(scored, [BuiltCord(sample_path(s), 0.0, None) for s in x]).prediction
                 for x in rows[name]
             ]
-            rmse = statistics.median(f.rmse for f in found)
+            rmse = statistics.median(f.rmse for f in result)
             held = statistics.median(
-                float(np.sqrt(np.mean(np.square(list(f.held_out.values()))))) for f in found
+                float(np.sqrt(np.mean(np.square(list(f.held_out.values()))))) for f in result
             )
             best = best or rmse
             print(
                 f"  noise {noise:.1%} {name:<7} {rmse:7.3f} ({held:.2f})  {rmse / best:5.1f}x,"
-                f" median of {len(found)}"
+                f" median of {len(result)}"
             )
 
 
@@ -287,9 +289,9 @@ def noise(task: DesignTask) -> None:
                 np.stack([p.signals(sample_path(s)) for s in layout], axis=1)
                 for p in (design, unseen)
             )
-            told, truth = (p.markers.reshape(len(p.markers), -1) for p in (design, unseen))
-            found = fit_ridge(design.features(3), S, told, sigma)
-            square = ((found(T) - truth) ** 2 + found.noise_variance(T, sigma))[1:].sum(1)
+            text, truth = (p.markers.reshape(len(p.markers), -1) for p in (design, unseen))
+            result = fit_ridge(design.features(3), S, text, sigma)
+            square = ((result(T) - truth) ** 2 + result.noise_variance(T, sigma))[1:].sum(1)
             errors[decoder] = float(np.sqrt(square.mean() / len(exact.MARKERS)))
         wins = min(errors, key=lambda k: errors[k])
         print(

@@ -40,7 +40,7 @@ def processor() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def said(seconds: Float) -> str:
+def format_times(seconds: Float) -> str:
     """Return median, 99th percentile and maximum of times in s, as text in ms."""
     if not len(seconds):
         return "-"
@@ -67,22 +67,24 @@ def main() -> None:
     run.loop.start()
     print(f"{run.surface or 'no surface'}; view: {run.view.url if run.view else 'none'}")
     print("s, samples/s, surfaces/s, ms to outputs, ms to view, MB, cores")
-    begun, spent = time.monotonic(), processor()
-    every: tuple[list[Float], list[Float]] = ([], [])
-    while time.monotonic() - begun < 60 * options.minutes:
+    started_at, cpu_at_start = time.monotonic(), processor()
+    all_latencies: tuple[list[Float], list[Float]] = ([], [])
+    while time.monotonic() - started_at < 60 * options.minutes:
         if not run.loop.wait(_EVERY):
             break
-        status, (decoded, shown) = run.loop.status, run.loop.latencies()
+        status, (decoded, displayed) = run.loop.status, run.loop.latencies()
         recent = round(_EVERY * options.rate)
-        every[0].append(decoded[-recent:])
-        every[1].append(shown[-recent:])
-        now, used = time.monotonic() - begun, processor()
+        all_latencies[0].append(decoded[-recent:])
+        all_latencies[1].append(displayed[-recent:])
+        now, used = time.monotonic() - started_at, processor()
         print(
-            f"{now:.0f}, {status.rate:.0f}, {status.surface_rate:.0f}, {said(every[0][-1])},"
-            f" {said(every[1][-1])}, {memory():.0f}, {(used - spent) / now:.2f}", flush=True,
-        )  # fmt: skip
+            f"{now:.0f}, {status.rate:.0f}, {status.surface_rate:.0f},"
+            f" {format_times(all_latencies[0][-1])}, {format_times(all_latencies[1][-1])},"
+            f" {memory():.0f}, {(used - cpu_at_start) / now:.2f}",
+            flush=True,
+        )
     run.close()
-    for what, parts in zip(("outputs", "view"), every, strict=True):
+    for title, parts in zip(("outputs", "view"), all_latencies, strict=True):
         ms = 1e3 * np.concatenate(parts or [np.zeros(0)])
         if len(ms):
             counts = np.histogram(ms, _EDGES)[0]
@@ -90,7 +92,7 @@ def main() -> None:
                 f"{low:g}-{high:g} ms: {100 * n / len(ms):.2f} %"
                 for low, high, n in zip(_EDGES, _EDGES[1:], counts, strict=False)
             )
-            print(f"{what}: {said(ms / 1e3)} ms of {len(ms)} frames; {rows}")
+            print(f"{title}: {format_times(ms / 1e3)} ms of {len(ms)} frames; {rows}")
 
 
 if __name__ == "__main__":

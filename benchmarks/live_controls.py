@@ -39,41 +39,41 @@ class Peer:
             add_poses(a, b.knots, b.counts, b.values, b.slopes, total, jacobian)
             return total, jacobian
 
-        found = least_squares(
+        amplitudes = least_squares(
             lambda a: np.concatenate([((both(a)[0] - u) / SD).ravel(), a]),
             np.clip(self._last, 1e-6, 1.5 - 1e-6),
             lambda a: np.vstack([both(a)[1].reshape(len(a), -1).T / SD, np.eye(len(a))]),
             bounds=(0, 1.5),
         )
-        self._last = found.x
-        return np.asarray(found.x)
+        self._last = amplitudes.x
+        return np.asarray(amplitudes.x)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--markers", type=int, default=40)
     parser.add_argument("--samples", type=int, default=1500)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     rng = np.random.default_rng(0)
-    basis = poses(markers(asked.markers, rng))
-    own, peer = PoseAmplitudes(basis), Peer(basis)
-    sd = np.full(asked.markers, SD)
-    spent: dict[str, list[float]] = {"own": [], "peer": []}
-    off: dict[str, list[Float]] = {"own": [], "peer": []}
-    for n in range(asked.samples):
+    basis = poses(markers(options.markers, rng))
+    ours, peer = PoseAmplitudes(basis), Peer(basis)
+    sd = np.full(options.markers, SD)
+    times_ms: dict[str, list[float]] = {"own": [], "peer": []}
+    errors: dict[str, list[Float]] = {"own": [], "peer": []}
+    for n in range(options.samples):
         t = n / 60
         bend, twist = np.sin(2 * t), 0.7 * np.sin(3.1 * t)
         left, pull = 0.4 * max(0, np.sin(1.3 * t)), 0.5 * max(0, np.sin(0.7 * t))
         true = np.array([max(bend, 0), max(-bend, 0), max(twist, 0), max(-twist, 0), left, pull])
-        u = basis.displacements(true) + rng.normal(0, SD, (asked.markers, 3))
-        for name, work in (("own", lambda u=u: own(u, sd).values), ("peer", lambda u=u: peer(u))):
-            begun = time.thread_time()
-            found = work()  # type: ignore[no-untyped-call]
-            spent[name].append(1e3 * (time.thread_time() - begun))
-            off[name].append(found - true)
+        u = basis.displacements(true) + rng.normal(0, SD, (options.markers, 3))
+        for name, work in (("own", lambda u=u: ours(u, sd).values), ("peer", lambda u=u: peer(u))):
+            started_at = time.thread_time()
+            amplitudes = work()  # type: ignore[no-untyped-call]
+            times_ms[name].append(1e3 * (time.thread_time() - started_at))
+            errors[name].append(amplitudes - true)
     for name, title in (("own", "defsense_fab"), ("peer", "scipy trf")):
-        p50, p99 = np.percentile(spent[name], [50, 99])
-        error = np.sqrt(np.mean(np.square(off[name])))
+        p50, p99 = np.percentile(times_ms[name], [50, 99])
+        error = np.sqrt(np.mean(np.square(errors[name])))
         print(f"{title:13s} median {p50:7.3f} ms   99 % {p99:7.3f} ms   off {error:.4f}")
 
 

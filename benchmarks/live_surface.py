@@ -76,12 +76,12 @@ def spread(points, count):
 
 
 def timed(call, least=40):
-    taken = []
+    times_ms = []
     for _ in range(least):
-        begun = time.perf_counter()
+        started_at = time.perf_counter()
         call()
-        taken.append(1e3 * (time.perf_counter() - begun))
-    return min(taken), float(np.median(taken))
+        times_ms.append(1e3 * (time.perf_counter() - started_at))
+    return min(times_ms), float(np.median(times_ms))
 
 
 def rms(a, b):
@@ -106,16 +106,16 @@ def arap():
         base, free = np.flatnonzero(held), np.flatnonzero(~held)
         which = free[spread(vertices[free], MARKERS)]
         places, hard = bent(vertices, 0.5, 0.7)[which], np.zeros(MARKERS)
-        begun = time.perf_counter()
+        started_at = time.perf_counter()
         solver, net = rigid(vertices, triangles, held, vertices[which])
-        ours_setup = time.perf_counter() - begun
+        ours_setup = time.perf_counter() - started_at
         both = np.concatenate([base, which]).astype(np.int32)
         targets = np.concatenate([vertices[base], places])
         data = igl.ARAPData()
         data.energy = igl.ARAP_ENERGY_TYPE_SPOKES
-        begun = time.perf_counter()
+        started_at = time.perf_counter()
         igl.arap_precomputation(vertices, triangles, 3, both, data)
-        theirs_setup = time.perf_counter() - begun
+        theirs_setup = time.perf_counter() - started_at
 
         def libigl(rounds, data=data, targets=targets, rest=vertices):
             data.max_iter = rounds
@@ -184,9 +184,9 @@ def frames():
         states = np.array([bent(vertices, *p) - vertices for p in POSES])
         basis = SurfaceBasis(vertices, triangles, states, held)
         for mode in ("default", "arap"):
-            begun = time.perf_counter()
+            started_at = time.perf_counter()
             surface = make_surface(basis, markers, np.full(MARKERS, 0.1), mode)
-            setup = time.perf_counter() - begun
+            setup = time.perf_counter() - started_at
             if mode == "arap":
                 surface._solver.max_rounds = 2
             phases = iter(np.sin(np.arange(1000) * 0.05))

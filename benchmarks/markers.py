@@ -107,18 +107,20 @@ def calibrated(true: list[Camera], optics: Optics, seed: int = 0) -> list[Camera
             if view is not None:
                 views[c] = view
         instants.append(views)
-    found = [
+    detections = [
         calibrate_camera(c.name, SIZE, board, [v[k] for v in instants if k in v])
         for k, c in enumerate(true)
     ]
-    rig = estimate_extrinsics([f.camera for f in found], board, instants, [f.sigma for f in found])
+    rig = estimate_extrinsics(
+        [f.camera for f in detections], board, instants, [f.sigma for f in detections]
+    )
     return list(rig.cameras)
 
 
 def corners_of(views: list[TagView], count: int = TAGS) -> tuple[Float, Float]:
     first = np.zeros(1, int)
-    seen = [observe(np.zeros(1), store_views([v]), np.arange(count)).part(first) for v in views]
-    return np.stack([s.corners for s in seen], 2), np.stack([s.covariance for s in seen], 2)
+    visible = [observe(np.zeros(1), store_views([v]), np.arange(count)).part(first) for v in views]
+    return np.stack([s.corners for s in visible], 2), np.stack([s.covariance for s in visible], 2)
 
 
 def error(points: Float, truth: Float, covariance: Float | None = None) -> Float:
@@ -148,8 +150,8 @@ def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[F
         with one_thread_per_call():
             jobs = [pool.submit(d.find, i) for d, i in zip(detectors, images, strict=True)]
             corners, covariance = corners_of([j.result() for j in jobs])
-        found = reconstruct(rig, corners, covariance, side)
-        return found.points[0], found.covariance[0]
+        detections = reconstruct(rig, corners, covariance, side)
+        return detections.points[0], detections.covariance[0]
 
     return run
 
@@ -231,9 +233,9 @@ def speed(frames: int = 30) -> None:
             run(shown[0][0])
             took, errors, lost = [], [], 0
             for images, truth in shown:
-                begun = time.perf_counter()
+                started_at = time.perf_counter()
                 points, covariance = run(images)
-                took.append(time.perf_counter() - begun)
+                took.append(time.perf_counter() - started_at)
                 errors.append(error(points, truth, covariance))
                 lost += int(np.isnan(points[:, 0]).sum())
             ms = 1e3 * float(np.median(took))
@@ -259,8 +261,10 @@ def cpu(frames: int = 40, count: int = 12, rounds: int = 5) -> None:
     def located(finders: Sequence[Detector | TagFollower]) -> None:
         views = [[f.find(i) for i in film] for f, film in zip(finders, films, strict=True)]
         number = np.arange(frames)
-        seen = [observe(number / 30, store_views(v), np.arange(count)).part(number) for v in views]
-        corners, spread = (np.stack([getattr(s, n) for s in seen], 2)
+        visible = [
+            observe(number / 30, store_views(v), np.arange(count)).part(number) for v in views
+        ]
+        corners, spread = (np.stack([getattr(s, n) for s in visible], 2)
                            for n in ("corners", "covariance"))  # fmt: skip
         reconstruct(rig, corners, spread, SIDE)
 
@@ -275,10 +279,10 @@ def cpu(frames: int = 40, count: int = 12, rounds: int = 5) -> None:
     took: dict[str, list[float]] = {name: [] for name in methods}
     for k in range(rounds + 1):
         for name, run in methods.items():
-            begun = time.process_time()
+            started_at = time.process_time()
             run()
             if k:  # the first compiles
-                took[name].append(time.process_time() - begun)
+                took[name].append(time.process_time() - started_at)
     cv2.setNumThreads(threads)
     sys.stdout.write(f"two 1280 x 720 pictures with {count} tags; medians of {rounds} rounds\n")
     for name, of in took.items():
@@ -292,7 +296,7 @@ def trial(
     side: float = SIDE, blur: float = 0.8, noise: float = 2.0, base: float = BASE,
     tilt: float = 30.0, missing: float = 0.0, single: bool = False, frames: int = 12, seed: int = 0,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return the RMS error (mm), its ratio to the stated deviation, and the share of missed tags."""
+    """Return the RMS error (mm), its ratio to the stated one, and the share of missed tags."""
     rng = np.random.default_rng(seed)
     optics = Optics(blur=blur, exposure=0, read_noise=noise, shot_noise=0)
     true = cameras(base)
@@ -305,23 +309,23 @@ def trial(
     for k in range(frames):
         patches = bent(tags, k / 8)
         truth = np.array([p.center for p in patches])
-        kept = tuple(p for p in patches if rng.random() >= missing)
+        selected = tuple(p for p in patches if rng.random() >= missing)
         views = [
-            d.find(r.shoot(Scene(patches=kept)).image)
+            d.find(r.shoot(Scene(patches=selected)).image)
             for d, r in zip(detectors, renderers, strict=True)
         ]
         corners, covariance = corners_of(views)
         if single:
             corners[:, :, 1] = np.nan
-        found = reconstruct(rig, corners, covariance, side)
-        good = np.isfinite(found.points[0, :, 0])
-        lost += len(kept) - int(good.sum())
+        detections = reconstruct(rig, corners, covariance, side)
+        good = np.isfinite(detections.points[0, :, 0])
+        lost += len(selected) - int(good.sum())
         if single:  # alignment would take the depth's common part away
-            gap = rig[0].to_camera(found.points[0]) - true[0].to_camera(truth)
+            gap = rig[0].to_camera(detections.points[0]) - true[0].to_camera(truth)
             errors.append(np.linalg.norm(gap[good], axis=1))
         else:
-            errors.append(error(found.points[0], truth, found.covariance[0]))
-        spread = np.sqrt(np.trace(found.covariance[0], axis1=1, axis2=2))[good]
+            errors.append(error(detections.points[0], truth, detections.covariance[0]))
+        spread = np.sqrt(np.trace(detections.covariance[0], axis1=1, axis2=2))[good]
         scaled.append(errors[-1] / spread)
     e, s = np.concatenate(errors), np.concatenate(scaled)
     rms, ratio = float(np.sqrt(np.mean(e**2))), float(np.sqrt(np.mean(s**2)))

@@ -49,8 +49,8 @@ def capsule(a: list[float], b: list[float], r: float, s: float | None = None) ->
 
     def field(p: Float) -> Float:
         t = np.clip((p - start) @ axis / (axis @ axis), 0, 1)
-        off = np.linalg.norm(p - start - t[:, None] * axis, axis=1)
-        return np.asarray(off - (r + (s - r) * t))
+        offset = np.linalg.norm(p - start - t[:, None] * axis, axis=1)
+        return np.asarray(offset - (r + (s - r) * t))
 
     return field
 
@@ -211,9 +211,9 @@ def _scan() -> Surface:
         capsule([0, -22, 100], [0, -31, 96], 5, 3), capsule([30, 0, 66], [42, -14, 26], 10, 8),
         capsule([-30, 0, 66], [-42, -14, 26], 10, 8),
     ]  # fmt: skip
-    made = meshed(joined(parts, 6.0), [-60, -40, -8], [60, 34, 136], 0.8)
+    solid = meshed(joined(parts, 6.0), [-60, -40, -8], [60, 34, 136], 0.8)
     rng = np.random.default_rng(9)
-    return Surface(made.vertices + rng.normal(scale=0.05, size=made.vertices.shape), made.faces)
+    return Surface(solid.vertices + rng.normal(scale=0.05, size=solid.vertices.shape), solid.faces)
 
 
 def _slivers() -> Surface:
@@ -225,19 +225,19 @@ def _slivers() -> Surface:
     def squeezed(p: Float) -> Float:
         return pear(p * [1, 1, 12])
 
-    made = meshed(squeezed, [-40, -40, -0.8], [40, 40, 10], 1.0)
-    return Surface(made.vertices * [1, 1, 12], made.faces)
+    solid = meshed(squeezed, [-40, -40, -0.8], [40, 40, 10], 1.0)
+    return Surface(solid.vertices * [1, 1, 12], solid.faces)
 
 
 def _open() -> Surface:
     """Return a seal with missing triangles in two places."""
     spine = np.array([[0, 0, 14], [40, 0, 26], [90, 0, 24], [140, 4, 12]], float)
     parts = [*path(spine, np.array([10, 24, 20, 6.0])), capsule([0, 0, 14], [-14, 0, 18], 12, 9)]
-    made = meshed(joined(parts, 6.0), [-40, -36, -20], [160, 40, 60], 1.8)
-    middle = made.vertices[made.faces].mean(1)
+    solid = meshed(joined(parts, 6.0), [-40, -36, -20], [160, 40, 60], 1.8)
+    middle = solid.vertices[solid.faces].mean(1)
     gone = np.linalg.norm(middle - [60, 0, 50], axis=1) < 5
     gone |= np.linalg.norm(middle - middle[middle[:, 0].argmax()], axis=1) < 3
-    return Surface(made.vertices, made.faces[~gone]).compact()[0]
+    return Surface(solid.vertices, solid.faces[~gone]).compact()[0]
 
 
 def _y_up() -> Surface:

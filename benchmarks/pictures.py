@@ -166,8 +166,8 @@ def expose(
         fine = cv2.filter2D(
             seen_of(camera, p, (x0, y0, x1, y1), light), -1, kernel, borderType=cv2.BORDER_REPLICATE
         )
-        seen = cv2.resize(fine, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
-        light[y0:y1, x0:x1] = seen
+        visible = cv2.resize(fine, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
+        light[y0:y1, x0:x1] = visible
     value = light * condition.light
     spread = np.sqrt(condition.noise**2 * (0.4 + 0.6 * np.maximum(value, 0) / 128))
     value = np.clip(value + spread * rng.standard_normal(value.shape), 0, 255)
@@ -223,7 +223,7 @@ def measure(
     ours = [Detector(c, family) for c in rig]
     plain = cv2.aruco.ArucoDetector(family.table, cv2.aruco.DetectorParameters())
     still = tags(rng, family)
-    shown, seen = 0, [0, 0]
+    shown, visible = 0, [0, 0]
     errors: list[list[Float]] = [[], []]
     scaled: list[Float] = []
     for k in range(frames):
@@ -248,25 +248,25 @@ def measure(
                 flat = camera.to_plane(quad[0].astype(float)) * camera.focal
                 views[1][number, c] = flat + camera.matrix[:2, 2]
         even = np.broadcast_to(0.25 * np.eye(2), spread.shape)
-        found = [triangulate(rig, v, s) for v, s in zip(views, (spread, even), strict=True)]
+        detections = [triangulate(rig, v, s) for v, s in zip(views, (spread, even), strict=True)]
         for m, v in enumerate(views):
-            seen[m] += int(np.isfinite(v[:, :, 0, 0]).sum())
-        both = np.isfinite(found[0].points[:, 0]) & np.isfinite(found[1].points[:, 0])
+            visible[m] += int(np.isfinite(v[:, :, 0, 0]).sum())
+        both = np.isfinite(detections[0].points[:, 0]) & np.isfinite(detections[1].points[:, 0])
         for m in range(2):
-            errors[m].append(np.linalg.norm(found[m].points - truth, axis=1)[both])
-        own = np.isfinite(found[0].points[:, 0])
-        sigma = np.sqrt(np.diagonal(found[0].covariance[own], axis1=1, axis2=2))
-        scaled.append(np.abs(found[0].points[own] - truth[own]) / sigma)
-    told = np.concatenate(scaled).ravel()
+            errors[m].append(np.linalg.norm(detections[m].points - truth, axis=1)[both])
+        own_method = np.isfinite(detections[0].points[:, 0])
+        sigma = np.sqrt(np.diagonal(detections[0].covariance[own_method], axis1=1, axis2=2))
+        scaled.append(np.abs(detections[0].points[own_method] - truth[own_method]) / sigma)
+    stated = np.concatenate(scaled).ravel()
     out = []
     for m in range(2):
         e = np.concatenate(errors[m])
         out.append(
             Result(
-                seen[m] / shown,
+                visible[m] / shown,
                 float(np.sqrt(np.mean(e**2))) if len(e) else np.nan,
                 float(np.percentile(e, 95)) if len(e) else np.nan,
-                float((told <= 2).mean()) if m == 0 and len(told) else np.nan,
+                float((stated <= 2).mean()) if m == 0 and len(stated) else np.nan,
             )
         )
     return out[0], out[1]

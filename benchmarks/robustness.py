@@ -43,8 +43,8 @@ BODIES = {
 def body(name: str, scale: float = 1.0) -> tuple[QuadraticMesh, dict]:
     """Return the mesh of a fixture, and the nodes of its regions."""
     device = load_device(DEVICES / name)
-    made = tetrahedralize(load_body(device.body).surface, scale * BODIES[name][2]).mesh
-    mesh = QuadraticMesh.from_linear(conform_to_regions(made, list(device.regions.values())))
+    linear_mesh = tetrahedralize(load_body(device.body).surface, scale * BODIES[name][2]).mesh
+    mesh = QuadraticMesh.from_linear(conform_to_regions(linear_mesh, list(device.regions.values())))
     regions = {n: np.flatnonzero(s.contains(mesh.nodes)) for n, s in device.regions.items()}
     return mesh, regions
 
@@ -63,9 +63,11 @@ def material(nu: float, model: str = "neo-hookean") -> Material:
 
 def clamp(mesh, regions, fixed, moved, rotation, translation):
     """Return conditions that fix one region and move another."""
-    own = regions[moved]
-    center = (mesh.nodes[own].min(0) + mesh.nodes[own].max(0)) / 2
-    handle = RigidHandle(own, center, np.array(rotation, float), np.array(translation, float))
+    handle_nodes = regions[moved]
+    center = (mesh.nodes[handle_nodes].min(0) + mesh.nodes[handle_nodes].max(0)) / 2
+    handle = RigidHandle(
+        handle_nodes, center, np.array(rotation, float), np.array(translation, float)
+    )
     return BoundaryConditions(regions[fixed], (handle,))
 
 
@@ -152,17 +154,17 @@ def main() -> None:
         law = material(nu, model)
         goal = clamp(mesh, regions, BODIES[name][0], moved, rotation, translation)
         result = solve_ramp(mesh, law, goal, [1.0], threads=count_cores())[-1]
-        said = verdict(mesh, goal, law, result)
-        kind = "WRONG" if said.startswith("WRONG") else Status(result.status).name
+        message = verdict(mesh, goal, law, result)
+        kind = "WRONG" if message.startswith("WRONG") else Status(result.status).name
         if options.slowly and kind == "OK":
-            off = elsewhere(mesh, law, goal, result)
-            if off > 0.1:
-                kind, said = "ELSEWHERE", f"{off:.1f} mm from where ten steps lead"
+            distance = elsewhere(mesh, law, goal, result)
+            if distance > 0.1:
+                kind, message = "ELSEWHERE", f"{distance:.1f} mm from where ten steps lead"
         counts[kind] = counts.get(kind, 0) + 1
         if kind != "OK":
-            shown = ", ".join(f"{v:.0f}" for v in np.rad2deg(rotation))
-            way = f"{name} {moved} ({shown}) deg {np.round(translation, 0)} {model} {nu}"
-            print(f"  {k}: {way}: {said}", flush=True)
+            degrees = ", ".join(f"{v:.0f}" for v in np.rad2deg(rotation))
+            title_text = f"{name} {moved} ({degrees}) deg {np.round(translation, 0)} {model} {nu}"
+            print(f"  {k}: {title_text}: {message}", flush=True)
         if (k + 1) % 5 == 0:
             print(f"  after {k + 1}: {counts}", flush=True)
     print(f"{options.random} random poses, seed {options.seed}: {counts}")

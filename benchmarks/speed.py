@@ -103,38 +103,38 @@ def peers(repeat: int) -> None:
             goal = pose(mesh, rotation)
             from_rest(mesh, law, goal)
             runs = [from_rest(mesh, law, goal) for _ in range(repeat)]
-            own, seconds = runs[0][0], float(np.median([r[1] for r in runs]))
+            own_result, seconds = runs[0][0], float(np.median([r[1] for r in runs]))
             true = line_signals(fine, from_rest(fine, law, pose(fine, rotation))[0].u, lines)
 
             def error(u, true=true):
-                off = line_signals(mesh, u, lines) - true
-                return f"{np.sqrt((off**2).mean() / (true**2).mean()):.3%}"
+                difference = line_signals(mesh, u, lines) - true
+                return f"{np.sqrt((difference**2).mean() / (true**2).mean()):.3%}"
 
             print(f"{title}, nu {nu}")
-            s = own.statistics
+            s = own_result.statistics
             print(
                 f"{'  defsense-fab':<24}{s.steps:>11}{s.iterations:>8}{seconds:>8.2f}{1:>7}"
-                f"  {error(own.u)}"
+                f"  {error(own_result.u)}"
             )
             _, shifts = agreement.solve(mesh, law, goal)
             for peer in TRIES:
                 if agreement.installed(peer):
-                    _one_peer(peer, mesh, law, goal, shifts, own.u, seconds, repeat, error)
+                    _one_peer(peer, mesh, law, goal, shifts, own_result.u, seconds, repeat, error)
 
 
-def _one_peer(peer, mesh, law, goal, shifts, own, seconds, repeat, error) -> None:
+def _one_peer(peer, mesh, law, goal, shifts, own_result, seconds, repeat, error) -> None:
     for increments in TRIES[peer]:
         try:
-            found = agreement.ask(peer, mesh, law, goal, shifts, increments)
+            peer_result = agreement.ask(peer, mesh, law, goal, shifts, increments)
         except RuntimeError:
             continue
-        if np.abs(found.u - own).max() > 0.05:  # another equilibrium
+        if np.abs(peer_result.u - own_result).max() > 0.05:  # another equilibrium
             continue
         more = [agreement.ask(peer, mesh, law, goal, shifts, increments) for _ in range(repeat - 1)]
-        theirs = float(np.median([f.stats["seconds"] for f in (found, *more)]))
+        theirs = float(np.median([f.stats["seconds"] for f in (peer_result, *more)]))
         print(
-            f"{'  ' + peer:<24}{increments:>11}{found.stats['iterations']:>8}{theirs:>8.2f}"
-            f"{theirs / seconds:>7.1f}  {error(found.u)}",
+            f"{'  ' + peer:<24}{increments:>11}{peer_result.stats['iterations']:>8}{theirs:>8.2f}"
+            f"{theirs / seconds:>7.1f}  {error(peer_result.u)}",
             flush=True,
         )
         return

@@ -34,12 +34,12 @@ def built(folder: Path) -> list[tuple[str, float, float]]:
     Returns:
         Name, CPU seconds and elapsed seconds of each stage; imports are the first.
     """
-    begun = cpu(), time.perf_counter()
+    started = cpu(), time.perf_counter()
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.workflow.build.build import build
 
     device = load_device(folder)
-    marks = [("imports", *begun)]
+    marks = [("imports", *started)]
 
     def progress(stage: str, fraction: float, _: str) -> None:
         if fraction == 0.0 and stage != marks[-1][0]:
@@ -69,11 +69,11 @@ def main() -> None:
         print(json.dumps(built(options.folder[0])))
         return
     for source in options.folder:
-        with tempfile.TemporaryDirectory() as made:
-            copy, cache = Path(made) / source.name, Path(made) / "cache"
+        with tempfile.TemporaryDirectory() as temporary:
+            copy, cache = Path(temporary) / source.name, Path(temporary) / "cache"
             environment = {**os.environ, "DEFSENSE_CACHE": str(cache)}
             if options.compile:
-                environment["NUMBA_CACHE_DIR"] = str(Path(made) / "code")
+                environment["NUMBA_CACHE_DIR"] = str(Path(temporary) / "code")
             skip = shutil.ignore_patterns("build", ".build*", "*.mesh")
             shutil.copytree(source, copy, ignore=skip)
             if not options.compile:

@@ -39,7 +39,7 @@ _SECONDS = 10.0
 _LOOKING = 2
 
 
-def opened(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
+def open_studio(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
     """Return the studio of a copy of the device, and a function that closes it."""
     copy = folder / device.name
     shutil.copytree(device, copy)
@@ -66,34 +66,34 @@ def drag(page: StudioPage) -> tuple[float, np.ndarray]:
     sensor = page.bench.project.device.sensors[0]
     mode.choose(sensor.name)
     wait_for_all(mode)
-    given: dict[int, float] = {}
-    late: list[float] = []
-    work, judged = mode.error_worker._work, mode.error_worker.done_count
+    sent_at: dict[int, float] = {}
+    delays: list[float] = []
+    work, count_before = mode.error_worker._work, mode.error_worker.done_count
 
     def watched(cords):  # type: ignore[no-untyped-def]
         work(cords)
-        late.append(time.perf_counter() - given[id(cords)])
+        delays.append(time.perf_counter() - sent_at[id(cords)])
 
     mode.error_worker._work = watched
     give = mode.error_worker.give
 
     def stamped(cords):  # type: ignore[no-untyped-def]
-        given[id(cords)] = time.perf_counter()
-        kept.append(cords)
+        sent_at[id(cords)] = time.perf_counter()
+        references.append(cords)
         give(cords)
 
-    kept: list[object] = []
+    references: list[object] = []
     mode.error_worker.give = stamped
-    begun = time.perf_counter()
+    started_at = time.perf_counter()
     for k in range(int(_RATE * _SECONDS)):
         turn = 2 * np.pi * k / (2 * _RATE)
         place = sensor.curve.points[2] + 3.0 * np.array([np.cos(turn), np.sin(turn)])
         mode.drag(with_point(sensor, 2, place), "points", 2, False)
-        time.sleep(max(begun + (k + 1) / _RATE - time.perf_counter(), 0.0))
-    seconds = time.perf_counter() - begun
+        time.sleep(max(started_at + (k + 1) / _RATE - time.perf_counter(), 0.0))
+    seconds = time.perf_counter() - started_at
     wait_for_all(mode)
     mode.error_worker._work, mode.error_worker.give = work, give
-    return (mode.error_worker.done_count - judged) / seconds, np.array(late)
+    return (mode.error_worker.done_count - count_before) / seconds, np.array(delays)
 
 
 def wait_for_all(mode) -> None:  # type: ignore[no-untyped-def]
@@ -106,43 +106,43 @@ def use(page: StudioPage, minutes: float, seed: int) -> None:
     """Use the studio as a person would, and print a line every minute."""
     rng = random.Random(seed)
     cords = page.modes["Cords"]
-    begun = told = time.monotonic()
+    started_at = reported_at = time.monotonic()
     processor = time.process_time()
     steps = 0
-    while time.monotonic() - begun < 60 * minutes:
+    while time.monotonic() - started_at < 60 * minutes:
         _step(page, cords, rng)
         steps += 1
         time.sleep(rng.uniform(0.5, 3.0))
-        if time.monotonic() - told >= 60:
-            share = (time.process_time() - processor) / (time.monotonic() - told)
-            minute = round((time.monotonic() - begun) / 60)
+        if time.monotonic() - reported_at >= 60:
+            share = (time.process_time() - processor) / (time.monotonic() - reported_at)
+            minute = round((time.monotonic() - started_at) / 60)
             print(f"{minute:3d} min: {memory():5.0f} MB, {share:.2f} of a core, {steps} steps",
                   flush=True)  # fmt: skip
-            told, processor = time.monotonic(), time.process_time()
+            reported_at, processor = time.monotonic(), time.process_time()
 
 
 def _step(page: StudioPage, cords, rng: random.Random) -> None:  # type: ignore[no-untyped-def]
     sensors = page.bench.project.device.sensors
-    what = rng.choice(["drag"] * 6 + ["add", "delete", "undo", "redo", "mode", "mirror"])
+    step_kind = rng.choice(["drag"] * 6 + ["add", "delete", "undo", "redo", "mode", "mirror"])
     page.enter("Cords")
-    if what == "add" and len(sensors) < 6:
+    if step_kind == "add" and len(sensors) < 6:
         page.bench.run_action(cords.add_straight)
-    elif what == "delete" and len(sensors) > 2:
+    elif step_kind == "delete" and len(sensors) > 2:
         cords.choose(rng.choice(sensors).name)
         cords.chosen.delete()
-    elif what == "undo":
+    elif step_kind == "undo":
         page.bench.run_action(page.bench.project.undo)
-    elif what == "redo":
+    elif step_kind == "redo":
         page.bench.run_action(page.bench.project.redo)
-    elif what == "mode":
+    elif step_kind == "mode":
         page.enter(rng.choice(list(page.modes)))
     elif sensors:
         sensor = rng.choice(sensors)
         cords.choose(sensor.name)
         at = rng.randrange(len(sensor.curve.points))
-        way = np.array([rng.uniform(-3, 3), rng.uniform(-3, 3)])
+        direction = np.array([rng.uniform(-3, 3), rng.uniform(-3, 3)])
         for k in range(1, 21):
-            place = sensor.curve.points[at] + way * k / 20
+            place = sensor.curve.points[at] + direction * k / 20
             cords.drag(with_point(sensor, at, place), "points", at, k == 20)
             time.sleep(0.05)
 
@@ -153,14 +153,14 @@ def memory() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def look(port: int, over: threading.Event) -> None:
+def connect_page(port: int, is_finished: threading.Event) -> None:
     """Connect a page: a web socket that receives all messages and answers none."""
     import viser
     from websockets.sync.client import connect
 
     protocol = f"viser-v{viser.__version__}"
     with connect(f"ws://{HOST}:{port}", subprotocols=[protocol], max_size=None) as page:  # type: ignore[list-item]
-        while not over.is_set():
+        while not is_finished.is_set():
             try:
                 page.recv(timeout=1.0)
             except TimeoutError:
@@ -177,27 +177,30 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     for device in options.device:
-        with tempfile.TemporaryDirectory() as made, one_blas_thread():
-            page, end = opened(device, Path(made))
-            over = threading.Event()
+        with tempfile.TemporaryDirectory() as temporary, one_blas_thread():
+            page, end = open_studio(device, Path(temporary))
+            is_finished = threading.Event()
             port = page.bench.server.get_port()
-            pages = [threading.Thread(target=look, args=(port, over)) for _ in range(_LOOKING)]
-            for one in pages:
-                one.start()
+            pages = [
+                threading.Thread(target=connect_page, args=(port, is_finished))
+                for _ in range(_LOOKING)
+            ]
+            for thread in pages:
+                thread.start()
             try:
                 if options.hour:
                     use(page, options.minutes, options.seed)
                 else:
-                    rate, late = drag(page)
+                    rate, delays = drag(page)
                     print(
-                        f"{device.name}: {rate:.0f} errors a second;"
-                        f" {1e3 * np.median(late):.0f} ms after the hand"
-                        f" (95th: {1e3 * np.percentile(late, 95):.0f} ms)"
+                        f"{device.name}: {rate:.0f} errors per second;"
+                        f" {1e3 * np.median(delays):.0f} ms after the movement"
+                        f" (95th: {1e3 * np.percentile(delays, 95):.0f} ms)"
                     )
             finally:
-                over.set()
-                for one in pages:
-                    one.join()
+                is_finished.set()
+                for thread in pages:
+                    thread.join()
                 end()
 
 

@@ -32,7 +32,7 @@ from defsense_fab.training.regression.frames import Frames, assign_folds, split_
 from defsense_fab.training.regression.weighted_ridge import INPUT_NOISES
 
 
-def recorded(minutes: float, markers: int, seed: int = 0) -> Dataset:
+def make_recording(minutes: float, markers: int, seed: int = 0) -> Dataset:
     """Return the recording of a device that moves smoothly in three dimensions."""
     rng = np.random.default_rng(seed)
     when = np.arange(0, 60 * minutes, 1 / 60)
@@ -66,13 +66,13 @@ def affine(dataset: Dataset, rounds: int) -> tuple[float, float]:
     data = FitData(frames, range(3), outputs, weights, fold)
     peer = RidgeCV(alphas=len(frames) * INPUT_NOISES**2, cv=PredefinedSplit(fold))
 
-    def own() -> None:
+    def fit_ours() -> None:
         fit_candidate(Candidate(AFFINE, Past()), data).decoder()
 
-    def theirs() -> None:
+    def fit_peer() -> None:
         peer.fit(frames.inputs(Past(), range(3)), outputs.reshape(len(x), -1))
 
-    times = [(cpu(own), cpu(theirs)) for _ in range(rounds)]
+    times = [(cpu(fit_ours), cpu(fit_peer)) for _ in range(rounds)]
     return median(a for a, _ in times), median(b for _, b in times)
 
 
@@ -80,12 +80,12 @@ def one_sample(dataset: Dataset) -> float:
     """Return the median elapsed time of the chosen decoder per sample, microseconds."""
     model = train(dataset).model
     r = dataset.recordings[0]
-    stream, taken = model.stream(), []
+    stream, times_s = model.stream(), []
     for when, signals in zip(r.sample_time[:1200], r.signals[:1200], strict=True):
         begin = time.perf_counter()
         stream(float(when), signals)
-        taken.append(time.perf_counter() - begin)
-    return 1e6 * median(taken[200:])
+        times_s.append(time.perf_counter() - begin)
+    return 1e6 * median(times_s[200:])
 
 
 def main() -> None:
@@ -94,14 +94,14 @@ def main() -> None:
     parser.add_argument("--markers", type=int, default=40)
     parser.add_argument("--rounds", type=int, default=5)
     options = parser.parse_args()
-    train(recorded(1.0, options.markers))  # compiles
+    train(make_recording(1.0, options.markers))  # compiles
     for minutes in options.minutes:
-        dataset = recorded(minutes, options.markers)
-        own, peer = affine(dataset, options.rounds)
+        dataset = make_recording(minutes, options.markers)
+        ours, peer = affine(dataset, options.rounds)
         every = median(cpu(lambda d=dataset: train(d)) for _ in range(min(options.rounds, 3)))  # type: ignore[misc]
         print(
-            f"{minutes:g} min, {len(dataset.recordings[0].time)} pictures of {options.markers}"
-            f" markers: affine {own:.3f} s, RidgeCV {peer:.3f} s, ratio {own / peer:.2f}; all"
+            f"{minutes:g} min, {len(dataset.recordings[0].time)} frames of {options.markers}"
+            f" markers: affine {ours:.3f} s, RidgeCV {peer:.3f} s, ratio {ours / peer:.2f}; all"
             f" decoders {every:.1f} s; a sample {one_sample(dataset):.1f} us",
             flush=True,
         )

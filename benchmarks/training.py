@@ -50,7 +50,7 @@ from defsense_fab.workflow.build.build import build
 _TEST = 0.3
 
 
-def pictures(dataset: Dataset, keep: slice) -> Dataset:
+def select_frames(dataset: Dataset, keep: slice) -> Dataset:
     """Return the dataset with some of the frames of its first recording."""
     r = dataset.recordings[0]
     part = replace(r, time=r.time[keep], points=r.points[keep], sigma=r.sigma[keep])
@@ -59,13 +59,13 @@ def pictures(dataset: Dataset, keep: slice) -> Dataset:
 
 def errors(model: TrainedModel, r: Recording, frames: slice) -> tuple[Float, Float]:
     """Return distances (t, m) mm from the measured markers, and the radius of the intervals."""
-    found = model.decode(r.sample_time, r.signals, r.time[frames])
-    return np.linalg.norm(found.points - r.points[frames], axis=2), found.radius
+    trained = model.decode(r.sample_time, r.signals, r.time[frames])
+    return np.linalg.norm(trained.points - r.points[frames], axis=2), trained.radius
 
 
-def rmse(off: Float) -> float:
+def rmse(distance: Float) -> float:
     """Return the RMS of distances."""
-    return float(np.sqrt(np.nanmean(off**2)))
+    return float(np.sqrt(np.nanmean(distance**2)))
 
 
 def by_pose(r: Recording, frames: slice, inside: Float) -> dict[str, float]:
@@ -84,7 +84,7 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
     layout = load_layout(build_folder(device))
     promised = layout.unseen[layout.prediction.decoder]
     band = layout.band
-    print(f"{device.name}: promised {promised:.2f} mm ({band.low:.2f}-{band.high:.2f})")
+    print(f"{device.name}: predicted {promised:.2f} mm ({band.low:.2f}-{band.high:.2f})")
     for seed in range(1, options.seeds + 1):
         runs = simulate_runs(
             device, seconds=60 * options.minutes, sessions=2 if options.later else 1, seed=seed,
@@ -95,32 +95,34 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
         result = train(whole, prior=prior)
         r = whole.recordings[0]
         after = slice(int(result.test_frames.frame_index[0]), len(r.time))
-        off, radius = errors(result.model, r, after)
-        tell(
+        distance, radius = errors(result.model, r, after)
+        print_errors(
             seed,
             result,
-            off,
+            distance,
             radius,
-            by_pose(r, after, np.where(np.isfinite(off), off <= radius, np.nan)),
+            by_pose(r, after, np.where(np.isfinite(distance), distance <= radius, np.nan)),
         )
-        foretold(layout, result, whole)
+        print_predictions(layout, result, whole)
         if options.few:
             few(whole, result, prior, after)
         if options.later:
             later(result.model, runs.dataset.recordings[1])
 
 
-def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str, float]) -> None:
+def print_errors(
+    seed: int, result: Training, distance: Float, radius: Float, poses: dict[str, float]
+) -> None:
     """Print the errors and intervals of a seed."""
     rows = {a.name: a for a in result.candidates}
     static = min(a.test.rmse for a in rows.values() if a.test and not (a.moved or a.worked))
     best = rows[result.selected]
-    known = np.isfinite(off)
+    known = np.isfinite(distance)
     worst = min(poses, key=lambda p: poses[p])
     assert best.test is not None
     affine = rows["affine"].test
     assert affine is not None
-    inside = (off[known] <= radius[known]).mean()
+    inside = (distance[known] <= radius[known]).mean()
     print(
         f"  seed {seed}: affine {affine.rmse:.2f}, static {static:.2f}, {result.selected}"
         f" {best.test.rmse:.2f} ± {best.test.per_state.std():.2f} (folds"
@@ -131,19 +133,21 @@ def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str
     )
 
 
-def foretold(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
+def print_predictions(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
     """Print predicted and measured errors."""
     plain = train(whole, TrainingOptions(decoder="quadratic", memory=False))
-    for found in (result, plain):
-        if found.repeatability is None:
-            print(f"    {found.selected}: no shape is shown twice")
+    for trained in (result, plain):
+        if trained.repeatability is None:
+            print(f"    {trained.selected}: no shape is shown twice")
             continue
-        frames = decode_frames(found.model, whole, _TEST)
-        p = predict_error(found.repeatability, frames, design_prediction(layout, found.selected))
+        frames = decode_frames(trained.model, whole, _TEST)
+        p = predict_error(
+            trained.repeatability, frames, design_prediction(layout, trained.selected)
+        )
         parts = ", ".join(f"{cause} {square:.3f}" for cause, square in p.shares.items())
         print(
-            f"    {found.selected}: predicted {p.predicted:.2f}, measured {p.measured:.2f}, ratio"
-            f" {p.ratio:.2f} (the promise alone {p.design_ratio:.2f}): {parts}",
+            f"    {trained.selected}: predicted {p.predicted:.2f}, measured {p.measured:.2f}, ratio"
+            f" {p.ratio:.2f} (the design alone {p.design_ratio:.2f}): {parts}",
             flush=True,
         )
 
@@ -165,14 +169,16 @@ def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: i
         "5 minutes": slice(0, round(300 * rate)),
     }
     for name, part in cases.items():
-        told = []
+        text = []
         for p in (None, prior):
             try:
-                model = train(pictures(whole, part), TrainingOptions(test_share=0.0), prior=p).model
-                told.append(f"{rmse(errors(model, r, after)[0]):.2f}")
+                model = train(
+                    select_frames(whole, part), TrainingOptions(test_share=0.0), prior=p
+                ).model
+                text.append(f"{rmse(errors(model, r, after)[0]):.2f}")
             except TrainingError as error:
-                told.append(str(error)[:60])
-        print(f"    {name}: {told[0]} without the simulation, {told[1]} with it", flush=True)
+                text.append(str(error)[:60])
+        print(f"    {name}: {text[0]} without the simulation, {text[1]} with it", flush=True)
 
 
 def later(model: TrainedModel, r: Recording) -> None:
@@ -183,24 +189,24 @@ def later(model: TrainedModel, r: Recording) -> None:
         signals = r.signals.copy()
         signals[:, k] *= gain
         now = replace(r, ohm=r.rest * (1 + signals))
-        off, radius = errors(model, now, every)
-        seen = np.isfinite(off)
-        inside = (off[seen] <= radius[seen]).mean()
-        what = "20 h later" if gain == 1 else f"{model.channels[k]} x {gain}"
-        told = f"    {what}: {rmse(off):.2f} mm, inside {inside:.1%}; re-calibrated"
+        distance, radius = errors(model, now, every)
+        known_frames = np.isfinite(distance)
+        inside = (distance[known_frames] <= radius[known_frames]).mean()
+        title = "20 h later" if gain == 1 else f"{model.channels[k]} x {gain}"
+        text = f"    {title}: {rmse(distance):.2f} mm, inside {inside:.1%}; re-calibrated"
         for rounds in (1, 3):
             try:
-                found = recalibrate(model, [routine(now, model, rounds)])
+                trained = recalibrate(model, [routine(now, model, rounds)])
             except TrainingError as error:
-                told += f"; {error}"
+                text += f"; {error}"
                 continue
             gains = ", ".join(
-                f"{g:.2f} ± {e:.2f}" for g, e in zip(found.gain, found.gain_error, strict=True)
+                f"{g:.2f} ± {e:.2f}" for g, e in zip(trained.gain, trained.gain_error, strict=True)
             )
-            after = rmse(errors(found.model, now, every)[0])
-            told += f" by {rounds}: {after:.2f} (gains {gains}, left {found.residual:.1f})"
-            told += " refused" if found.problems else ""
-        print(told, flush=True)
+            after = rmse(errors(trained.model, now, every)[0])
+            text += f" by {rounds}: {after:.2f} (gains {gains}, left {trained.residual:.1f})"
+            text += " refused" if trained.problems else ""
+        print(text, flush=True)
 
 
 def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0) -> Recording:
@@ -212,12 +218,12 @@ def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0
     parts, marks, at = [], [], 0.0
     warm = [(n, s) for n, s in list_pose_samples(r) if r.sample_time[s.start] > 30]
     poses = [n for n in model.poses if any(n == name for name, _ in warm)][:3]
-    taken = {
+    by_name = {
         name: sorted((s for n, s in warm if n == name), key=lambda s: -_reach(r, s))[:rounds]
         for name in (*poses, "rest")
     }
     for k in range(rounds):
-        for name, each in taken.items():
+        for name, each in by_name.items():
             if k >= len(each):
                 continue
             time = r.sample_time[each[k]]
@@ -237,9 +243,9 @@ def _reach(r: Recording, samples: slice) -> float:
     """Return the largest RMS distance (mm) of markers from their mean positions in some samples."""
     begin, end = r.sample_time[samples][[0, -1]]
     within = (r.time >= begin) & (r.time <= end)
-    off = r.points[within] - np.nanmean(r.points, axis=0)
+    distance = r.points[within] - np.nanmean(r.points, axis=0)
     with np.errstate(all="ignore"):
-        return float(np.nanmax(np.nanmean((off**2).sum(2), axis=1), initial=0.0))
+        return float(np.nanmax(np.nanmean((distance**2).sum(2), axis=1), initial=0.0))
 
 
 def main() -> None:

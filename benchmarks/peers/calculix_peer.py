@@ -67,10 +67,10 @@ def solve(
         seconds = time.perf_counter() - start
         errors = re.findall(r"\*ERROR[^\n]*(?:\n +[^\n]+)?", ended.stdout)
         substeps = _rows(job.with_suffix(".sta"), 7)
-        done = len({row[0] for row in substeps})
-        if ended.returncode != 0 or errors or done < len(steps):
+        process = len({row[0] for row in substeps})
+        if ended.returncode != 0 or errors or process < len(steps):
             why = " ".join(errors[0].split()) if errors else f"ended with {ended.returncode}"
-            raise RuntimeError(f"CalculiX in step {done + 1} of {len(steps)}: {why}")
+            raise RuntimeError(f"CalculiX in step {process + 1} of {len(steps)}: {why}")
         table = np.array(_rows(job.with_suffix(".dat"), 4))[-len(nodes) :]
         iterations = len(_rows(job.with_suffix(".cvg"), 4, exact=False))
     u = np.full(nodes.shape, np.nan)
@@ -96,7 +96,7 @@ def _deck(
     moved: np.ndarray,
     targets: list[np.ndarray],
 ) -> str:
-    """Return the input; `targets` (k, 3) mm are the moved nodes' displacements at the steps' ends."""
+    """Return the input; `targets` (k, 3) mm are displacements at the ends of steps."""
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{i}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(nodes, 1)]
     lines.append("*ELEMENT, TYPE=C3D10, ELSET=BODY")
@@ -134,6 +134,6 @@ def _rows(path: Path, columns: int, exact: bool = True) -> list[list[float]]:
 
 
 def _version() -> str:
-    said = subprocess.run([PROGRAM, "-v"], capture_output=True, text=True).stdout
-    found = re.search(r"Version (\S+)", said)
-    return f"CalculiX {found[1] if found else 'of an unknown version'}"
+    output = subprocess.run([PROGRAM, "-v"], capture_output=True, text=True).stdout
+    values = re.search(r"Version (\S+)", output)
+    return f"CalculiX {values[1] if values else 'of an unknown version'}"

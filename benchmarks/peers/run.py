@@ -28,16 +28,16 @@ def main() -> int:
     parser.add_argument("result", type=Path)
     parser.add_argument("--increments", type=int, default=1, help="equal load increments")
     parser.add_argument("--folder", type=Path, help="where CalculiX leaves its files")
-    given = parser.parse_args()
-    peer = importlib.import_module(f"benchmarks.peers.{given.peer}_peer")
+    options = parser.parse_args()
+    peer = importlib.import_module(f"benchmarks.peers.{options.peer}_peer")
     try:
         u, stats = peer.solve(
-            **load(given.problem), increments=given.increments, folder=given.folder
+            **load(options.problem), increments=options.increments, folder=options.folder
         )
     except RuntimeError as error:
         sys.stderr.write(f"{error}\n")
         return 1
-    np.savez(given.result, u=u, stats=json.dumps(stats))
+    np.savez(options.result, u=u, stats=json.dumps(stats))
     return 0
 
 

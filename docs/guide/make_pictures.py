@@ -78,7 +78,7 @@ def assembly(page, folder):
     save(page, "assembly")
 
 
-def opened(page, url):
+def open_live_page(page, url):
     """Show a page that is drawn live, without the note that no graphics card draws it."""
     page.goto(url, timeout=WAIT)
     page.locator(".mantine-Notification-closeButton").first.click(timeout=WAIT)
@@ -87,7 +87,7 @@ def opened(page, url):
 def studio(page, folder):
     """The studio, with the strain inside of the twisted body."""
     with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
-        opened(page, url)
+        open_live_page(page, url)
         page.get_by_role("button", name="Inside", exact=True).click(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "studio")
@@ -97,7 +97,7 @@ def live(page, folder):
     """The page of a run, whose twin moves by itself."""
     words = ("run", MODEL, "--device", DEVICE, "--port", "twin")
     with page_of(folder, *words, "--view", str(PORT), "--no-browser") as url:
-        opened(page, url)
+        open_live_page(page, url)
         page.get_by_text("trusted").first.wait_for(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "live")
@@ -111,8 +111,8 @@ def main():
     folder, *names = sys.argv[1:]
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
-    for made, words in MADE.items():
-        if not (folder / made).exists():
+    for result, words in MADE.items():
+        if not (folder / result).exists():
             subprocess.run(defsense(*words), cwd=folder, check=True)
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     switches = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

@@ -93,8 +93,8 @@ def main():
     )
     parser.add_argument("file", type=Path)
     parser.add_argument("folder", type=Path)
-    asked = parser.parse_args()
-    points = read_body_file(asked.file).surface.vertices
+    options = parser.parse_args()
+    points = read_body_file(options.file).surface.vertices
     size = np.ptp(points, axis=0)
     up = 1 + int(size[2] > size[1])
     scale = HEIGHT / size[up]
@@ -106,13 +106,13 @@ def main():
         f'rotate = {{ axis = {axis}, degrees = {degrees} }}\ntranslate = "free"\n'
         for name, region, axis, degrees in poses(up)
     )
-    asked.folder.mkdir(parents=True)
-    shutil.copy(asked.file, asked.folder / asked.file.name)
-    (asked.folder / "device.toml").write_text(
-        TEXT.format(name=asked.folder.name, file=asked.file.name, scale=scale, regions=places,
+    options.folder.mkdir(parents=True)
+    shutil.copy(options.file, options.folder / options.file.name)
+    (options.folder / "device.toml").write_text(
+        TEXT.format(name=options.folder.name, file=options.file.name, scale=scale, regions=places,
                     poses="\n" + moves)
     )  # fmt: skip
-    print(f"{asked.folder / 'device.toml'}: a body {HEIGHT:g} mm tall; next: defsense build")
+    print(f"{options.folder / 'device.toml'}: a body {HEIGHT:g} mm tall; next: defsense build")
 
 
 if __name__ == "__main__":

@@ -31,11 +31,11 @@ def distance(points):
         for start, end, thick, thin in limbs:
             a, b = np.array(start, float), np.array(end, float)
             t = np.clip((p - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
-            near = a + t[:, None] * (b - a)
-            each.append(np.linalg.norm(p - near, axis=1) - (thick + t * (thin - thick)))
+            closest = a + t[:, None] * (b - a)
+            each.append(np.linalg.norm(p - closest, axis=1) - (thick + t * (thin - thick)))
     each = np.array(each)
-    least = each.min(0)
-    return least - BLEND * np.log(np.exp(-(each - least) / BLEND).sum(0))
+    smallest = each.min(0)
+    return smallest - BLEND * np.log(np.exp(-(each - smallest) / BLEND).sum(0))
 
 
 def character():

@@ -16,43 +16,43 @@ PORT = 9000
 EVERY = 1 / 60  # s
 
 
-def text_at(data, at):
+def text_at(data, position):
     """A string that ends with one to four zeros, and what comes after it."""
-    end = data.index(b"\0", at)
-    return data[at:end].decode("ascii"), end + 4 - end % 4
+    end = data.index(b"\0", position)
+    return data[position:end].decode("ascii"), end + 4 - end % 4
 
 
 def messages(data):
     """Address and values of all messages in a datagram of OSC 1.0."""
     if data.startswith(b"#bundle\0"):
-        at = 16  # the name and the time
-        while at < len(data):
-            (size,) = struct.unpack_from(">i", data, at)
-            yield from messages(data[at + 4 : at + 4 + size])
-            at += 4 + size
+        position = 16  # the name and the time
+        while position < len(data):
+            (size,) = struct.unpack_from(">i", data, position)
+            yield from messages(data[position + 4 : position + 4 + size])
+            position += 4 + size
         return
-    address, at = text_at(data, 0)
-    tags, at = text_at(data, at)
+    address, position = text_at(data, 0)
+    tags, position = text_at(data, position)
     values = []
     for tag in tags[1:]:
         if tag == "s":
-            value, at = text_at(data, at)
+            value, position = text_at(data, position)
         else:  # i, f, d
-            (value,) = struct.unpack_from(">" + tag, data, at)
-            at += struct.calcsize(">" + tag)
+            (value,) = struct.unpack_from(">" + tag, data, position)
+            position += struct.calcsize(">" + tag)
         values.append(value)
     yield address, values
 
 
 def empty(name):
     """The empty of this name, made where there is none."""
-    found = bpy.data.objects.get(name)
-    if found is None:
-        found = bpy.data.objects.new(name, None)
-        found.empty_display_type = "SPHERE"
-        found.empty_display_size = 0.002
-        bpy.context.scene.collection.objects.link(found)
-    return found
+    empty_object = bpy.data.objects.get(name)
+    if empty_object is None:
+        empty_object = bpy.data.objects.new(name, None)
+        empty_object.empty_display_type = "SPHERE"
+        empty_object.empty_display_size = 0.002
+        bpy.context.scene.collection.objects.link(empty_object)
+    return empty_object
 
 
 def show(address, values):
@@ -67,7 +67,7 @@ def show(address, values):
         bpy.context.scene[f"{device} {name}"] = values[0]
 
 
-def begin():
+def start():
     """Listen, and let Blender call `step` between its pictures."""
     before = bpy.app.driver_namespace.get("defsense")
     if before is not None:
@@ -93,4 +93,4 @@ def begin():
     bpy.app.timers.register(step)
 
 
-begin()
+start()

@@ -16,16 +16,16 @@ EVENT = "llHHi"  # struct input_event: seconds, microseconds, type, code, value
 AXES = {0: "x", 1: "y", 2: "z", 3: "rx", 4: "ry", 5: "rz"}
 
 
-def device(wanted):
+def device(gamepad):
     for name in pathlib.Path("/sys/class/input").glob("event*/device/name"):
-        if name.read_text().strip() == wanted:
+        if name.read_text().strip() == gamepad:
             return pathlib.Path("/dev/input") / name.parts[-3]
-    sys.exit(f"there is no {wanted}; does the live loop run?")
+    sys.exit(f"there is no {gamepad}; does the live loop run?")
 
 
 def main():
-    wanted = sys.argv[1] if len(sys.argv) > 1 else "DefSense gamepad"
-    with device(wanted).open("rb") as events:
+    gamepad = sys.argv[1] if len(sys.argv) > 1 else "DefSense gamepad"
+    with device(gamepad).open("rb") as events:
         while True:
             data = events.read(struct.calcsize(EVENT))
             _, _, kind, code, value = struct.unpack(EVENT, data)

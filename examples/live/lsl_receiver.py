@@ -23,16 +23,16 @@ def labels(info):
 
 
 def main():
-    what = ("name", sys.argv[1]) if len(sys.argv) > 1 else ("type", "Deformation")
-    found = pylsl.resolve_byprop(*what, 1, 30)
-    if not found:
+    query = ("name", sys.argv[1]) if len(sys.argv) > 1 else ("type", "Deformation")
+    streams = pylsl.resolve_byprop(*query, 1, 30)
+    if not streams:
         sys.exit(
-            f"no stream of the {' '.join(what)} within 30 s; does the live loop run, and did the"
+            f"no stream of the {' '.join(query)} within 30 s; does the live loop run, and did the"
             " device lie at rest?"
         )
-    inlet = pylsl.StreamInlet(found[0])
+    inlet = pylsl.StreamInlet(streams[0])
     names = labels(inlet.info(10))
-    print(f"stream {found[0].name()!r}:", ", ".join(f"{n} ({u})" for n, u in names), flush=True)
+    print(f"stream {streams[0].name()!r}:", ", ".join(f"{n} ({u})" for n, u in names), flush=True)
     while True:
         values, stamp = inlet.pull_sample(10)
         if values is None:

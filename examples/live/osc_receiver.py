@@ -12,30 +12,30 @@ import struct
 import sys
 
 
-def text_at(data, at):
+def text_at(data, position):
     """A string that ends with one to four zeros, and what comes after it."""
-    end = data.index(b"\0", at)
-    return data[at:end].decode("ascii"), end + 4 - end % 4
+    end = data.index(b"\0", position)
+    return data[position:end].decode("ascii"), end + 4 - end % 4
 
 
 def messages(data):
     """Address and values of all messages in a datagram."""
     if data.startswith(b"#bundle\0"):
-        at = 16  # the name and the time
-        while at < len(data):
-            (size,) = struct.unpack_from(">i", data, at)
-            yield from messages(data[at + 4 : at + 4 + size])
-            at += 4 + size
+        position = 16  # the name and the time
+        while position < len(data):
+            (size,) = struct.unpack_from(">i", data, position)
+            yield from messages(data[position + 4 : position + 4 + size])
+            position += 4 + size
         return
-    address, at = text_at(data, 0)
-    tags, at = text_at(data, at)
+    address, position = text_at(data, 0)
+    tags, position = text_at(data, position)
     values = []
     for tag in tags[1:]:
         if tag == "s":
-            value, at = text_at(data, at)
+            value, position = text_at(data, position)
         else:  # i, f, d
-            (value,) = struct.unpack_from(">" + tag, data, at)
-            at += struct.calcsize(">" + tag)
+            (value,) = struct.unpack_from(">" + tag, data, position)
+            position += struct.calcsize(">" + tag)
         values.append(value)
     yield address, values
 
@@ -47,26 +47,26 @@ def bar(value):
 
 def main():
     port = int(sys.argv[1]) if len(sys.argv) > 1 else 9000
-    shown, lines = {}, 0
+    bars, lines = {}, 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", port))
         print(f"listening on port {receiver.getsockname()[1]}", flush=True)
         while True:
             try:
-                found = list(messages(receiver.recv(65536)))
+                received = list(messages(receiver.recv(65536)))
             except (ValueError, struct.error, UnicodeDecodeError, RecursionError):
                 continue  # not OSC
-            for address, values in found:
+            for address, values in received:
                 parts = address.split("/")
                 if len(parts) == 5 and parts[1] == "defsense" and parts[3] == "control":
-                    shown[f"{parts[2]} {parts[4]}"] = bar(values[0])
+                    bars[f"{parts[2]} {parts[4]}"] = bar(values[0])
                 elif len(parts) == 4 and parts[3] == "quality":
-                    shown[f"{parts[2]} quality"] = values[1]
-            if shown:
+                    bars[f"{parts[2]} quality"] = values[1]
+            if bars:
                 up = f"\x1b[{lines}A" if lines else ""
-                rows = "".join(f"{name:20} {row}\x1b[K\n" for name, row in shown.items())
+                rows = "".join(f"{name:20} {row}\x1b[K\n" for name, row in bars.items())
                 print(up + rows, end="", flush=True)
-                lines = len(shown)
+                lines = len(bars)
 
 
 if __name__ == "__main__":

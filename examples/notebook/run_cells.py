@@ -9,7 +9,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 
 
-def shown(value):
+def display_data(value):
     """What a notebook keeps of a cell's last value."""
     if value is None:
         return None
@@ -29,14 +29,14 @@ def run(source, names):
     """The outputs of a cell, run among these names."""
     tree = ast.parse(source)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
-    said = io.StringIO()
-    with redirect_stdout(said):
+    printed = io.StringIO()
+    with redirect_stdout(printed):
         exec(compile(tree, "cell", "exec"), names)
         value = eval(compile(ast.Expression(last.value), "cell", "eval"), names) if last else None
     outputs = []
-    if said.getvalue():
-        outputs.append({"output_type": "stream", "name": "stdout", "text": said.getvalue()})
-    if (data := shown(value)) is not None:
+    if printed.getvalue():
+        outputs.append({"output_type": "stream", "name": "stdout", "text": printed.getvalue()})
+    if (data := display_data(value)) is not None:
         outputs.append({"output_type": "display_data", "data": data, "metadata": {}})
     return outputs
 
@@ -54,5 +54,5 @@ def run_notebook(path):
 
 if __name__ == "__main__":
     file = Path(sys.argv[1])
-    made, _ = run_notebook(file)
-    file.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+    executed, _ = run_notebook(file)
+    file.write_text(json.dumps(executed, indent=1) + "\n", encoding="utf-8")

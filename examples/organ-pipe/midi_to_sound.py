@@ -16,14 +16,14 @@ STOPS = {1: 0.5, 2: 0.25, 3: 0.15, 4: 0.1}  # partials of a pipe, and how loud e
 PEAK = 0.5  # of full scale: -6 dB, whatever was played
 
 
-def number(data, at):
+def number(data, position):
     """Groups of seven bits, the last without the high bit."""
     value = 0
     while True:
-        value = value << 7 | data[at] & 0x7F
-        at += 1
-        if data[at - 1] < 0x80:
-            return value, at
+        value = value << 7 | data[position] & 0x7F
+        position += 1
+        if data[position - 1] < 0x80:
+            return value, position
 
 
 def events(data):
@@ -31,17 +31,17 @@ def events(data):
     if data[:4] != b"MThd" or data[14:18] != b"MTrk":
         sys.exit("this is no MIDI file of one track")
     ticks = int.from_bytes(data[12:14], "big")
-    end, at, now = 22 + int.from_bytes(data[18:22], "big"), 22, 0
-    while at < end:
-        step, at = number(data, at)
+    end, position, now = 22 + int.from_bytes(data[18:22], "big"), 22, 0
+    while position < end:
+        step, position = number(data, position)
         now += step
-        if data[at] == 0xFF:  # a title, or the end
-            size, at = number(data, at + 2)
-            at += size
+        if data[position] == 0xFF:  # a title, or the end
+            size, position = number(data, position + 2)
+            position += size
             continue
-        size = 2 if data[at] & 0xF0 in (0xC0, 0xD0) else 3  # an instrument's choice is short
-        yield now / (2 * ticks), data[at : at + size]
-        at += size
+        size = 2 if data[position] & 0xF0 in (0xC0, 0xD0) else 3  # an instrument's choice is short
+        yield now / (2 * ticks), data[position : position + size]
+        position += size
 
 
 def main():
@@ -49,23 +49,26 @@ def main():
     with open(source, "rb") as file:
         played = list(events(file.read()))
     length = played[-1][0] + 1.0 if played else 1.0
-    sound, swell, held, begun = [0.0] * int(length * RATE), 1.0, {}, {}
+    sound, swell, pressed, started_at = [0.0] * int(length * RATE), 1.0, {}, {}
     levels = {}
     for k in range(len(sound)):
         now = k / RATE
         while played and played[0][0] <= now:
-            _, (kind, what, *rest) = played.pop(0)
+            _, (kind, number_played, *rest) = played.pop(0)
             value = rest[0] if rest else 0
-            if kind & 0xF0 == 0xB0 and what == 11:
+            if kind & 0xF0 == 0xB0 and number_played == 11:
                 swell = 0.4 + 0.6 * value / 127
             elif kind & 0xF0 == 0x90 and value:
-                held[what], begun[what] = 0.4 + 0.6 * value / 127, begun.get(what, now)
+                pressed[number_played], started_at[number_played] = (
+                    0.4 + 0.6 * value / 127,
+                    started_at.get(number_played, now),
+                )
             elif kind & 0xF0 in (0x80, 0x90):
-                held.pop(what, None)
-        for note in begun:
+                pressed.pop(number_played, None)
+        for note in started_at:
             # Pipes speak, and fall silent, within some hundredths of a second.
             levels[note] = levels.get(note, 0.0) + 0.0015 * (
-                held.get(note, 0.0) - levels.get(note, 0.0)
+                pressed.get(note, 0.0) - levels.get(note, 0.0)
             )
             turn = 2 * math.pi * 440 * 2 ** ((note - 69) / 12) * now
             pipe = sum(a * math.sin(n * turn) for n, a in STOPS.items())

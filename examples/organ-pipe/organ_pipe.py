@@ -12,13 +12,13 @@ def body(
     length: Annotated[float, (100, 200)] = 125.0,
     bore: Annotated[float, (0, 8)] = 6.0,
 ):
-    apart = 1.5 * radius
-    width, depth = 2 * apart + 2 * radius, 2 * radius
+    spacing = 1.5 * radius
+    width, depth = 2 * spacing + 2 * radius, 2 * radius
     foot = Pos(0, 0, FOOT / 2) * Box(width + 6, depth + 6, FOOT)
     band = Pos(0, 0, length - BAND / 2) * Box(width + 2, depth + 2, BAND)
     organ = fillet(foot.edges().filter_by(Axis.Z), 10) + fillet(band.edges().filter_by(Axis.Z), 10)
-    for x, higher in ((-apart, 6), (0, 24), (apart, 14)):
-        organ += Pos(x, 0, (length + higher) / 2) * Cylinder(radius, length + higher)
+    for x, extra_height in ((-spacing, 6), (0, 24), (spacing, 14)):
+        organ += Pos(x, 0, (length + extra_height) / 2) * Cylinder(radius, length + extra_height)
         if bore:
-            organ -= Pos(x, 0, length + higher) * Cylinder(bore, 2 * higher)
+            organ -= Pos(x, 0, length + extra_height) * Cylinder(bore, 2 * extra_height)
     return organ
