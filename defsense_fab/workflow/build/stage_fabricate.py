@@ -1,4 +1,4 @@
-"""Stage 5: printable parts, the plates, the assembly, the cut list."""
+"""Stage 5: make the printable parts, the plates, the assembly and the cut list."""
 
 from __future__ import annotations
 
@@ -11,15 +11,21 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
 from ...geometry.moulds.moulds import make_moulds
+from ...geometry.moulds.records import Mould
 from ...geometry.parts.parts import add_solids
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
 from ...geometry.printing.print_bed import lay_flat
 from ...geometry.splitting.long_parts import split_long_parts
-from ...optimize.prediction.as_built import score_channels, fabricate, mould_rules, part_rules, decide_strain_relief
-from ...optimize.prediction.assembly_effects import check_cord_pull
+from ...optimize.prediction.as_built import (
+    decide_strain_relief,
+    fabricate,
+    mould_rules,
+    part_rules,
+    score_channels,
+)
+from ...optimize.prediction.assembly_effects import check_cord_pull, find_overstretched_cords
 from ...optimize.prediction.design_task import load_task
-from ...optimize.prediction.assembly_effects import find_overstretched_cords
 from ...optimize.refinement.refine import report_part
 from ...store.build import Build
 from ...store.layout import LayoutRecord
@@ -40,15 +46,15 @@ from .cut_list import behind, bill, cut_list
 from .stage_optimize import Winner
 from .stages import Report
 
-#: What bonded cords are taken to answer to compression, by `[cord] compression`.
-ANSWERS = {
+#: Assumed response of bonded cords to compression, by `[cord] compression`.
+COMPRESSION_RESPONSES = {
     "same": "the same as in tension",
     "half": "half of that in tension",
     "none": "none",
     "rising": "the reverse of that in tension, so that resistance rises both ways",
 }
-#: Cords that are so many times as stiff as the body in their place are told.
-_STIFF = 2.0
+# Stiffness of a cord, relative to the body in its place, above which there is a warning.
+_MAX_STIFFNESS_RATIO = 2.0
 
 
 def run(device: Device, build: Build, report: Report, winner: Winner | None = None) -> None:
@@ -84,7 +90,7 @@ def run(device: Device, build: Build, report: Report, winner: Winner | None = No
 
 
 def _make_layout(device: Device, build: Build, report: Report) -> Winner:
-    """Make the parts of the saved layout again."""
+    """Make the parts of the layout that an earlier process saved."""
     sensors = [s.sensor() for s in build.layout.sensors]
     task = load_task(device, build).with_decoder(build.layout.prediction.decoder)
     surface, bay = build.surface, build.body.bay
@@ -96,7 +102,7 @@ def _make_layout(device: Device, build: Build, report: Report) -> Winner:
 
 def write_parts(
     device: Device,
-    made: PartSet,
+    parts: PartSet,
     folder: Path,
     layout: LayoutRecord,
     cords: tuple[CutCord, ...],
@@ -107,7 +113,7 @@ def write_parts(
 
     Args:
         device: The device.
-        made: The parts.
+        parts: The parts.
         folder: The build's folder.
         layout: The layout.
         cords: The cut list, for the parts before long ones are split.
@@ -117,63 +123,83 @@ def write_parts(
     Returns:
         The manifest, which is also saved.
     """
-    cast = device.fabrication.kind == "cast"
-    if not cast:
-        split = split_long_parts(made, device.fabrication.bed, part_rules(device))
-        cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
-        made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
-    moulds = (
-        make_moulds(made, mould_rules(device), partial(report_part, report, 0, 0.9)) if cast else []
-    )
-    report(0.9 if cast else 0.0, "writing parts")
-    flat = casting.lying(moulds) if cast else {p.name: lay_flat(p.surface, p.down) for p in made.parts}
-    pins = pin_kinds(made)
-    placed, bound = on_plates(device, flat, pins)
+    is_cast = device.fabrication.kind == "cast"
+    moulds = []
+    if is_cast:
+        moulds = make_moulds(parts, mould_rules(device), partial(report_part, report, 0, 0.9))
+    else:
+        split = split_long_parts(parts, device.fabrication.bed, part_rules(device))
+        cords = behind(cords, len(split.made.cuts) - len(parts.cuts))  # pieces are joined first
+        parts = replace(split.made, warnings=(*split.made.warnings, *split.notes))
+    report(0.9 if is_cast else 0.0, "writing parts")
+    if is_cast:
+        flat = casting.lying(moulds)
+    else:
+        flat = {p.name: lay_flat(p.surface, p.down) for p in parts.parts}
+    pins = pin_kinds(parts)
+    placed, min_plates = on_plates(device, flat, pins)
     out = folder / "parts"
     out.mkdir()
     (out / LYING).mkdir()
-    for one in made.parts:
-        write_stl(one.surface, out / f"{one.name}.stl")
-        if not cast:
-            write_stl(flat[one.name], out / LYING / f"{one.name}.stl")
-    solids = {p.name: p.solid for p in made.parts if p.solid is not None}
+    _write_surfaces(device, parts, None if is_cast else flat, out)
+    manifest = replace(
+        _manifest(device, parts, pins, layout, cords, prediction),
+        pins=write_pins(pins, out),
+        plates=write_plates(placed, out, device.name),
+        advice=tuple(print_advice(device)),
+        copies=device.fabrication.copies,
+        least_plates=min_plates,
+    )
+    if is_cast:
+        manifest = _add_casting(device, manifest, moulds, flat, out)
+    save_manifest(folder, manifest)
+    return manifest
+
+
+def _write_surfaces(
+    device: Device, parts: PartSet, flat: Mapping[str, Surface] | None, out: Path
+) -> None:
+    """Write the parts in their places and, if `flat` is given, as they lie on the printer's bed."""
+    for part in parts.parts:
+        write_stl(part.surface, out / f"{part.name}.stl")
+        if flat is not None:
+            write_stl(flat[part.name], out / LYING / f"{part.name}.stl")
+    solids = {p.name: p.solid for p in parts.parts if p.solid is not None}
     if solids:
         from ...geometry.kernels import occ
 
         for name, solid in solids.items():
             occ.write_step(solid, out / f"{name}.step", name)
         occ.write_assembly(solids, out / "assembly.step", device.name)
-    write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
-    manifest = _manifest(device, made, pins, layout, cords, prediction)
-    manifest = replace(
+    write_3mf({p.name: p.surface for p in parts.parts}, out / "assembly.3mf", device.name)
+
+
+def _add_casting(
+    device: Device,
+    manifest: Manifest,
+    moulds: Sequence[Mould],
+    flat: Mapping[str, Surface],
+    out: Path,
+) -> Manifest:
+    """Write the moulds, and return the manifest with them and their silicone."""
+    silicone = casting.casting(device, moulds)
+    return replace(
         manifest,
-        pins=write_pins(pins, out),
-        plates=write_plates(placed, out, device.name),
-        advice=tuple(print_advice(device)),
-        copies=device.fabrication.copies,
-        least_plates=bound,
+        moulds=casting.write_moulds(moulds, flat, out, LYING),
+        casting=silicone,
+        bill=(*casting.bill_items(device, moulds, silicone), *manifest.bill[1:]),
+        checks=(*manifest.checks, *(c for m in moulds for c in m.checks)),
+        warnings=(
+            *manifest.warnings,
+            *casting.notes(device, moulds),
+            *(c.note for m in moulds for c in m.checks if c.note),
+        ),
     )
-    if cast:
-        silicone = casting.casting(device, moulds)
-        manifest = replace(
-            manifest,
-            moulds=casting.write_moulds(moulds, flat, out, LYING),
-            casting=silicone,
-            bill=(*casting.bill_items(device, moulds, silicone), *manifest.bill[1:]),
-            checks=(*manifest.checks, *(c for m in moulds for c in m.checks)),
-            warnings=(
-                *manifest.warnings,
-                *casting.notes(device, moulds),
-                *(c.note for m in moulds for c in m.checks if c.note),
-            ),
-        )
-    save_manifest(folder, manifest)
-    return manifest
 
 
 def _manifest(
     device: Device,
-    made: PartSet,
+    parts: PartSet,
     pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
     layout: LayoutRecord,
     cords: tuple[CutCord, ...],
@@ -183,115 +209,120 @@ def _manifest(
         device=device.name,
         unit="mm",
         parts=tuple(
-            _part(made, i, device.fabrication.kind == "cast") for i in range(len(made.parts))
+            _part(parts, i, device.fabrication.kind == "cast") for i in range(len(parts.parts))
         ),
         pins=(),
         plates=(),
         cords=cords,
-        bill=bill(device, made, cords, {n: count for n, (_, count, _) in pins.items()}),
-        assembly=_assembly(made),
+        bill=bill(device, parts, cords, {n: count for n, (_, count, _) in pins.items()}),
+        assembly=_assembly(parts),
         marker_seats=tuple(
             TagSeat(s.number, s.center, s.axes[:, 0], s.axes[:, 2], device.fabrication.marker_size)
-            for s in made.seats
+            for s in parts.seats
         ),
-        checks=made.checks,
+        checks=parts.checks,
         prediction=prediction,
-        removed_volume=made.cut_out,
-        body_volume=made.body_volume,
+        removed_volume=parts.cut_out,
+        body_volume=parts.body_volume,
         assembly_of_cords=device.fabrication.assembly,
         warnings=(
-            *made.warnings,
-            *_warnings(device, layout),
-            *_too_long(device, cords),
+            *parts.warnings,
+            *cord_warnings(device, layout),
+            *_length_warnings(device, cords),
         ),
     )
 
 
-def _too_long(device: Device, cords: Sequence[CutCord]) -> list[str]:
-    """Cords that take a longer piece than there is, for an end of theirs hangs out."""
+def _length_warnings(device: Device, cords: Sequence[CutCord]) -> list[str]:
+    """Return warnings of cords that need a longer piece than is available."""
     longest = device.cord.lengths[1]
     return [
-        f"cord {c.sensor} takes a piece of {c.cut_length:.0f} mm, more than the {longest:g} mm of"
+        f"cord {c.sensor} needs a piece of {c.cut_length:.0f} mm, more than the {longest:g} mm of"
         " [cord] length: "
         + (
-            "an end of it has no pocket and hangs out; use a longer piece, or a shorter"
+            "an end has no pocket and hangs out. Use a longer piece, or a shorter"
             " [fabrication] lead"
             if all(e.after is None for e in c.ends)
-            else "an end of it hangs out until a joint that it passes through is closed; use a"
-            " longer piece"
+            else "an end hangs out until a joint that it passes through is closed. Use a longer"
+            " piece"
         )
         for c in cords
         if c.cut_length > longest
     ]
 
 
-def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
-    """What the maker should know of the cords as they are built in."""
+def cord_warnings(device: Device, layout: LayoutRecord) -> list[str]:
+    """Return warnings about the strains of the cords as they are built in.
+
+    Args:
+        device: The device.
+        layout: The layout.
+    """
     cord, bonded = device.cord, device.fabrication.assembly == "bonded"
     warnings = [
-        f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than its {cord.max_strain:.0%}"
+        f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than the allowed"
+        f" {cord.max_strain:.0%}"
         for s in layout.sensors
         if s.peak_strain > cord.max_strain
     ]
     warnings += [
-        f"cord {s.name} is slack where the body is compressed along it the most, by"
-        f" {-s.least_strain:.1%}, and senses nothing of that; leave prestretch out of"
-        " [fabrication], or give more"
+        f"cord {s.name} is slack by {-s.least_strain:.1%} where the body is compressed most along"
+        " it, and does not sense that. Remove prestretch from [fabrication], or increase it"
         for s in layout.sensors
         if not bonded and s.least_strain < 0
     ]
-    pressed = any(s.least_strain < 0 for s in layout.sensors)
-    if bonded and pressed and cord.compression != "measured":
+    is_compressed = any(s.least_strain < 0 for s in layout.sensors)
+    if bonded and is_compressed and cord.compression != "measured":
         warnings.append(
-            "bonded cords are compressed, and how their resistance answers to that was not"
-            f" measured: it is taken to be {ANSWERS[cord.compression]}; calibrate the cord, or"
-            ' take assembly = "held", which stretches cords so far that none is compressed'
+            "bonded cords are compressed, and their response to compression was not measured; it"
+            f" is assumed to be {COMPRESSION_RESPONSES[cord.compression]}. Calibrate the cord, or"
+            ' use assembly = "held", which stretches cords so far that none is compressed'
         )
-    soft = device.material.young_modulus * device.channel_diameter**2
-    if bonded and cord.modulus * cord.diameter**2 > _STIFF * soft:
+    body_stiffness = device.material.young_modulus * device.channel_diameter**2
+    if bonded and cord.modulus * cord.diameter**2 > _MAX_STIFFNESS_RATIO * body_stiffness:
         warnings.append(
             f"the cord ({cord.modulus:g} MPa) is stiffer than {device.material.name}"
-            f" ({device.material.young_modulus:.2g} MPa), which is not in the simulation: bonded"
-            " cords are strained some per cent less than predicted, and their training finds that"
+            f" ({device.material.young_modulus:.2g} MPa), which the simulation ignores. Bonded"
+            " cords are strained some per cent less than predicted; training corrects for that"
         )
     return warnings
 
 
-def _part(made: PartSet, i: int, cast: bool) -> PartRecord:
-    one = made.parts[i]
+def _part(parts: PartSet, i: int, cast: bool) -> PartRecord:
+    part = parts.parts[i]
     step, volume = None, None
-    if one.solid is not None:
+    if part.solid is not None:
         from ...geometry.kernels import occ
 
-        step, volume = f"{one.name}.step", occ.volume(one.solid)
+        step, volume = f"{part.name}.step", occ.volume(part.solid)
     return PartRecord(
-        name=one.name,
+        name=part.name,
         number=i + 1,
-        stl=f"{one.name}.stl",
-        print=f"{one.name}.stl" if cast else f"{LYING}/{one.name}.stl",
+        stl=f"{part.name}.stl",
+        print=f"{part.name}.stl" if cast else f"{LYING}/{part.name}.stl",
         step=step,
-        volume=one.volume,
-        bbox=one.surface.bounds,
+        volume=part.volume,
+        bbox=part.surface.bounds,
         sockets=tuple(
             Socket(p.center, p.axis, p.socket)
-            for p in made.pins
-            if i in (made.contacts[p.contact].lower, made.contacts[p.contact].upper)
+            for p in parts.pins
+            if i in (parts.contacts[p.contact].lower, parts.contacts[p.contact].upper)
         ),
         step_volume=volume,
     )
 
 
-def _assembly(made: PartSet) -> tuple[JoinStep, ...]:
-    """The steps in which the device is closed: the cuts backwards."""
+def _assembly(parts: PartSet) -> tuple[JoinStep, ...]:
+    """Return the steps that close the device, which are the cuts in reverse order."""
     steps = []
-    for k in reversed(range(len(made.cuts))):
-        cut = made.cuts[k]
-        low, high = (tuple(made.parts[i].name for i in side) for side in cut.sides)
+    for k in reversed(range(len(parts.cuts))):
+        cut = parts.cuts[k]
+        low, high = (tuple(parts.parts[i].name for i in side) for side in cut.sides)
         steps.append(
             JoinStep(
                 join=(low, high),
-                cords=tuple(made.channels[c].name for c in cut.cords if c not in cut.wires),
-                wires=tuple(made.channels[c].name for c in cut.wires),
+                cords=tuple(parts.channels[c].name for c in cut.cords if c not in cut.wires),
+                wires=tuple(parts.channels[c].name for c in cut.wires),
                 opens=cut.plane.normal,
                 pins=tuple(
                     JoinedPin(
@@ -300,12 +331,12 @@ def _assembly(made: PartSet) -> tuple[JoinStep, ...]:
                         socket=p.socket,
                         depth=p.depth,
                         between=(
-                            made.parts[made.contacts[p.contact].lower].name,
-                            made.parts[made.contacts[p.contact].upper].name,
+                            parts.parts[parts.contacts[p.contact].lower].name,
+                            parts.parts[parts.contacts[p.contact].upper].name,
                         ),
                     )
-                    for p in made.pins
-                    if made.contacts[p.contact].cut == k
+                    for p in parts.pins
+                    if parts.contacts[p.contact].cut == k
                 ),
             )
         )

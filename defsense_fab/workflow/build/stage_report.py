@@ -25,15 +25,21 @@ from ...report.surface_errors import SurfaceErrors, state_words, surface_errors
 from ...report.viewer.page import view3d
 from ...report.viewer.scene import scene
 from ...store.build import Build
-from .stage_fabricate import ANSWERS
+from .stage_fabricate import COMPRESSION_RESPONSES
 from .stages import Report
 
-# End of the strain scale: percentile of the strain in a state. Few places go beyond it.
+# Percentile of the strains of a state at which the scale ends; few places exceed it.
 _SCALE_PERCENTILE = 99.5
 
 
 def run(device: Device, build: Build, report: Report) -> None:
-    """Write the report and the assembly guide."""
+    """Write the report and the assembly guide.
+
+    Args:
+        device: The device.
+        build: Results of the earlier stages.
+        report: Receives the completed fraction and a message.
+    """
     layout, manifest, surface, folder = build.layout, build.manifest, build.surface, build.folder
     frame = viewing_axes(surface)
     paths = [s.points for s in layout.sensors]
@@ -48,16 +54,16 @@ def run(device: Device, build: Build, report: Report) -> None:
         )
     }
     report(0.2, "parts")
-    found = surface_errors(build)
-    turning = view3d(scene(device, build, found, frame))
+    errors = surface_errors(build)
+    viewer = view3d(scene(device, build, errors, frame))
     poses = build.field_index.warnings
     guide = assembly_guide(device, layout, manifest, build.parts, frame, poses)
-    write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
+    write_page(folder / "guide.html", "guide", guide=guide, view3d=viewer)
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
     images["front"] = draw_trial_errors(layout.weighed)
-    images["poses"] = _poses(device, build, found, frame, report)
+    images["poses"] = _pose_pictures(device, build, errors, frame, report)
     write_page(
         folder / "report.html",
         "report",
@@ -67,16 +73,16 @@ def run(device: Device, build: Build, report: Report) -> None:
         manifest=manifest,
         mesh=build.mesh_record,
         meaning=MEANING,
-        answers=ANSWERS,
+        answers=COMPRESSION_RESPONSES,
         images=images,
-        view3d=turning,
+        view3d=viewer,
         colors=COLORS,
         size=np.abs(frame[[0, 2, 1]]) @ np.ptp(surface.bounds, axis=0),
     )
 
 
-def _poses(
-    device: Device, build: Build, found: SurfaceErrors, frame: Float, report: Report
+def _pose_pictures(
+    device: Device, build: Build, errors: SurfaceErrors, frame: Float, report: Report
 ) -> list[dict[str, Any]]:
     """Return pictures and numbers of the strain and error in the states that are shown.
 
@@ -84,37 +90,39 @@ def _poses(
     held-out state with the largest error.
     """
     regions = build.region_nodes
-    fields = {i: _field(build, i) for i in found.shown}
-    strained = color_bar.scale(
+    fields = {i: _field(build, i) for i in errors.shown}
+    strain_scale = color_bar.scale(
         color_bar.STRAIN,
         "largest principal strain (%)",
         100 * max(float(np.percentile(f.strain, _SCALE_PERCENTILE)) for f in fields.values()),
         beyond=True,
     )
-    missed = color_bar.scale(
-        color_bar.ERROR, "error of the surface that is read (mm)", found.highest, beyond=True
+    error_scale = color_bar.scale(
+        color_bar.ERROR, "error of the predicted surface (mm)", errors.highest, beyond=True
     )
-    rest, out = Surface(found.rest, found.faces), []
-    for k, i in enumerate(found.shown):
-        name = state_words(found.weights[i])
-        report(0.3 + 0.7 * k / len(found.shown), name)
-        field, handles = fields[i], _handles(device, found.weights[i])
+    rest, pictures = Surface(errors.rest, errors.faces), []
+    for k, i in enumerate(errors.shown):
+        name = state_words(errors.weights[i])
+        report(0.3 + 0.7 * k / len(errors.shown), name)
+        field, handles = fields[i], _handles(device, errors.weights[i])
         planes = sections(
             field.nodes, field.displacement, field.strain, _moved(field, regions, handles)
         )
-        out.append(
+        pictures.append(
             {
                 "name": name,
-                "seen": not found.held_out[i],
-                "strain": strain_sections(field, rest, found.moved[i], planes, frame, strained),
-                "error": draw_error_map(
-                    Surface(found.rest + found.moved[i], found.faces),
-                    found.error[i],
-                    frame,
-                    missed,
+                "seen": not errors.held_out[i],
+                "strain": strain_sections(
+                    field, rest, errors.moved[i], planes, frame, strain_scale
                 ),
-                "mean_error": found.mean(i),
-                "moved": float(np.linalg.norm(found.moved[i], axis=1).max()),
+                "error": draw_error_map(
+                    Surface(errors.rest + errors.moved[i], errors.faces),
+                    errors.error[i],
+                    frame,
+                    error_scale,
+                ),
+                "mean_error": errors.mean(i),
+                "moved": float(np.linalg.norm(errors.moved[i], axis=1).max()),
                 "peak": planes.peak,
                 "cuts": [
                     f"{letter} {plane.words()}"
@@ -124,7 +132,7 @@ def _poses(
                 "largest_strain": 100 * float(field.strain.max()),
             }
         )
-    return out
+    return pictures
 
 
 def _field(build: Build, state: int) -> StrainField:
@@ -133,15 +141,15 @@ def _field(build: Build, state: int) -> StrainField:
 
 
 def _handles(device: Device, weights: Mapping[str, float]) -> tuple[str, ...]:
-    """The regions that a state moves."""
+    """Return the names of the regions that a state moves."""
     return tuple(
         dict.fromkeys(h.region for p in device.poses if weights.get(p.name) for h in p.handles)
     )
 
 
 def _moved(field: StrainField, regions: Mapping[str, Bool], handles: Sequence[str]) -> Bool:
-    """Which nodes (n,) of a field the handles have; only corners of tets are known to."""
-    some = np.zeros(len(field.nodes), bool)
+    """Return which nodes (n,) of a field belong to handles, of the corners of tetrahedra."""
+    is_moved = np.zeros(len(field.nodes), bool)
     for name in handles:
-        some[: len(regions[name])] |= regions[name]
-    return some
+        is_moved[: len(regions[name])] |= regions[name]
+    return is_moved

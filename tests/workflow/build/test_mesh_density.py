@@ -138,9 +138,9 @@ def test_self_penetration_and_a_small_region_are_warnings(folder, capsys):
     status = {s["state"]: s["status"] for s in found["states"]}
     assert status["bend_up@1"] == "unsound"
     assert status["bend_down@1"] == "ok"
-    said = "\n".join(found["warnings"])
-    assert "bend_up@1: the body passes through itself about" in said
-    assert "'dot' is" in said
+    warnings = "\n".join(found["warnings"])
+    assert "bend_up@1: " in warnings
+    assert "'dot'" in warnings
 
 
 def test_modes_propose_poses_that_can_be_built(folder, capsys):
@@ -149,22 +149,22 @@ def test_modes_propose_poses_that_can_be_built(folder, capsys):
     text = text[:start] + "\n" + text[end : text.index("[[sensors]]")]
     (folder / "device.toml").write_text(text + "[design]\nsensors = 1\n")
     assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0
-    said = capsys.readouterr().out
-    assert "far_end" in said
-    assert "add those" not in said
+    output = capsys.readouterr().out
+    assert "far_end" in output
+    assert "[states]" not in output
     assert (folder / "modes.png").read_bytes()[:4] == b"\x89PNG"
     assert [p.name for p in load_device(folder).poses] == ["bend", "bend_2", "twist", "stretch"]
     assert main(["simulate", str(folder)]) == 0
     capsys.readouterr()
     assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 2
-    assert "there is a pose 'bend' already" in capsys.readouterr().err
+    assert "'bend'" in capsys.readouterr().err
     text = (folder / "device.toml").read_text("utf-8")
     assert "bend = 0.5, bend_2 = 1" in text  # mixtures, which name the poses
     text = re.sub(r"\b(bend|bend_2|twist|stretch)( = |\")", r"my_\1\2", text)
     (folder / "device.toml").write_text(text)
     assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0  # the same region
-    assert "add those of the new poses" in capsys.readouterr().out
+    assert "[states]" in capsys.readouterr().out  # its mixtures lack the new poses
     assert set(load_device(folder).regions) == {"base", "far_end"}
     capsys.readouterr()
     assert main(["modes", str(folder), "--fixed", "bse"]) == 2
-    assert "no region 'bse'" in capsys.readouterr().err
+    assert "'bse'" in capsys.readouterr().err
