@@ -13,7 +13,7 @@ import pytest
 
 from defsense_fab.core.mesh import Surface
 from defsense_fab.report.viewer.page import in_script, view3d
-from defsense_fab.report.viewer.simplified import decimate_faces
+from defsense_fab.report.viewer.simplified import decimate_faces, simplify_parts
 from tests.report.twisted_bar import BACK, FRONT, TOP, displaced, twisted_bar
 
 

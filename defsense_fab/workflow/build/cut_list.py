@@ -1,4 +1,4 @@
-"""What to cut and to buy: cords with slack and expected resistance, and the bill of materials."""
+"""Compute the cut list and the bill of materials: cords with slack and expected resistance."""
 
 from __future__ import annotations
 
@@ -19,54 +19,64 @@ from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import choose_reference
 from ...store.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
 
-#: Length of each wire beyond the body, mm.
-OUTSIDE = 200.0
-#: How far a joint is opened for work while a cord passes through it, and what of a cord is held to
-#: pull at it, mm.
-OPENED, GRIP = 25.0, 10.0
+_WIRE_LENGTH_OUTSIDE_MM = 200.0
+_JOINT_OPENING_MM = 25.0  # for work while a cord passes through the joint
+_GRIP_LENGTH_MM = 10.0  # of a cord, to pull it
 
 
-def cut_list(device: Device, made: PartSet, built: ScoredLayout) -> tuple[CutCord, ...]:
-    """One row a cord; `built` is what the cords sense as they are built in.
+def cut_list(device: Device, part_set: PartSet, built: ScoredLayout) -> tuple[CutCord, ...]:
+    """Return one row of the cut list for each cord.
 
     A cord ends in the middle of the ferrule that joins it to a wire: in a pocket of the body, or
     outside, behind a free end of `[fabrication] lead` mm. Its resistance counts between the
-    ferrules. What of that lies outside of the sensing stretch, in the straight runs to the skin and
-    in free ends, is a constant resistance in series. A held cord is shorter before it is laid, by
-    its pre-stretch.
+    ferrules. Outside the sensing stretch, in the straight runs to the skin and in free ends, the
+    cord is a constant resistance in series. A held cord is shorter before it is inserted, by its
+    prestretch.
 
-    A cord that a joint draws together after it was laid on both sides of it (`drawn`) is crimped
-    at one end only then, outside of its mouth, where it has an end that this can be done at; its
-    piece is longer by what it needs to hang out there while the joint is open.
+    Some joints draw a cord together after it was inserted on both sides of them (`drawn`). Such a
+    cord is crimped at one end only after that, outside its mouth, if it has a suitable end. Its
+    piece is longer by the length that hangs out while the joint is open.
+
+    Args:
+        device: The device.
+        part_set: Its parts.
+        built: What the cords sense as they are built in.
+
+    Returns:
+        The rows, in the order of the channels.
     """
     ferrule = device.cord.ferrule_length
-    joints = _joints(made)
-    reading, out = CordReading.from_device(device), []
+    joints = _joint_sides(part_set)
+    reading, rows = CordReading.from_device(device), []
     for k, (channel, cord, signals) in enumerate(
-        zip(made.channels, built.cords, built.signals.T, strict=True)
+        zip(part_set.channels, built.cords, built.signals.T, strict=True)
     ):
-        between = cord.length + cord.series
+        between_ferrules = cord.length + cord.series
         unstretched = cord.length / (1 + (cord.prestretch or 0.0)) + cord.series
-        lies = _lies(channel.inside, channel, device.channel_diameter, made, joints, k)
-        lies = held_by(lies, [max(e.pocket - ferrule, 0.0) for e in channel.ends])
-        drawn = find_late_joints(lies, joints)
-        ends = tuple(_end(e, channel, device, made, joints, k) for e in channel.ends)
-        late, after = last_end(lies, drawn, ends)
+        stretches = _find_stretches_in(
+            channel.inside, channel, device.channel_diameter, part_set, joints, k
+        )
+        stretches = held_by(stretches, [max(e.pocket - ferrule, 0.0) for e in channel.ends])
+        drawn = find_late_joints(stretches, joints)
+        ends = tuple(_end_record(e, channel, device, part_set, joints, k) for e in channel.ends)
+        late, after = last_end(stretches, drawn, ends)
         slack = TRIM_SLACK_MM
         if late is not None:
             ends = tuple(replace(e, after=after) if n == late else e for n, e in enumerate(ends))
             out_of_mouth = ends[late].pocket - ferrule / 2 if ends[late].pocket else 0.0
-            reach = between - unstretched + out_of_mouth + OPENED + GRIP
+            reach = (
+                between_ferrules - unstretched + out_of_mouth + _JOINT_OPENING_MM + _GRIP_LENGTH_MM
+            )
             slack = max(TRIM_SLACK_MM, float(np.ceil(reach - ferrule / 2)))
         rest = reading.resistance(cord)
         low, high = (rest * (1 + float(s)) for s in (signals.min(), signals.max()))
-        out.append(
+        rows.append(
             CutCord(
                 sensor=channel.name,
                 cut_length=unstretched + ferrule + slack,
                 slack=slack,
                 channel_length=channel.length,
-                between_ferrules=between,
+                between_ferrules=between_ferrules,
                 unstretched=unstretched,
                 prestretch=cord.prestretch,
                 sensing_length=cord.length,
@@ -76,15 +86,15 @@ def cut_list(device: Device, made: PartSet, built: ScoredLayout) -> tuple[CutCor
                 resistance=rest,
                 range=(low, high),
                 reference_resistor=choose_reference(low, high),
-                stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in lies),
+                stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in stretches),
                 drawn=tuple(drawn),
             )
         )
-    return tuple(out)
+    return tuple(rows)
 
 
 def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
-    """The same rows where so many joints are closed before all that the cords lie in."""
+    """Return the cut list if `joints` further joints are closed before all joints of the cords."""
 
     def ended(end: CordEnd) -> CordEnd:
         wire = replace(
@@ -105,99 +115,138 @@ def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
     )
 
 
-def _joints(made: PartSet) -> list[JointSides]:
-    """What each joint brings together, in the order of assembly: the cuts backwards."""
-    return [(frozenset(c.sides[0]), frozenset(c.sides[1])) for c in reversed(made.cuts)]
+def _joint_sides(part_set: PartSet) -> list[JointSides]:
+    """Return the parts on both sides of each joint, in the order of assembly."""
+    # Parts are joined in the reverse order of the cuts.
+    return [(frozenset(c.sides[0]), frozenset(c.sides[1])) for c in reversed(part_set.cuts)]
 
 
-def _lies(
+def _find_stretches_in(
     line: Float,
     channel: Channel,
     diameter: float,
-    made: PartSet,
+    part_set: PartSet,
     joints: Sequence[JointSides],
     cord: int,
 ) -> tuple[Stretch, ...]:
-    """The joints that a line of the channel's plane lies in, if any."""
-    within = [j for j, c in enumerate(reversed(made.cuts)) if cord in c.cords]
-    if not within:
+    """Return the joints in which a line in the channel's plane lies."""
+    joints_of_cord = [j for j, c in enumerate(reversed(part_set.cuts)) if cord in c.cords]
+    if not joints_of_cord:
         return ()
     normal = channel.sensor.plane.normal
-    parts = [p.surface for p in made.parts]
-    return find_stretches(line, normal, diameter / 2, parts, joints, within)
+    parts = [p.surface for p in part_set.parts]
+    return find_stretches(line, normal, diameter / 2, parts, joints, joints_of_cord)
 
 
-def held_by(lies: Sequence[Stretch], empty: Sequence[float]) -> tuple[Stretch, ...]:
-    """The stretches that a cord's ferrules reach, up to its mouths: behind a ferrule, at either end
-    so many mm are `empty` but for the wire that leaves by a bend."""
-    out = list(lies)
-    while len(out) > 1 and out[0].stop <= empty[0]:
-        out[:2] = [replace(out[1], start=out[0].start)]
-    while len(out) > 1 and out[-1].stop - out[-1].start <= empty[1]:
-        out[-2:] = [replace(out[-2], stop=out[-1].stop)]
-    return tuple(out)
+def held_by(stretches: Sequence[Stretch], empty: Sequence[float]) -> tuple[Stretch, ...]:
+    """Return the stretches that a cord's ferrules reach, extended to its mouths.
+
+    Args:
+        stretches: Stretches of the cord.
+        empty: Length at each end that only a wire fills, behind the ferrule, mm.
+    """
+    held = list(stretches)
+    while len(held) > 1 and held[0].stop <= empty[0]:
+        held[:2] = [replace(held[1], start=held[0].start)]
+    while len(held) > 1 and held[-1].stop - held[-1].start <= empty[1]:
+        held[-2:] = [replace(held[-2], stop=held[-1].stop)]
+    return tuple(held)
 
 
 def last_end(
-    lies: Sequence[Stretch], drawn: Sequence[tuple[int, int]], ends: Sequence[CordEnd]
+    stretches: Sequence[Stretch], drawn: Sequence[tuple[int, int]], ends: Sequence[CordEnd]
 ) -> tuple[int | None, int | None]:
-    """The end that is crimped last, and after which joint, where both ends would hold the cord
-    while a joint is still to draw it together. A wire that is laid beside its pocket must be
-    crimped before: such an end cannot be the last."""
-    held = [j for j, _ in drawn if max(lies[0].joint, lies[-1].joint) < j]
-    able = [k for k, e in enumerate(ends) if e.wire.leaves in ("mouth", "outside")]
-    if not held or not able:
+    """Return the end that is crimped last, and the joint after which it is crimped.
+
+    An end is crimped last if both ends would hold the cord while a joint still draws it together. A
+    wire in a groove next to its pocket must be crimped earlier, so its end cannot be the last.
+
+    Args:
+        stretches: Stretches of the cord.
+        drawn: Joints that draw the cord together, each with the index of the stretch behind it.
+        ends: Ends of the cord.
+
+    Returns:
+        The end and the joint, or None and None.
+    """
+    later_joints = [j for j, _ in drawn if max(stretches[0].joint, stretches[-1].joint) < j]
+    candidates = [k for k, e in enumerate(ends) if e.wire.leaves in ("mouth", "outside")]
+    if not later_joints or not candidates:
         return None, None
-    laid = (lies[0].joint, lies[-1].joint)
-    return max(able, key=lambda k: (ends[k].joint == "free", laid[k], k)), max(held)
+    end_joints = (stretches[0].joint, stretches[-1].joint)
+    return max(candidates, key=lambda k: (ends[k].joint == "free", end_joints[k], k)), max(
+        later_joints
+    )
 
 
-def _end(
-    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[JointSides], cord: int
+def _end_record(
+    end: End,
+    channel: Channel,
+    device: Device,
+    part_set: PartSet,
+    joints: Sequence[JointSides],
+    cord: int,
 ) -> CordEnd:
-    inside = end.pocket > 0
+    has_pocket = end.pocket > 0
     return CordEnd(
-        joint="pocket" if inside else "free",
+        joint="pocket" if has_pocket else "free",
         pocket=end.pocket,
         at=end.mouth,
-        lead=0.0 if inside else device.fabrication.lead,
-        wire=_wire(end, channel, device, made, joints, cord),
+        lead=0.0 if has_pocket else device.fabrication.lead,
+        wire=_wire_record(end, channel, device, part_set, joints, cord),
         why=end.reason or None,
     )
 
 
-def _wire(
-    end: End, channel: Channel, device: Device, made: PartSet, joints: Sequence[JointSides], cord: int
+def _wire_record(
+    end: End,
+    channel: Channel,
+    device: Device,
+    part_set: PartSet,
+    joints: Sequence[JointSides],
+    cord: int,
 ) -> WireRecord:
     lead, why = end.lead, end.unled or None
     if lead is None:
         return WireRecord(end.wire, 0.0, why=why)
-    thick = device.fabrication.wire_diameter + device.fabrication.clearance
-    lies = _lies(lead.inside, channel, thick, made, joints, cord)
-    order = tuple(dict.fromkeys(s.joint for s in lies))
-    crosses = tuple(sorted({j for j, _ in find_late_joints(lies, joints)}))
+    width = device.fabrication.wire_diameter + device.fabrication.clearance
+    stretches = _find_stretches_in(lead.inside, channel, width, part_set, joints, cord)
+    order = tuple(dict.fromkeys(s.joint for s in stretches))
+    crosses = tuple(sorted({j for j, _ in find_late_joints(stretches, joints)}))
     return WireRecord(end.wire, lead.length, lead.path, lead.drop, why, order, crosses)
 
 
 def bill(
-    device: Device, made: PartSet, cords: Sequence[CutCord], pins: Mapping[str, int]
+    device: Device, part_set: PartSet, cords: Sequence[CutCord], pins: Mapping[str, int]
 ) -> tuple[BillItem, ...]:
-    """Bill of materials of all copies: what, how much, and what for; `pins` of one device."""
+    """Return the bill of materials of all copies.
+
+    Args:
+        device: The device.
+        part_set: Its parts.
+        cords: The cut list.
+        pins: Number of pins of each kind in one device.
+
+    Returns:
+        Items with amount and use.
+    """
     copies = device.fabrication.copies
-    of = f" for {copies} devices" if copies > 1 else ""
+    for_copies = f" for {copies} devices" if copies > 1 else ""
     wires = [e.wire for c in cords for e in c.ends]
-    solid = copies * sum(p.volume for p in made.parts) / 1000
+    volume_cm3 = copies * sum(p.volume for p in part_set.parts) / 1000
     rows = [
         BillItem(
             f"{device.material.name}, printed",
-            f"{solid:.0f} cm3",
-            f"{copies * len(made.parts)} parts{of}, about {solid * device.material.density:.0f} g"
-            " if printed solid, as the prediction assumes",
+            f"{volume_cm3:.0f} cm3",
+            f"{copies * len(part_set.parts)} parts{for_copies}, about"
+            f" {volume_cm3 * device.material.density:.0f} g if printed solid, as the prediction"
+            " assumes",
         ),
         BillItem(
             f"cord {device.cord.name}, {device.cord.diameter:g} mm",
             f"{copies * sum(c.cut_length for c in cords):.0f} mm",
-            f"{copies * len(cords)} piece{'s' * (copies * len(cords) > 1)}{of}, see the cut list",
+            f"{copies * len(cords)} piece{'s' * (copies * len(cords) > 1)}{for_copies}, see the"
+            " cut list",
         ),
         BillItem(
             f"ferrule, {device.cord.ferrule_diameter:g} mm outside,"
@@ -207,9 +256,9 @@ def bill(
         ),
         BillItem(
             f"stranded wire, {device.fabrication.wire_diameter:g} mm outside",
-            f"{copies * sum(w.length + OUTSIDE for w in wires):.0f} mm",
-            f"{copies * len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of"
-            " each outside of the body",
+            f"{copies * sum(w.length + _WIRE_LENGTH_OUTSIDE_MM for w in wires):.0f} mm",
+            f"{copies * len(wires)} pieces from the ferrules to the read-out, with"
+            f" {_WIRE_LENGTH_OUTSIDE_MM:g} mm of each outside the body",
         ),
     ]
     rows += [
@@ -226,8 +275,8 @@ def bill(
                 + ", ".join(c.sensor for c in cords if c.reference_resistor == value),
             )
         )
-    if len(made.parts) > 1:
-        area = copies * sum(c.area for c in made.contacts) / 100
+    if len(part_set.parts) > 1:
+        area = copies * sum(c.area for c in part_set.contacts) / 100
         rows.append(
             BillItem(
                 "silicone glue" if device.fabrication.kind == "cast" else "flexible glue",

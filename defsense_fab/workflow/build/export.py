@@ -1,4 +1,4 @@
-"""All that a maker takes along, in one file: the parts, how they are put together, the design."""
+"""Export a built device as one zip: parts, guide, report, tables and the files of its design."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from . import body_sources
 from .build import build_lock, first_outdated
 from .options import changed_options
 
-_WRITTEN = ("guide.html", "guide.json", "guide.pdf", "report.html", LAYOUT)
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same build gives the same bytes
+_BUILD_FILES = ("guide.html", "guide.json", "guide.pdf", "report.html", LAYOUT)
+_FILE_TIME = (1980, 1, 1, 0, 0, 0)  # so that the same build gives the same bytes
 
 
 def describe_changes(device: Device, folder: Path) -> str:
@@ -39,38 +39,47 @@ def _describe(value: object) -> str:
 
 
 def export_name(device: Device) -> str:
-    """Of the zip: the device's name, as file systems take it."""
+    """Return the file name of a device's zip, with characters that every file system accepts."""
     name = re.sub(r"[^\w.-]+", "-", device.name)[:80].strip("-.") or "device"
     return f"device-{name}.zip" if is_reserved(name) else f"{name}.zip"
 
 
 def export(device: Device, path: Path) -> tuple[str, ...]:
-    """Write parts, guide, report, `layout.json`, cut list and bill as CSV, `device.toml` and the
-    files that the body is made from to a zip, whole or not at all; the names in it. Of files
-    outside of the device's folder it takes scripts and CAD files alone.
+    """Export a built device to a zip, completely or not at all.
 
-    The same build gives the same bytes. Raises StorageError where the build is not that of the
-    device as it is now, while another one runs, where two files would have one name, and where
-    nothing can be written.
+    The zip holds parts, guide, report, `layout.json`, cut list and bill of materials as CSV,
+    `device.toml` and the files from which the body is made. Of files outside the device's folder,
+    it holds only scripts and CAD files. The same build gives the same bytes.
+
+    Args:
+        device: The device.
+        path: The zip to write.
+
+    Returns:
+        Names of the files in the zip.
+
+    Raises:
+        StorageError: The build is not that of the current device, another build is running, two
+            files would have the same name, or the zip cannot be written.
     """
     with build_lock(device) as folder:
         stage = first_outdated(device)
         if stage is not None:
             changes = describe_changes(device, folder)
             raise StorageError(
-                "the parts are not those of the device as it is now"
+                "the parts do not belong to the current device"
                 f"{f', as {changes}' if changes else ''}",
                 code="build-outdated",
                 where=folder,
                 action="Build everything first",
                 stage=stage.name,
             )
-        written = _tables(load_manifest(folder))
+        written = _csv_tables(load_manifest(folder))
         files = _files(device, folder, written)
         names = tuple(sorted([*files, *written]))
         with replace_file(path) as temporary, zipfile.ZipFile(temporary, "w") as out:
             for name in names:
-                info = zipfile.ZipInfo(name, _EPOCH)
+                info = zipfile.ZipInfo(name, _FILE_TIME)
                 info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
                 data = files[name].read_bytes() if name in files else written[name].encode()
                 out.writestr(info, data)
@@ -78,14 +87,16 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
 
 
 def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str, Path]:
-    """By the name in the zip, where `others` lie besides. Sources that lie outside of the device's
-    folder come as they are called, in `outside/`, those of one name by number. Raises StorageError
-    for one inside of it whose name another file has on some system."""
+    """Return the files of the zip by name; `others` are further names in the zip.
+
+    Sources outside the device's folder are placed in `outside/`, numbered if their names collide.
+    Raises StorageError if a source inside it has the name of another file, ignoring case.
+    """
     parts = folder / FOLDER
     out = {
         f"{FOLDER}/{p.relative_to(parts).as_posix()}": p for p in parts.rglob("*") if p.is_file()
     }
-    out |= {name: folder / name for name in _WRITTEN}
+    out |= {name: folder / name for name in _BUILD_FILES}
     out |= {
         p.name: p for p in (device.source / DEVICE, device.source / mesh_lock.FILE) if p.exists()
     }
@@ -100,11 +111,11 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
             )
     taken: dict[str, Path | None] = {fold_name(n): p.resolve() for n, p in out.items()}
     taken |= dict.fromkeys(map(fold_name, others))
-    for path in _sources(device, folder, inside):
+    for path in _source_files(device, folder, inside):
         if path.is_relative_to(inside):
             name = path.relative_to(inside).as_posix()
         else:
-            name = _free(f"outside/{path.name}", taken)
+            name = _unused_name(f"outside/{path.name}", taken)
         if taken.setdefault(fold_name(name), path) != path:
             raise StorageError(
                 "another file of the zip has the same name, apart from upper and lower case",
@@ -117,28 +128,30 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
     return out
 
 
-def _sources(device: Device, folder: Path, inside: Path) -> list[Path]:
-    """What the body was made from, whole paths, those in the device's folder first."""
-    given = [device.body.path, *map(Path, body_sources.load_sources(folder) or {})]
-    found = dict.fromkeys((device.source / s).resolve() for s in given)
-    files = [p for p in found if p.is_file()]
-    near = [p for p in files if p.is_relative_to(inside)]
-    # A folder that came from elsewhere may name any file of this machine.
-    far = [p for p in files if p.suffix.lower() in body_sources.SUFFIXES and p not in near]
-    return near + far
+def _source_files(device: Device, folder: Path, inside: Path) -> list[Path]:
+    """Return the files from which the body was made, those in the device's folder first."""
+    sources = [device.body.path, *map(Path, body_sources.load_sources(folder) or {})]
+    paths = dict.fromkeys((device.source / s).resolve() for s in sources)
+    files = [p for p in paths if p.is_file()]
+    inside_files = [p for p in files if p.is_relative_to(inside)]
+    # A folder from someone else may name any file of this machine.
+    outside_files = [
+        p for p in files if p.suffix.lower() in body_sources.SUFFIXES and p not in inside_files
+    ]
+    return inside_files + outside_files
 
 
-def _free(name: str, taken: Container[str]) -> str:
-    """The name, or the first of a.py, a-2.py, a-3.py, ... that is not taken."""
-    path, number, free = PurePosixPath(name), 1, name
-    while fold_name(free) in taken:
+def _unused_name(name: str, taken: Container[str]) -> str:
+    """Return the name, or the first of a-2.py, a-3.py, ... that is not taken."""
+    path, number, candidate = PurePosixPath(name), 1, name
+    while fold_name(candidate) in taken:
         number += 1
-        free = str(path.with_stem(f"{path.stem}-{number}"))
-    return free
+        candidate = str(path.with_stem(f"{path.stem}-{number}"))
+    return candidate
 
 
-def _tables(manifest: Manifest) -> dict[str, str]:
-    """The guide's tables as files: print.csv, cut-list.csv, bill-of-materials.csv."""
+def _csv_tables(manifest: Manifest) -> dict[str, str]:
+    """Return the guide's tables as CSV files: print, cut-list and bill-of-materials."""
     out = {}
     for table in guide_tables(manifest):
         text = io.StringIO()

@@ -1,1 +1,1 @@
-"""How parts are made: what lies on the plates, moulds and silicone, advice for the printer."""
+"""Prepare fabrication: plates to print, moulds and silicone, and advice for the printer."""

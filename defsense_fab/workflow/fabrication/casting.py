@@ -1,4 +1,4 @@
-"""Moulds as files and records, and how much silicone goes into them."""
+"""Write moulds as files and records, and plan how much silicone they take."""
 
 from __future__ import annotations
 
@@ -17,25 +17,38 @@ from ...geometry.printing.print_bed import lay_flat
 from ...optimize.prediction.as_built import linear_shrinkage
 from ...store.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
 
-#: What is mixed beyond what the cavities hold: it stays in the cup, in funnels and vents.
+#: Share of silicone that is mixed in addition to the cavities' volume: it stays in the cup, in
+#: funnels and in vents.
 WASTE = 0.1
 FOLDER = "moulds"
-_TOLD = 0.005  # strain
+_MIN_REPORTED_STRAIN = 0.005
 
 
 def lying(moulds: Sequence[Mould]) -> dict[str, Surface]:
-    """Every piece as it is printed, closed in single precision as it lies."""
-    out = {}
+    """Return every piece of the moulds in print orientation, closed in single precision."""
+    surfaces = {}
     for piece in (p for m in moulds for p in m.pieces):
         solid = triangle_kernel.to_manifold(lay_flat(piece.surface, piece.down), piece.name)
-        out[piece.name] = triangle_kernel.to_printable_surface(take_whole_piece(solid, piece.name), piece.name)
-    return out
+        surfaces[piece.name] = triangle_kernel.to_printable_surface(
+            take_whole_piece(solid, piece.name), piece.name
+        )
+    return surfaces
 
 
 def write_moulds(
     moulds: Sequence[Mould], flat: dict[str, Surface], out: Path, print_folder: str
 ) -> tuple[MouldRecord, ...]:
-    """The pieces where they belong around their part, and as they are printed."""
+    """Write the pieces of moulds, around their part and in print orientation.
+
+    Args:
+        moulds: The moulds.
+        flat: Pieces in print orientation, by name.
+        out: The folder of the parts.
+        print_folder: Name of the folder for pieces in print orientation.
+
+    Returns:
+        Records of the moulds.
+    """
     (out / FOLDER).mkdir()
     records = []
     for mould in moulds:
@@ -68,15 +81,23 @@ def write_moulds(
 
 
 def casting(device: Device, moulds: Sequence[Mould]) -> Casting:
-    """How much silicone all copies take, and what to do with it."""
-    known = find_silicone(device.material.name)
+    """Return how much silicone all copies take, and the steps of casting.
+
+    Args:
+        device: The device.
+        moulds: Moulds of its parts.
+
+    Returns:
+        The record for the manifest: volumes in mm3, masses in g.
+    """
+    silicone = find_silicone(device.material.name)
     copies = device.fabrication.copies
     volume = sum(m.cavity for m in moulds) * copies
     mixed = volume * (1 + WASTE) / 1000
     grams = mixed * device.material.density
-    a, b = known.ratio if known else (1.0, 1.0)
+    a, b = silicone.ratio if silicone else (1.0, 1.0)
     masses = (grams * a / (a + b), grams * b / (a + b))
-    steps = _steps(device, moulds, known, mixed, masses)
+    steps = _write_steps(device, moulds, silicone, mixed, masses)
     return Casting(
         silicone=device.material.name,
         shrinkage=linear_shrinkage(device),
@@ -84,95 +105,99 @@ def casting(device: Device, moulds: Sequence[Mould]) -> Casting:
         mixed=mixed * 1000,
         mass_a=masses[0],
         mass_b=masses[1],
-        pot_life=known.pot_life if known else None,
-        cure=known.cure if known else None,
+        pot_life=silicone.pot_life if silicone else None,
+        cure=silicone.cure if silicone else None,
         steps=tuple(steps),
     )
 
 
-def _steps(
+def _write_steps(
     device: Device,
     moulds: Sequence[Mould],
-    known: Silicone | None,
+    silicone: Silicone | None,
     mixed: float,
     masses: tuple[float, float],
 ) -> list[str]:
-    """What the maker does, in its order."""
-    copies = device.fabrication.copies
-    times, mixed = "", mixed / copies
-    masses = (masses[0] / copies, masses[1] / copies)
-    if copies > 1:
-        times = f", for each of the {copies} devices anew: they are cast one after the other"
-    out = [
-        "Brush a thin film of a release agent for silicone onto every face of the moulds that the"
-        " silicone or another piece touches, and let it dry; silicone does not stick to PLA or"
-        " PETG, but the film fills the layers and the part comes off without force.",
-        "Close each mould: cups, then the lids, the one with the funnel last, so that the keys go"
-        " into their sockets. Screw them together (M3, 8 to 10 mm, driven into the plastic), or"
-        " hold them with clamps or rubber bands.",
+    """Write the steps of casting; `mixed` (cm3) and `masses` (g) are for all copies."""
+    steps = [
+        "Brush a thin film of a release agent for silicone onto every face that silicone or another"
+        " piece touches, and let it dry. Silicone does not stick to PLA or PETG, but the film fills"
+        " the layer lines and makes the part easy to remove.",
+        "Close each mould: first the cups, then the lids, the lid with the funnel last. The keys"
+        " must enter their sockets. Screw the pieces together (M3, 8 to 10 mm, driven into the"
+        " plastic), or hold them with clamps or rubber bands.",
+        _write_mixing_step(device, silicone, mixed, masses),
     ]
-    if known:
-        ratio = f"{known.ratio[0]:g} : {known.ratio[1]:g} by {known.by}"
-        out.append(
-            f"Mix {masses[0]:.0f} g of part A with {masses[1]:.0f} g of part B ({ratio}),"
-            f" {mixed:.0f} cm3 in all, 10 % more than the moulds hold{times}; stir slowly, scrape"
-            " the cup's wall, and draw the air out in a vacuum if you can."
-        )
-    else:
-        out.append(
-            f"Mix {mixed:.0f} cm3 in the ratio on the can, 10 % more than the moulds hold{times};"
-            f" {sum(masses):.0f} g by a density of {device.material.density:g} g/cm3."
-        )
-    pour = known and known.pot_life
-    out.append(
-        "Stand each mould level with the funnel up. Pour in a thin stream into the funnel until"
-        " silicone stands in every vent; knock on the mould, wait some minutes, and pour on."
-        + (f" It can be poured for {known.pot_life:g} min at 23 C." if known and pour else "")
+    pour = (
+        "Place each mould level with the funnel up. Pour a thin stream into the funnel until"
+        " silicone fills every vent. Tap the mould, wait some minutes, and pour again."
     )
-    out.append(
-        (
-            f"Leave it for {known.cure:g} h at 23 C."
-            if known and known.cure
-            else "Leave it for as long as the can says."
+    if silicone and silicone.pot_life:
+        pour += f" The mixture can be poured for {silicone.pot_life:g} min at 23 C."
+    steps.append(pour)
+    cure = "Let it cure for the time on the can."
+    if silicone and silicone.cure:
+        cure = f"Let it cure for {silicone.cure:g} h at 23 C."
+    orders = "; ".join(
+        f"{m.part}: " + ", ".join(p.name.removeprefix(f"mould-{m.part}-") for p in m.pieces)
+        for m in moulds
+    )
+    steps += [
+        f"{cure} Then remove the pieces in this order, each straight along its direction:"
+        f" {orders}.",
+        "Cut off the stubs of funnel and vents flush with the face, and the thin skins at the ends"
+        " of the grooves and along the seams.",
+        "Only silicone bonds to cured silicone. Where these steps say glue, use a silicone glue"
+        " (such as Sil-Poxy) or a little of the same silicone, on faces that you have cleaned of"
+        " release agent with alcohol.",
+    ]
+    return steps
+
+
+def _write_mixing_step(
+    device: Device, silicone: Silicone | None, mixed: float, masses: tuple[float, float]
+) -> str:
+    """Write the step that mixes the silicone of one device; amounts are for all copies."""
+    copies = device.fabrication.copies
+    mixed = mixed / copies
+    masses = (masses[0] / copies, masses[1] / copies)
+    repetition = ""
+    if copies > 1:
+        # A mixture can be poured for less time than casting several devices takes.
+        repetition = f" Mix again for each of the {copies} devices, and cast one after the other."
+    if silicone is None:
+        return (
+            f"Mix {mixed:.0f} cm3 in the ratio on the can, 10 % more than the moulds hold."
+            f" This is {sum(masses):.0f} g at a density of {device.material.density:g} g/cm3."
+            f"{repetition}"
         )
-        + " Then take the pieces off in this order, each straight along its own way: "
-        + "; ".join(
-            f"{m.part}: " + ", ".join(p.name.removeprefix(f"mould-{m.part}-") for p in m.pieces)
-            for m in moulds
-        )
-        + "."
+    ratio = f"{silicone.ratio[0]:g} : {silicone.ratio[1]:g} by {silicone.by}"
+    return (
+        f"Mix {masses[0]:.0f} g of part A with {masses[1]:.0f} g of part B ({ratio}). This is"
+        f" {mixed:.0f} cm3, 10 % more than the moulds hold.{repetition} Stir slowly, scrape the"
+        " cup's wall, and remove the air in a vacuum if you can."
     )
-    out.append(
-        "Cut the stubs of funnel and vents off flush with the face, and the thin skins at the ends"
-        " of the grooves and along the seams."
-    )
-    out.append(
-        "Only silicone holds on cured silicone: where these steps say glue, take a silicone glue"
-        " (such as Sil-Poxy) or a little of the same silicone, on faces wiped clean of release"
-        " agent with alcohol."
-    )
-    return out
 
 
 def notes(device: Device, moulds: Sequence[Mould]) -> list[str]:
-    """What should be known before anything is printed."""
+    """Return what the user should know before anything is printed."""
     out = [
-        f"{m.part} is stretched by about {m.strain:.0%} near {format_point(m.at)} as it is taken out of its"
-        " mould: the skin is undercut there; pull it off slowly"
+        f"{m.part} is stretched by about {m.strain:.0%} near {format_point(m.at)} when it is"
+        " removed from its mould, because its skin is undercut there; pull it off slowly"
         for m in moulds
-        if m.strain > _TOLD and m.at is not None
+        if m.strain > _MIN_REPORTED_STRAIN and m.at is not None
     ]
     if find_silicone(device.material.name) is None:
         out.append(
-            f"{device.material.name!r} is not in silicones.csv: it is taken to shrink by"
-            f" {linear_shrinkage(device):.1%} and to mix 1 : 1; write [fabrication] shrinkage = 0.002 or"
-            " what its data sheet says"
+            f"{device.material.name!r} is not in silicones.csv, so a shrinkage of"
+            f" {linear_shrinkage(device):.1%} and a ratio of 1 : 1 are assumed; set [fabrication]"
+            " shrinkage = 0.002, or the value of its data sheet"
         )
     return out
 
 
 def bill_items(device: Device, moulds: Sequence[Mould], cast: Casting) -> list[BillItem]:
-    """Silicone, moulds, release agent and screws, in place of what is printed in the material."""
+    """Return the bill's items for silicone, moulds, release agent and screws."""
     plastic = sum(p.surface.volume for m in moulds for p in m.pieces) / 1000
     count = sum(len(m.pieces) for m in moulds)
     return [

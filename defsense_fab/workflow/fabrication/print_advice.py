@@ -1,89 +1,111 @@
-"""How to print, as sentences: by the process, and by what it makes."""
+"""Write advice on how to print the parts or moulds, by process."""
 
 from __future__ import annotations
 
 from ...core.device.device import Device
 
-_KINDS = {
-    "fdm": "filament", "polyjet": "jets", "sla": "resin", "sls": "powder", "cast": "mould",
-}  # fmt: skip
+#: Feedstock by the first word of a process; a process that the user added may have none.
+_FEEDSTOCKS = {
+    "fdm": "filament",
+    "polyjet": "jets",
+    "sla": "resin",
+    "sls": "powder",
+    "cast": "mould",
+}
+_MIN_MOULD_SHELL_MM = 1.2  # thinner shells leak
+_MAX_MOULD_LAYER_MM = 0.12  # silicone reproduces every layer
 
 
 def print_advice(device: Device) -> list[str]:
-    """Sentences for the maker, the most important first."""
-    f = device.fabrication
-    kind = _KINDS.get(f.process.split("-")[0])  # of a row that somebody added, maybe none
-    if f.kind == "cast":
-        return _moulds(device)
-    walls = round(f.wall / f.line)
-    out = [
-        "Print every part as it lies on its plate, on its cut face unless a note tells another"
-        " side: grooves need no supports."
+    """Return advice on how to print a device's parts or moulds, the most important first.
+
+    Args:
+        device: The device.
+
+    Returns:
+        Sentences for the assembler.
+    """
+    fabrication = device.fabrication
+    if fabrication.kind == "cast":
+        return _advise_on_moulds(device)
+    feedstock = _FEEDSTOCKS.get(fabrication.process.split("-")[0])
+    advice = [
+        "Print every part in the orientation in which it lies on its plate, on its cut face unless"
+        " a note names another side. Grooves need no supports."
     ]
-    if kind == "filament":
-        out += [
-            f"Take {walls} wall lines of {f.line:g} mm, layers of {f.layer:g} mm and 100 % infill:"
-            " the prediction is that of solid parts.",
-            "Switch supports off, and painted or automatic supports in grooves and sockets with"
-            " them: what stays of them narrows the channels.",
-            "Dry the filament, print slowly (20 to 30 mm/s) and without a jump over grooves where"
-            " the slicer can avoid it: strings in a groove hold a cord.",
+    if feedstock == "filament":
+        advice += _advise_on_filament(device)
+    elif feedstock == "jets":
+        advice += [
+            "Choose the matte finish. A glossy finish puts support on some sides only, which makes"
+            " the grooves unequal.",
+            "Support fills grooves, pockets and sockets. Wash it out with a water jet, and push a"
+            " rod of the cord's diameter through every groove before you close any joint.",
         ]
-        if "bowden" in f.process:
-            out.append(
-                "A Bowden extruder strings more: retract 3 to 5 mm slowly, and clear the grooves"
-                " with a piece of wire of the channel's diameter."
-            )
-    elif kind == "jets":
-        out += [
-            "Choose the matte finish: a glossy one puts support on some sides only, and grooves"
-            " come out unequal.",
-            "Support fills grooves, pockets and sockets: wash it out with a water jet and push a"
-            " rod of the cord's diameter through every groove before anything is closed.",
-        ]
-    elif kind == "resin":
-        out += [
-            "Tilt parts only if your printer cannot print them flat on the plate, and then put no"
-            " supports into grooves, pockets and sockets; keep supports on the skin.",
-            "Wash grooves and sockets with a syringe and blow them out before the parts are cured:"
+    elif feedstock == "resin":
+        advice += [
+            "Print the parts flat on the plate if your printer can. If you must tilt them, put"
+            " supports on the skin only, not in grooves, pockets and sockets.",
+            "Wash grooves and sockets with a syringe, and blow them out before you cure the parts:"
             " resin that stays in them cures there.",
         ]
-    elif kind == "powder":
-        out += [
-            "Orientation is free in powder; ask the service to blow powder out of grooves, pockets"
-            " and sockets, and tell it not to infiltrate or smooth the parts by vapour: that"
-            " changes their stiffness and the channels.",
+    elif feedstock == "powder":
+        advice += [
+            "The orientation does not matter. Ask the service to blow the powder out of grooves,"
+            " pockets and sockets, and not to infiltrate or vapour-smooth the parts: that changes"
+            " their stiffness and the channels.",
         ]
-    narrow = device.channel_diameter
-    if f.hole > narrow:
-        out.append(
-            f"The channels of {narrow:.1f} mm are narrower than the {f.hole:g} mm that stay open in"
-            " this process: they are grooves until the parts are closed, so clear each of them."
+    channel = device.channel_diameter
+    if fabrication.hole > channel:
+        advice.append(
+            f"The channels of {channel:.1f} mm are narrower than the smallest hole of this process,"
+            f" {fabrication.hole:g} mm. Clear each of them while it is still an open groove."
         )
-    return out
+    return advice
 
 
-def _moulds(device: Device) -> list[str]:
-    f = device.fabrication
-    resin = f.process.endswith("resin")
-    out = [
-        "Print every piece of the moulds as it lies on its plate, cores and cavities up, in a rigid"
-        f" {'resin' if resin else 'plastic such as PLA or PETG'}: none of them needs supports.",
+def _advise_on_filament(device: Device) -> list[str]:
+    fabrication = device.fabrication
+    wall_lines = round(fabrication.wall / fabrication.line)
+    advice = [
+        f"Use {wall_lines} wall lines of {fabrication.line:g} mm, layers of"
+        f" {fabrication.layer:g} mm and 100 % infill: the prediction assumes solid parts.",
+        "Switch off all supports, also painted and automatic ones in grooves and sockets: their"
+        " remains narrow the channels.",
+        "Dry the filament. Print slowly (20 to 30 mm/s), and avoid travel across grooves if the"
+        " slicer can: strings in a groove hold the cord.",
     ]
-    if resin:
-        out.append(
-            "Wash and cure the moulds fully, then seal them: platinum silicone stays sticky on"
-            " resin that is not cured. Three coats of clear acrylic lacquer, or a day at 60 degrees"
-            " after curing, are usual; try a spoonful on a scrap first."
+    if "bowden" in fabrication.process:
+        advice.append(
+            "A Bowden extruder leaves more strings: retract 3 to 5 mm slowly, and clear the grooves"
+            " with a wire of the channel's diameter."
+        )
+    return advice
+
+
+def _advise_on_moulds(device: Device) -> list[str]:
+    fabrication = device.fabrication
+    is_resin = fabrication.process.endswith("resin")
+    plastic = "resin" if is_resin else "plastic such as PLA or PETG"
+    advice = [
+        "Print every piece of the moulds in the orientation in which it lies on its plate, with"
+        f" cores and cavities up, in a rigid {plastic}. No piece needs supports.",
+    ]
+    if is_resin:
+        advice.append(
+            "Wash and cure the moulds completely, then make sure that they are sealed: platinum"
+            " silicone stays sticky on uncured resin. Use three coats of clear acrylic lacquer, or"
+            " a day at 60 degrees after curing. Try a spoonful of silicone on a scrap first."
         )
     else:
-        out.append(
-            f"Take {max(3, round(1.2 / f.line))} wall lines of {f.line:g} mm, layers of"
-            f" {min(f.layer, 0.12):g} mm and 20 % infill: silicone shows every layer, and leaks"
-            " through pieces of one wall."
+        lines = max(3, round(_MIN_MOULD_SHELL_MM / fabrication.line))
+        layer = min(fabrication.layer, _MAX_MOULD_LAYER_MM)
+        advice.append(
+            f"Use {lines} wall lines of {fabrication.line:g} mm, layers of {layer:g} mm and 20 %"
+            " infill: silicone reproduces every layer, and leaks through thin walls."
         )
-    out.append(
-        "Pins are printed with the moulds, in the same rigid plastic: they only align the parts."
-        " Leave them out where they would be felt."
+    advice.append(
+        "Print the pins with the moulds, in the same rigid plastic: they only align the parts."
+        " Leave out pins that would be felt."
     )
-    return out
+    return advice

@@ -1,4 +1,4 @@
-"""What a build leaves for the printer and the bench, without simulating anything."""
+"""Test the files for printing and assembly, without simulating anything."""
 
 import json
 import re
@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.support.errors import raises
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
@@ -23,9 +22,8 @@ from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.prediction import as_built
 from defsense_fab.optimize.prediction.as_built import fabricate, part_rules
 from defsense_fab.optimize.prediction.design_task import layout_limits
-from defsense_fab.report.guide.guide import assembly_guide
-from defsense_fab.report.guide.guide import plain_steps, write_guide_file
 from defsense_fab.report.guide.assembly.steps import guide_steps
+from defsense_fab.report.guide.guide import assembly_guide, plain_steps, write_guide_file
 from defsense_fab.report.guide.pdf import write_pdf
 from defsense_fab.report.html import write_page
 from defsense_fab.sensing.built_cord import BuiltCord
@@ -35,7 +33,8 @@ from defsense_fab.store.manifest import load_manifest, load_part
 from defsense_fab.workflow.build.cut_list import bill, cut_list, held_by
 from defsense_fab.workflow.build.stage_fabricate import write_parts
 from tests.geometry import slicer
-from tests.support.follow_guide.__main__ import follow, followed
+from tests.support.errors import raises
+from tests.support.follow_guide.__main__ import follow, follow_steps
 from tests.support.follow_guide.hands import Hands
 from tests.support.places import DEVICES
 
@@ -48,14 +47,14 @@ def cube():
 
 @pytest.fixture(scope="module")
 def made(cube):
-    """The cube's parts as drawn."""
+    """Return the parts of the cube with its drawn cords."""
     device, body = cube
     return fabricate(device, body.surface, device.sensors, lambda *_: None, body.solid)
 
 
 @pytest.fixture(scope="module")
 def folder(cube, made, layout, tmp_path_factory):
-    """Their files, with signals made up."""
+    """Return the folder of the parts, with arbitrary signals."""
     device, _ = cube
     out = tmp_path_factory.mktemp("cube")
     signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
@@ -65,7 +64,7 @@ def folder(cube, made, layout, tmp_path_factory):
 
 
 def built(made):
-    """Held cords from ferrule to ferrule; the second one is not stretched as it is laid."""
+    """Return held cords between their ferrules; the second one is not stretched at assembly."""
     out = []
     for channel, prestretch in zip(made.channels, (0.05, 0.0, 0.1), strict=True):
         between = channel.length - sum(e.pocket for e in channel.ends)
@@ -76,7 +75,7 @@ def built(made):
 
 @pytest.fixture(scope="module")
 def layout(cube, made):
-    """What is said of the cords as drawn, with numbers made up."""
+    """Return a layout of the drawn cords, with arbitrary predictions."""
     device, _ = cube
     cords = tuple(
         CordRecord(
@@ -102,7 +101,7 @@ def manifest(folder):
 
 
 @pytest.mark.slow
-def test_planes_that_cross_make_parts_that_slice(folder, manifest, tmp_path):
+def test_crossing_planes_make_parts_that_can_be_sliced(folder, manifest, tmp_path):
     assert len(manifest["parts"]) >= 5
     slicer.accept(folder / "parts")
     slicer.accept(folder / "parts" / "print")
@@ -112,7 +111,7 @@ def test_planes_that_cross_make_parts_that_slice(folder, manifest, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_manifest_says_where_everything_is(folder, manifest):
+def test_manifest_is_consistent_with_the_files(folder, manifest):
     total = sum(p["volume"] for p in manifest["parts"]) + manifest["removed_volume"]
     assert total == pytest.approx(manifest["body_volume"], rel=1e-5)  # faces are set back by GAP
     for p in manifest["parts"]:
@@ -133,8 +132,8 @@ def test_the_manifest_says_where_everything_is(folder, manifest):
     assert all(np.isfinite(c["value"]) for c in manifest["checks"])
 
 
-def test_the_device_is_closed_step_by_step(manifest):
-    """Every step joins two groups that exist by then; the last makes the whole device."""
+def test_assembly_joins_existing_groups_to_the_whole_device(manifest):
+    """Each step joins two groups that exist by then; the last completes the device."""
     groups = [{p["name"]} for p in manifest["parts"]]
     for step in manifest["assembly"]:
         low, high = (set(side) for side in step["join"])
@@ -144,7 +143,7 @@ def test_the_device_is_closed_step_by_step(manifest):
     assert len(groups) == 1
 
 
-def test_the_cut_list_counts_every_millimetre(cube, manifest):
+def test_lengths_and_resistances_of_the_cut_list(cube, manifest):
     device, _ = cube
     rows = zip(manifest["cords"], (0.44, 0.0, 0.1), (0.05, 0.0, 0.1), strict=True)
     for c, top, p in rows:
@@ -162,7 +161,7 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
         assert c["cut_length"] == pytest.approx(c["unstretched"] + 7 + c["slack"])
         assert c["slack"] == 5 or any(e["after"] is not None for e in c["ends"])
         assert c["resistance_before"] == pytest.approx(14.5 * c["unstretched"])
-        # A gauge factor of 2: the stretched part of it gains twice its pre-stretch.
+        # With a gauge factor of 2, the stretched part gains twice its prestretch.
         gained = 14.5 * c["sensing_length"] / (1 + p) * 2 * p
         assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
         assert c["sensing_length"] <= c["between_ferrules"] + 0.01
@@ -174,8 +173,8 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     assert device.fabrication.pockets
 
 
-def test_an_end_lies_in_the_joint_of_its_ferrule():
-    """Not in the one that only its wire reaches, behind the ferrule."""
+def test_end_is_in_the_joint_of_its_ferrule():
+    """It is not in the joint behind the ferrule, which only its wire reaches."""
     lies = [Stretch(2, (1, 3), 0.0, 3.0), Stretch(0, (4, 5), 3.0, 43.0),
             Stretch(1, (2, 3), 43.0, 44.5)]  # fmt: skip
     found = held_by(lies, (0.0, 4.0))
@@ -186,8 +185,8 @@ def test_an_end_lies_in_the_joint_of_its_ferrule():
     assert held_by(lies[:1], (9.0, 9.0)) == tuple(lies[:1])
 
 
-def test_the_bill_is_that_of_all_copies(cube, made):
-    """As the plates and the silicone are."""
+def test_bill_is_for_all_copies(cube, made):
+    """The plates and the silicone are for all copies, too."""
     device, _ = cube
     signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
     cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
@@ -204,8 +203,8 @@ def test_the_bill_is_that_of_all_copies(cube, made):
     ("loss", "length", "piece", "bends"),
     [(1.04, 30.0, 50.0, 6), (1.06, 30.0, 50.0, 0), (1.0, 19.0, 50.0, 0), (1.0, 30.0, 60.0, 0)],
 )
-def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, length, piece, bends):
-    """Paths are 65.7 mm long: with bends that is more than the shortest `piece` reaches through."""
+def test_bends_are_omitted_if_they_cost_too_much(cube, monkeypatch, loss, length, piece, bends):
+    """Paths are 65.7 mm long, which with bends is too long for the shortest `piece`."""
     device, body = cube
     device = replace(device, cord=replace(device.cord, lengths=(piece, 400.0)))
     monkeypatch.setattr(
@@ -239,8 +238,8 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
     assert not note
 
 
-def test_the_reference_gives_the_largest_swing():
-    """Against every E24 value of five decades."""
+def test_reference_resistor_gives_the_largest_swing():
+    """Compare with all E24 values of six decades."""
     values = np.array([e * 10.0**d for d in range(6) for e in E24])
     rng = np.random.default_rng(2)
     for low, high in np.sort(10 ** rng.uniform(1.5, 4.5, (50, 2)), axis=1):
@@ -251,7 +250,7 @@ def test_the_reference_gives_the_largest_swing():
 
 
 @pytest.mark.slow
-def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manifest):
+def test_guide_has_every_step_in_html_and_pdf(cube, folder, layout, manifest):
     device, _ = cube
     parts = {p["name"]: load_part(folder / "parts" / p["stl"]) for p in manifest["parts"]}
     layout = replace(layout, warnings=("What is to be said of a cord",))
@@ -275,12 +274,12 @@ def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manife
     pdf = (folder / "guide.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")
     assert len(re.findall(rb"/Subtype /Image", pdf)) >= shown
-    assert follow(folder, device) == []  # by hands that take it literally
+    assert follow(folder, device) == []  # by an assembler that takes it literally
     assert not list(folder.glob(".*.part"))
 
 
 @pytest.mark.slow
-def test_freecad_opens_the_step_files_with_the_same_volume(folder, manifest, tmp_path):
+def test_freecad_reads_the_same_volumes_from_step_files(folder, manifest, tmp_path):
     if shutil.which("freecadcmd") is None:
         pytest.skip("FreeCAD is not installed")
     script = tmp_path / "volumes.py"
@@ -298,17 +297,15 @@ def test_freecad_opens_the_step_files_with_the_same_volume(folder, manifest, tmp
     assert volumes["assembly.step"] == pytest.approx(total, rel=1e-6)
 
 
-def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
+def test_part_larger_than_the_bed_is_refused(cube, made, layout):
     device, _ = cube
     small = replace(device, fabrication=replace(device.fabrication, bed=(25.0, 25.0, 25.0)))
-    with pytest.raises(
-        FabricationError, match=r"\d-[a-z-]+ measures .* which the bed \(25 x 25 x 25 mm\)"
-    ):
+    with raises(FabricationError, "part-too-large"):
         write_parts(small, made, Path("/nonexistent"), layout, (), layout.prediction)
 
 
-def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_path):
-    """Pieces are joined before all else, so that every joint of a cord comes later by as many."""
+def test_guide_of_parts_in_pieces_can_be_followed(cube, made, layout, tmp_path):
+    """Pieces are joined first, so that each joint of a cord is as many steps later."""
     device, _ = cube
     made = replace(made, parts=tuple(replace(p, solid=None) for p in made.parts))
     signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
@@ -330,7 +327,7 @@ def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_p
         small.cord.ferrule_length,
         small.cord.max_strain,
     )
-    assert followed({"steps": steps}, hands) == []
+    assert follow_steps({"steps": steps}, hands) == []
 
 
 @pytest.mark.parametrize(
@@ -344,7 +341,7 @@ def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_p
         ("at = [0, 0, 30]", "bay-without-pockets", "fabrication.pockets"),
     ],
 )
-def test_a_bay_is_checked(tmp_path, bay, code, key):
+def test_invalid_bay_is_refused(tmp_path, bay, code, key):
     text = (DEVICES / "cube" / "device.toml").read_text("utf-8")
     shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
     text = text.replace("[material]", f"[body.bay]\n{bay}\n\n[material]", 1)
@@ -365,7 +362,7 @@ def test_a_bay_is_checked(tmp_path, bay, code, key):
         ("limit_cut = true", "key-unknown"),
     ],
 )
-def test_settings_are_checked(tmp_path, line, code):
+def test_invalid_setting_is_refused(tmp_path, line, code):
     text = (DEVICES / "cube" / "device.toml").read_text("utf-8")
     shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
     (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", line))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.support.errors import raises
 
 from defsense_fab.core.device.device_file import load_device, parse_device
 from defsense_fab.core.device.materials import find_silicone
@@ -17,6 +16,7 @@ from defsense_fab.workflow.fabrication.casting import casting, notes
 from defsense_fab.workflow.fabrication.plates import on_plates
 from defsense_fab.workflow.fabrication.print_advice import print_advice
 from tests.conftest import box_surface
+from tests.support.errors import raises
 from tests.support.places import DEVICES
 
 BAR = DEVICES / "bar"
@@ -42,9 +42,8 @@ def test_masses_are_those_of_what_is_mixed():
     assert (found.pot_life, found.cure, found.shrinkage) == (45, 16, 0.001)
     said = " ".join(found.steps)
     # A mixture can be poured for less time than a cast takes: each is mixed by itself.
-    for word in ("release agent", "30 g of part A", "55 cm3", "each of the 2 devices anew",
-                 "45 min", "16 h", "vent", "silicone glue"):  # fmt: skip
-        assert word in said
+    for amount in ("30 g of part A", "30 g of part B", "55 cm3", "2 devices", "45 min", "16 h"):
+        assert amount in said
     ten = casting(device('process = "cast-silicone"', 'name = "smooth-sil-950"'), [mould(1000.0)])
     assert ten.mass_a == pytest.approx(10 * ten.mass_b)
     assert ten.mass_a + ten.mass_b == pytest.approx(1.1 * 1.24)
@@ -57,17 +56,18 @@ def test_shrinkage_is_the_silicones_or_that_which_is_given():
     own = device('process = "cast-silicone"', "young_modulus = 1.0\npoisson_ratio = 0.48")
     assert mould_rules(own).shrinkage == 0
     assert "shrinkage = 0.002" in notes(own, [])[0]
-    assert "stretched by about 7 %" in notes(given, [mould(1.0, 0.07)])[0].replace("%", " %")
+    assert "7%" in notes(given, [mould(1.0, 0.07)])[0]
+    assert notes(given, [mould(1.0, 0.004)]) == []
 
 
 def test_every_process_is_read_and_advises():
     for name, row in read_rows("printers.csv").items():
         material = "dragon-skin-30" if row["kind"] == "cast" else "tpu-85a"
-        made = device(f'process = "{name}"', f'name = "{material}"')
-        said = " ".join(print_advice(made))
+        printed = device(f'process = "{name}"', f'name = "{material}"')
+        said = " ".join(print_advice(printed))
         assert "support" in said or "sealed" in said
         assert row["source"]
-        assert made.fabrication.bed == tuple(float(row[f"bed_{c}"]) for c in "xyz")
+        assert printed.fabrication.bed == tuple(float(row[f"bed_{c}"]) for c in "xyz")
     for name in read_rows("silicones.csv"):
         assert name in read_rows("materials.csv")
         assert find_silicone(name).shrinkage < 0.01
