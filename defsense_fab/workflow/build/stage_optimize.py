@@ -101,7 +101,7 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
     chosen, trials = choose_layout(
         device,
         task,
-        [_as_stored(c) for c in candidates],
+        [as_stored(c) for c in candidates],
         build.surface,
         build.body.bay,
         partial(report_part, report, 0.8, 1.0),
@@ -177,7 +177,7 @@ def _layout_record(
         warnings=(
             *map(str, find_risks(task.design, layout.sensors)),
             *map(str, check_cord_count(task.everything, final.prediction, smallest_noise_free)),
-            *_uncalibrated_strains(device, sensors),
+            *warn_uncalibrated_strains(device, sensors),
         ),
         weighed=tuple(_weighed_record(t, t is chosen) for t in trials),
         prediction=final.prediction,
@@ -207,7 +207,7 @@ def _weighed_record(trial: Trial, chosen: bool) -> WeighedRecord:
     )
 
 
-def _as_stored(found: OptimizedLayout) -> OptimizedLayout:
+def as_stored(found: OptimizedLayout) -> OptimizedLayout:
     """Return the layout with the planes' frames exactly as `layout.json` gives them back.
 
     The last digits decide cuts along faces that touch, so parts made on trial must equal those that
@@ -336,7 +336,7 @@ def _strain_range(cord: BuiltCord, deformed: Float) -> tuple[float, float]:
     return float(mean.min()), float(mean.max())
 
 
-def _uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> list[str]:
+def warn_uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> list[str]:
     """Return a warning for each cord that leaves the strains its response was measured in."""
     low, high = device.cord.response.strain_range
     return [

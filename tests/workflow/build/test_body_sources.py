@@ -1,4 +1,4 @@
-"""What a body was made from: the files that its script reads, no others, and libraries."""
+"""Test which files and libraries a body depends on."""
 
 import os
 import shutil
@@ -25,7 +25,7 @@ READING = (
 
 @pytest.fixture
 def folder(tmp_path):
-    """A bar whose script reads `size.json`."""
+    """Return a bar whose script reads `size.json`."""
     out = tmp_path / "bar"
     out.mkdir()
     shutil.copy(BAR / "device.toml", out)
@@ -39,7 +39,7 @@ def made(folder):
 
 
 @pytest.mark.slow
-def test_a_data_file_that_the_script_reads_counts_by_its_content(folder):
+def test_content_of_a_data_file_that_the_script_reads_counts(folder):
     assert made(folder) == ["body"]
     assert made(folder) == []
     os.utime(folder / "size.json", (1, 1))
@@ -53,7 +53,7 @@ def test_a_data_file_that_the_script_reads_counts_by_its_content(folder):
 
 
 @pytest.mark.slow
-def test_what_is_recorded_into_the_folder_does_not_count(folder):
+def test_recordings_in_the_folder_do_not_count(folder):
     assert made(folder) == ["body"]
     session = folder / "session" / "run-1"
     session.mkdir(parents=True)
@@ -64,7 +64,7 @@ def test_what_is_recorded_into_the_folder_does_not_count(folder):
 
 
 @pytest.mark.slow
-def test_modules_count_though_python_has_compiled_them(folder):
+def test_compiled_modules_count(folder):
     (folder / "bar.py").write_text(HEAD + "from parts.hole import RADIUS\n" + PLAIN)
     (folder / "parts").mkdir()
     (folder / "parts" / "hole.py").write_text("RADIUS = 1\n")
@@ -78,7 +78,7 @@ def test_modules_count_though_python_has_compiled_them(folder):
 
 
 @pytest.mark.slow
-def test_files_elsewhere_count_and_a_moved_folder_is_up_to_date(folder):
+def test_outside_files_count_and_a_moved_folder_is_up_to_date(folder):
     shared = folder.parent / "shared.txt"
     shared.write_text("a")
     (folder / "bar.py").write_text(HEAD + f"open({str(shared)!r}).close()\n" + HERE + READING)
@@ -90,7 +90,7 @@ def test_files_elsewhere_count_and_a_moved_folder_is_up_to_date(folder):
 
 
 @pytest.mark.slow
-def test_a_file_that_was_looked_for_may_appear(folder):
+def test_file_that_was_missing_before_counts(folder):
     (folder / "size.json").unlink()
     (folder / "bar.py").write_text(
         HEAD + HERE + "try: open(here / 'size.json')\nexcept FileNotFoundError: pass\n" + PLAIN
@@ -102,7 +102,7 @@ def test_a_file_that_was_looked_for_may_appear(folder):
 
 
 @pytest.mark.slow
-def test_what_the_script_writes_itself_does_not_count(folder):
+def test_files_that_the_script_writes_do_not_count(folder):
     own = (
         "solid = bd.Box(1, 1, 1)\n"
         "bd.export_step(solid, str(here / 'out.step'))\n"
@@ -120,7 +120,7 @@ def test_what_the_script_writes_itself_does_not_count(folder):
 
 
 @pytest.mark.slow
-def test_a_cad_file_that_only_the_kernel_opens_counts(folder):
+def test_cad_file_that_only_the_kernel_opens_counts(folder):
     import build123d as bd
 
     step = folder / "core.step"
@@ -134,7 +134,7 @@ def test_a_cad_file_that_only_the_kernel_opens_counts(folder):
 
 
 @pytest.mark.slow
-def test_a_file_changed_while_the_script_ran_is_noticed(folder):
+def test_file_that_changes_while_the_script_runs_is_noticed(folder):
     change = "subprocess.run(['sh', '-c', 'echo 1 > size.json'], cwd=here, check=True)\n"
     text = HEAD + HERE + "(here / 'size.json').read_text()\n" + change + PLAIN
     (folder / "bar.py").write_text(text)
@@ -144,7 +144,7 @@ def test_a_file_changed_while_the_script_ran_is_noticed(folder):
 
 
 @pytest.mark.slow
-def test_a_damaged_record_makes_the_body_anew(folder):
+def test_damaged_record_makes_the_body_again(folder):
     assert made(folder) == ["body"]
     path = folder / "build" / "body" / "sources.json"
     path.write_text("x" * path.stat().st_size)
@@ -161,7 +161,7 @@ def test_a_damaged_record_makes_the_body_anew(folder):
         ("matplotlib", "report"),
     ],
 )
-def test_another_version_of_a_library_makes_its_stage_anew(folder, monkeypatch, library, first):
+def test_another_version_of_a_library_outdates_its_stage(folder, monkeypatch, library, first):
     device, before = load_device(folder), metadata.version
     old = stage_keys(device, folder / "build")
     monkeypatch.setattr(metadata, "version", lambda n: "0" if n == library else before(n))
@@ -171,8 +171,8 @@ def test_another_version_of_a_library_makes_its_stage_anew(folder, monkeypatch, 
 
 
 @pytest.mark.parametrize(("kind", "first"), [("print", "fabricate"), ("cast", "optimize")])
-def test_cords_depend_on_moulds_where_parts_are_cast(folder, kind, first):
-    """A layout whose moulds lock is not taken."""
+def test_cords_depend_on_moulds_of_cast_parts(folder, kind, first):
+    """Layouts whose moulds cannot be opened are not chosen."""
     device = load_device(folder)
     before = replace(device, fabrication=replace(device.fabrication, kind=kind))
     after = replace(before, fabrication=replace(before.fabrication, mould_wall=9.0))
@@ -181,7 +181,7 @@ def test_cords_depend_on_moulds_where_parts_are_cast(folder, kind, first):
     assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
 
 
-def test_a_library_that_is_not_installed_has_no_version(folder, monkeypatch):
+def test_library_that_is_not_installed_has_no_version(folder, monkeypatch):
     def missing(name):
         raise metadata.PackageNotFoundError(name)
 

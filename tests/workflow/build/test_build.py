@@ -1,4 +1,4 @@
-"""The main job on a small device through the command line, and what errors leave behind."""
+"""Test builds of a small device by the command line, and the state after errors."""
 
 import errno
 import json
@@ -33,7 +33,7 @@ from defsense_fab.store.build import Build
 from defsense_fab.store.layout import load_layout
 from defsense_fab.store.manifest import load_manifest, load_part
 from defsense_fab.workflow.build import stage_fabricate, stage_report
-from defsense_fab.workflow.build.stage_optimize import _as_kept, _uncalibrated
+from defsense_fab.workflow.build.stage_optimize import as_stored, warn_uncalibrated_strains
 from tests.support.errors import raises
 from tests.support.places import BAR
 
@@ -44,7 +44,7 @@ def snapshot(folder):
 
 @pytest.fixture(scope="module")
 def device(tmp_path_factory):
-    """A coarse bar with two cords, built once."""
+    """Return a coarse bar with two cords, built once."""
     folder = tmp_path_factory.mktemp("device") / "bar"
     folder.mkdir()
     shutil.copy(BAR / "bar.py", folder)
@@ -71,7 +71,7 @@ def change(folder, old, new):
 
 
 @pytest.mark.slow
-def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
+def test_cadquery_body_gives_the_same_parts(device, tmp_path):
     folder = tmp_path / "other"
     folder.mkdir()
     shutil.copy(device / "device.toml", folder)
@@ -88,7 +88,7 @@ def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_terminal_tells_how_far_unseen_states_lie_apart(copy, capsys):
+def test_terminal_shows_the_range_of_errors_of_unseen_states(copy, capsys):
     capsys.readouterr()
     assert main(["optimize", str(copy)]) == 0
     errors = json.loads((copy / "build" / "layout.json").read_text("utf-8"))["prediction"][
@@ -100,7 +100,7 @@ def test_the_terminal_tells_how_far_unseen_states_lie_apart(copy, capsys):
 
 
 @pytest.mark.slow
-def test_layout_and_manifest_hold_what_was_agreed(device):
+def test_layout_and_manifest_are_consistent(device):
     layout = json.loads((device / "build" / "layout.json").read_text("utf-8"))
     assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
     assert layout["prediction"]["unseen_noise_free"] < layout["prediction"]["unseen"]
@@ -142,7 +142,7 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     least, most = (100 * layout["sensors"][0][k] for k in ("least_strain", "peak_strain"))
     assert f"<td>{least:.1f} to {most:.1f} %</td>" in page
     unseen = layout["prediction"]["held_out"].items()
-    name, error = max(unseen, key=lambda told: told[1])
+    name, error = max(unseen, key=lambda item: item[1])
     assert len(unseen) > 1
     assert f"{name} by {error:.2f} mm, the most" in page
     # Nothing asks the network (this is a name, not an address); base64 holds no colon.
@@ -153,19 +153,19 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
 
 
 @pytest.mark.slow
-def test_layouts_are_tried_in_the_frames_that_are_read_back(straight):
+def test_layouts_are_tried_in_the_frames_of_the_file(straight):
     turn = Rotation.from_rotvec([0.3, -0.2, 0.7]).as_matrix()
     cord = straight("c", z=1.0)
     turned = replace(cord, plane=Plane(cord.plane.origin, turn @ cord.plane.axes))
-    (kept,) = _as_kept(OptimizedLayout((turned,), 1.0, False, (), (turned,))).sensors
+    (kept,) = as_stored(OptimizedLayout((turned,), 1.0, False, (), (turned,))).sensors
     again = json.loads(json.dumps([kept.plane.normal.tolist(), kept.plane.axes[:, 0].tolist()]))
     read = Plane.from_normal(kept.plane.origin, *map(np.array, again))
     assert (read.axes == kept.plane.axes).all()
     assert kept.plane.axes == pytest.approx(turned.plane.axes, abs=1e-15)
 
 
-def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
-    """Against a sum over the cord from ferrule to ferrule, point by point, in every state."""
+def test_resistance_in_the_cut_list_is_that_of_the_cord_as_built(device):
+    """Compare with a sum over the points of the cord between its ferrules, in every state."""
     built = load_device(device)
     problem = load_task(built, Build(device / "build")).everything
     layout, manifest = load_layout(device / "build"), load_manifest(device / "build")
@@ -183,7 +183,7 @@ def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
         cord = (depth > pockets[0]) & (depth < mouth - pockets[1])
         lead = sum(e.lead for e in row.ends)
         straight = sum(max(0, i - p) for i, p in zip((start, end), pockets, strict=True))
-        # Loose before it was laid; then stretched twice, by the maker and by the body.
+        # Unstretched length; the cord is then stretched during assembly and by the body.
         loose = steps[cord].sum() / (1 + row.prestretch)
         own = (steps[cord] * (1 + strain[:, cord])).sum(axis=1) / loose - 1
         assert own.min() > 0
@@ -196,7 +196,7 @@ def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
 
 
 @pytest.mark.slow
-def test_a_second_build_does_nothing(copy, capsys):
+def test_second_build_runs_no_stage(copy, capsys):
     before = snapshot(copy / "build")
     begin = time.perf_counter()
     assert main(["build", str(copy), "--json"]) == 0
@@ -207,14 +207,14 @@ def test_a_second_build_does_nothing(copy, capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new", "fact"),
     [
-        ("[mesh]\n", "[mesh]\nsize = 3\n", "mesh.size: unknown key"),
-        ('region = "tip"', 'region = "top"', "unknown region 'top'"),
+        ("[mesh]\n", "[mesh]\nsize = 3\n", "mesh.size"),
+        ('region = "tip"', 'region = "top"', "'top'"),
         (
             "tip = { box = [[140, -16, -16], [151, 16, 16]] }",
             "tip = { box = [[240, -16, -16], [251, 16, 16]] }",
-            "regions.tip: holds nothing of the body",
+            "regions.tip",
         ),
         ("[140, -16, -16]", "[5, -16, -16]", "overlap"),
         ("[36, 0]", "[36, 17]", "leaves the body"),
@@ -223,30 +223,30 @@ def test_a_second_build_does_nothing(copy, capsys):
         ('script = "bar.py"', 'script = "broken.py"', "broken.py:2: the script raised"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, message):
+def test_invalid_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, fact):
     (copy / "broken.py").write_text("def body(length, width, height):\n    return 1 / 0\n")
     before = snapshot(copy / "build")
     change(copy, old, new)
     assert main(["build", str(copy)]) == 2
     lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("error: ")]
     assert len(lines) == 1
-    assert message in lines[0]
+    assert fact in lines[0]
     assert snapshot(copy / "build") == before
 
 
 @pytest.mark.slow
-def test_a_pose_that_no_body_can_take_is_one_line(copy, capsys):
-    """Base and tip meet and are pushed into each other: elements between them invert."""
+def test_pose_that_does_not_converge_is_one_line(copy, capsys):
+    """Base and tip meet and are pushed into each other, so that elements between them invert."""
     before = snapshot(copy / "build")
     change(copy, "[[140, -16, -16], [151", "[[10.000001, -16, -16], [151")
     change(copy, 'translate = "free"', "translate = [-60, 0, 0]")
     assert main(["build", str(copy)]) == 2
-    assert "'bend_up@1' did not converge beyond" in capsys.readouterr().err
+    assert "'bend_up@1'" in capsys.readouterr().err
     assert snapshot(copy / "build") == before
 
 
 @pytest.mark.slow
-def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monkeypatch):
+def test_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monkeypatch):
     before = snapshot(copy / "build")
     change(copy, 'name = "bar"', 'name = "other"')
 
@@ -263,7 +263,7 @@ def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monk
 
 
 @pytest.mark.slow
-def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
+def test_full_disk_is_one_line(copy, capsys, monkeypatch):
     before = snapshot(copy / "build")
     change(copy, 'name = "bar"', 'name = "other"')
 
@@ -277,7 +277,7 @@ def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_part_that_is_gone_is_made_again_and_notes_are_no_change(copy, capsys):
+def test_missing_part_is_made_again_and_other_files_are_ignored(copy, capsys):
     (copy / "notes.txt").write_text("glue on Monday")
     assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == []
@@ -289,7 +289,7 @@ def test_a_part_that_is_gone_is_made_again_and_notes_are_no_change(copy, capsys)
 
 
 @pytest.mark.slow
-def test_a_recorded_session_leaves_every_stage_up_to_date(copy, capsys):
+def test_recorded_session_outdates_no_stage(copy, capsys):
     run = copy / "session" / "run-1"
     run.mkdir(parents=True)
     (copy / "session" / "session.toml").write_text("schema = 1\n")
@@ -300,12 +300,12 @@ def test_a_recorded_session_leaves_every_stage_up_to_date(copy, capsys):
 
 
 @pytest.mark.slow
-def test_ctrl_c_still_works_after_meshing(bar):
+def test_ctrl_c_works_after_meshing(bar):
     import signal
 
     from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 
-    # Background jobs of a shell begin with the signal ignored.
+    # Background jobs of a shell start with the signal ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         tetrahedralize(bar, 12.0)
@@ -315,16 +315,16 @@ def test_ctrl_c_still_works_after_meshing(bar):
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_build_folder_that_is_a_link_is_refused(tmp_path, capsys):
+def test_build_folder_that_is_a_link_is_refused(tmp_path):
     for name in ("device.toml", "bar.py"):
         shutil.copy(BAR / name, tmp_path)
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "build").symlink_to(tmp_path / "elsewhere")
-    assert main(["mesh", str(tmp_path)]) == 2
-    assert "build: is a symbolic link" in capsys.readouterr().err
+    with raises(StorageError, "build-is-link"):
+        run_command(["mesh", str(tmp_path)])
 
 
-def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
+def test_error_after_ctrl_c_counts_as_an_interrupt(capsys, monkeypatch):
     """Native modules turn a KeyboardInterrupt during their import into an ImportError."""
     import signal
 
@@ -339,7 +339,7 @@ def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
     assert capsys.readouterr().err.startswith("Interrupted. ")
 
 
-def test_output_that_nobody_reads_is_no_traceback(tmp_path):
+def test_unreadable_output_gives_no_traceback(tmp_path):
     code = (
         "from defsense_fab.cli import output as cli\nwith cli.standard_output(): print('x' * 99999)"
     )
@@ -357,8 +357,9 @@ def test_output_that_nobody_reads_is_no_traceback(tmp_path):
 
 
 def test_storage_errors_name_the_path(tmp_path):
-    with pytest.raises(StorageError, match="nothing"), storage_errors(tmp_path):
-        (tmp_path / "nothing").read_bytes()
+    path = tmp_path / "nothing"
+    with raises(StorageError, "file-not-found", path=path), storage_errors(tmp_path):
+        path.read_bytes()
 
 
 def test_help_and_version_need_no_heavy_import():
@@ -385,23 +386,22 @@ def test_parameters_from_the_command_line():
     assert np.isclose(device.mesh.edge_length, 6)
 
 
-def test_strains_outside_of_the_calibrated_range_are_told():
-    """By cord, with both ranges; a data sheet's response has none."""
+def test_strains_outside_of_the_calibrated_range_are_warnings():
+    """The response of a data sheet has no range."""
     device = load_device(BAR)
     sensors = [
         SimpleNamespace(name="a", least_strain=-0.03, peak_strain=0.09),
         SimpleNamespace(name="b", least_strain=-0.05, peak_strain=0.05),
     ]
-    assert _uncalibrated(device, sensors) == []
+    assert warn_uncalibrated_strains(device, sensors) == []
     spec = ResponseSpec("line", {"k": 2.0}, (-0.067, 0.067))
     device = replace(device, cord=replace(device.cord, response=spec))
-    (told,) = _uncalibrated(device, sensors)
-    assert "cord 'a': strains of -3.0% to 9.0% leave the calibrated range of -6.7% to 6.7%" in told
+    (warning,) = warn_uncalibrated_strains(device, sensors)
+    assert all(fact in warning for fact in ("'a'", "-3.0%", "9.0%", "-6.7%", "6.7%"))
 
 
-def test_a_built_device_is_shown_to_cameras_and_recorded(copy, capsys):
-    """Tags placed, the twin recorded by the command, and processed: places and signals follow the
-    pose that the twin was asked for."""
+def test_built_device_is_recorded_by_its_twin_and_processed(copy, capsys):
+    """Positions and signals follow the poses of the twin."""
     markers = ["capture", "markers", str(copy), "--side", "0,-1,1", "--count", "8"]
     assert main(markers) == 0
     record = ["capture", "record", str(copy), "--cameras", "twin", "--port", "twin", "--auto"]

@@ -1,4 +1,4 @@
-"""What a zip takes along of a folder that came from anybody."""
+"""Test which files of an untrusted folder are exported."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def names(folder):
     return _files(load_device(folder), folder / "build")
 
 
-def test_sources_outside_of_the_folder_are_programs_and_cad_files_alone(folder, tmp_path):
+def test_only_scripts_and_cad_files_are_exported_from_outside(folder, tmp_path):
     sources = {str(tmp_path / "secret"): "hash", "../secret": "hash", "../common.py": "hash",
                "bar.py": "hash", "link.step": "hash"}  # fmt: skip
     (folder / "link.step").symlink_to(tmp_path / "secret")
@@ -44,7 +44,7 @@ def test_sources_outside_of_the_folder_are_programs_and_cad_files_alone(folder, 
 
 
 @pytest.mark.parametrize("name", ["build/parts/b.stl", "build/report.html", "device.mesh"])
-def test_links_that_lead_out_of_the_folder_are_refused(folder, tmp_path, name):
+def test_links_out_of_the_folder_are_refused(folder, tmp_path, name):
     (folder / name).symlink_to(tmp_path / "secret")
     with raises(StorageError, "outside-device-folder"):
         names(folder)
@@ -55,7 +55,7 @@ def sources(folder, *files):
     (folder / "build" / "body" / "sources.json").write_text(json.dumps(named))
 
 
-def test_sources_of_one_name_stay_apart(folder, tmp_path):
+def test_sources_of_the_same_name_get_different_names(folder, tmp_path):
     others = [tmp_path / where / name for where, name in (("a", "common.py"), ("b", "Common.py"))]
     for path in others:
         path.parent.mkdir()
@@ -67,7 +67,7 @@ def test_sources_of_one_name_stay_apart(folder, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["parts/a.stl", "parts/A.stl", "layout.json", "print.csv"])
-def test_a_source_with_the_name_of_what_was_built_is_refused(folder, name):
+def test_source_with_the_name_of_a_result_is_refused(folder, name):
     (folder / name).parent.mkdir(exist_ok=True)
     (folder / name).write_text("of the device")
     sources(folder, name)
@@ -75,7 +75,7 @@ def test_a_source_with_the_name_of_what_was_built_is_refused(folder, name):
         _files(load_device(folder), folder / "build", ["print.csv"])
 
 
-def test_sources_that_differ_in_capitals_alone_are_refused(folder):
+def test_sources_that_differ_only_in_case_are_refused(folder):
     for name in ("Data.stl", "data.stl"):
         (folder / name).write_text(name)
     sources(folder, "Data.stl", "data.stl")

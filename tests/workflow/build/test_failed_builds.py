@@ -1,4 +1,4 @@
-"""What a failed build leaves behind: stages that write a file each stand in for the real ones."""
+"""Test the state after failed builds, with stages that only write a file each."""
 
 import json
 import shutil
@@ -33,7 +33,7 @@ MODULES = {
 
 @pytest.fixture
 def ran(monkeypatch):
-    """The stages that have run, in their order."""
+    """Return the names of the stages that have run, in their order."""
     names = []
 
     def stand_in(stage):
@@ -64,7 +64,7 @@ def folder(tmp_path):
 def failing(stage):
     def run(device, build, report, **_):
         (build.folder / stage).write_text("half")
-        raise LayoutError("no room")
+        raise LayoutError("no room", code="no-room")
 
     return run
 
@@ -74,7 +74,7 @@ def interrupt(*_, **__):
 
 
 def fails(folder, monkeypatch, module, run, error=LayoutError):
-    """One build, in which the module's stage runs so."""
+    """Run a build that fails with `error`, as the stage of `module` is replaced by `run`."""
     with monkeypatch.context() as m:
         m.setattr(module, "run", run)
         with pytest.raises(error):
@@ -90,7 +90,7 @@ def hidden(folder):
     return sorted(p.name for p in folder.iterdir() if p.name.startswith(".") and p.is_dir())
 
 
-def test_nothing_is_left_where_nothing_was_finished(folder, ran, monkeypatch):
+def test_failure_of_the_first_stage_leaves_nothing(folder, ran, monkeypatch):
     monkeypatch.setattr(stage_body, "run", failing("body"))
     with pytest.raises(LayoutError):
         build(load_device(folder))
@@ -98,7 +98,7 @@ def test_nothing_is_left_where_nothing_was_finished(folder, ran, monkeypatch):
     assert not (folder / "build").exists()
 
 
-def test_finished_stages_become_the_build_where_there_is_none(folder, ran, monkeypatch):
+def test_completed_stages_become_the_build_if_there_is_none(folder, ran, monkeypatch):
     fails(folder, monkeypatch, stage_optimize, failing("layout.json"))
     assert hidden(folder) == []
     assert (folder / "build" / "mesh.vtu").exists()
@@ -107,7 +107,7 @@ def test_finished_stages_become_the_build_where_there_is_none(folder, ran, monke
     assert ran.count("simulate") == 1
 
 
-def test_a_good_build_stays_and_new_stages_are_taken_up_later(folder, ran, monkeypatch):
+def test_good_build_stays_and_completed_stages_are_reused_later(folder, ran, monkeypatch):
     build(load_device(folder))
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
     fails(folder, monkeypatch, stage_optimize, failing("layout.json"))
@@ -119,21 +119,21 @@ def test_a_good_build_stays_and_new_stages_are_taken_up_later(folder, ran, monke
     assert hidden(folder) == []
 
 
-def test_a_look_at_another_mesh_costs_no_later_stage(folder, ran):
+def test_build_of_another_mesh_costs_no_later_stage(folder, ran):
     build(load_device(folder))
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
     build(load_device(folder), "mesh")
     assert not (folder / "build" / "layout.json").exists()
     change(folder, "edge_length = 7.0", "edge_length = 6.0")
     del ran[:]
-    found = build(load_device(folder))
-    assert (found.made, ran) == ((), [])
-    assert len(found.reused) == 6
+    result = build(load_device(folder))
+    assert (result.made, ran) == ((), [])
+    assert len(result.reused) == 6
     assert hidden(folder) == []
 
 
-def test_later_stages_outlast_what_comes_after_a_look_at_another_mesh(folder, ran):
-    """A build that is removed by hand, and one that was interrupted while trading places."""
+def test_later_stages_survive_removed_and_interrupted_builds(folder, ran):
+    """One build is removed by the user, another is interrupted while folders are swapped."""
     build(load_device(folder))
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
     build(load_device(folder), "mesh")
@@ -150,7 +150,7 @@ def test_later_stages_outlast_what_comes_after_a_look_at_another_mesh(folder, ra
     assert hidden(folder) == []
 
 
-def test_a_failure_after_stages_that_the_build_has_leaves_nothing(folder, ran, monkeypatch):
+def test_failure_after_reused_stages_leaves_nothing(folder, ran, monkeypatch):
     build(load_device(folder))
     change(folder, "noise = 0.002", "noise = 0.003")
     monkeypatch.setattr(stage_optimize, "run", failing("layout.json"))
@@ -160,9 +160,8 @@ def test_a_failure_after_stages_that_the_build_has_leaves_nothing(folder, ran, m
     assert (folder / "build" / "layout.json").exists()
 
 
-def test_poses_outlast_builds_that_fail_earlier(folder, ran, monkeypatch):
-    """Poses solved before cords failed are there once a script that was broken since is mended, and
-    a build with another mesh failed, too."""
+def test_solved_poses_survive_builds_that_fail_earlier(folder, ran, monkeypatch):
+    """Poses are reused after a failed script and a failed build with another mesh."""
     build(load_device(folder))
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
     for module, output in ((stage_optimize, "layout.json"), (stage_body, "body"),
@@ -180,7 +179,7 @@ def test_poses_outlast_builds_that_fail_earlier(folder, ran, monkeypatch):
     assert hidden(folder) == []
 
 
-def test_an_interrupted_build_is_gone_on_with_after_another_failed(folder, ran, monkeypatch):
+def test_interrupted_build_is_resumed_after_another_failed(folder, ran, monkeypatch):
     build(load_device(folder))
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
     fails(folder, monkeypatch, stage_optimize, interrupt, KeyboardInterrupt)
@@ -190,13 +189,13 @@ def test_an_interrupted_build_is_gone_on_with_after_another_failed(folder, ran, 
     assert build(load_device(folder)).made == ("optimize", "fabricate", "report")
 
 
-def test_stages_that_are_wanted_are_not_lost_to_an_interrupted_build(folder, ran, monkeypatch):
+def test_needed_stages_are_not_replaced_by_an_interrupted_build(folder, ran, monkeypatch):
     build(load_device(folder))
     for before, after in (("6.0", "7.0"), ("6.0", "8.0")):
         change(folder, f"edge_length = {before}", f"edge_length = {after}")
         fails(folder, monkeypatch, stage_optimize, interrupt, KeyboardInterrupt)
         change(folder, f"edge_length = {after}", f"edge_length = {before}")
-        if after == "7.0":  # all is up to date; what was interrupted is kept
+        if after == "7.0":  # all is up to date; completed stages are kept
             assert build(load_device(folder)).made == ()
             assert hidden(folder) == [".build-kept"]
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
@@ -204,7 +203,7 @@ def test_stages_that_are_wanted_are_not_lost_to_an_interrupted_build(folder, ran
 
 
 @pytest.mark.parametrize("damaged", ["{", "{}"])
-def test_a_damaged_layout_is_made_anew_for_a_renamed_device(folder, ran, damaged):
+def test_damaged_layout_is_made_again_for_a_renamed_device(folder, ran, damaged):
     build(load_device(folder))
     layout = folder / "build" / "layout.json"
     whole = layout.read_text("utf-8")
@@ -214,7 +213,7 @@ def test_a_damaged_layout_is_made_anew_for_a_renamed_device(folder, ran, damaged
     assert json.loads(layout.read_text("utf-8"))["device"] == "beam"
 
 
-def test_a_device_that_is_renamed_has_no_file_with_its_old_name(folder, ran):
+def test_renamed_device_has_no_file_with_its_old_name(folder, ran):
     build(load_device(folder))
     change(folder, 'name = "bar"', 'name = "beam"')
     assert build(load_device(folder)).made == ("fabricate", "report")

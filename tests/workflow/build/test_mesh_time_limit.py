@@ -1,4 +1,4 @@
-"""A mesh that came of a mesher's want of time, once there is more time."""
+"""Test that a mesh limited by time is made again once the limit is raised."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.places import DEVICES
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A bar that is an STL file, on a machine that has no meshes yet."""
+    """Return a bar that is an STL file, with an empty cache of meshes."""
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "cache"))
     made = tmp_path / "bar"
     made.mkdir()
@@ -35,7 +35,7 @@ def limited(folder, seconds):
     return load_device(folder)
 
 
-def test_it_is_made_anew_only_where_the_limit_was_raised(folder, monkeypatch):
+def test_mesh_is_made_again_only_if_the_limit_is_raised(folder, monkeypatch):
     real = stage_mesh.tetrahedralize
 
     def slow(*given):
@@ -44,7 +44,7 @@ def test_it_is_made_anew_only_where_the_limit_was_raised(folder, monkeypatch):
     with monkeypatch.context() as m:
         m.setattr(stage_mesh, "tetrahedralize", slow)
         assert build(load_device(folder), "mesh").made == ("body", "mesh")
-    assert [made.time_limit for made in mesh_lock.read(folder).values()] == [60.0]
+    assert [made.time_limit for made in mesh_lock.read_meshes(folder).values()] == [60.0]
     assert build(load_device(folder), "mesh").made == ()
     text = (folder / "device.toml").read_text("utf-8")
     assert build(limited(folder, 50), "mesh").made == ()

@@ -1,4 +1,4 @@
-"""The same device gives the same design everywhere; a mesh that is no such thing stays with it."""
+"""Test that builds are repeatable, and that a mesh that is not is kept with the device."""
 
 import json
 import shutil
@@ -17,7 +17,7 @@ SMALL = ("edge_length = 6.0", "edge_length = 15.0"), ("0.25, 0.5, 0.75, 1.0", "1
 
 @pytest.fixture
 def device(tmp_path):
-    """A coarse bar of one cord, in a folder by any name."""
+    """Return a function that writes a coarse bar into a folder with a given name."""
 
     def make(name, *changes):
         folder = tmp_path / name
@@ -42,7 +42,7 @@ def hashes(folder):
 
 @pytest.mark.slow
 def test_two_users_get_the_same_layout(device, tmp_path, monkeypatch, capsys):
-    """Each with an empty cache and a home of its own, one with the solid as a STEP file."""
+    """Each has an empty cache and a separate home; one has the solid as a STEP file."""
     made = []
     for name in ("one", "other/folder"):
         monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / f"cache-{len(made)}"))
@@ -64,9 +64,7 @@ def test_two_users_get_the_same_layout(device, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_a_mesh_that_cannot_be_made_again_is_kept_with_the_device(
-    device, tmp_path, monkeypatch, capsys
-):
+def test_mesh_that_is_not_repeatable_is_kept_with_the_device(device, tmp_path, monkeypatch, capsys):
     def last(surface, edge_length):
         return [w for w in plan_methods(surface, edge_length) if w.mesher == FTETWILD]
 
@@ -79,7 +77,7 @@ def test_a_mesh_that_cannot_be_made_again_is_kept_with_the_device(
     capsys.readouterr()
     assert main(["mesh", str(first), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == []
-    # Somebody else gets the folder without what was built.
+    # Another user gets the folder without the build.
     second = tmp_path / "second"
     shutil.copytree(first, second, ignore=shutil.ignore_patterns("build"))
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "empty"))
