@@ -1,1 +1,1 @@
-"""The mode in which the finished device is measured, trained and run."""
+"""The mode that calibrates, records, trains and runs the finished device."""

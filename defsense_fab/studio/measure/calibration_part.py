@@ -1,4 +1,4 @@
-"""The cord's response, measured on a specimen, and the device made to use it."""
+"""Measure the response of the cord on a specimen, and use it in the device."""
 
 from __future__ import annotations
 
@@ -20,193 +20,252 @@ from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 from . import jobs
 from .measurement_screen import MeasurementScreen
-from .measurement_screen import response_words
+from .result_texts import StatusText, response_text
 
-_RESPONSE = "response.json"
-_LEAVES = 10.0  # s that a measurement has to end
+_RESPONSE_FILE = "response.json"
+_CLOSE_TIMEOUT_S = 10.0  # time in which a measurement has to end
 
 
 class CalibrationPart:
-    """A folder of the panel; one measurement at a time, on a thread, and fits in a process."""
+    """Folder of the panel that measures specimens on a thread and fits responses in a process.
+
+    Args:
+        bench: The workbench.
+
+    Attributes:
+        folder: Folder of the panel that holds the controls.
+        status: What the measurement or the job does.
+        job: Simulates specimens and fits the response.
+        screen: The screen of the running measurement, or None.
+        finished_steps: Number of finished readings of the last measurement.
+        step_count: Number of its readings.
+        fit_result: The last fit, or None.
+        is_fit_simulated: Whether it was fitted to simulated specimens.
+    """
+
+    folder: Any
+    status: StatusText
 
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
-        self.work = BackgroundJob("work", self._progress, self._ended)
-        self._told_of: Callable[[Any], str] = str
+        self.job = BackgroundJob("job", self._show_progress, self.end_job)
+        self._on_result: Callable[[Any], None] = lambda _: None
         self.worker = LatestWorker[Callable[[], None]](lambda work: work(), bench.show_error)
         self.screen: MeasurementScreen | None = None
+        self.finished_steps = self.step_count = 0
+        self.fit_result: jobs.FitResult | None = None
+        self.is_fit_simulated = False
 
     @property
     def busy(self) -> bool:
         """Whether a measurement is prepared, runs or ends."""
         return self.worker.busy
 
+    @property
+    def can_use_response(self) -> bool:
+        """Whether the button that uses the response is visible."""
+        return bool(self._use.visible)
+
     def wait(self, timeout_s: float) -> bool:
         """Wait until no measurement runs; return False after `timeout_s`."""
         return self.worker.wait(timeout_s)
 
     def add_panel(self) -> None:
+        """Add the controls to the open folder of the panel."""
         gui, bench = self._bench.server.gui, self._bench
-        self._folder = gui.add_folder("Calibrate the cord", expand_by_default=False)
-        with self._folder:
+        self.folder = gui.add_folder("Calibrate the cord", expand_by_default=False)
+        with self.folder:
             self._port = gui.add_text(
-                "Board", "twin:speed=20",
-                hint="The read-out board's port: /dev/ttyUSB0, COM3; twin:speed=20, simulated",
-            )  # fmt: skip
+                "Board",
+                "twin:speed=20",
+                hint="Enter the port of the read-out board, such as /dev/ttyUSB0 or COM3; or"
+                " twin:speed=20 to simulate it",
+            )
             self._specimen = gui.add_text(
-                "Specimen", "specimen",
-                hint="What defsense calibrate specimen wrote: a folder in the device's",
-            )  # fmt: skip
+                "Specimen",
+                "specimen",
+                hint="Enter the folder that `defsense calibrate specimen` wrote",
+            )
             self._start = bench.button(
-                "Measure a specimen", "Guided, jig by jig", self.start, color="green"
+                "Measure a specimen", "Measure it jig by jig", self.start, color="green"
             )
             bench.button(
-                "Simulate specimens", "Sessions of two, without waiting, to try the fit",
+                "Simulate specimens",
+                "Simulate two specimens to try the fit",
                 self.simulate,
-            )  # fmt: skip
-            bench.button("Fit the response", "To all sessions on specimens in the folder", self.fit)
+            )
+            bench.button(
+                "Fit the response", "Fit it to all measured specimens in the folder", self.fit
+            )
             self._cancel = bench.button(
-                "Cancel", "Files stay as they were", self.work.cancel, visible=False
+                "Cancel", "Stop the job and keep all files", self.job.cancel, visible=False
             )
-            self._told = gui.add_markdown("")
+            self.status = StatusText(gui)
             self._use = bench.button(
-                "Use it in this device", "[cord] response; can be undone", self.use, visible=False
+                "Use the response",
+                "Set [cord] response of this device. Undo restores it",
+                self.use,
+                visible=False,
             )
+
+    def set_options(self, *, port: str | None = None, specimen: str | None = None) -> None:
+        """Set the board's port and the specimen's folder; None leaves an option unchanged."""
+        if port is not None:
+            self._port.value = port
+        if specimen is not None:
+            self._specimen.value = specimen
 
     def start(self) -> None:
-        """Measure a specimen, or go on with it, on a thread."""
+        """Measure a specimen, or continue its measurement, on a thread."""
         if self.busy:
-            self._tell("A measurement is under way; stop it first.")
+            self.status.show("A measurement is running. Stop it first.", "busy")
             return
         self._start.disabled = True
-        self._tell("Preparing ...")
-        self.worker.give(self._go)
+        self.status.show("Preparing ...")
+        self.worker.give(self._run)
 
     def simulate(self) -> None:
-        """Sessions of simulated specimens of the device's cord."""
-        there = [p.name for p in self._bench.project.folder.glob(f"{jobs.SIMULATED}-*")]
-        if there:
-            self._tell(f"**`{there[0]}` is there already: fit it, or remove it first.**")
+        """Simulate sessions on specimens of the device's cord."""
+        folder = self._bench.project.folder
+        existing = [p.name for p in folder.glob(f"{jobs.SIMULATED_PREFIX}-*")]
+        if existing:
+            self.status.show_problem(
+                f"`{existing[0]}` exists already. Fit it, or delete it first.", "path-exists"
+            )
             return
-        self._do(partial(jobs.simulate_specimens, self._bench.project.folder), _simulated)
+        self._start_job(partial(jobs.simulate_specimens, folder), self._show_simulated)
 
     def fit(self) -> None:
-        """To all sessions on specimens; beside device.toml."""
+        """Fit the response to the specimens of the folder, and write it next to device.toml.
+
+        Simulated specimens are used only if no specimen was measured.
+        """
         folder = self._bench.project.folder
         every = specimen_sessions(folder)
-        real = [p for p in every if not _is_simulated(p)]
-        found = real or every  # what is simulated says nothing of a cord that was measured
-        if not found:
-            self._tell("**No specimen was measured yet: *Measure a specimen*, or simulate some.**")
+        measured = [p for p in every if not p.name.startswith(jobs.SIMULATED_PREFIX)]
+        used = measured or every
+        if not used:
+            self.status.show_problem(
+                "No specimen was measured yet. Measure or simulate specimens first.",
+                "no-specimen",
+            )
             return
         self._use.visible = False
-        told_of = self._fitted if real else self._fitted_to_simulated
-        self._do(partial(jobs.fit, found, folder / _RESPONSE), told_of)
+        self.is_fit_simulated = not measured
+        self._start_job(partial(jobs.fit, used, folder / _RESPONSE_FILE), self._show_fit)
 
     def use(self) -> None:
-        """The response in place of the data sheet's."""
-        if self._bench.apply(use_response(_RESPONSE)):
-            self._tell(
-                "The device uses the measured response: *Optimise* and build it anew under *Make*."
+        """Replace the device's response by the fitted one."""
+        if self._bench.apply(use_response(_RESPONSE_FILE)):
+            self.status.show(
+                "The device uses the measured response. Optimize the cords and build it again.",
+                "response-used",
             )
             self._use.visible = False
 
+    def end_job(self, error: DefsenseError | None, result: Any) -> None:
+        """Show the error or the result of a job that has ended."""
+        self._cancel.visible = False
+        if error is not None:
+            self.status.show_error(error)
+        else:
+            self._on_result(result)
+
     def close(self) -> None:
-        """What was measured stays, and can be gone on with."""
+        """Stop the measurement, which can be continued later, and the job."""
         if self.screen is not None:
             self.screen.press("q")
-        self.worker.wait(_LEAVES)
+        self.worker.wait(_CLOSE_TIMEOUT_S)
         self.worker.close()
-        self.work.close()
+        self.job.close()
 
-    def _go(self) -> None:
+    def _run(self) -> None:
+        problem: Exception | None = None
         try:
-            told = self._measure()
-        except DefsenseError as error:
-            told = f"**{error}**"
-        except Exception as error:  # told on the page: the studio goes on
-            told = f"**The measurement failed ({type(error).__name__}: {error}).**"
+            self._measure()
+        except Exception as error:  # shown on the page: the studio continues
+            problem = error
         screen, self.screen = self.screen, None
         if screen is not None:
             screen.close()
         self._start.disabled = False
-        self._tell(told)
-
-    def _measure(self) -> str:
-        home = self._bench.project.folder.resolve()
-        place = (home / self._specimen.value.strip()).resolve()
-        if not place.is_relative_to(home):
-            raise CalibrationError(
-                f"{place}: lies outside of the device's folder; copy the specimen's folder there"
+        if problem is not None:
+            self.status.show_error(problem, "The measurement")
+        elif self.finished_steps < self.step_count:
+            self.status.show(
+                f"{self.finished_steps} of {self.step_count} readings are done. Press *Measure a"
+                " specimen* to continue, or *Fit the response* to use the finished readings.",
+                "measurement-incomplete",
             )
-        about = sessions.read_specimen(place)
-        folder = (place if place.is_dir() else place.parent) / "session"
-        session, begun = sessions.create_or_resume(folder, sessions.default_settings(about))
+        else:
+            self.status.show(
+                "All readings are done. Press *Fit the response*.", "measurement-complete"
+            )
+
+    def _measure(self) -> None:
+        project_folder = self._bench.project.folder.resolve()
+        path = (project_folder / self._specimen.value.strip()).resolve()
+        if not path.is_relative_to(project_folder):
+            raise CalibrationError(
+                "is outside of the device's folder",
+                code="outside-device-folder",
+                where=path,
+                action="Copy the specimen's folder to the device's folder",
+            )
+        specimen = sessions.read_specimen(path)
+        folder = (path if path.is_dir() else path.parent) / "session"
+        session, is_resumed = sessions.create_or_resume(folder, sessions.default_settings(specimen))
         try:
             settings = ReadoutSettings(channels=3, average=session.average, rate=session.rate)
             opened = open_source(
                 self._port.value.strip(), settings, session.geometry, session.length
             )
             with self._bench.drawing_lock:
-                self.screen = MeasurementScreen(self._bench, self._folder)
-            self._tell("")
+                self.screen = MeasurementScreen(self._bench, self.folder)
+            self.status.show("")
             run_guided_measurement(session, opened.source, self.screen, opened.hands)
         except DefsenseError:
-            if not begun:
+            if not is_resumed:
                 sessions.discard_empty(session)
             raise
-        left, total = len(sessions.unfinished_steps(session)), len(session.steps)
-        if left:
-            return (
-                f"{total - left} of {total} readings are done: *Measure a specimen* goes on;"
-                " *Fit the response* takes what there is."
-            )
-        return "All readings are done: *Fit the response*."
+        self.step_count = len(session.steps)
+        self.finished_steps = self.step_count - len(sessions.unfinished_steps(session))
 
-    def _do(self, job: Any, told_of: Callable[[Any], str]) -> None:
-        if self.work.running:
-            self._tell("**Something is under way here; wait for it, or cancel it.**")
+    def _start_job(self, task: Any, on_result: Callable[[Any], None]) -> None:
+        if self.job.running:
+            self.status.show_problem("A job is running. Wait for it or cancel it.", "busy")
             return
-        self._told_of, self._cancel.visible = told_of, True
-        self._tell("Starting ...")
-        self.work.start(run_with_progress, job)
+        self._on_result, self._cancel.visible = on_result, True
+        self.status.show("Starting ...")
+        self.job.start(run_with_progress, task)
 
-    def _progress(self, share: float, told: str) -> None:
-        self._tell(f"{told} ({share:.0%})")
+    def _show_progress(self, share: float, message: str) -> None:
+        self.status.show(f"{message} ({share:.0%})")
 
-    def _ended(self, error: DefsenseError | None, result: Any) -> None:
-        self._cancel.visible = False
-        self._tell(f"**{error}**" if error is not None else self._told_of(result))
+    def _show_simulated(self, names: list[str]) -> None:
+        listed = ", ".join(f"`{name}`" for name in names)
+        self.status.show(f"Simulated {listed}. Press *Fit the response*.", "specimens-simulated")
 
-    def _fitted(self, result: Any) -> str:
+    def _show_fit(self, result: jobs.FitResult) -> None:
+        self.fit_result = result
         self._use.visible = True
-        return response_words(result)
-
-    def _fitted_to_simulated(self, result: Any) -> str:
-        return "**Of simulated specimens: this says nothing of a real cord.**\n\n" + self._fitted(
-            result
-        )
-
-    def _tell(self, told: str) -> None:
-        self._told.content = told
-
-
-def _simulated(folders: list[str]) -> str:
-    return f"Simulated {', '.join(f'`{name}`' for name in folders)}: *Fit the response*."
-
-
-def _is_simulated(session: Path) -> bool:
-    return session.name.startswith(jobs.SIMULATED)
+        text = response_text(result)
+        if self.is_fit_simulated:
+            text = (
+                "**Fitted to simulated specimens. The result does not describe a real cord.**\n\n"
+                + text
+            )
+        self.status.show(text, "response-fitted")
 
 
 def specimen_sessions(folder: Path) -> list[Path]:
-    """Sessions on specimens in a folder, and in folders of it."""
-    out = []
+    """Return the sessions on specimens in a folder and in its subfolders, sorted by path."""
+    found = []
     for path in sorted([*folder.glob(f"*/{FILE}"), *folder.glob(f"*/*/{FILE}")]):
         try:
-            said = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):  # of whatever kind it was, it tells nothing
+            manifest = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):  # damaged, whatever kind of session it is
             continue
-        if isinstance(said, dict) and "specimen" in said:
-            out.append(path.parent)
-    return out
+        if isinstance(manifest, dict) and "specimen" in manifest:
+            found.append(path.parent)
+    return found

@@ -1,4 +1,4 @@
-"""The device live on the page: which model, from which port, where its poses go."""
+"""The controls of the live loop: the model, the source of signals and the outputs."""
 
 from __future__ import annotations
 
@@ -7,207 +7,270 @@ from typing import Any
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
-from ...runtime.live.run_choices import known_models, KnownModel
-from ...runtime.live.run_choices import known_ports, KnownPort
 from ...runtime.live.live_run import RunOptions
-from ...runtime.live.run_choices import changed_since
+from ...runtime.live.run_choices import (
+    KnownModel,
+    KnownPort,
+    changed_since,
+    known_models,
+    known_ports,
+)
 from ...runtime.outputs.live_file import LiveSettings, parse_output, read_live_file
 from ...runtime.view.live_view import PagePlace
 from ...store.layout import LAYOUT, load_layout
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 from .live_session import LiveSession
-from .result_texts import notes_list, test_words
+from .result_texts import StatusText, bullet_list, decoder_error_text
 
 _NONE = "none"
 _NO_MODEL = (
-    "There is no model in this folder yet. Under *Training*, record a session and train on it, or"
-    " take a model of the simulation alone."
+    "No model in this folder yet. Under *Training*, record a session and train on it, or train on"
+    " the simulation alone."
 )
-_NOT_BUILT = "**The device is not built: build it under *Make*.**"
-_LIVE = "live.toml"
+_NOT_BUILT = "**The device is not built yet. Build it in *Make*.**"
+_LIVE_FILE = "live.toml"
 
 
 class LivePart:
-    """A folder of the panel. Outputs are sent only where they are chosen."""
+    """Folder of the panel that runs the device live.
 
-    def __init__(self, bench: Workbench, label: str) -> None:
-        """Of the mode with that label."""
-        self._bench, self._label = bench, label
-        self.session = LiveSession(self._tell, self._changed)
-        self._looking = LatestWorker(self._look, self._failed)
+    Outputs are sent only if the user chooses them.
+
+    Args:
+        bench: The workbench.
+        mode_label: Label of the mode that has this part.
+
+    Attributes:
+        session: The run.
+        folder: Folder of the panel that holds the controls.
+        status: What the run does.
+        model: The chosen model, or None.
+        is_built: Whether the device has been built.
+        changes: Sentences on the cords that differ from the build.
+    """
+
+    folder: Any
+    status: StatusText
+
+    def __init__(self, bench: Workbench, mode_label: str) -> None:
+        self._bench, self._mode_label = bench, mode_label
+        self.session = LiveSession(self._show_status, self._follow_run)
+        self.is_built, self.changes = False, list[str]()
+        self._search = LatestWorker(self._find_choices, self._show_error)
         self._models: list[KnownModel] = []
         self._ports: list[KnownPort] = []
-        self._hidden = False  # the workbench's body, by this
+        self._hides_body = False
 
     def add_panel(self) -> None:
+        """Add the controls to the open folder of the panel."""
         gui, bench = self._bench.server.gui, self._bench
-        self._folder = gui.add_folder("Live")
-        with self._folder:
-            self._model = gui.add_dropdown("Model", (_NONE,), hint="Of the device's folder")
-            self._model.on_update(lambda _: self._about())
-            self._known = gui.add_markdown("")
+        self.folder = gui.add_folder("Live")
+        with self.folder:
+            self._model = gui.add_dropdown(
+                "Model", (_NONE,), hint="Choose a model of the device's folder"
+            )
+            self._model.on_update(lambda _: self._describe_model())
+            self._model_text = gui.add_markdown("")
             self._port = gui.add_dropdown(
-                "From", (_NONE,), hint="The simulated twin, a serial port, or what was recorded"
+                "Source",
+                (_NONE,),
+                hint="Choose the simulated twin, a serial port or a recording",
             )
             with gui.add_folder("More", expand_by_default=False):
-                self._other = gui.add_text(
-                    "Other port", "",
-                    hint="In place of the one above: socket://host:port, replay:board.csv,"
-                    " twin:unit=2,cut=left@20-30",
-                )  # fmt: skip
+                self._other_port = gui.add_text(
+                    "Other source",
+                    "",
+                    hint="Replace the source above, for example by socket://host:port,"
+                    " replay:board.csv or twin:unit=2,cut=left@20-30",
+                )
                 self._outputs = gui.add_text(
-                    "Outputs", "", hint="None, unless written here: osc,port=9000; websocket"
+                    "Outputs",
+                    "",
+                    hint="List the outputs, for example osc,port=9000; websocket. Default: none",
                 )
-                self._file = gui.add_checkbox(
-                    _LIVE, False, hint="Send the outputs of the folder's live.toml, too"
+                self._uses_file = gui.add_checkbox(
+                    _LIVE_FILE, False, hint="Also send the outputs of live.toml in the folder"
                 )
-                self._keep = gui.add_checkbox(
-                    "Keep readings", True, hint="In live/ of the device's folder"
+                self._keeps_readings = gui.add_checkbox(
+                    "Keep readings", True, hint="Save the readings in live/ of the device's folder"
                 )
-                bench.button("Look again", "For models, ports and sessions", self.refresh)
+                bench.button("Refresh", "Search for models, ports and sessions again", self.refresh)
             self._start = bench.button("Start", "Run the device here", self.start, color="green")
             self._stop = bench.button("Stop", "End the live loop", self.stop, visible=False)
-            self._told = gui.add_markdown("")
+            self.status = StatusText(gui)
+
+    @property
+    def model(self) -> KnownModel | None:
+        """The chosen model, or None."""
+        return next((m for m in self._models if m.path.name == self._model.value), None)
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """File names of the offered models."""
+        return tuple(self._model.options)
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """Labels of the offered sources of signals."""
+        return tuple(self._port.options)
+
+    @property
+    def can_start(self) -> bool:
+        """Whether the button that starts the run is visible."""
+        return bool(self._start.visible)
+
+    def set_source(self, port: str, *, keeps_readings: bool = True) -> None:
+        """Use a source that is not offered, and choose whether its readings are saved."""
+        self._other_port.value, self._keeps_readings.value = port, keeps_readings
+
+    def set_outputs(self, outputs: str, *, uses_file: bool = False) -> None:
+        """Set the outputs, and choose whether those of live.toml are sent too."""
+        self._outputs.value, self._uses_file.value = outputs, uses_file
 
     def enter(self) -> None:
-        """Its mode is shown."""
+        """Follow the activation of the mode."""
         if self.session.busy:
-            self._bench.show_message("")  # that it goes on is seen
+            self._bench.show_message("")  # the mode shows that it continues
         self.refresh()
-        self._show()
+        self._show_run()
 
     def leave(self) -> None:
-        """Another mode is shown: the loop goes on."""
-        self._show(shown=False)
+        """Follow the activation of another mode; the run continues."""
+        self._show_run(is_active=False)
         if self.session.busy:
-            self._bench.show_message(f"The live loop goes on; *Stop* in {self._label} ends it.")
+            self._bench.show_message(
+                f"The live loop continues. Press *Stop* in {self._mode_label} to end it.",
+                "live-continues",
+            )
 
     def refresh(self) -> None:
-        """Look for models and ports; on a thread."""
-        self._looking.give(self._bench.project.device)
+        """Search for models and ports on a thread."""
+        self._search.give(self._bench.project.device)
 
-    def looked(self, seconds: float) -> bool:
-        """Whether that is done within so many s."""
-        return self._looking.wait(seconds)
+    def wait_for_choices(self, timeout_s: float) -> bool:
+        """Wait until the search has ended; return False after `timeout_s`."""
+        return self._search.wait(timeout_s)
 
     def start(self) -> None:
-        """Run the chosen model. Raises DefsenseError for outputs that are none."""
-        known = self._chosen()
-        if known is None:
-            self._tell(f"**{_NO_MODEL}**")
+        """Run the chosen model, or show why it cannot run."""
+        model = self.model
+        if model is None:
+            self.status.show_problem(_NO_MODEL, "no-model")
             return
-        if known.problem is not None:
-            self._tell(f"**{known.problem}**")
+        if model.problem is not None:
+            self.status.show_problem(model.problem, "model-unusable")
             return
         try:
             options = self._options()
         except DefsenseError as error:
-            self._tell(f"**{error}**")
+            self.status.show_error(error)
             return
-        if not self.session.start(known.path, self._bench.project.folder, options):
-            self._tell("The live loop runs, or is just ending; stop it first.")
+        if not self.session.start(model.path, self._bench.project.folder, options):
+            self.status.show("The live loop is running or ending. Stop it first.", "busy")
             return
-        self._buttons(busy=True)
+        self._show_buttons(is_running=True)
 
     def stop(self) -> None:
-        """End it; the body comes back once it has ended."""
-        self._tell("Stopping ...")
+        """Stop the run; the body reappears once it has ended."""
+        self.status.show("Stopping ...")
         self.session.stop()
 
     def close(self) -> None:
+        """End the run and the threads."""
         self.session.close()
-        self._looking.close()
+        self._search.close()
 
     def _options(self) -> RunOptions:
-        folder = self._bench.project.folder
-        path = folder / _LIVE
-        said = read_live_file(path) if path.exists() else LiveSettings()
+        path = self._bench.project.folder / _LIVE_FILE
+        settings = read_live_file(path) if path.exists() else LiveSettings()
         words = [word.strip() for word in self._outputs.value.split(";")]
         outputs = tuple(parse_output(word) for word in words if word)
-        if self._file.value:
+        if self._uses_file.value:
             if not path.exists():
-                read_live_file(path)  # says that it is not there
-            outputs = (*said.outputs, *outputs)
-        by = {p.label: p.port for p in self._ports}
-        port = self._other.value.strip() or by.get(self._port.value, "twin")
+                read_live_file(path)  # raises the error of a missing file
+            outputs = (*settings.outputs, *outputs)
+        ports = {p.label: p.port for p in self._ports}
         return RunOptions(
-            port=port, view=PagePlace(self._bench.server, self._folder), outputs=outputs,
-            controls=said.controls, keep=self._keep.value,
+            port=self._other_port.value.strip() or ports.get(self._port.value, "twin"),
+            view=PagePlace(self._bench.server, self.folder),
+            outputs=outputs,
+            controls=settings.controls,
+            keep=self._keeps_readings.value,
             live_file=path if path.exists() else None,
-        )  # fmt: skip
+        )
 
-    def _chosen(self) -> KnownModel | None:
-        return next((m for m in self._models if m.path.name == self._model.value), None)
+    def _show_status(self, text: str, error: Exception | None) -> None:
+        code = error.code if isinstance(error, DefsenseError) else ""
+        self.status.show(text, code)
+        self.status.error = error
 
-    def _tell(self, told: str) -> None:
-        self._told.content = told
+    def _show_error(self, error: Exception) -> None:
+        self.status.show_error(error)
 
-    def _failed(self, error: Exception) -> None:
-        self._tell(f"**{error}**")
-
-    def _changed(self) -> None:
-        """It runs, or has ended."""
+    def _follow_run(self) -> None:
+        """Follow the start or the end of a run."""
         with self._bench.drawing_lock:
-            running = self.session.run is not None
-            self._buttons(busy=running)
-            self._show()
-        if not running:
-            self.refresh()  # the readings that were kept can be played
+            is_running = self.session.run is not None
+            self._show_buttons(is_running=is_running)
+            self._show_run()
+        if not is_running:
+            self.refresh()  # the saved readings can be replayed
 
-    def _buttons(self, *, busy: bool) -> None:
-        self._start.visible, self._stop.visible = not busy, busy
+    def _show_buttons(self, *, is_running: bool) -> None:
+        self._start.visible, self._stop.visible = not is_running, is_running
 
-    def _show(self, *, shown: bool = True) -> None:
-        """The device as it moves in place of the body, in this mode and while it runs."""
-        shown = shown and self._bench.mode == self._label
+    def _show_run(self, *, is_active: bool = True) -> None:
+        """Show the moving device in place of the body, in this mode and while it runs."""
+        is_active = is_active and self._bench.mode == self._mode_label
         run, body = self.session.run, self._bench.body
         if run is not None and run.view is not None:
-            run.view.scene.visible = shown
-        hide = shown and run is not None
-        if body is not None and hide != self._hidden:
-            body.visible = not hide
-        self._hidden = hide
+            run.view.scene.visible = is_active
+        hides_body = is_active and run is not None
+        if body is not None and hides_body != self._hides_body:
+            body.visible = not hides_body
+        self._hides_body = hides_body
 
-    def _look(self, device: Device) -> None:
+    def _find_choices(self, device: Device) -> None:
         models, ports = known_models(device), known_ports(device)
         with self._bench.drawing_lock:
             self._models, self._ports = models, ports
             _offer(self._model, tuple(m.path.name for m in models) or (_NONE,))
             _offer(self._port, tuple(dict.fromkeys(p.label for p in ports)))
-        self._about()
+        self._describe_model()
 
-    def _about(self) -> None:
-        known = self._chosen()
-        if known is None:
-            built = build_folder(self._bench.project.device) / LAYOUT
-            self._known.content = _NO_MODEL if built.exists() else f"{_NO_MODEL}\n\n{_NOT_BUILT}"
+    def _describe_model(self) -> None:
+        device, model = self._bench.project.device, self.model
+        self.is_built = (build_folder(device) / LAYOUT).exists()
+        self.changes = []
+        if model is None:
+            text = _NO_MODEL if self.is_built else f"{_NO_MODEL}\n\n{_NOT_BUILT}"
+            self._model_text.content = text
             return
-        parts = [known.about, f"**{known.problem}**" if known.problem else ""]
-        parts += [self._since_build(), test_words(known.metadata)]
-        self._known.content = "\n\n".join(part for part in parts if part)
+        parts = [model.about, f"**{model.problem}**" if model.problem else ""]
+        parts += [self._compare_with_build(device), decoder_error_text(model.metadata)]
+        self._model_text.content = "\n\n".join(part for part in parts if part)
 
-    def _since_build(self) -> str:
-        device = self._bench.project.device
-        built = build_folder(device)
-        if not (built / LAYOUT).exists():
+    def _compare_with_build(self, device: Device) -> str:
+        """Return how the cords differ from the build in markdown."""
+        if not self.is_built:
             return _NOT_BUILT
         try:
-            changes = changed_since(device, load_layout(built))
+            self.changes = changed_since(device, load_layout(build_folder(device)))
         except DefsenseError as error:
             return f"**{error}**"
-        if not changes:
+        if not self.changes:
             return ""
         return (
-            "The cords have been changed or renamed since the build, and it is the built ones that"
-            " run:\n\n" + notes_list(changes)
+            "The cords have changed since the build. The built cords are used:\n\n"
+            + bullet_list(self.changes)
         )
 
 
 def _offer(dropdown: Any, options: tuple[str, ...]) -> None:
-    """Other options, the chosen one kept where it is still there."""
+    """Offer other options, and keep the chosen one if it still exists."""
     if tuple(dropdown.options) == options:
         return
-    kept = dropdown.value
+    chosen = dropdown.value
     dropdown.options = options
-    dropdown.value = kept if kept in options else options[0]
+    dropdown.value = chosen if chosen in options else options[0]

@@ -1,4 +1,4 @@
-"""The mode in which the finished device is measured, trained and run."""
+"""The mode that calibrates, records, trains and runs the finished device."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ from .training_part import TrainingPart
 
 
 class MeasureMode(Mode):
-    """What it starts goes on while another mode is shown, and ends with the studio."""
+    """Measure the finished device; what runs continues in other modes and ends with the studio.
+
+    Attributes:
+        live: Runs the device live.
+        training: Trains and evaluates models.
+        recording: Records the device.
+        calibration: Measures the response of the cord.
+    """
 
     label = "Measure"
     hint = "Record the finished device, train a model of it, and run it live."

@@ -1,4 +1,4 @@
-"""The screen of a guided recording, on the page."""
+"""The screen of a guided recording: instructions, coverage of the poses, signals and cameras."""
 
 from __future__ import annotations
 
@@ -19,189 +19,208 @@ from ...core.arrays import Bool, Float
 from ...runtime.view.live_scene import LINES
 from ..workbench.workbench import Workbench
 
-# Buttons in place of the keys that a guided routine asks for.
+PICTURE_WIDTH = 320  # pixels
+_SIGNAL_DURATION_S = 20.0  # of the plot
+_TEXT_INTERVAL_S, _PICTURE_INTERVAL_S = 0.25, 0.5  # between updates
+#: Color-blind people can distinguish tags that several cameras see from those that one sees.
+_SHARED_TAG_COLOR, _SINGLE_TAG_COLOR = (0, 158, 115), (230, 159, 0)
+_COVERED_COLOR, _UNCOVERED_COLOR = "#1f77b4", "rgba(128,128,128,.25)"
+_PHASE_TEXTS = {
+    "ready": "Press *Start* when you are ready.",
+    "showing": "Now.",
+    "done": "",
+}
 
 
-class PressedKeys:
-    """From any thread to the routine's."""
+class KeyButtons:
+    """Buttons in place of the keys of a guided routine; they may be pressed on any thread."""
 
     def __init__(self) -> None:
         self._keys = queue.SimpleQueue[str]()
 
     def press(self, key: str) -> None:
-        """As on a keyboard: enter, q and so on."""
+        """Press a key, such as "enter" or "q"."""
         self._keys.put(key)
 
     def key(self, timeout: float) -> str | None:
-        """The next one; None where none comes within so many s."""
+        """Return the next key, or None if none is pressed within `timeout` seconds."""
         try:
             return self._keys.get(timeout=timeout)
         except queue.Empty:
             return None
 
 
-# What is told while a device is recorded: what to do next, and how much of each pose was seen.
+class RecordingScreen(KeyButtons):
+    """Show a recording in a folder of the panel; implements `CaptureScreen`.
 
-_SEEN, _NOT = "#1f77b4", "rgba(128,128,128,.25)"
-_THEN = {
-    "ready": "*Begin* when you are ready.",
-    "showing": "Now.",
-    "done": "",
-}
+    Args:
+        bench: The workbench.
+        folder: Folder of the panel.
+        channels: Names of the channels.
 
-
-def step_words(view: CaptureView) -> str:
-    """Markdown: which step, what to do, what is there, what is wrong."""
-    name, seconds = view.steps[view.step]
-    left = view.left if view.phase == "showing" else seconds
-    lines = [
-        f"#### {view.step + 1} of {len(view.steps)}: {name}, {left:.0f} s",
-        f"**{view.next}** {_THEN.get(view.phase, '')}",
-    ]
-    counts = [f"{view.samples} samples"]
-    if view.cameras:
-        counts.append(f"{view.frames} pictures")
-        counts.append(f"tags: {view.several} of {view.tags} by several cameras, {view.single} by"
-                      " one")  # fmt: skip
-    if math.isfinite(view.residual):
-        counts.append(f"residual {view.residual:.2f} px")
-    lines.append("; ".join(counts))
-    lines += [f"- **{note}**" for note in view.notes]
-    return "\n\n".join(lines)
-
-
-def coverage_bars(reached: Mapping[str, tuple[float, Bool]]) -> str:
-    """HTML: of each pose the parts of its way, from rest to its extreme, that were seen; empty
-    where that is not known."""
-    if not reached:
-        return ""
-    rows = "".join(_pose(name, most, seen) for name, (most, seen) in reached.items())
-    return (
-        f'<div style="font-size:11px;line-height:1.4">{rows}<div style="opacity:.7">'
-        "of the way from rest to each pose, seen so far</div></div>"
-    )
-
-
-def _pose(name: str, most: float, seen: Bool) -> str:
-    parts = "".join(
-        f'<span style="flex:1;height:9px;margin-right:2px;background:{_SEEN if part else _NOT}">'
-        "</span>"
-        for part in seen
-    )
-    return (
-        '<div style="display:flex;align-items:center;gap:4px">'
-        f'<span style="width:30%;overflow:hidden;text-overflow:ellipsis">{html.escape(name)}</span>'
-        f'<span style="flex:1;display:flex">{parts}</span>'
-        f'<span style="width:14%;text-align:right">{100 * most:.0f} %</span></div>'
-    )
-
-
-# What a camera sees, small, with the tags that were found.
-
-WIDTH = 320  # pixels
-#: Told apart by all: tags that several cameras see, and those that one does.
-_SEVERAL, _ONE = (0, 158, 115), (230, 159, 0)
-
-
-def small_picture(view: CameraView) -> NDArray[np.uint8]:
-    """(h, WIDTH, 3) RGB; grey while there is no picture."""
-    if view.image is None:
-        return np.full((WIDTH * 9 // 16, WIDTH, 3), 128, np.uint8)
-    h, w = view.image.shape[:2]
-    tall = max(2, round(WIDTH * h / w))
-    small = cv2.resize(view.image, (WIDTH, tall), interpolation=cv2.INTER_AREA)
-    if small.ndim == 2:
-        small = np.repeat(small[:, :, None], 3, axis=2)
-    small = np.ascontiguousarray(small[:, :, ::-1])
-    scale = np.array([WIDTH / w, tall / h])
-    for quad, shared in zip(view.outlines, view.shared, strict=True):
-        at = np.round((np.asarray(quad) + 0.5) * scale - 0.5).astype(np.int32)
-        cv2.polylines(small, [at], True, _SEVERAL if shared else _ONE, 2)
-    return np.asarray(small, np.uint8)
-
-
-def camera_words(view: CameraView) -> str:
-    """Its name, and what it finds."""
-    if view.image is None:
-        return f"{view.name}: no picture"
-    return f"{view.name}: {len(view.ids)} tags, {view.rate:.0f} pictures/s"
-
-
-_SECONDS = 20.0  # of signals that are drawn
-_SIGNALS, _PICTURES = 0.25, 0.5  # s between two drawings
-
-
-class RecordingScreen(PressedKeys):
-    """A `CaptureScreen`; its handles are made in the `folder`, and taken away by `close`. Buttons
-    `press` keys."""
+    Attributes:
+        view: The state that is shown, or None before the first one.
+        pictures: The shown pictures (h, PICTURE_WIDTH, 3) by the names of the cameras.
+        text_interval_s: Time between updates of the texts and the plot, s.
+        picture_interval_s: Time between updates of the pictures, s.
+    """
 
     def __init__(self, bench: Workbench, folder: Any, channels: tuple[str, ...]) -> None:
-        import viser.uplot as uplot
-
         super().__init__()
         gui = bench.server.gui
         self._bench = bench
-        self._rows: deque[tuple[float, Float]] = deque()
-        self._drawn = self._pictured = 0.0
-        self._cameras: dict[str, tuple[Any, Any]] = {}
+        self.view: CaptureView | None = None
+        self.pictures: dict[str, NDArray[np.uint8]] = {}
+        self.text_interval_s, self.picture_interval_s = _TEXT_INTERVAL_S, _PICTURE_INTERVAL_S
+        self._signals: deque[tuple[float, Float]] = deque()
+        self._drawn_at = self._pictures_drawn_at = 0.0
+        self._camera_handles: dict[str, tuple[Any, Any]] = {}
         with folder:
             self._folder = gui.add_folder("Recording")
         with self._folder:
-            self._said = gui.add_markdown("Preparing ...")
-            self._group("Step", {"Begin": "enter", "Again": "r", "Back": "b", "Skip": "s"})
-            self._group("Recording", {"Stop": "q"})
-            self._pictures = gui.add_folder(None)
+            self._text = gui.add_markdown("Preparing ...")
+            self._add_keys("Step", {"Start": "enter", "Repeat": "r", "Back": "b", "Skip": "s"})
+            self._add_keys("Recording", {"Stop": "q"})
+            self._pictures_folder = gui.add_folder(None)
             self._bars = gui.add_html("")
-            series = (uplot.Series(label="s"), *(
-                uplot.Series(label=name, stroke=LINES[k % len(LINES)], width=2)
-                for k, name in enumerate(channels)
-            ))  # fmt: skip
-            empty = (np.zeros(1), *(np.zeros(1) for _ in channels))
-            self._plot: Any = None
-            if channels:
-                self._plot = gui.add_uplot(
-                    empty, series, aspect=1.6, title="(R - R0)/R0, last 20 s",
-                    scales={"x": uplot.Scale(time=False, auto=True)},
-                )  # fmt: skip
+            self._plot = self._add_plot(channels) if channels else None
 
     def show(self, view: CaptureView) -> None:
+        """Show the state of the recording, at most once in each interval."""
         now = time.monotonic()
-        self._rows.append((now, np.asarray(view.signals, float)))
-        while now - self._rows[0][0] > _SECONDS:
-            self._rows.popleft()
-        if now - self._drawn < _SIGNALS and view.phase != "done":
+        self._signals.append((now, np.asarray(view.signals, float)))
+        while now - self._signals[0][0] > _SIGNAL_DURATION_S:
+            self._signals.popleft()
+        if now - self._drawn_at < self.text_interval_s and view.phase != "done":
             return
-        self._drawn = now
-        self._said.content = step_words(view)
+        self._drawn_at = now
+        self.view = view
+        self._text.content = step_text(view)
         bars = coverage_bars(view.reached)
         if self._bars.content != bars:
             self._bars.content = bars
         if self._plot is not None:
-            when = np.array([t for t, _ in self._rows]) - now
-            values = np.nan_to_num(np.array([s for _, s in self._rows]))
-            self._plot.data = (when, *values.T)
-        if now - self._pictured >= _PICTURES:
-            self._pictured = now
+            times = np.array([t for t, _ in self._signals]) - now
+            values = np.nan_to_num(np.array([s for _, s in self._signals]))
+            self._plot.data = (times, *values.T)
+        if now - self._pictures_drawn_at >= self.picture_interval_s:
+            self._pictures_drawn_at = now
             self._show_cameras(view)
 
     def close(self) -> None:
-        """Take it off the page."""
+        """Remove the screen from the page."""
         with self._bench.drawing_lock:
             self._folder.remove()
 
-    def _group(self, name: str, keys: Mapping[str, str]) -> None:
-        """Buttons in a row."""
-        group = self._bench.server.gui.add_button_group(name, tuple(keys))
+    def _add_plot(self, channels: tuple[str, ...]) -> Any:
+        from viser import uplot
+
+        lines = (
+            uplot.Series(label=name, stroke=LINES[k % len(LINES)], width=2)
+            for k, name in enumerate(channels)
+        )
+        return self._bench.server.gui.add_uplot(
+            (np.zeros(1), *(np.zeros(1) for _ in channels)),
+            (uplot.Series(label="s"), *lines),
+            aspect=1.6,
+            title="(R - R0)/R0, last 20 s",
+            scales={"x": uplot.Scale(time=False, auto=True)},
+        )
+
+    def _add_keys(self, label: str, keys: Mapping[str, str]) -> None:
+        """Add a row of buttons that press keys."""
+        group = self._bench.server.gui.add_button_group(label, tuple(keys))
         group.on_click(lambda _: self.press(keys[group.value]))
 
     def _show_cameras(self, view: CaptureView) -> None:
+        gui = self._bench.server.gui
         for camera in view.cameras:
-            image, told = small_picture(camera), camera_words(camera)
-            if camera.name not in self._cameras:
-                with self._pictures:
-                    words = self._bench.server.gui.add_markdown(told)
-                    shown = self._bench.server.gui.add_image(image, format="jpeg")
-                self._cameras[camera.name] = (words, shown)
+            picture, text = small_picture(camera), camera_text(camera)
+            self.pictures[camera.name] = picture
+            if camera.name not in self._camera_handles:
+                with self._pictures_folder:
+                    handles = (gui.add_markdown(text), gui.add_image(picture, format="jpeg"))
+                self._camera_handles[camera.name] = handles
                 continue
-            words, shown = self._cameras[camera.name]
-            words.content, shown.image = told, image
+            text_handle, image_handle = self._camera_handles[camera.name]
+            text_handle.content, image_handle.image = text, picture
+
+
+def step_text(view: CaptureView) -> str:
+    """Return the step, what to do, what is recorded and the warnings in markdown."""
+    name, duration = view.steps[view.step]
+    remaining = view.left if view.phase == "showing" else duration
+    counts = [f"{view.samples} samples"]
+    if view.cameras:
+        counts += [
+            f"{view.frames} frames",
+            f"tags: {view.several} of {view.tags} in several cameras, {view.single} in one camera",
+        ]
+    if math.isfinite(view.residual):
+        counts.append(f"residual {view.residual:.2f} px")
+    return "\n\n".join(
+        [
+            f"#### {view.step + 1} of {len(view.steps)}: {name}, {remaining:.0f} s",
+            f"**{view.next}** {_PHASE_TEXTS.get(view.phase, '')}",
+            "; ".join(counts),
+            *(f"- **{note}**" for note in view.notes),
+        ]
+    )
+
+
+def coverage_bars(coverage: Mapping[str, tuple[float, Bool]]) -> str:
+    """Return how far each pose was shown as HTML; empty if that is unknown.
+
+    Args:
+        coverage: By pose: the largest share of its way from rest, and which parts of the way were
+            seen.
+    """
+    if not coverage:
+        return ""
+    rows = "".join(_pose_bar(name, largest, parts) for name, (largest, parts) in coverage.items())
+    return (
+        f'<div style="font-size:11px;line-height:1.4">{rows}<div style="opacity:.7">'
+        "Recorded parts of the way from rest to each pose</div></div>"
+    )
+
+
+def _pose_bar(name: str, largest: float, parts: Bool) -> str:
+    boxes = "".join(
+        '<span style="flex:1;height:9px;margin-right:2px;'
+        f'background:{_COVERED_COLOR if is_covered else _UNCOVERED_COLOR}"></span>'
+        for is_covered in parts
+    )
+    return (
+        '<div style="display:flex;align-items:center;gap:4px">'
+        f'<span style="width:30%;overflow:hidden;text-overflow:ellipsis">{html.escape(name)}</span>'
+        f'<span style="flex:1;display:flex">{boxes}</span>'
+        f'<span style="width:14%;text-align:right">{100 * largest:.0f} %</span></div>'
+    )
+
+
+def small_picture(view: CameraView) -> NDArray[np.uint8]:
+    """Return a camera's picture (h, PICTURE_WIDTH, 3) RGB with the outlines of its tags.
+
+    It is gray if there is no recent picture.
+    """
+    if view.image is None:
+        return np.full((PICTURE_WIDTH * 9 // 16, PICTURE_WIDTH, 3), 128, np.uint8)
+    h, w = view.image.shape[:2]
+    height = max(2, round(PICTURE_WIDTH * h / w))
+    small = cv2.resize(view.image, (PICTURE_WIDTH, height), interpolation=cv2.INTER_AREA)
+    if small.ndim == 2:
+        small = np.repeat(small[:, :, None], 3, axis=2)
+    small = np.ascontiguousarray(small[:, :, ::-1])
+    scale = np.array([PICTURE_WIDTH / w, height / h])
+    for outline, is_shared in zip(view.outlines, view.shared, strict=True):
+        corners = np.round((np.asarray(outline) + 0.5) * scale - 0.5).astype(np.int32)
+        color = _SHARED_TAG_COLOR if is_shared else _SINGLE_TAG_COLOR
+        cv2.polylines(small, [corners], True, color, 2)
+    return np.asarray(small, np.uint8)
+
+
+def camera_text(view: CameraView) -> str:
+    """Return the name of a camera, its number of tags and its frame rate."""
+    if view.image is None:
+        return f"{view.name}: no picture"
+    return f"{view.name}: {len(view.ids)} tags, {view.rate:.0f} frames/s"

@@ -1,4 +1,4 @@
-"""What trainings and evaluations tell, as markdown."""
+"""Texts of the Measure mode: the status of a part, and the results of its jobs in markdown."""
 
 from __future__ import annotations
 
@@ -6,67 +6,136 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...core.errors import DefsenseError
+from .jobs import EvaluationResult, FitResult, TrainingResult
 
-def decoder_table(told: Mapping[str, Any]) -> str:
-    """Errors by decoder, of what a model's training told; empty where it tells none."""
-    candidates = told.get("candidates") or ()
+
+class StatusText:
+    """The status of a part of the panel.
+
+    Args:
+        gui: The viser server's gui; the text is added to its open folder.
+
+    Attributes:
+        text: The text in markdown.
+        code: Identifier of the status, such as "busy", or the code of the error; empty for progress
+            and results.
+        error: The error that is shown, or None.
+    """
+
+    def __init__(self, gui: Any) -> None:
+        self._handle = gui.add_markdown("")
+        self.text, self.code = "", ""
+        self.error: Exception | None = None
+
+    def show(self, text: str, code: str = "") -> None:
+        """Show a text in markdown."""
+        self.text, self.code, self.error = text, code, None
+        self._handle.content = text
+
+    def show_problem(self, text: str, code: str) -> None:
+        """Show in bold what the user has to do first."""
+        self.show(f"**{text}**", code)
+
+    def show_error(self, error: Exception, task: str = "") -> None:
+        """Show an error; the studio continues.
+
+        Args:
+            error: The error.
+            task: Subject of the sentence about a fault of the program, such as "The recording".
+        """
+        if isinstance(error, DefsenseError):
+            self.show_problem(str(error), error.code)
+        elif task:
+            self.show_problem(f"{task} failed ({type(error).__name__}: {error}).", "task-failed")
+        else:
+            self.show_problem(str(error), "task-failed")
+        self.error = error
+
+
+def decoder_table(metadata: Mapping[str, Any]) -> str:
+    """Return the errors of the decoders of a training in markdown.
+
+    Args:
+        metadata: Metadata of the model's training.
+
+    Returns:
+        The table; empty if the metadata contain no errors.
+    """
+    candidates = metadata.get("candidates") or ()
     if not candidates:
         return ""
-    lines = ["| decoder | folds | test | peak |", "|---|---:|---:|---:|"]
+    lines = ["| Decoder | Folds | Test | Peak |", "|---|---:|---:|---:|"]
     for row in candidates:
         name, test = row["decoder"], row.get("test")
-        shown = f"**{name}**" if name == told.get("decoder") else name
+        label = f"**{name}**" if name == metadata.get("decoder") else name
         cells = ["-", "-"]
         if test is not None:
             cells = [f"{test['rmse']:.2f}", f"{test['peak']:.2f}"]
-        lines.append(f"| {shown} | {row['cross_validated']:.2f} | {' | '.join(cells)} |")
-    about = "Errors of markers, mm (RMSE; the largest); bold: chosen by the folds."
-    pictures = told.get("pictures")
-    if isinstance(pictures, Mapping):
-        about += (
-            f" Trained on {pictures['trained']} pictures, tested on the {pictures['tested']} after."
+        lines.append(f"| {label} | {row['cross_validated']:.2f} | {' | '.join(cells)} |")
+    note = "Errors of the markers in mm (RMSE; peak: the largest). Bold: chosen by the folds."
+    images = metadata.get("pictures")
+    if isinstance(images, Mapping):
+        note += (
+            f" Trained on {images['trained']} images and tested on the {images['tested']} that"
+            " follow."
         )
-    return "\n".join([*lines, "", about])
+    return "\n".join([*lines, "", note])
 
 
-def test_words(told: Mapping[str, Any]) -> str:
-    """The error of the decoder that was chosen, in a line; empty where none was tested."""
-    for row in told.get("candidates") or ():
+def decoder_error_text(metadata: Mapping[str, Any]) -> str:
+    """Return the test error of the chosen decoder; empty if it was not tested."""
+    for row in metadata.get("candidates") or ():
         test = row.get("test")
-        if row["decoder"] == told.get("decoder") and test is not None:
-            return f"In its test: **{test['rmse']:.2f} mm** (peak {test['peak']:.1f} mm)"
+        if row["decoder"] == metadata.get("decoder") and test is not None:
+            return f"Test error: **{test['rmse']:.2f} mm** (peak {test['peak']:.1f} mm)"
     return ""
 
 
-def trained_words(result: Mapping[str, Any]) -> str:
-    """Of a training that has just ended."""
-    parts = [f"Wrote `{result['path']}`.", decoder_table(result["told"])]
-    if "trained_on" in result["told"]:
+def training_text(result: TrainingResult) -> str:
+    """Return the result of a training in markdown."""
+    parts = [f"Wrote `{result.path}`.", decoder_table(result.metadata)]
+    if "trained_on" in result.metadata:
         parts.append(
-            f"It knows {result['told']['trained_on']}: nothing of this device was measured; expect"
-            " errors of several times the prediction until it is trained on a session."
+            f"The model was trained on {result.metadata['trained_on']} and not on measurements of"
+            " this device. Expect errors several times the prediction until you train on a session."
         )
-    return "\n\n".join(part for part in [*parts, notes_list(result["notes"])] if part)
+    return "\n\n".join(part for part in [*parts, bullet_list(result.notes)] if part)
 
 
-def evaluated_words(result: Mapping[str, Any]) -> str:
-    """Of an evaluation that has just ended."""
-    n = result["numbers"]
+def evaluation_text(result: EvaluationResult) -> str:
+    """Return the result of an evaluation in markdown."""
     table = (
-        "| RMSE ± SD | peak | average peak | frames |\n|---:|---:|---:|---:|\n"
-        f"| {n['RMSE']:.2f} ± {n['SD']:.2f} | {n['peak']:.2f} | {n['average peak']:.2f} |"
-        f" {n['frames']} |\n\nErrors of markers on pictures that were not trained on, mm. All of"
-        f" it: `{result['page']}`"
+        "| RMSE ± SD | Peak | Average peak | Frames |\n|---:|---:|---:|---:|\n"
+        f"| {result.rmse:.2f} ± {result.deviation:.2f} | {result.peak:.2f} |"
+        f" {result.average_peak:.2f} | {result.frames} |\n\n"
+        "Errors of the markers in mm, on images that were not used for training. Full report:"
+        f" `{result.page}`"
     )
-    return "\n\n".join(part for part in [table, notes_list(result["notes"])] if part)
+    return "\n\n".join(part for part in [table, bullet_list(result.notes)] if part)
 
 
-def notes_list(notes: Sequence[str]) -> str:
-    """As a list; empty for none."""
-    return "\n".join(f"- {note}" for note in notes)
+def response_text(result: FitResult) -> str:
+    """Return a fitted response in markdown."""
+    data = result.data
+    low, high = data["interval"]
+    strains = data["strain_range"]
+    parts = (
+        f"**k_res = {data['k_res']:.2f}** (95 % interval: {low:.2f} to {high:.2f})",
+        str(data["reason"]),
+        f"Strains from {strains[0]:.1%} to {strains[1]:.1%}, {data['readings']} readings of"
+        f" {len(data['pieces'])} pieces. Full report: `{result.page}`",
+        bullet_list(data["warnings"]),
+    )
+    return "\n\n".join(part for part in parts if part)
 
 
-def short(path: str | Path, folder: Path) -> str:
-    """A path as it is called in the device's folder."""
+def bullet_list(lines: Sequence[str]) -> str:
+    """Return lines as a list in markdown; empty for none."""
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def relative_name(path: str | Path, folder: Path) -> str:
+    """Return a path relative to the device's folder if it is inside, else the whole path."""
     path = Path(path)
     return str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path)

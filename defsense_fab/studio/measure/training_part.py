@@ -1,4 +1,4 @@
-"""Sessions, and models that are trained on them."""
+"""Choose sessions, and train and evaluate models on them."""
 
 from __future__ import annotations
 
@@ -18,204 +18,296 @@ from ..workbench.background_job import BackgroundJob, run_with_progress
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
 from . import jobs
-from .result_texts import evaluated_words, notes_list, short, trained_words
+from .result_texts import (
+    StatusText,
+    bullet_list,
+    evaluation_text,
+    relative_name,
+    training_text,
+)
 
-_NO_SESSION = "Choose a session that is processed, or record one first."
-_BUSY = "Something is under way here; wait for it, or cancel it."
+_NO_SESSION = "Choose a processed session, or record one first."
+_MAX_SEED = 1_000_000_000
 
 
 class TrainingPart:
-    """A folder of the panel; what takes long is done in a process of its own, one at a time.
-    `trained` is called once there is another model or session."""
+    """Folder of the panel that trains models; one job at a time, in a child process.
 
-    def __init__(self, bench: Workbench, trained: Callable[[], None]) -> None:
-        self._bench, self._trained = bench, trained
-        self.work = BackgroundJob("work", self._progress, self._ended)
-        self._looking = LatestWorker(self._look, bench.show_error)
-        self._sessions: list[KnownSession] = []
+    Args:
+        bench: The workbench.
+        on_change: Called when there is another model or session.
+
+    Attributes:
+        status: What the job does.
+        job: Runs the jobs.
+        result: Result of the last job, or None.
+        sessions: The sessions of the device, newest last.
+    """
+
+    status: StatusText
+
+    def __init__(self, bench: Workbench, on_change: Callable[[], None]) -> None:
+        self._bench, self._on_change = bench, on_change
+        self.job = BackgroundJob("job", self.show_progress, self.end_job)
+        self.result: Any = None
+        self.sessions: list[KnownSession] = []
+        self._search = LatestWorker(self._find_sessions, bench.show_error)
         self._boxes: dict[Path, Any] = {}
         self._rows: list[Any] = []  # of the sessions' folder
-        self._told_of: Callable[[Any], str] = str
+        self._result_text: Callable[[Any], str] = str
         self._page: Path | None = None  # of the evaluation
 
     def add_panel(self) -> None:
+        """Add the controls to the open folder of the panel."""
         gui, bench = self._bench.server.gui, self._bench
         with gui.add_folder("Training", expand_by_default=False):
             self._folder = gui.add_folder("Sessions")
             with gui.add_folder("Record the simulated twin", expand_by_default=False):
-                self._minutes = gui.add_number(
-                    "Minutes", 10.0, min=0.2, max=240.0, step=0.1, hint="Of movement"
-                )
-                self._unit = gui.add_number(
-                    "Unit", 1, min=0, max=1_000_000_000, step=1,
-                    hint="Which built device: its tolerances and pieces of cord",
-                )  # fmt: skip
-                self._seed = gui.add_number(
-                    "Seed", 1, min=0, max=1_000_000_000, step=1, hint="Of the hand's way"
-                )
-                bench.button("Record the twin", "As defsense twin does", self.record_twin)
+                self._add_twin_controls()
             self._process = bench.button(
-                "Process the recordings", "Those that are not yet", self.process, visible=False
+                "Process the recordings",
+                "Process the sessions that are not processed yet",
+                self.process,
+                visible=False,
             )
-            bench.button("Train", "On the chosen sessions; writes model.json", self.train)
-            bench.button("Evaluate", "model.json, on pictures it was not trained on", self.evaluate)
+            bench.button("Train", f"Train {MODEL} on the chosen sessions", self.train)
+            bench.button("Evaluate", f"Test {MODEL} on images it was not trained on", self.evaluate)
             bench.button(
-                "Model of the simulation", "Without any session; writes model.json", self.simulate
+                "Train on the simulation",
+                f"Train {MODEL} without any session",
+                self.train_on_simulation,
             )
-            self._cancel = bench.button("Cancel", "Files stay as they were", self.work.cancel,
-                                        visible=False)  # fmt: skip
+            self._cancel = bench.button(
+                "Cancel", "Stop the job and keep all files", self.job.cancel, visible=False
+            )
             self._bar = gui.add_progress_bar(0.0, visible=False)
-            self._told = gui.add_markdown("")
+            self.status = StatusText(gui)
             self._result = gui.add_markdown("")
-            self._open = gui.add_button(
-                "Get the evaluation's page", hint="As a file of the browser", visible=False
+            self._download = gui.add_button(
+                "Download the evaluation", hint="Save its report as a file", visible=False
             )
-            self._open.on_click(lambda event: self._send(event.client))
+            self._download.on_click(lambda event: self.send_page(event.client))
 
-    def refresh(self) -> None:
-        """Look for sessions; on a thread."""
-        self._looking.give(self._bench.project.device)
-
-    def looked(self, seconds: float) -> bool:
-        """Whether that is done within so many s."""
-        return self._looking.wait(seconds)
+    def _add_twin_controls(self) -> None:
+        gui = self._bench.server.gui
+        self._minutes = gui.add_number(
+            "Duration (min)", 10.0, min=0.2, max=240.0, step=0.1, hint="Set the time of movement"
+        )
+        self._unit = gui.add_number(
+            "Unit",
+            1,
+            min=0,
+            max=_MAX_SEED,
+            step=1,
+            hint="Choose the built device: its tolerances and pieces of cord",
+        )
+        self._seed = gui.add_number(
+            "Seed", 1, min=0, max=_MAX_SEED, step=1, hint="Choose the movement of the hand"
+        )
+        self._bench.button(
+            "Record the twin", "Simulate a session, as `defsense twin` does", self.record_twin
+        )
 
     @property
     def chosen(self) -> list[Path]:
-        """The sessions whose boxes are ticked."""
+        """Folders of the chosen sessions."""
         return [folder for folder, box in self._boxes.items() if box.value]
 
+    @property
+    def offered(self) -> list[Path]:
+        """Folders of the sessions that can be chosen."""
+        return list(self._boxes)
+
+    @property
+    def can_process(self) -> bool:
+        """Whether the button that processes recordings is visible."""
+        return bool(self._process.visible)
+
+    @property
+    def can_download(self) -> bool:
+        """Whether the button that downloads the evaluation is visible."""
+        return bool(self._download.visible)
+
+    @property
+    def shows_progress(self) -> bool:
+        """Whether the progress of a job is visible."""
+        return bool(self._bar.visible)
+
+    @property
+    def twin_seed(self) -> int:
+        """Seed of the next simulated session."""
+        return int(self._seed.value)
+
+    def choose(self, folders: list[Path]) -> None:
+        """Choose these sessions and no others."""
+        for folder, box in self._boxes.items():
+            box.value = folder in folders
+
+    def set_twin(self, *, minutes: float | None = None, seed: int | None = None) -> None:
+        """Set the duration and the seed of the next simulated session; None changes nothing."""
+        if minutes is not None:
+            self._minutes.value = minutes
+        if seed is not None:
+            self._seed.value = seed
+
+    def refresh(self) -> None:
+        """Search for sessions on a thread."""
+        self._search.give(self._bench.project.device)
+
+    def wait_for_sessions(self, timeout_s: float) -> bool:
+        """Wait until the search has ended; return False after `timeout_s`."""
+        return self._search.wait(timeout_s)
+
     def record_twin(self) -> None:
-        """A session of the device's twin."""
+        """Record a session of the device's simulated twin."""
         device = self._bench.project.device
         if not (build_folder(device) / LAYOUT).exists():
-            self._fail("A twin needs a built device: build it under *Make*.")
+            self.status.show_problem(
+                "The device is not built yet. Build it in *Make*.", "not-built"
+            )
             return
         unit, seed = int(self._unit.value), int(self._seed.value)
         out = session_folder(device, unit, seed)
         if out.exists():
-            self._fail(f"`{out.name}` is there already; choose another seed or unit.")
+            self.status.show_problem(
+                f"`{out.name}` exists already. Choose another seed or unit.", "path-exists"
+            )
             return
-        job = partial(jobs.record_twin, device.source, float(self._minutes.value), unit, seed)
-        self._do(job, self._recorded)
+        task = partial(jobs.record_twin, device.source, float(self._minutes.value), unit, seed)
+        self._start_job(task, self._recording_text)
 
     def process(self) -> None:
-        """The sessions that were recorded, and are not processed yet."""
-        raw = [s.folder for s in self._sessions if s.is_raw]
+        """Process the recorded sessions that are not processed yet."""
+        raw = [s.folder for s in self.sessions if s.is_raw]
         if raw:
-            self._do(partial(jobs.process, raw), notes_list)
+            self._start_job(partial(jobs.process, raw), bullet_list)
 
     def train(self) -> None:
-        """On the chosen sessions, with the simulation as far as the folds find it worth."""
+        """Train a model on the chosen sessions; cross-validation decides the simulation's part."""
         if not self.chosen:
-            self._fail(_NO_SESSION)
+            self.status.show_problem(_NO_SESSION, "no-session-chosen")
             return
-        self._do(partial(jobs.train, self._bench.project.folder, self.chosen), trained_words)
+        task = partial(jobs.train, self._bench.project.folder, self.chosen)
+        self._start_job(task, training_text)
 
-    def simulate(self) -> None:
-        """A model before the first session."""
-        self._do(partial(jobs.simulate, self._bench.project.folder), trained_words)
+    def train_on_simulation(self) -> None:
+        """Train a model on the simulated states alone."""
+        self._start_job(
+            partial(jobs.train_on_simulation, self._bench.project.folder), training_text
+        )
 
     def evaluate(self) -> None:
-        """The model of the folder, on the chosen sessions."""
+        """Evaluate the folder's model on the chosen sessions."""
         folder = self._bench.project.folder
         if not (folder / MODEL).exists():
-            self._fail(f"There is no `{MODEL}` yet: train one first.")
+            self.status.show_problem(f"No `{MODEL}` yet. Train a model first.", "no-model")
             return
         if not self.chosen:
-            self._fail(_NO_SESSION)
+            self.status.show_problem(_NO_SESSION, "no-session-chosen")
             return
-        self._do(partial(jobs.evaluate, folder, folder / MODEL, self.chosen), self._evaluated)
+        task = partial(jobs.evaluate, folder, folder / MODEL, self.chosen)
+        self._start_job(task, self._evaluation_text)
 
-    def close(self) -> None:
-        self.work.close()
-        self._looking.close()
-
-    def _do(self, job: Any, told_of: Callable[[Any], str]) -> None:
-        if self.work.running:
-            self._fail(_BUSY)
-            return
-        self._told_of = told_of
-        self._told.content, self._bar.value = "Starting ...", 0.0
-        self._result.content, self._open.visible = "", False
-        self._bar.visible = self._cancel.visible = True
-        self.work.start(run_with_progress, job)
-
-    def _fail(self, told: str) -> None:
-        self._told.content = f"**{told}**"
-
-    def _progress(self, share: float, told: str) -> None:
-        self._bar.value = 100 * share
-        self._told.content = told
-
-    def _ended(self, error: DefsenseError | None, result: Any) -> None:
-        self._bar.visible = self._cancel.visible = False
-        if error is not None:
-            self._fail(str(error))
-            return
-        self._told.content = ""
-        self._result.content = self._told_of(result)
-        self.refresh()
-        self._trained()
-
-    def _recorded(self, folders: list[str]) -> str:
-        names = ", ".join(f"`{short(f, self._bench.project.folder)}`" for f in folders)
-        self._offer_seed(self._bench.project.device)
-        return f"Recorded {names}: *Train* on it."
-
-    def _offer_seed(self, device: Device) -> None:
-        """The next whose session is not there yet."""
-        free = int(self._seed.value)
-        while session_folder(device, int(self._unit.value), free).exists():
-            free += 1
-        if free != self._seed.value:
-            self._seed.value = free
-
-    def _evaluated(self, result: dict[str, Any]) -> str:
-        self._page = Path(result["page"])
-        self._open.visible = True
-        return evaluated_words(result)
-
-    def _send(self, client: Any) -> None:
+    def send_page(self, client: Any) -> None:
+        """Send the report of the evaluation to a browser."""
         if client is None or self._page is None:
             return
         try:
             content = self._page.read_bytes()
         except OSError as error:
-            self._fail(f"{self._page}: cannot be read ({error.strerror}); evaluate once more.")
+            self.status.show_problem(
+                f"{self._page}: cannot be read ({error.strerror}). Evaluate again.",
+                "file-unreadable",
+            )
             return
         client.send_file_download(self._page.name, content)
 
-    def _look(self, device: Device) -> None:
+    def show_progress(self, share: float, message: str) -> None:
+        """Show the completed share (0 to 1) of the job and a message."""
+        self._bar.value = 100 * share
+        self.status.show(message)
+
+    def end_job(self, error: DefsenseError | None, result: Any) -> None:
+        """Show the error or the result of a job that has ended."""
+        self._bar.visible = self._cancel.visible = False
+        if error is not None:
+            self.status.show_error(error)
+            return
+        self.status.show("")
+        self.result = result
+        self._result.content = self._result_text(result)
+        self.refresh()
+        self._on_change()
+
+    def close(self) -> None:
+        """End the job and the threads."""
+        self.job.close()
+        self._search.close()
+
+    def _start_job(self, task: Any, result_text: Callable[[Any], str]) -> None:
+        if self.job.running:
+            self.status.show_problem("A job is running. Wait for it or cancel it.", "busy")
+            return
+        self._result_text, self.result = result_text, None
+        self.status.show("Starting ...")
+        self._bar.value = 0.0
+        self._result.content, self._download.visible = "", False
+        self._bar.visible = self._cancel.visible = True
+        self.job.start(run_with_progress, task)
+
+    def _recording_text(self, folders: list[str]) -> str:
+        names = ", ".join(f"`{relative_name(f, self._bench.project.folder)}`" for f in folders)
+        self._offer_free_seed(self._bench.project.device)
+        return f"Recorded {names}. Press *Train* to train on it."
+
+    def _evaluation_text(self, result: jobs.EvaluationResult) -> str:
+        self._page = Path(result.page)
+        self._download.visible = True
+        return evaluation_text(result)
+
+    def _offer_free_seed(self, device: Device) -> None:
+        """Set the seed to the next one without a session."""
+        seed = int(self._seed.value)
+        while session_folder(device, int(self._unit.value), seed).exists():
+            seed += 1
+        if seed != self._seed.value:
+            self._seed.value = seed
+
+    def _find_sessions(self, device: Device) -> None:
         sessions = known_sessions(device)
         with self._bench.drawing_lock:
-            if sessions == self._sessions and self._rows:
+            if sessions == self.sessions and self._rows:
                 return
-            self._offer_seed(device)
+            self._offer_free_seed(device)
             self._process.visible = any(s.is_raw for s in sessions)
-            was = {folder: box.value for folder, box in self._boxes.items()}
+            was_chosen = {folder: box.value for folder, box in self._boxes.items()}
             for row in self._rows:
                 row.remove()
-            self._sessions, self._boxes, self._rows = sessions, {}, []
+            self.sessions, self._boxes, self._rows = sessions, {}, []
             with self._folder:
-                self._add_rows(sessions, was, device)
+                self._list_sessions(sessions, was_chosen, device)
 
-    def _add_rows(
-        self, sessions: list[KnownSession], was: dict[Path, bool], device: Device
+    def _list_sessions(
+        self, sessions: list[KnownSession], was_chosen: dict[Path, bool], device: Device
     ) -> None:
         gui = self._bench.server.gui
-        useful = [s for s in sessions if s.problem is None]
-        for session in useful:
-            # A new one is what the person wants to train on.
-            newest = session is useful[-1]
+        usable = [s for s in sessions if s.problem is None]
+        for session in usable:
+            is_newest = session is usable[-1]  # the user most likely wants to train on it
             box = gui.add_checkbox(
-                short(session.folder, device.source), was.get(session.folder, newest),
+                relative_name(session.folder, device.source),
+                was_chosen.get(session.folder, is_newest),
                 hint=session.summary,
-            )  # fmt: skip
+            )
             self._boxes[session.folder] = box
             self._rows.append(box)
-        useless = [s for s in sessions if s.problem is not None]
-        told = notes_list([f"`{short(s.folder, device.source)}` {s.problem}" for s in useless])
+        text = bullet_list(
+            [
+                f"`{relative_name(s.folder, device.source)}` {s.problem}"
+                for s in sessions
+                if s.problem is not None
+            ]
+        )
         if not sessions:
-            told = "There is none yet: record the twin, or the device with `defsense capture`."
-        self._rows.append(gui.add_markdown(told))
+            text = "No sessions yet. Record the twin here, or the device with `defsense capture`."
+        self._rows.append(gui.add_markdown(text))
