@@ -65,7 +65,8 @@ def apriltag(folder: Path) -> None:
                 f"{len(distance)} (corners within {np.median(distance):.1f} px of those by hand)"
             )
         sys.stdout.write(
-            f"{path.name}: of {len(marked)} tags marked by hand {marked_found[0]}, by OpenCV {marked_found[1]}\n"
+            f"{path.name}: of {len(marked)} tags marked by hand {marked_found[0]},"
+            f" by OpenCV {marked_found[1]}\n"
         )
 
 

@@ -41,7 +41,7 @@ from defsense_fab.optimize.search.candidate_families import waves_through_body
 from defsense_fab.optimize.search.candidates import build_pool
 from defsense_fab.optimize.search.starting_layouts import candidate_choices, select_starts
 from defsense_fab.sensing.built_cord import BuiltCord
-from defsense_fab.workflow.build import build
+from defsense_fab.workflow.build.build import build
 
 BAR = Path("fixtures/devices/bar")
 

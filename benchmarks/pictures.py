@@ -157,7 +157,7 @@ def expose(
     for p in sorted(patches, key=lambda p: -p.center[2]):
         n = p.pattern.shape[0]
         around = np.array([[-1, -1], [n + 1, -1], [n + 1, n + 1], [-1, n + 1]])
-        outline = camera.project(p.at(around))
+        outline = camera.project(p.to_world(around))
         low, high = np.floor(outline.min(0)) - pad, np.ceil(outline.max(0)) + pad + 1
         x0, y0 = np.maximum(low, 0).astype(int)
         x1, y1 = np.minimum(high, camera.size).astype(int)

@@ -1,10 +1,11 @@
-"""Damaged files of bodies, and what the command and the studio say to them.
+"""Damage files of bodies and check how the build and the studio handle them.
 
-`python -m tests.support.body_fuzz [--count 200] [--seed 1] [--limit 60]`: each file is taken through
-the build's first stage, and every third through what the studio does with a file that is dropped on
-it. Whatever is not a body in one piece, or a message of one line, is a fault: a traceback, a
-hang, memory beyond the bound, files left behind, a surface that is not closed. Readers that crash
-in their own process, which is told in a line, are counted apart.
+    python -m tests.support.body_fuzz [--count 200] [--seed 1] [--limit 60]
+
+Each file passes the first stage of the build; every third is also dropped on the studio. Allowed
+are a body in one piece, and a message of one line. Faults are tracebacks, hangs, memory beyond the
+limit, files that are not removed, and open surfaces. Readers that crash in their own process, with
+a message of one line, are counted separately.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _TEXT = (".step", ".obj", ".off", ".mesh", ".gltf")
 
 
 def originals() -> dict[str, bytes]:
-    """A sound file of each kind, by suffix; binary and text where a format has both."""
+    """Return a valid file of each kind, by suffix; binary and text if a format has both."""
     import meshio
     import trimesh
 
@@ -46,7 +47,7 @@ def originals() -> dict[str, bytes]:
     small = trimesh.Trimesh(v * 1e-3, f, process=False)
     points = np.concatenate([v, [[0.0, 0, 0]]])
     tets = np.column_stack([f, np.full(len(f), len(v))])
-    found = {
+    contents = {
         ".stl": mesh.export(file_type="stl"),
         " ascii.stl": mesh.export(file_type="stl_ascii").encode(),
         ".obj": mesh.export(file_type="obj").encode(),
@@ -56,7 +57,7 @@ def originals() -> dict[str, bytes]:
         ".glb": trimesh.Scene(small).export(file_type="glb"),
     }
     files = trimesh.exchange.gltf.export_gltf(trimesh.Scene(small), embed_buffers=True)
-    found[".gltf"] = next(c for n, c in files.items() if n.endswith(".gltf"))
+    contents[".gltf"] = next(c for n, c in files.items() if n.endswith(".gltf"))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_3mf({"a": Surface(v, f)}, folder / "a.3mf", "a")
@@ -66,11 +67,12 @@ def originals() -> dict[str, bytes]:
 
         part = bd.fillet(bd.Box(60, 30, 20).edges().filter_by(bd.Axis.Z), 4) - bd.Cylinder(5, 20)
         occ.write_step(part.solids()[0].wrapped, folder / "a.step", "a")
-        found |= {p.suffix: p.read_bytes() for p in folder.iterdir()}
-    return found
+        contents |= {p.suffix: p.read_bytes() for p in folder.iterdir()}
+    return contents
 
 
 def flipped(data: bytes, suffix: str, rng: Rng) -> bytes:
+    """Change random bytes."""
     out = bytearray(data)
     for _ in range(int(rng.integers(1, 40))):
         out[rng.integers(len(out))] = rng.integers(256)
@@ -78,30 +80,31 @@ def flipped(data: bytes, suffix: str, rng: Rng) -> bytes:
 
 
 def truncated(data: bytes, suffix: str, rng: Rng) -> bytes:
+    """Cut the file off."""
     return data[: int(rng.integers(len(data)))]
 
 
 def doubled(data: bytes, suffix: str, rng: Rng) -> bytes:
-    """A piece of it once more, somewhere else."""
+    """Repeat a piece of the file at another place."""
     a, b = sorted(rng.integers(len(data), size=2))
     at = int(rng.integers(len(data)))
     return data[:at] + data[a:b] + data[at:]
 
 
 def counted(data: bytes, suffix: str, rng: Rng) -> bytes:
-    """A number in it, or four bytes, claim billions."""
+    """Make a number, or four bytes, claim billions."""
     if suffix == ".stl" and not data.startswith(b"solid"):
         return data[:80] + struct.pack("<I", 2**32 - 1 - int(rng.integers(99))) + data[84:]
     return _numbers(data, rng, [b"4294967295", b"2000000000", b"99999999999999", b"-1"])
 
 
 def indexed(data: bytes, suffix: str, rng: Rng) -> bytes:
-    """Indices that nothing has."""
+    """Insert indices that do not exist."""
     return _numbers(data, rng, [b"123456789", b"-7", b"1e9", b"99999"])
 
 
 def unreal(data: bytes, suffix: str, rng: Rng) -> bytes:
-    """Numbers that are none."""
+    """Insert invalid numbers."""
     return _numbers(data, rng, [b"nan", b"inf", b"-inf", b"1e308", b"1e-320", b"--", b""])
 
 
@@ -115,9 +118,9 @@ def _numbers(data: bytes, rng: Rng, put: list[bytes]) -> bytes:
             out[at : at + 4] = [b"\xff\xff\xff\x7f", b"\xff\xff\xff\xff", b"\0\0\x80\x7f",
                                 b"\0\0\xc0\x7f"][int(rng.integers(4))]  # fmt: skip
         return bytes(out)
-    found = list(re.finditer(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?", data))
-    for match in sorted(rng.choice(len(found), 3), reverse=True):
-        m = found[match]
+    contents = list(re.finditer(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?", data))
+    for match in sorted(rng.choice(len(contents), 3), reverse=True):
+        m = contents[match]
         data = data[: m.start()] + put[int(rng.integers(len(put)))] + data[m.end() :]
     return data
 
@@ -127,7 +130,7 @@ def suffix_is_binary(data: bytes) -> bool:
 
 
 def nested(data: bytes, suffix: str, rng: Rng) -> bytes:
-    """Brackets a hundred thousand deep, where brackets belong."""
+    """Nest brackets 100,000 deep, where brackets are allowed."""
     deep = 100_000
     if suffix == ".gltf":
         return b'{"asset": {"version": "2.0"}, "meshes": ' + b"[" * deep + b"]" * deep + b"}"
@@ -148,7 +151,7 @@ def nested(data: bytes, suffix: str, rng: Rng) -> bytes:
 
 
 def looped(data: bytes, suffix: str, rng: Rng) -> bytes:
-    """References that go in circles, and swapped ones."""
+    """Insert circular references, or exchange references."""
     if suffix == ".step":
         import re
 
@@ -167,7 +170,7 @@ def looped(data: bytes, suffix: str, rng: Rng) -> bytes:
 
 
 def zipped(data: bytes, change: Callable[[bytes], bytes]) -> bytes:
-    """A 3MF file whose model is changed."""
+    """Return a 3MF file with a changed model."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(out, "w", 8) as new:
         for name in old.namelist():
@@ -177,7 +180,7 @@ def zipped(data: bytes, change: Callable[[bytes], bytes]) -> bytes:
 
 
 def bomb(data: bytes, suffix: str, rng: Rng) -> bytes:
-    """A little that becomes a lot."""
+    """Insert content that expands to a huge size."""
     if suffix == ".3mf":
         return zipped(data, lambda text: text.replace(b"<vertices>", b"<vertices>" + b" " * 2**29))
     if suffix == ".vtu":
@@ -189,6 +192,7 @@ def bomb(data: bytes, suffix: str, rng: Rng) -> bytes:
 
 
 def emptied(data: bytes, suffix: str, rng: Rng) -> bytes:
+    """Keep nothing, or the first bytes."""
     return [b"", data[:4], data[:80], b"\0" * 84, b"solid x\nendsolid x\n", data[:200]][
         int(rng.integers(6))
     ]
@@ -200,7 +204,7 @@ MUTATIONS: tuple[Mutation, ...] = (
 
 
 def mutated(count: int, seed: int) -> list[tuple[str, bytes]]:
-    """Names that tell what was done, with a suffix, wrong in every ninth, and contents."""
+    """Return names and contents of damaged files; every ninth has a wrong suffix."""
     sound, rng = originals(), np.random.default_rng(seed)
     kinds, out = sorted(sound), []
     for k in range(count):
@@ -233,8 +237,11 @@ process = "fdm-tpu"
 
 
 def built(name: str, content: bytes, folder: Path, limit: float) -> str:
-    """What the build's first stage makes of a file: `ok`, or what it says; raises AssertionError
-    where something is left behind, or what is made is no closed surface."""
+    """Return the result of the first stage of the build: `ok`, or the message.
+
+    Raises:
+        AssertionError: Files remain, or the resulting surface is not closed.
+    """
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.core.errors import DefsenseError
     from defsense_fab.store.body import load_surface
@@ -248,12 +255,12 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
     try:
         stage_body.run(load_device(folder, complete=False), build, lambda *_: None)
     except DefsenseError as error:
-        said = str(error)
+        messages = str(error)
     else:
-        said = ""
-    if said:
+        messages = ""
+    if messages:
         assert not list(build.iterdir()), "something half-written"
-        return _line(said)
+        return _line(messages)
     surface = load_surface(build)
     edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     counts = np.unique(edges, axis=0, return_counts=True)[1]
@@ -263,30 +270,30 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
 
 
 def dropped(name: str, content: bytes) -> str:
-    """What the studio makes of a file."""
+    """Return the result of dropping the file on the studio: `ok`, or the message."""
     from defsense_fab.core.errors import DefsenseError
-    from defsense_fab.workflow.starts.dropped_body import look_at_file
+    from defsense_fab.workflow.starts.dropped_body import load_body_content
 
     try:
-        look_at_file(name, content)
+        load_body_content(name, content)
     except DefsenseError as error:
         return _line(str(error))
     return "ok"
 
 
-def _line(said: str) -> str:
-    if "\n" in said or "Traceback" in said:
-        raise AssertionError(f"more than one line: {said}")
-    return said
+def _line(messages: str) -> str:
+    if "\n" in messages or "Traceback" in messages:
+        raise AssertionError(f"more than one line: {messages}")
+    return messages
 
 
-def outcome(said: str) -> str:
-    """What a message is: `ok`, `refused`, `crash told`, or `fault`."""
-    if said == "ok":
-        return said
-    if said.startswith("FAULT") or "did not end within" in said:
+def outcome(messages: str) -> str:
+    """Return the kind of a message: `ok`, `refused`, `crash told`, or `fault`."""
+    if messages == "ok":
+        return messages
+    if messages.startswith("FAULT") or "did not end within" in messages:
         return "fault"
-    return "crash told" if "ended early" in said else "refused"
+    return "crash told" if "ended early" in messages else "refused"
 
 
 def main() -> None:
@@ -302,22 +309,24 @@ def main() -> None:
         for k, (name, content) in enumerate(mutated(options.count, options.seed)):
             if k < options.first:
                 continue
-            begun, said = time.monotonic(), []
+            started_at, messages = time.monotonic(), []
             try:
                 with tempfile.TemporaryDirectory() as folder:
-                    said.append(built(name, content, Path(folder), options.limit))
+                    messages.append(built(name, content, Path(folder), options.limit))
                 if k % 3 == 0:
-                    said.append(dropped(name, content))
+                    messages.append(dropped(name, content))
                 assert not os.listdir(scratch), "files left behind"
             except Exception:
-                said.append("FAULT " + traceback.format_exc().strip().replace("\n", " | ")[-600:])
-            seconds = time.monotonic() - begun
-            for line in said:
+                messages.append(
+                    "FAULT " + traceback.format_exc().strip().replace("\n", " | ")[-600:]
+                )
+            seconds = time.monotonic() - started_at
+            for line in messages:
                 outcomes[outcome(line)] += 1
                 print(f"{name} ({len(content)} B, {seconds:.1f} s): {outcome(line)}:"
                       f" {line[-260:]}", flush=True)  # fmt: skip
-    most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
-    print(f"{dict(outcomes)}; the largest process {most:.2f} GB")
+    peak_gb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+    print(f"{dict(outcomes)}; the largest process {peak_gb:.2f} GB")
 
 
 if __name__ == "__main__":

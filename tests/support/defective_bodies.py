@@ -1,7 +1,7 @@
-"""Organic bodies with the defects that meshes come with, each beside the body that was meant.
+"""Organic bodies with the usual defects of meshes, each with the intended body.
 
-`python -m tests.support.defective_bodies [--detail 4]` repairs each and measures the result against
-what was meant, by other means than the repair's own.
+`python -m tests.support.defective_bodies [--detail 4]` repairs each body and compares the result
+with the intended body, by methods that the repair does not use.
 """
 
 from __future__ import annotations
@@ -16,8 +16,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Defective:
-    """A body of about 100 mm: its triangles as they came, and the volume (mm3) and the surface that
-    was meant, of which `None` where only the volume is known."""
+    """A defective body of about 100 mm.
+
+    Attributes:
+        vertices: Vertices (n, 3) mm.
+        faces: Triangles (m, 3).
+        volume: Volume of the intended body, mm3.
+        meant: Vertices and triangles of the intended body; None if only the volume is known.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -33,7 +39,7 @@ def _sphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def creature(detail: int) -> tuple[np.ndarray, np.ndarray]:
-    """A head with two ears and a nose, from a sphere."""
+    """Return a head with two ears and a nose, made from a sphere."""
     v, f = _sphere(detail)
     out = np.ones(len(v))
     for way, height, width in (((0.6, 0, 0.8), 0.7, 0.35), ((-0.6, 0, 0.8), 0.7, 0.35),
@@ -45,12 +51,13 @@ def creature(detail: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def volume_of(v: np.ndarray, f: np.ndarray) -> float:
+    """Return the volume of a closed surface, mm3."""
     a, b, c = (v[f[:, i]] for i in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 def _ring(f: np.ndarray, vertex: int, times: int = 1) -> np.ndarray:
-    """The triangles around a vertex."""
+    """Return the triangles around a vertex."""
     own = np.array([vertex])
     for _ in range(times):
         own = np.unique(f[np.isin(f, own).any(1)])
@@ -58,7 +65,7 @@ def _ring(f: np.ndarray, vertex: int, times: int = 1) -> np.ndarray:
 
 
 def crossings(detail: int, seed: int) -> Defective:
-    """Single vertices dragged sideways, over the triangles beside them."""
+    """Drag single vertices sideways, over neighboring triangles."""
     v, f = creature(detail)
     clean, rng = v.copy(), np.random.default_rng(seed)
     for k in rng.choice(len(v), 3, replace=False):
@@ -69,7 +76,7 @@ def crossings(detail: int, seed: int) -> Defective:
 
 
 def folds(detail: int, seed: int) -> Defective:
-    """Neighbours that changed places."""
+    """Exchange neighboring vertices."""
     v, f = creature(detail)
     clean, rng = v.copy(), np.random.default_rng(seed)
     for row in f[rng.choice(len(f), 5, replace=False)]:
@@ -78,8 +85,11 @@ def folds(detail: int, seed: int) -> Defective:
 
 
 def open_edges(detail: int, seed: int) -> Defective:
-    """Missing triangles and patches, two holes that meet, edges with a vertex on one side only,
-    turned triangles, no common vertices."""
+    """Open the surface.
+
+    Triangles and patches are missing, two holes meet, some edges have a vertex on one side only,
+    some triangles are reversed, and no vertices are shared.
+    """
     v, f = creature(detail)
     clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
     keep = np.ones(len(f), bool)
@@ -102,7 +112,7 @@ def open_edges(detail: int, seed: int) -> Defective:
 
 
 def slivers(detail: int, seed: int) -> Defective:
-    """Needles and caps: triangles of no height, some doubled, some with a corner twice."""
+    """Add needles and caps: triangles without height, duplicates, repeated corners."""
     v, f = creature(detail)
     clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
     chosen = f[rng.choice(len(f), 20, replace=False)]
@@ -125,7 +135,7 @@ def _torus(big: float, small: float, detail: int) -> tuple[np.ndarray, np.ndarra
 
 
 def genus(detail: int, seed: int) -> Defective:
-    """Four rings and a ball that overlap, as shells of their own."""
+    """Return four rings and a ball that overlap, as separate shells."""
     rng = np.random.default_rng(seed)
     ball, f = _sphere(detail)
     meshes = [(30 * ball, f)]
@@ -153,7 +163,7 @@ def genus(detail: int, seed: int) -> Defective:
 
 
 def inner_shells(detail: int, seed: int) -> Defective:
-    """A cavity, a solid within the solid, and crumbs."""
+    """Add a cavity, a solid within the solid, and crumbs."""
     v, f = creature(detail)
     rng = np.random.default_rng(seed)
     ball, g = _sphere(2)
@@ -163,7 +173,7 @@ def inner_shells(detail: int, seed: int) -> Defective:
 
 
 def non_manifold(detail: int, seed: int) -> Defective:
-    """Fins, an inner wall, a corner that two sheets have, and an edge with four triangles."""
+    """Add fins, an inner wall, a corner of two sheets, and an edge with four triangles."""
     v, f = creature(detail)
     clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
     tips, rows = [], []
@@ -188,7 +198,7 @@ def non_manifold(detail: int, seed: int) -> Defective:
 
 
 def overlap(detail: int, seed: int) -> Defective:
-    """One tube bent so far that its ends go through each other."""
+    """Return a tube that is bent until its ends intersect."""
     rng = np.random.default_rng(seed)
     v, f = _sphere(detail)
     v = v * np.array([8, 8, 70.0])
@@ -209,7 +219,7 @@ def overlap(detail: int, seed: int) -> Defective:
 
 
 def everything(detail: int, seed: int) -> Defective:
-    """Crossings, holes, slivers, crumbs at once, as a soup."""
+    """Combine crossings, holes, slivers and crumbs in a triangle soup."""
     v, f = creature(detail)
     clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
     for row in f[rng.choice(len(f), 3, replace=False)]:
@@ -237,7 +247,7 @@ def _joined(meshes: list) -> tuple[np.ndarray, np.ndarray]:
 
 
 def exact_winding(v: np.ndarray, f: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Winding numbers by solid angles (Van Oosterom & Strackee 1983), one by one."""
+    """Return winding numbers by solid angles (Van Oosterom & Strackee 1983), point by point."""
     out = np.zeros(len(points))
     for i, p in enumerate(points):
         a, b, c = (v[f[:, k]] - p for k in range(3))
@@ -249,7 +259,7 @@ def exact_winding(v: np.ndarray, f: np.ndarray, points: np.ndarray) -> np.ndarra
 
 
 def sampled_distance(a: tuple, b: tuple, count: int = 20000) -> float:
-    """The largest distance of points spread over `a` from the triangles `b`, by VTK."""
+    """Return the largest distance of points sampled on `a` from the triangles `b`, by VTK."""
     import trimesh
     import vtk
     from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy

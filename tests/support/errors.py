@@ -8,8 +8,8 @@ from defsense_fab.core.errors import DefsenseError
 def raises(kind, code, **data):
     """Expect an error of the class `kind` with this `code`, and at least these `data`.
 
-    Use it as `with raises(CaptureError, "port-busy", port="COM3") as caught:`; `caught.value` is the
-    error.
+    Use it as `with raises(CaptureError, "port-busy", port="COM3") as caught:`; `caught.value` is
+    the error.
     """
 
     def matches(error):

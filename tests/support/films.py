@@ -1,4 +1,4 @@
-"""Films for tests: tags that move, and boards that are held before cameras."""
+"""Films for tests: moving tags, and boards held before cameras."""
 
 import json
 
@@ -19,6 +19,7 @@ BOARD = CharucoBoard(square=30.0, marker=21.0, measured=30.0)
 
 
 def camera(name, eye, lens=(-0.12, 0.05, 0.001, -0.0005, 0.0)):
+    """Return a camera at `eye` (3,) mm that looks at the origin."""
     eye = np.array(eye, float)
     ahead = -eye / np.linalg.norm(eye)
     right = np.cross(ahead, [0, 0, 1.0])
@@ -62,7 +63,7 @@ def squares(board, cell=20):
 PICTURE, SHUTTER = squares(BOARD), Shutter()
 
 
-def held(k, spread=1.0):
+def board_scene(k, spread=1.0):
     """Return the scene with the board in its k-th position."""
     rng = np.random.default_rng(100 + k)
     tilt = rng.uniform(-0.75, 0.75, 2)
@@ -72,12 +73,14 @@ def held(k, spread=1.0):
 
 
 def take(path, camera, scene_at, duration=0.6, shutter=SHUTTER, seed=1, codec="FFV1"):
+    """Record a film of a scene, without motion of the camera."""
     return record_film(
         path, camera, scene_at, duration, shutter, Optics(), np.random.default_rng(seed), codec
     )
 
 
 def images(path):
+    """Return all images of a video."""
     video, out = cv2.VideoCapture(str(path)), []
     while True:
         good, image = video.read()
@@ -102,5 +105,6 @@ def command(capsys, *words):
     return code, out, [line for line in err.splitlines() if not line.startswith(stages)]
 
 
-def told(out):
+def parse_json(out):
+    """Return the JSON value that a command printed."""
     return json.loads(out)

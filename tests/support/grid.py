@@ -1,4 +1,4 @@
-"""Boxes of tets on a regular grid: the same on every run, with nodes on every grid plane."""
+"""Tetrahedra in boxes on a regular grid: the same on every run, with nodes on every grid plane."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from defsense_fab.core.mesh import TetMesh
 
 
 def grid_of_tets(axes: Sequence[np.ndarray]) -> TetMesh:
-    """Kuhn's six tets in each cell of the grid with these coordinates (mm) along x, y and z."""
+    """Return Kuhn's six tets in each cell of the grid with coordinates (mm) along x, y and z."""
     x, y, z = (len(a) for a in axes)
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     step = np.array([y * z, z, 1])

@@ -1,13 +1,13 @@
-"""Tracks from cameras that run freely and whose stamps are late, against the truth.
+"""Compare tracks from unsynchronized cameras with late time stamps with the true movement.
 
     python -m tests.support.late_stamps                    # 10 seeds of each condition
     python -m tests.support.late_stamps --seeds 3 --seconds 20
 
-Two cameras of 30 frames/s see twelve tags on a thing that is moved by hand; corners have noise of
-0.03 px. Each camera has its own phase and rate, its stamps are late by the absolute value of a
-normal distribution, and frames are lost. `left out` are frames in which the two could not be
-brought together, `late` the time (ms) by which the tracks' times are off in the median, `stated`
-two standard deviations that the tracks tell, and `error` the 95th percentile, mm.
+Two cameras at 30 frames/s see twelve tags on an object that is moved by hand; corners have noise of
+0.03 px. Each camera has its own phase and rate, its time stamps are late by the absolute value of a
+normal distribution, and frames are lost. `left out` are frames that could not be combined, `late`
+the median time error of the tracks (ms), `stated` two stated standard deviations, and `error` the
+95th percentile (mm).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import sys
 
 import numpy as np
 
-from defsense_fab.capture.cameras.image_sources import timing
+from defsense_fab.capture.cameras.image_sources import measure_timing
 from defsense_fab.capture.cameras.rig_file import Rig
 from defsense_fab.capture.tags.detection import TagView
 from defsense_fab.capture.tracking.observations import store_views
@@ -29,8 +29,8 @@ from tests.capture.rigs import flat, rig, spread, tags
 NOISE, TAGS, SIDE = 0.03, 12, 15.0
 
 
-def moved(corners: Float, time: Float) -> Float:
-    """Corners (t, m, 4, 3) of what a hand carries and turns, as (m, 4, 3) is at rest."""
+def move_corners(corners: Float, time: Float) -> Float:
+    """Return corners (t, m, 4, 3) that are carried and turned by hand; at rest (m, 4, 3)."""
     by = 25 * np.sin(2 * np.pi * np.outer(time, [0.7, 1.1, 0.5]) + [0, 1, 2])
     angle = 0.3 * np.sin(2 * np.pi * 0.9 * time)
     c, s = np.cos(angle), np.sin(angle)
@@ -43,7 +43,7 @@ def moved(corners: Float, time: Float) -> Float:
 def trial(
     late: float, lost: float, drift: float, seconds: float, seed: int
 ) -> tuple[int, float, float, float]:
-    """Frames left out; ms; mm stated; mm."""
+    """Return the number of excluded frames, the lag (ms), the stated error and the error (mm)."""
     rng = np.random.default_rng(seed)
     cameras, base = rig(2), tags(TAGS, rng)
     watched, true = [], []
@@ -51,23 +51,30 @@ def trial(
         step = (1 + (drift if k else 0.0)) / 30
         at = rng.uniform(0, 1 / 30) + step * np.arange(round(30 * seconds))
         at = at[rng.random(len(at)) >= lost]
-        shown = moved(base, at)
-        px = flat(camera, shown) + rng.normal(scale=NOISE, size=(*shown.shape[:3], 2))
+        moved_corners = move_corners(base, at)
+        px = flat(camera, moved_corners) + rng.normal(
+            scale=NOISE, size=(*moved_corners.shape[:3], 2)
+        )
         stamps = np.maximum.accumulate(at + np.abs(rng.normal(0, late, len(at))))
         stamps += 1e-6 * np.arange(len(at))
         views = [TagView(np.arange(TAGS), p, spread((TAGS,), NOISE), p) for p in px]
-        watched.append(VideoDetections(stamps, store_views(views), timing(stamps), len(at)))
+        watched.append(VideoDetections(stamps, store_views(views), measure_timing(stamps), len(at)))
         true.append(at)
-    found = assemble(watched, Rig(tuple(cameras)), SIDE, ["a", "b"])
+    session_tracks = assemble(watched, Rig(tuple(cameras)), SIDE, ["a", "b"])
     at = true[0]
-    lag = float(np.median(found.tracks.time - at))
-    middle = cameras[0].to_camera(moved(base, at).mean(axis=2))
-    sure = found.cameras >= 2
-    off = np.linalg.norm(found.tracks.points - middle, axis=2)
-    sigma = np.linalg.norm(found.tracks.sigma, axis=2)
+    lag = float(np.median(session_tracks.tracks.time - at))
+    middle = cameras[0].to_camera(move_corners(base, at).mean(axis=2))
+    sure = session_tracks.cameras >= 2
+    errors_mm = np.linalg.norm(session_tracks.tracks.points - middle, axis=2)
+    sigma = np.linalg.norm(session_tracks.tracks.sigma, axis=2)
     both = (at > true[1][0]) & (at < true[1][-1])
-    left = int((~sure[both].any(axis=1)).sum())
-    return left, 1e3 * lag, float(2 * np.median(sigma[sure])), float(np.percentile(off[sure], 95))
+    excluded = int((~sure[both].any(axis=1)).sum())
+    return (
+        excluded,
+        1e3 * lag,
+        float(2 * np.median(sigma[sure])),
+        float(np.percentile(errors_mm[sure], 95)),
+    )
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
-"""Peak memory of processing a recorded session: an hour of six cameras has to stay under 1 GB.
+"""Measure the peak memory of processing a session; an hour of six cameras must need < 1 GB.
 
-python -m tests.support.memory [--minutes 60] [--cameras 6] [--tags 20] [--seed 1] [--led]
+    python -m tests.support.memory [--minutes 60] [--cameras 6] [--tags 20] [--seed 1] [--led]
 
-Writes what cameras (30 pictures a second) and a board (four cords at 100 Hz) would have recorded of
-tags on known smooth paths, without any image, and processes it in a process of its own. Clocks are
-compared by motion, or with `--led` by a lamp in the first camera's view.
+The files are written as cameras (30 frames per second) and a board (four cords at 100 Hz) would
+have recorded tags on smooth paths, without any image. A separate process processes them. Clocks are
+compared by motion, or with `--led` by a lamp in the view of the first camera.
 """
 
 from __future__ import annotations
@@ -50,7 +50,13 @@ print(json.dumps([before, peak(), time.perf_counter() - began]))
 
 @dataclass(frozen=True)
 class Measured:
-    """Peak memory after the imports, and in all, MB; s that processing took."""
+    """Results of a measurement.
+
+    Attributes:
+        imports: Peak memory after the imports, MB.
+        peak: Peak memory, MB.
+        seconds: Time of processing.
+    """
 
     imports: float
     peak: float
@@ -58,7 +64,7 @@ class Measured:
 
 
 def cameras(count: int) -> list[Camera]:
-    """On an arc 400 mm before the tags."""
+    """Return cameras on an arc 400 mm before the tags."""
     out = []
     for k, angle in enumerate(np.linspace(-0.6, 0.6, count)):
         eye = 400 * np.array([np.sin(angle), 0.15 * (-1) ** k, -np.cos(angle)])
@@ -72,7 +78,7 @@ def cameras(count: int) -> list[Camera]:
 
 
 def markers(count: int) -> Markers:
-    """Tags in columns of four; the last eight are the anchor."""
+    """Return tags in columns of four; the last eight are the anchor."""
     k = np.arange(count)
     centers = np.stack([(k // 4 - (count - 1) // 8) * 30.0, (k % 4 - 1.5) * 30.0, 0.0 * k], axis=1)
     return Markers(
@@ -81,25 +87,25 @@ def markers(count: int) -> Markers:
 
 
 def level(t: Float, seconds: float) -> Float:
-    """How far the device is bent (...,), 0 at rest, never twice alike, at times s."""
+    """Return the amount of bending (...,) at times in s: 0 at rest, and never twice the same."""
     waves = np.sin(1.7 * t) + np.sin(3.1 * t + 1) + np.sin(4.7 * t + 2)
     ends = np.clip(np.minimum(t - RESTS, seconds - RESTS - t), 0, 1)
     return np.asarray(ends * (0.5 + waves / 6))
 
 
 def corners(tags: Markers, t: Float, seconds: float) -> Float:
-    """Of all tags (t, m, 4, 3) mm at times (t,) s."""
+    """Return the corners (t, m, 4, 3) mm of all tags at times (t,) s."""
     middle = np.tile(tags.centers, (len(t), 1, 1))
     free = np.maximum(tags.centers[tags.anchor, 0].min() - tags.centers[:, 0], 0.0)
     angle = 0.8 * level(t, seconds)[:, None] * free / max(free.max(), 1.0)
     middle[..., 0] += free * (1 - np.sinc(angle / np.pi))
     middle[..., 2] += free * angle / 2
-    held = np.stack([4 * np.sin(0.9 * t), 3 * np.sin(1.3 * t), 5 * np.sin(0.7 * t)], axis=1)
-    return (middle + held[:, None])[:, :, None] + tag_corners(SIDE) @ FACING.T
+    grip = np.stack([4 * np.sin(0.9 * t), 3 * np.sin(1.3 * t), 5 * np.sin(0.7 * t)], axis=1)
+    return (middle + grip[:, None])[:, :, None] + tag_corners(SIDE) @ FACING.T
 
 
 def create(folder: Path, count: int, tags: int) -> sessions.CaptureSession:
-    """A session before so many cameras, that nothing was recorded in."""
+    """Create a session with `count` cameras and without recordings."""
     calibration = folder.with_name(f"{folder.name}-cameras.toml")
     write_rig(calibration, cameras(count), {})
     return sessions.create(
@@ -113,8 +119,10 @@ def record(
     session: sessions.CaptureSession, seconds: float, rng: np.random.Generator, *,
     ohm: float = OHM, rests: bool = True, led: bool = False,
 ) -> Path:  # fmt: skip
-    """One more run of it, of cords of `ohm` at rest; with finished `rests` at both ends, and with
-    the board's `led` in the first camera's view."""
+    """Add a run of cords of `ohm` at rest.
+
+    With `rests` both ends have finished rests; with `led` the first camera sees the board's LED.
+    """
     run = session.folder / f"run-{len(session.runs) + 1}"
     run.mkdir()
     toggles = np.cumsum(rng.uniform(0.3, 1.2, int(2 * seconds) + 10))
@@ -180,20 +188,22 @@ def _record_board(run: Path, seconds: float, ohm: float, toggles: Float) -> None
 
 
 def peak() -> float:
-    """Most memory that this process held at once, MB. The system's own record of the process is
-    not asked for: it counts what the parent held when it was started."""
+    """Return the peak memory of this process, MB.
+
+    `ru_maxrss` is not used, because it includes the memory of the parent at the start.
+    """
     status = Path("/proc/self/status").read_text()
     line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
     return int(line.split()[1]) * 1024 / 1e6
 
 
 def measure(folder: Path) -> Measured:
-    """Of processing a session, in a process of its own (Linux, which tells of its memory)."""
-    done = subprocess.run(
+    """Process a session in a separate process (Linux) and return the measurement."""
+    process = subprocess.run(
         [sys.executable, "-c", _CHILD, str(folder.resolve())], check=True, text=True,
         stdout=subprocess.PIPE, cwd=Path(__file__).parents[2],
     )  # fmt: skip
-    return Measured(*json.loads(done.stdout))
+    return Measured(*json.loads(process.stdout))
 
 
 def main() -> None:
@@ -211,12 +221,12 @@ def main() -> None:
         run = record(session, 60 * options.minutes, rng, led=options.led)
         size = sum(p.stat().st_size for p in run.iterdir()) / 1e6
         print(f"recorded {size:.0f} MB in {time.perf_counter() - began:.0f} s", flush=True)
-        found = measure(session.folder)
+        measured = measure(session.folder)
         quality = json.loads((session.folder / "quality.json").read_text())
     print(
         f"{options.minutes:g} min of {options.cameras} cameras, {options.tags} tags:"
-        f" {quality['frames']} frames in {found.seconds:.0f} s; peak {found.peak:.0f} MB, of which"
-        f" imports {found.imports:.0f} MB"
+        f" {quality['frames']} frames in {measured.seconds:.0f} s; peak {measured.peak:.0f} MB,"
+        f" of which imports {measured.imports:.0f} MB"
     )
 
 

@@ -1,1 +1,1 @@
-"""A built device's guide, followed literally by hands that know only what lies where."""
+"""Follow a built device's assembly guide literally, knowing only the geometry of the parts."""

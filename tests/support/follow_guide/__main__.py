@@ -1,9 +1,9 @@
-"""Follow the guides of built devices literally, and tell of each step that cannot be done then.
+"""Follow the guides of built devices literally, and print each step that cannot be done.
 
     python -m tests.support.follow_guide DIR...
 
-Reads `build/guide.json`, and looks for all that it says in `guide.html` in the same order and in
-`guide.pdf`. Exit code 1 where something cannot be done.
+The steps of `build/guide.json` are followed, and must appear in `guide.html` in the same order, and
+in `guide.pdf`. The exit code is 1 if a step cannot be done.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from defsense_fab.core.device.device_file import load_device
 from .hands import Hands
 
 
-def followed(guide: dict[str, Any], hands: Hands) -> list[str]:
-    """What could not be done of a guide."""
+def follow_steps(guide: dict[str, Any], hands: Hands) -> list[str]:
+    """Return what could not be done of a guide."""
     for step in guide["steps"]:
         for action in step["actions"]:
             hands.do(step["number"], action)
     return hands.finish()
 
 
-def said(guide: dict[str, Any], page: str) -> list[str]:
-    """What the guide's steps say that the page does not, in the same order."""
+def compare_page(guide: dict[str, Any], page: str) -> list[str]:
+    """Return sentences of the guide that the page lacks, or has in another order."""
     lines = [line for s in guide["steps"] for a in s["actions"] for line in a["lines"]]
     items = [html.unescape(x) for x in re.findall(r"<li>(.*?)</li>", page, re.S)]
     if items == lines:
@@ -42,8 +42,8 @@ def said(guide: dict[str, Any], page: str) -> list[str]:
     return [f"guide.html says something else than guide.json from sentence {wrong + 1} on"]
 
 
-def printed(guide: dict[str, Any], path: Path) -> list[str]:
-    """What the guide's steps say that the PDF does not."""
+def compare_pdf(guide: dict[str, Any], path: Path) -> list[str]:
+    """Return sentences of the guide that the PDF lacks."""
     import pypdfium2
 
     document = pypdfium2.PdfDocument(path)
@@ -57,7 +57,7 @@ def printed(guide: dict[str, Any], path: Path) -> list[str]:
 
 
 def follow(build: Path, device: Device) -> list[str]:
-    """What could not be done of the guide in a device's folder of results."""
+    """Return what could not be done of the guide in a device's build folder."""
     guide, manifest, layout = (
         json.loads((build / name).read_text(encoding="utf-8"))
         for name in ("guide.json", "parts/manifest.json", "layout.json")
@@ -68,18 +68,24 @@ def follow(build: Path, device: Device) -> list[str]:
     }
     hands = Hands(manifest, layout, parts, device.cord.ferrule_length, device.cord.max_strain)
     page = (build / "guide.html").read_text(encoding="utf-8")
-    return followed(guide, hands) + said(guide, page) + printed(guide, build / "guide.pdf")
+    return (
+        follow_steps(guide, hands)
+        + compare_page(guide, page)
+        + compare_pdf(guide, build / "guide.pdf")
+    )
 
 
 def main() -> int:
-    bad = 0
+    failure_count = 0
     for folder in sys.argv[1:]:
-        found = follow(Path(folder) / "build", load_device(Path(folder)))
-        bad += bool(found)
-        print(f"{folder}: {'can be followed' if not found else f'{len(found)} complaints'}")
-        for text in found:
+        complaints = follow(Path(folder) / "build", load_device(Path(folder)))
+        failure_count += bool(complaints)
+        print(
+            f"{folder}: {'can be followed' if not complaints else f'{len(complaints)} complaints'}"
+        )
+        for text in complaints:
             print(f"  {text}")
-    return int(bad > 0)
+    return int(failure_count > 0)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Hands that do what a guide says, action by action, and tell of each that cannot be done then."""
+"""Do what a guide says, action by action, and record each impossible action."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .state import State
-from .workpiece import Cord, STEP
+from .workpiece import STEP, Cord
 
 ENDS = {"start": 0, "end": 1}
 OPEN = 15.0  # mm, by which a joint is opened at least to lay and to glue
@@ -16,15 +16,18 @@ GRIP = 5.0  # mm, to hold something by
 
 
 class Hands(State):
-    """Call `do` with each action of `guide.json` in turn, then `finish`; `complaints` has what
-    could not be done, with the number of its step."""
+    """Follow a guide: call `do` with each action of `guide.json`, then `finish`.
+
+    `complaints` has the actions that could not be done, with the numbers of their steps.
+    """
 
     def do(self, number: int, action: dict[str, Any]) -> None:
+        """Do an action of a step."""
         self._number, self._time = number, self._time + 1
-        what = action["do"]
-        method = getattr(self, "_" + what.replace(" ", "_").replace("-", "_"), None)
+        kind = action["do"]
+        method = getattr(self, "_" + kind.replace(" ", "_").replace("-", "_"), None)
         if method is None:
-            self._no(f"'{what}' is nothing that these hands know")
+            self._no(f"'{kind}' is nothing that these hands know")
             return
         cord = self._cords.get(action.get("cord", ""))
         end = ENDS.get(action.get("end", ""), 0)
@@ -167,19 +170,19 @@ class Hands(State):
         self._need(
             missing < 2, f"{c.name} is not laid in {missing:g} mm of a groove that is closed"
         )
-        late = [not c.crimped[e] and c.end(e)["wire"]["leaves"] in ("mouth", "outside")
+        open_ends = [not c.crimped[e] and c.end(e)["wire"]["leaves"] in ("mouth", "outside")
                 for e in (0, 1)]  # fmt: skip
         for e, k in ((0, 0), (1, -1)):
             if fresh[k]:
-                self._need(c.crimped[e] or late[e], f"{c.name} is closed in without its wire")
-                if c.end(e)["joint"] == "free" and not late[e]:
+                self._need(c.crimped[e] or open_ends[e], f"{c.name} is closed in without its wire")
+                if c.end(e)["joint"] == "free" and not open_ends[e]:
                     self._need(c.end_set[e], f"nothing holds an end of {c.name}")
             line = c.wires[e]
             if line is not None:
                 new = self._covered(line) & ~wires[c.name, e]
                 lost = STEP * float((new & ~line.laid).sum())
                 self._need(lost < 2, f"a wire of {c.name} is not in its groove that is closed")
-        if fresh.any() and now.all() and c.held and not any(late):
+        if fresh.any() and now.all() and c.held and not any(open_ends):
             self._need(c.stretched, f"{c.name} is closed in before it is stretched")
 
     def _draw(self, c: Cord, j: int) -> None:
@@ -202,8 +205,8 @@ class Hands(State):
             strain = OPEN / c.record["unstretched"] + (c.record["prestretch"] or 0.0)
             if all(stuck) or (all(fixed) and strain > self._most):
                 self._no(f"{c.name} cannot slide as joint {j} is closed over it")
-            late = [e for e in (0, 1) if not c.crimped[e] and c.line.laid[-1 if e else 0]]
-            for e in late:
+            open_ends = [e for e in (0, 1) if not c.crimped[e] and c.line.laid[-1 if e else 0]]
+            for e in open_ends:
                 hangs = (c.cut or 0.0) - self._to_mouth(c, e) - OPEN
                 self._need(hangs >= GRIP, f"{c.name} is too short to hang out of joint {j}")
 
@@ -233,15 +236,17 @@ class Hands(State):
         c.out[end], c.let_in[end] = False, True
 
     def _measure(self, action: Any, *_: Any) -> None:
-        for told in action["ohm"]:
-            c = self._cords[told["cord"]]
+        for reading in action["ohm"]:
+            c = self._cords[reading["cord"]]
             self._need(all(c.crimped), f"{c.name} is measured before it has both wires")
-            self._need(told["low"] < told["about"] < told["high"], f"{c.name}: no tolerance")
+            self._need(
+                reading["low"] < reading["about"] < reading["high"], f"{c.name}: no tolerance"
+            )
             laid = c.line.laid.any()
             ready = not laid or (self._whole(c) and self._in_place(c))
             self._need(ready, f"{c.name} is measured while it lies half")
             right = c.record["resistance" if laid else "resistance_before"]
-            self._need(abs(told["about"] - right) < 1.0, f"{c.name} will not measure that")
+            self._need(abs(reading["about"] - right) < 1.0, f"{c.name} will not measure that")
             c.measured = self._time
 
     def _wire_to_the_board(self, *_: Any) -> None:
@@ -251,7 +256,7 @@ class Hands(State):
         self._done.add(("connected",))
 
     def finish(self) -> list[str]:
-        """What is not done at the end."""
+        """Return all complaints, with what is not done at the end."""
         self._number += 1
         for j in range(len(self._joints)):
             self._need(("set", j) in self._done, f"joint {j} was never closed and set")

@@ -1,4 +1,4 @@
-"""The state of the work while hands follow a guide."""
+"""The state of the assembly while a guide is followed."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from .workpiece import Cord, cords_of, STEP
+from .workpiece import STEP, Cord, cords_of
 
 
 class State:
-    """What was done so far, and what holds because of it; `complaints` has what could not be done,
-    with the number of its step."""
+    """What has been done, and its consequences.
+
+    Attributes:
+        complaints: Actions that could not be done, with the numbers of their steps.
+    """
 
     def __init__(
         self,
@@ -21,7 +24,15 @@ class State:
         ferrule: float,
         most: float,
     ) -> None:
-        """Parts' triangles (m, 3, 3) by name; length of a ferrule, mm; most strain of a cord."""
+        """Start with nothing done.
+
+        Args:
+            manifest: The manifest of the parts.
+            layout: The layout.
+            parts: Triangles (m, 3, 3) of the parts by name.
+            ferrule: Length of a ferrule, mm.
+            most: Largest strain of a cord.
+        """
         self._joints = [tuple(set(side) for side in s["join"]) for s in manifest["assembly"]]
         self._laid_in = [set(s["cords"]) for s in manifest["assembly"]]
         self._pins = [bool(s["pins"]) for s in manifest["assembly"]]
@@ -49,19 +60,21 @@ class State:
         ])  # fmt: skip
 
     def _enclosed(self, cord: Cord, end: int) -> bool:
-        """Whether an end lies in a closed joint, and is not pulled out."""
+        """Return whether an end is in a closed joint, and not pulled out."""
         k = -1 if end else 0
         return bool(cord.line.laid[k] and self._covered(cord.line)[k] and not cord.out[end])
 
     def _whole(self, cord: Cord) -> bool:
-        """Whether all of a cord lies where it will."""
+        """Return whether all of a cord is at its final place."""
         pieces = {self._piece[n] for pair in cord.line.pairs for n in pair if n}
         return bool(cord.line.laid.all() and self._covered(cord.line).all() and len(pieces) == 1)
 
     def _spanning(self, c: Cord) -> Any:
-        """Places in no groove yet, for they lie across an open joint that the cord passes through:
-        where its faces are slanted, no longer than that makes of the channel's width, and laid on
-        both sides of it."""
+        """Return the places that are not in a groove yet, because they cross an open joint.
+
+        A cord that passes through a slanted joint crosses it on no more length than the width of
+        the channel requires, and is laid on both sides.
+        """
         out = np.zeros(len(c.line.pairs), bool)
         longest = int(2 * c.record["channel_diameter"] / STEP)
         for j, (low, high) in enumerate(self._joints):
@@ -75,27 +88,27 @@ class State:
         return out
 
     def _anchored(self, c: Cord, end: int) -> bool:
-        """Whether an end cannot slide out of its place."""
+        """Return whether an end cannot slide out of its place."""
         if c.end(end)["joint"] == "free":
             return c.end_set[end]
         return bool(c.crimped[end] and c.line.laid[-1 if end else 0])
 
     def _inner(self, j: int) -> list[int]:
-        """The joints inside of one side of a joint."""
+        """Return the joints inside one side of a joint."""
         return [
             i for i, (a, b) in enumerate(self._joints)
             if i != j and any(a | b <= side for side in self._joints[j])
         ]  # fmt: skip
 
     def _stuck(self, c: Cord, part: slice) -> bool:
-        """Whether glue that has set holds a bonded cord in some of its places."""
+        """Return whether set glue holds a bonded cord at some of its places."""
         for i, (low, high) in enumerate(self._joints):
             if ("set", i) in self._done and c.line.between(low, high)[part].any():
                 return True
         return False
 
     def _to_mouth(self, c: Cord, end: int) -> float:
-        """From the cord's first end to the mouth of the other one, mm, as it lies."""
+        """Return the length (mm) from the cord's first end to the mouth of the other end."""
         other = c.end(1 - end)
         hidden = other["pocket"] - self._ferrule / 2 if other["joint"] == "pocket" else 0.0
         return float(c.record["channel_length"]) - hidden + float(other["lead"])

@@ -1,6 +1,6 @@
-"""What lies where in a device, found from its parts' facets with rays; no part of the guide's code.
+"""Locate cords and wires between the parts of a device by rays; no code of the guide is used.
 
-A place of a cord or wire is covered when the parts above and below it are in one piece.
+A place of a cord or wire is covered if the parts above and below it belong to one joined piece.
 """
 
 from __future__ import annotations
@@ -15,7 +15,13 @@ STEP = 0.5  # mm, between places of a cord
 
 @dataclass
 class Line:
-    """A cord or a wire: the two parts at each of its places (None: outside), what is laid."""
+    """A cord or a wire.
+
+    Attributes:
+        pairs: The parts below and above each place; None: outside.
+        length: Length, mm.
+        laid: Whether each place has been laid.
+    """
 
     pairs: list[tuple[str | None, str | None]]
     length: float
@@ -25,7 +31,7 @@ class Line:
         self.laid = np.zeros(len(self.pairs), bool)
 
     def between(self, low: set[str], high: set[str]) -> Any:
-        """Which places lie between two groups of parts."""
+        """Return which places are between two groups of parts."""
         return np.array(
             [(a in low and b in high) or (a in high and b in low) for a, b in self.pairs]
         )
@@ -33,7 +39,14 @@ class Line:
 
 @dataclass
 class Cord:
-    """A cord with what was done to it; `record` is its entry in the manifest."""
+    """A cord and what has been done to it.
+
+    Attributes:
+        name: Its name.
+        record: Its entry in the manifest.
+        line: Its places.
+        wires: The wires of its ends; None if an end has no path of a wire.
+    """
 
     name: str
     record: dict[str, Any]
@@ -52,18 +65,19 @@ class Cord:
 
     @property
     def held(self) -> bool:
-        """Whether it is to be stretched between its ends."""
+        """Whether the cord must be stretched between its ends."""
         return bool(self.record["prestretch"])
 
     def end(self, which: int) -> dict[str, Any]:
-        found: dict[str, Any] = self.record["ends"][which]
-        return found
+        """Return the record of an end."""
+        entered: dict[str, Any] = self.record["ends"][which]
+        return entered
 
 
 def cords_of(
     manifest: dict[str, Any], layout: dict[str, Any], parts: dict[str, Any]
 ) -> dict[str, Cord]:
-    """Of a manifest, a layout and the parts' triangles (m, 3, 3) by name."""
+    """Return the cords of a manifest and a layout; `parts` are triangles (m, 3, 3) by name."""
     sensors = {s["name"]: s for s in layout["sensors"]}
     out = {}
     for record in manifest["cords"]:
@@ -80,50 +94,52 @@ def cords_of(
 
 
 def line_of(points: Any, normal: Any, parts: dict[str, Any]) -> Line:
-    """The parts that the rays up and down from a line's places enter first."""
+    """Return the places of a line, with the parts that rays up and down enter first."""
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     places = np.arange(0.5 * STEP, max(at[-1], STEP), STEP)
     samples = np.stack([np.interp(places, at, points[:, k]) for k in range(3)], axis=1)
     ups, downs = [_entered(samples, sign * normal, parts) for sign in (1, -1)]
     pairs = list(zip(downs, ups, strict=True))
     # Where a ray leaves by a mouth or a hole, the place is as its neighbours are.
-    known = [k for k, (a, b) in enumerate(pairs) if a and b and a != b]
-    if known:
+    certain = [k for k, (a, b) in enumerate(pairs) if a and b and a != b]
+    if certain:
         pairs = [
-            p if p[0] and p[1] and p[0] != p[1] else pairs[min(known, key=lambda n: abs(n - k))]
+            p if p[0] and p[1] and p[0] != p[1] else pairs[min(certain, key=lambda n: abs(n - k))]
             for k, p in enumerate(pairs)
         ]
     return Line(pairs, float(at[-1]))
 
 
-def _entered(samples: Any, way: Any, parts: dict[str, Any]) -> list[str | None]:
-    """The part that a ray from each sample enters first."""
-    across = np.linalg.svd(way[None])[2][1:]
-    flat, high = samples @ across.T, samples @ way
+def _entered(samples: Any, direction: Any, parts: dict[str, Any]) -> list[str | None]:
+    """Return the part that a ray from each sample enters first."""
+    across = np.linalg.svd(direction[None])[2][1:]
+    flat, high = samples @ across.T, samples @ direction
     nearest = np.full(len(samples), np.inf)
-    found: list[str | None] = [None] * len(samples)
+    entered: list[str | None] = [None] * len(samples)
     for name, corners in parts.items():
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        facing = corners[normal @ way < 0]  # entering: the facet looks against the ray
-        xy, z = facing @ across.T, facing @ way
+        facing = corners[normal @ direction < 0]  # entering: the facet looks against the ray
+        xy, z = facing @ across.T, facing @ direction
         low, top = xy.min(1), xy.max(1)
         for k, (p, start) in enumerate(zip(flat, high, strict=True)):
-            near = np.flatnonzero(((low <= p) & (p <= top)).all(1) & (z.max(1) >= start - 1e-3))
-            if not len(near):
+            candidates = np.flatnonzero(
+                ((low <= p) & (p <= top)).all(1) & (z.max(1) >= start - 1e-3)
+            )
+            if not len(candidates):
                 continue
-            a, b, c = (xy[near, i] for i in range(3))
+            a, b, c = (xy[candidates, i] for i in range(3))
             whole = _area(a, b, c)
             u, v = _area(p, b, c) / whole, _area(a, p, c) / whole
             hit = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
-            heights = u * z[near, 0] + v * z[near, 1] + (1 - u - v) * z[near, 2]
+            heights = u * z[candidates, 0] + v * z[candidates, 1] + (1 - u - v) * z[candidates, 2]
             heights = heights[hit & (heights >= start - 1e-3)]
             if len(heights) and heights.min() < nearest[k]:
-                nearest[k], found[k] = heights.min(), name
-    return found
+                nearest[k], entered[k] = heights.min(), name
+    return entered
 
 
 def _area(a: Any, b: Any, c: Any) -> Any:
-    """Twice the signed area of triangles (..., 2)."""
+    """Return twice the signed area of triangles (..., 2)."""
     one, two = b - a, c - a
     area = one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]
     return np.where(area == 0, 1e-30, area)

@@ -12,7 +12,7 @@ from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.live import board_twin
 from defsense_fab.twin.live.board_twin import BoardTwin
 from tests.support.errors import raises
-from tests.support.films import command, told
+from tests.support.films import command, parse_json
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def test_rehearsal_finds_the_true_cameras(camera, tmp_path):
     assert lines[0].startswith("a: 1 of 10 views; ")
     truth = BoardTwin(CharucoBoard()).cameras
     assert np.abs(truth[0].focal / truth[1].focal - 1).max() > 0.005
-    for data, true, name in zip(told(out), truth, "ab", strict=True):
+    for data, true, name in zip(parse_json(out), truth, "ab", strict=True):
         assert data["name"] == name
         assert data["true_focal"] == true.focal.tolist()
         assert np.abs(np.array(data["focal"]) / true.focal - 1).max() < 0.002
@@ -41,7 +41,7 @@ def test_rehearsal_finds_the_true_cameras(camera, tmp_path):
         assert data["coverage"] >= 0.9
     assert not read_rig(tmp_path / "cameras.toml").placed
     code, out, _ = camera("arrange", "twin", "--views", "8")
-    data = told(out)
+    data = parse_json(out)
     assert (code, data["warnings"]) == (0, [])
     assert data["distances"] == pytest.approx(data["true_distances"], rel=2e-3)
     assert data["true_distances"][1] > 100
@@ -49,7 +49,7 @@ def test_rehearsal_finds_the_true_cameras(camera, tmp_path):
     assert code == 0
     # With another seed the cameras differ from the calibrated ones.
     code, out, _ = camera("check", "twin:seed=2", "--views", "2")
-    assert (code, told(out)["holds"]) == (1, False)
+    assert (code, parse_json(out)["holds"]) == (1, False)
 
 
 def test_board_is_shown_in_its_measured_size_and_detected():
