@@ -10,7 +10,7 @@ from defsense_fab.cli.output import ProgressLines
 def test_lines_go_on_while_nothing_is_told(monkeypatch):
     out = io.StringIO()
     monkeypatch.setattr(sys, "stderr", out)
-    with ProgressLines(everything=False, every=0.5) as tell:
+    with ProgressLines(everything=False, interval=0.5) as tell:
         tell("tracks", 0.1, "comparing clocks")
         tell("tracks", 0.2, "triangulating")  # another step of the same stage: not at once
         assert out.getvalue().splitlines() == ["tracks      10 %  comparing clocks"]

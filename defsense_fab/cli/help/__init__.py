@@ -1,1 +1,1 @@
-"""Commands about the program itself: what it needs, and how it is typed."""
+"""Commands about the program itself: dependencies, licenses, completion."""

@@ -1,4 +1,4 @@
-"""The command `defsense completion`."""
+"""Command `defsense completion`: complete commands in a shell."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`completion`."""
+    """Add `completion`."""
     sub = commands.add_parser(
         "completion",
         help="Print the script that lets a shell complete commands",
@@ -43,8 +43,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell that asks what could come next, and end; return where argcomplete is not
-    installed."""
+    """Print completions for the shell and exit; return if argcomplete is not installed."""
     try:
         import argcomplete
     except ImportError:
@@ -56,12 +55,14 @@ def complete(parser: argparse.ArgumentParser) -> None:
 def _set_completers(parser: argparse.ArgumentParser) -> None:
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            for below in action.choices.values():
-                _set_completers(below)
+            for subparser in action.choices.values():
+                _set_completers(subparser)
         elif action.type is device_folder:
             action.completer = device_folders  # type: ignore[attr-defined]
-        elif action.type is None and (words := _WORDS.get("".join(action.option_strings[-1:]))):
-            action.completer = words  # type: ignore[attr-defined]
+        elif action.type is None and (
+            completer := _COMPLETERS.get("".join(action.option_strings[-1:]))
+        ):
+            action.completer = completer  # type: ignore[attr-defined]
 
 
 def _rows(table: str) -> Callable[..., list[str]]:
@@ -80,7 +81,7 @@ def _units(**_: object) -> list[str]:
 
 
 def _poses(prefix: str, **_: object) -> list[str]:
-    """What may follow the last comma."""
+    """Return the poses that can follow the last comma."""
     from ...workflow.starts.body_ends import END_POSES
 
     before = prefix.rpartition(",")[0].split(",")
@@ -89,7 +90,7 @@ def _poses(prefix: str, **_: object) -> list[str]:
 
 
 def _bodies(prefix: str, **_: object) -> list[str]:
-    """The package's devices, and files."""
+    """Return the examples of the package, and files."""
     from argcomplete.completers import FilesCompleter
 
     from ...workflow.starts.starting_devices import STARTING_DEVICES
@@ -97,18 +98,20 @@ def _bodies(prefix: str, **_: object) -> list[str]:
     return [*(s.name for s in STARTING_DEVICES), *FilesCompleter()(prefix)]
 
 
-#: What may follow an option that takes any text.
-_WORDS = {
+#: Completers of options that accept any text.
+_COMPLETERS = {
     "--cord": _rows("cords.csv"), "--process": _rows("printers.csv"),
     "--material": _rows("materials.csv"), "--units": _units, "--poses": _poses, "--body": _bodies,
 }  # fmt: skip
 
 
 def device_folders(prefix: str, **_: object) -> list[str]:
-    """Folders that begin so: those of devices, or all where there is none, to go on from."""
-    above, _slash, begun = prefix.rpartition("/")
-    top = Path(f"{above}/") if above or prefix.startswith("/") else Path()
-    names = sorted(p for p in top.glob("*/") if p.name.startswith(begun)) if top.is_dir() else []
-    below = [p for p in names if (p / "device.toml").is_file()] or names
-    lead = prefix[: len(prefix) - len(begun)]
-    return [f"{lead}{p.name}/" for p in below if begun.startswith(".") or p.name[0] != "."]
+    """Return folders with this prefix: those of devices, or else all, to continue from."""
+    parent, _slash, start = prefix.rpartition("/")
+    folder = Path(f"{parent}/") if parent or prefix.startswith("/") else Path()
+    folders = []
+    if folder.is_dir():
+        folders = sorted(p for p in folder.glob("*/") if p.name.startswith(start))
+    devices = [p for p in folders if (p / "device.toml").is_file()] or folders
+    lead = prefix[: len(prefix) - len(start)]
+    return [f"{lead}{p.name}/" for p in devices if start.startswith(".") or p.name[0] != "."]

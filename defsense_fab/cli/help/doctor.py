@@ -1,4 +1,4 @@
-"""The command `defsense doctor`."""
+"""Command `defsense doctor`: check dependencies."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from ..options import Commands
 
 _INDENT = 12
-_TIMEOUT = 60.0  # s
+_TIMEOUT_S = 60.0
 
 
 def add(commands: Commands) -> None:
-    """`doctor`."""
+    """Add `doctor`."""
     sub = commands.add_parser(
         "doctor",
         help="Check dependencies and show how to install missing ones",
@@ -52,11 +52,11 @@ def add(commands: Commands) -> None:
     sub.add_argument(
         "--timeout",
         type=float,
-        default=_TIMEOUT,
+        default=_TIMEOUT_S,
         metavar="S",
-        help=f"Set the time limit of a single check in s (default: {_TIMEOUT:g})",
+        help=f"Set the time limit of a single check in s (default: {_TIMEOUT_S:g})",
     )
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("--json", action="store_true", help="Print the result as JSON")
     sub.add_argument("-v", "--verbose", action="store_true", help="List good libraries one by one")
     sub.set_defaults(run=_run)
 
@@ -65,30 +65,31 @@ def _run(options: argparse.Namespace) -> int:
     from ...workflow.doctor.doctor import examine
 
     check_range("--timeout", options.timeout, 0.1, 3600)
-    found: list[Finding] = []
-    good = True  # as far as a reader of the output stayed to hear
+    findings: list[Finding] = []
+    is_good = True  # also if the reader of the output closed it early
     with standard_output():
         for finding in examine(options.timeout, options.pictures, options.port):
-            found.append(finding)
-            if not options.json and (options.verbose or not _summed(finding)):
-                sys.stdout.write(told(finding))
+            findings.append(finding)
+            if not options.json and (options.verbose or not _is_good_library(finding)):
+                sys.stdout.write(format_finding(finding))
                 sys.stdout.flush()
-        good = all(f.status == "good" for f in found if f.core)
+        is_good = all(f.status == "good" for f in findings if f.core)
         if options.json:
             sys.stdout.write(
-                json.dumps({"good": good, "findings": [asdict(f) for f in found]}, indent=1) + "\n"
+                json.dumps({"good": is_good, "findings": [asdict(f) for f in findings]}, indent=1)
+                + "\n"
             )
         else:
-            sys.stdout.write(_sum(found, options.verbose, good))
-    return DONE if good else REFUSED
+            sys.stdout.write(_summarize(findings, options.verbose, is_good))
+    return DONE if is_good else REFUSED
 
 
-def _summed(finding: Finding) -> bool:
+def _is_good_library(finding: Finding) -> bool:
     return finding.check == "libraries" and finding.status == "good"
 
 
-def told(finding: Finding) -> str:
-    """Its lines, as wide as the terminal at most; what is to be typed is on a line of its own."""
+def format_finding(finding: Finding) -> str:
+    """Return a finding as lines that fit the terminal, with its command on a line of its own."""
     width = max(shutil.get_terminal_size().columns, 40)
     text = f"{finding.about}: {finding.told}"
     if finding.status == "not needed":
@@ -98,13 +99,13 @@ def told(finding: Finding) -> str:
         break_on_hyphens=False,
     )  # fmt: skip
     if finding.command:
-        lines.append(f"{'':{_INDENT}}type: {finding.command}")
+        lines.append(f"{'':{_INDENT}}run: {finding.command}")
     return "\n".join(lines) + "\n"
 
 
-def _sum(found: Iterable[Finding], verbose: bool, good: bool) -> str:
-    libraries = [f for f in found if _summed(f)]
+def _summarize(findings: Iterable[Finding], verbose: bool, is_good: bool) -> str:
+    libraries = [f for f in findings if _is_good_library(f)]
     line = f"{'good':<{_INDENT}}{len(libraries)} libraries import\n"
     line = line if libraries and not verbose else ""
-    return line + ("\nDevices can be built here.\n" if good else
-                   "\nWhat is missing has to be mended first.\n")  # fmt: skip
+    return line + ("\nDevices can be built here.\n" if is_good else
+                   "\nInstall what is missing first.\n")  # fmt: skip

@@ -1,4 +1,4 @@
-"""The command `defsense licences`."""
+"""Command `defsense licences`: list the licenses of libraries."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`licences`."""
+    """Add `licences`."""
     sub = commands.add_parser(
         "licences",
         help="List the licenses of the installed libraries",
@@ -32,16 +32,16 @@ def add(commands: Commands) -> None:
 def _run(options: argparse.Namespace) -> int:
     from ...workflow.doctor.libraries import installed_licences
 
-    found = installed_licences()
+    licences = installed_licences()
     with standard_output():
         if options.json:
-            print_json([asdict(f) for f in found])
+            print_json([asdict(f) for f in licences])
             return 0
-        wide = max((len(f.name) for f in found), default=0)
-        long = max((len(f.version) for f in found), default=0)
-        width = max(shutil.get_terminal_size().columns, wide + long + 24)
-        for f in found:
-            lead = f"{f.name:<{wide}}  {f.version:<{long}}  "
+        name_width = max((len(f.name) for f in licences), default=0)
+        version_width = max((len(f.version) for f in licences), default=0)
+        width = max(shutil.get_terminal_size().columns, name_width + version_width + 24)
+        for f in licences:
+            lead = f"{f.name:<{name_width}}  {f.version:<{version_width}}  "
             lines = textwrap.wrap(f.licence, width - len(lead), break_on_hyphens=False)
             sys.stdout.write(lead + f"\n{'':{len(lead)}}".join(lines) + "\n")
     return 0

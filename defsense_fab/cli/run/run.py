@@ -1,4 +1,4 @@
-"""The command `defsense run`."""
+"""Command `defsense run`: run devices live."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ..device import device_folder
 from ..options import add_verbose_option, check_range, parse_references
 from ..output import print_lines, progress_bars
-from .run_end import ending, tell
+from .run_end import print_error_line, stop_at_end
 
 if TYPE_CHECKING:
     from ...core.progress import Progress
@@ -24,7 +24,7 @@ _VIEW = 8080
 
 
 def add(commands: Commands) -> None:
-    """`run`."""
+    """Add `run`."""
     sub = commands.add_parser(
         "run",
         help="Run a device live: show its surface and send its poses to programs",
@@ -169,11 +169,11 @@ def _run(options: argparse.Namespace) -> int:
     if options.seconds is not None:
         check_range("--seconds", options.seconds, 0.1, 1e7)
     runs: list[LiveRun] = []
-    with ending(runs, options):
+    with stop_at_end(runs, options):
         with progress_bars(options) as progress:
-            several = OutputAllocator()
-            for k in range(count):  # one after another: those before are ended if one fails
-                runs += [_prepare(options, k, progress, several)]
+            allocator = OutputAllocator()
+            for k in range(count):  # if one fails, those before are stopped
+                runs += [_prepare(options, k, progress, allocator)]
         for run in runs:
             run.loop.start()
         with LiveLines(runs, as_json=options.json) as lines:
@@ -185,22 +185,24 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _prepare(
-    options: argparse.Namespace, k: int, progress: Progress, several: OutputAllocator
+    options: argparse.Namespace, k: int, progress: Progress, allocator: OutputAllocator
 ) -> LiveRun:
     from ...runtime.live.live_device import live_device
     from ...runtime.live.live_run import live_run
 
     folder = options.device[k] if options.device else None
     live = live_device(options.models[k], folder)
-    asked = _asked(
+    run_options = _run_options(
         options, k, len(live.board_channels), live.device.source if live.device else None
     )
-    live = replace(live, model=replace(live.model, device=several.unique_name(live.model.device)))
-    asked = replace(asked, outputs=several.allocate(asked.outputs))
-    return live_run(live, asked, progress)
+    live = replace(live, model=replace(live.model, device=allocator.unique_name(live.model.device)))
+    run_options = replace(run_options, outputs=allocator.allocate(run_options.outputs))
+    return live_run(live, run_options, progress)
 
 
-def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | None) -> RunOptions:
+def _run_options(
+    options: argparse.Namespace, k: int, channels: int, device: Path | None
+) -> RunOptions:
     import numpy as np
 
     from ...runtime.live.live_run import RunOptions
@@ -209,16 +211,17 @@ def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | No
     path = options.live
     if path is None and device is not None and (device / "live.toml").exists():
         path = device / "live.toml"
-    said = read_live_file(path) if path is not None else LiveSettings()
-    known = {
+    settings = read_live_file(path) if path is not None else LiveSettings()
+    resistances = {
         name: None if text is None else np.array(parse_references(text, channels, f"--{name}"))
         for name, text in (("rest", options.rest), ("reference", options.reference))
     }
     return RunOptions(
-        port=options.port[k], rate=options.rate, reference=known["reference"], rest=known["rest"],
+        port=options.port[k], rate=options.rate,
+        reference=resistances["reference"], rest=resistances["rest"],
         view=None if options.view is None else options.view + k,
-        outputs=(*said.outputs, *(parse_output(text) for text in options.output)),
-        controls=said.controls, surface=options.surface, fallback=not options.no_fallback,
+        outputs=(*settings.outputs, *(parse_output(text) for text in options.output)),
+        controls=settings.controls, surface=options.surface, fallback=not options.no_fallback,
         keep=not options.no_record,
         record=own_folder(options.record, k), animation=own_file(options.animation, k),
         live_file=path,
@@ -226,12 +229,12 @@ def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | No
 
 
 def own_file(path: Path | None, k: int) -> Path | None:
-    """Of several devices each but the first has its number in the file's name: x.glb, x-2.glb."""
+    """Return the file of device `k`: x.glb for the first, then x-2.glb and so on."""
     return path if path is None or not k else path.parent / f"{path.stem}-{k + 1}{path.suffix}"
 
 
 def own_folder(path: Path | None, k: int) -> Path | None:
-    """The same of folders; beside one that is named by dots alone there is no place, but in it."""
+    """Return the folder of device `k`, numbered like files; inside `.` and `..`, a subfolder."""
     if path is None or not k:
         return path
     inside = path.name in ("", "..")
@@ -239,7 +242,7 @@ def own_folder(path: Path | None, k: int) -> Path | None:
 
 
 def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
-    """What a user needs to know beforehand: beside the lines of JSON, on standard error."""
+    """Print addresses and notes at the start; on standard error with --json."""
     for run in runs:
         lines = [f"note: {note}" for note in run.notes]
         if run.view is not None:
@@ -250,17 +253,18 @@ def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
         if run.surface:
             lines.append(f"Surface: {run.surface}")
         if run.recording is not None:
-            begun = run.recording.wait_until_started(2.0)
-            lines.append(f"Record:  {run.recording.path}{'' if begun else ' (once samples come)'}")
+            is_started = run.recording.wait_until_started(2.0)
+            state = "" if is_started else " (starts with the first sample)"
+            lines.append(f"Record:  {run.recording.path}{state}")
         if run.animations is not None and run.animations.recording is not None:
-            lines.append(f"Record:  {run.animations.recording} (the animation, at the end)")
+            lines.append(f"Record:  {run.animations.recording} (animation, written at the end)")
         if options.json:
             for line in lines:
-                tell(line)
+                print_error_line(line)
         else:
             print_lines(lines)
     if not options.json:
-        print_lines(["Ctrl-C ends."])
+        print_lines(["Press Ctrl-C to stop."])
     sys.stdout.flush()
 
 

@@ -1,44 +1,51 @@
-"""How `defsense run` ends: everything closed, animations written, what came of it told."""
+"""Stop the devices of `defsense run`: close everything, write animations, report files."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import json
-import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..output import print_lines
+from ..output import discard_standard_output, print_lines
 
 if TYPE_CHECKING:
     from ...runtime.live.live_run import LiveRun
 
 
 @contextlib.contextmanager
-def ending(runs: Sequence[LiveRun], options: argparse.Namespace) -> Iterator[None]:
-    """Ends all `runs` that are there by then, writes their animations, and tells what was written,
-    whatever ended them. A reader of standard output that left is no error. Raises what ended them,
-    or else what could not be written."""
+def stop_at_end(runs: Sequence[LiveRun], options: argparse.Namespace) -> Iterator[None]:
+    """Stop all runs when the block ends for whatever reason, and write their animations.
+
+    A reader that has closed standard output is not an error.
+
+    Args:
+        runs: The runs; the block may add to them.
+        options: Options of the command.
+
+    Raises:
+        BaseException: The error that ended the block, or else an error of the animations.
+    """
     first: BaseException | None = None
     try:
         yield
     except BrokenPipeError:
-        _leave()
+        discard_standard_output()
     except BaseException as error:  # raised again below
         first = error
-    with uninterrupted():
-        failures = _end(runs, begun=first is None)
+    with ignore_interrupts():
+        failures = _stop_runs(runs, is_started=first is None)
         try:
-            _say_written(runs, options)
+            _print_written(runs, options)
         except BrokenPipeError:
-            _leave()
-    told, raised = (failures, first) if first is not None else (failures[:-1], failures[-1:])
-    for failure in told:
-        tell(f"error: {failure}")
+            discard_standard_output()
+    reported, raised = (failures, first) if first is not None else (failures[:-1], failures[-1:])
+    for failure in reported:
+        print_error_line(f"error: {failure}")
     if isinstance(raised, BaseException):
         raise raised
     for failure in raised:
@@ -46,8 +53,8 @@ def ending(runs: Sequence[LiveRun], options: argparse.Namespace) -> Iterator[Non
 
 
 @contextlib.contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Without Ctrl-C, which would leave files half-written."""
+def ignore_interrupts() -> Iterator[None]:
+    """Ignore Ctrl-C, which would leave incomplete files."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -58,30 +65,32 @@ def uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def tell(line: str) -> None:
-    """On standard error, if someone reads it."""
+def print_error_line(line: str) -> None:
+    """Print a line on standard error, unless it is closed."""
     with contextlib.suppress(BrokenPipeError):
         sys.stderr.write(f"{line}\n")
         sys.stderr.flush()
 
 
-def _end(runs: Sequence[LiveRun], *, begun: bool) -> list[Exception]:
-    """All of them first, so that none goes on while another's animation is written; what went
-    wrong. An animation without frames is that only where the runs had `begun`."""
+def _stop_runs(runs: Sequence[LiveRun], *, is_started: bool) -> list[Exception]:
+    """Stop all runs, then write their animations, and return the errors.
+
+    An animation without frames is an error only if the runs were started.
+    """
     failures = list[Exception]()
     for run in runs:
         try:
             run.end()
-        except Exception as error:  # told by `ending`: the others are ended all the same
+        except Exception as error:  # reported by `stop_at_end`; stop the others too
             failures.append(error)
     for run in runs:
         animations = run.animations
         if animations is None or animations.recording is None:
             continue
-        if animations.is_empty and not begun:
+        if animations.is_empty and not is_started:
             animations.discard()
             continue
-        tell(f"writing {animations.recording}; Ctrl-C does not stop that")
+        print_error_line(f"writing {animations.recording}; Ctrl-C does not interrupt this")
         try:
             animations.finish()
         except Exception as error:  # as above
@@ -91,19 +100,14 @@ def _end(runs: Sequence[LiveRun], *, begun: bool) -> list[Exception]:
     return failures
 
 
-def _say_written(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
+def _print_written(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
     written = [each for run in runs if run.animations for each in run.animations.written]
     if not options.json:
         print_lines(f"Wrote:   {each.summary}" for each in written)
         return
     for each in written:
         file = each.file
-        about = {"wrote": str(file.path), "frames": file.frames, "seconds": file.seconds,
+        data = {"wrote": str(file.path), "frames": file.frames, "seconds": file.seconds,
                  "bytes": file.size, "error": file.error, "instead": each.instead}  # fmt: skip
-        sys.stdout.write(json.dumps(about) + "\n")
+        sys.stdout.write(json.dumps(data) + "\n")
     sys.stdout.flush()
-
-
-def _leave() -> None:
-    """What is still to be printed goes nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,1 +1,1 @@
-"""What the command line draws where more than lines are needed."""
+"""Full-screen displays of the command line, and single keys."""

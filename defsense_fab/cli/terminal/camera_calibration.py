@@ -1,4 +1,4 @@
-"""The screen of live calibration: pictures, what is covered, what to do next."""
+"""Display of live camera calibration: pictures, coverage, and hints."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SHADES = " ░▒▓█"
 
 
 class BoardTerminal(LiveScreen):
-    """Shows a `BoardShown`; enter it before use."""
+    """Full-screen display of the calibration; use it as a context manager."""
 
     otherwise = "give videos or pictures of the board"
 
@@ -30,13 +30,13 @@ class BoardTerminal(LiveScreen):
 
 
 class BoardLines:
-    """A `BoardScreen` of plain lines, for logs and programs: no keys."""
+    """Display of the calibration as plain lines, for logs and programs; it reads no keys."""
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Nothing is to be put back."""
+        """Do nothing: the terminal was not changed."""
 
     def show(self, shown: BoardShown) -> None:
         if shown.flash:
@@ -51,22 +51,22 @@ class BoardLines:
 
 
 def pages(shown: BoardShown, width: int) -> Iterator[Group]:
-    """All of it, `width` characters wide, with smaller pictures for terminals that are not high."""
+    """Return pages `width` characters wide, with smaller and smaller pictures."""
     n = max(len(shown.images), 1)
-    wide = max(24, min(72, (width - 2 * n) // n))
-    for part in (1.0, 0.75, 0.55, 0.4):
+    picture_width = max(24, min(72, (width - 2 * n) // n))
+    for scale in (1.0, 0.75, 0.55, 0.4):
         pictures = []
         for name, image, corners in zip(shown.names, shown.images, shown.corners, strict=True):
             marks = [(corner[None], GREEN) for corner in corners]
             found = f"{len(corners)} corners" if len(corners) else "no board"
-            rows = picture(image, max(round(part * wide), 20), marks)
+            rows = picture(image, max(round(scale * picture_width), 20), marks)
             pictures.append(Group(Text(f"{name}: {found}", "bold"), *rows))
         words = Text(f"{shown.taken} of {shown.wanted} views", "bold green")
         parts: list[object] = [Columns(pictures), words]
         if shown.cells is not None:
-            most = max(int(shown.cells.max()), 1)
+            max_count = max(int(shown.cells.max()), 1)
             for row in shown.cells:
-                shades = "".join(2 * _SHADES[min(4, -(-4 * int(x) // most))] for x in row)
+                shades = "".join(2 * _SHADES[min(4, -(-4 * int(x) // max_count))] for x in row)
                 parts += [Text(f"  {shades}", "cyan")]
         parts += [Text(f"> {h}", "yellow") for h in shown.hints[:3]]
         parts.append(Text("Enter finish   q stop", "bold"))

@@ -1,4 +1,4 @@
-"""Dots in a terminal: two by four in each character, as braille patterns."""
+"""Draw dots in a terminal, two by four per character, as braille patterns."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from collections.abc import Iterable
 from rich.style import Style
 from rich.text import Text
 
-#: Bits of the dots of a pattern, by row and column (Unicode 15, 2800-28FF).
+#: Bits of the dots of a braille pattern, by row and column (Unicode 15, 2800-28FF).
 _BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 
 
 class Canvas:
-    """`width` x `height` characters that show x from `left` to `right` and y from `low` to
-    `high`."""
+    """Canvas of characters with two by four dots each.
+
+    Args:
+        width: Number of characters per row.
+        height: Number of rows.
+        x: Limits of x, left and right.
+        y: Limits of y, bottom and top.
+    """
 
     def __init__(
         self, width: int, height: int, x: tuple[float, float], y: tuple[float, float]
@@ -24,7 +30,7 @@ class Canvas:
         self._styles: list[list[str | None]] = [[None] * width for _ in range(height)]
 
     def dots(self, points: Iterable[tuple[float, float]], style: str | None = None) -> None:
-        """Set points (x, y); those outside are left out."""
+        """Draw points (x, y); points outside of the limits are ignored."""
         for x, y in points:
             i = round((x - self._left) / (self._right - self._left) * (2 * self._width - 1))
             j = round((self._high - y) / (self._high - self._low) * (4 * self._height - 1))
@@ -36,7 +42,7 @@ class Canvas:
     def line(
         self, start: tuple[float, float], end: tuple[float, float], style: str | None = None
     ) -> None:
-        """A straight line."""
+        """Draw a straight line."""
         n = 2 * max(self._width * 2, self._height * 4)
         self.dots(
             (
@@ -47,7 +53,7 @@ class Canvas:
         )
 
     def lines(self) -> list[Text]:
-        """The rows, from the top."""
+        """Return the rows, from the top."""
         out = []
         for dots, styles in zip(self._dots, self._styles, strict=True):
             row = Text()

@@ -1,4 +1,4 @@
-"""The guided measurement on a terminal: what to lay where, the settling, the growing plot."""
+"""Display of the guided measurement: the next step, the settling, and the plot so far."""
 
 from __future__ import annotations
 
@@ -21,17 +21,25 @@ from .screen import LiveScreen
 _STYLES = {"top": "red", "neutral": "green", "bottom": "blue"}
 _FACES = {"a": ("BOTTOM", "top"), "b": ("TOP", "bottom")}
 _KEYS = {
-    "place": "Enter measure   b back (the last one again)   s skip   q stop (resume later)",
-    "settling": "r repeat (slipped)   t take now   b lay again   s skip   q stop (resume later)",
+    "place": "Enter measure   b back (repeat the last)   s skip   q stop (resume later)",
+    "settling": "r repeat (slipped)   t take now   b place again   s skip   q stop (resume later)",
     "unplugged": "waiting for the read-out board...   q stop (resume later)",
     "done": "",
 }
-_PICTURE, _PLOT = 64, 60  # characters, of a picture of 8 rows and of the plot
-_BAR = 24
+_PICTURE_WIDTH, _PLOT_WIDTH = 64, 60  # characters, for a picture of 8 rows and for the plot
+_BAR_WIDTH = 24
 
 
 class MeasurementTerminal(LiveScreen):
-    """A `Screen`; enter it before use. Rings the bell when the next specimen is to be laid."""
+    """Full-screen display of the measurement; use it as a context manager.
+
+    It rings the bell when the specimen has to be placed on the next jig.
+
+    Args:
+        criterion: When a reading has settled.
+        thickness: Thickness of the specimen in mm.
+        length: Length of the specimen in mm.
+    """
 
     def __init__(self, criterion: Criterion, thickness: float, length: float) -> None:
         self._criterion, self._thickness, self._length = criterion, thickness, length
@@ -45,12 +53,12 @@ class MeasurementTerminal(LiveScreen):
         self._draw(self.pages(view))
 
     def pages(self, view: MeasurementView) -> Iterator[Group]:
-        """All of it, and less and less for terminals that are not high."""
+        """Return pages, each with fewer rows than the one before."""
         for picture, plot in ((8, 14), (6, 9), (4, 6), (0, 6), (0, 0)):
             yield self._page(view, picture, plot)
 
     def _page(self, view: MeasurementView, picture: int, plot: int) -> Group:
-        """With a picture of the specimen and a plot of so many rows, none for 0."""
+        """Return a page; `picture` and `plot` are numbers of rows, 0 for none."""
         parts: list[object] = [_progress(view)]
         if view.step is not None:
             parts.append(Panel(self._task(view, view.step, picture), padding=(0, 1)))
@@ -63,14 +71,14 @@ class MeasurementTerminal(LiveScreen):
         down, up = _FACES[step.face]
         words = Text()
         if view.phase == "unplugged":
-            words.append("The read-out board is gone. ", "bold red")
-            words.append("Plug it in again; this step is then measured from its beginning.")
+            words.append("The read-out board is disconnected. ", "bold red")
+            words.append("Connect it again; this step will then be repeated.")
         else:
-            words.append("Lay the specimen on ")
+            words.append("Place the specimen on ")
             words.append("the flat jig" if step.radius is None else f"jig {step.jig}", "bold")
             words.append(", its ")
             words.append(down, "bold " + _STYLES[down.lower()])
-            words.append(f" side on the jig, the {up} cord up; strap it down.")
+            words.append(f" side on the jig, the {up} cord up, and strap it down.")
         rows: list[object] = [words, *(self._picture(step, picture) if picture else [])]
         if view.phase == "settling":
             rows.append(self._settling(view))
@@ -82,17 +90,17 @@ class MeasurementTerminal(LiveScreen):
         c, at = self._criterion, view.settling
         out = Text(f"settling: {view.elapsed:4.0f} s   ")
         if at is None:
-            out.append(f"the first {c.window:g} s pass")
+            out.append(f"waiting for the first {c.window:g} s")
         else:
             style = "green" if at.change < c.tolerance else "yellow"
             out.append(f"change {at.change:.3%}", style)
-            out.append(f" of {c.tolerance:.2%} that may be")
+            out.append(f", limit {c.tolerance:.2%}")
         return out
 
     def _picture(self, step: JigStep, rows: int) -> list[Text]:
-        """The specimen on its jig, from the side, to scale, so many rows high."""
+        """Draw the specimen on its jig from the side, to scale, with this number of rows."""
         half, h = self._length / 2, self._thickness
-        size = round(_PICTURE * rows / 8), rows
+        size = round(_PICTURE_WIDTH * rows / 8), rows
         canvas = Canvas(
             *size,
             (-1.05 * half, 1.05 * half),
@@ -113,7 +121,7 @@ class MeasurementTerminal(LiveScreen):
 
 
 def _on_jig(radius: float | None, s: float, height: float, thickness: float) -> tuple[float, float]:
-    """Where the point `height` above the jig, `s` along the neutral plane, lies."""
+    """Return the position of the point `height` above the jig, `s` along the neutral plane."""
     if radius is None:
         return s, height
     angle = s / (radius + thickness / 2)
@@ -121,10 +129,10 @@ def _on_jig(radius: float | None, s: float, height: float, thickness: float) -> 
 
 
 def _progress(view: MeasurementView) -> Text:
-    filled = round(_BAR * view.done / view.total)
+    filled = round(_BAR_WIDTH * view.done / view.total)
     out = Text("calibration  ")
     out.append("━" * filled, "green")
-    out.append("━" * (_BAR - filled), "dim")
+    out.append("━" * (_BAR_WIDTH - filled), "dim")
     out.append(f"  {view.done} of {view.total} readings")
     if view.step is not None:
         out.append(f", round {view.step.turn + 1}")
@@ -136,47 +144,52 @@ def _bars(view: MeasurementView) -> Table:
     return bars(dict(zip(CHANNELS, (float(r) for r in view.ohm), strict=True)))
 
 
-def bars(ohm: dict[str, float], most: float | None = None) -> Table:
-    """Resistances by name as bars."""
+def bars(ohm: dict[str, float], max_ohm: float | None = None) -> Table:
+    """Return resistances as bars.
+
+    Args:
+        ohm: Resistances in ohm by name; 0 is a short circuit, infinity an open one, NaN unknown.
+        max_ohm: Resistance of a full bar; None fits the largest.
+    """
     table = Table.grid(padding=(0, 1))
     finite = [r for r in ohm.values() if math.isfinite(r)]
-    scale = most or max(finite, default=1.0) * 1.15 or 1.0
+    scale = max_ohm or max(finite, default=1.0) * 1.15 or 1.0
     for name, r in ohm.items():
-        filled = round(_BAR * min(r / scale, 1)) if math.isfinite(r) else 0
+        filled = round(_BAR_WIDTH * min(r / scale, 1)) if math.isfinite(r) else 0
         value = f"{r:.1f} ohm" if math.isfinite(r) and r > 0 else "short" if r == 0 else "open"
         value = "-" if math.isnan(r) else value
         bar = Text("█" * filled, _STYLES.get(name, "cyan"))
-        bar.append("░" * (_BAR - filled), "dim")
+        bar.append("░" * (_BAR_WIDTH - filled), "dim")
         table.add_row(Text(name, _STYLES.get(name, "")), bar, value)
     return table
 
 
 def _plot(view: MeasurementView, height: int) -> list[Text]:
-    """(R - R0)/R0 by strain, so far, in so many rows."""
+    """Plot (R - R0)/R0 over strain with `height` rows."""
     if not view.points:
-        return [Text("the plot begins with the first reading on the flat jig", "dim")]
+        return [Text("the plot starts with the first reading on the flat jig", "dim")]
     x = max(max(abs(p.strain) for p in view.points) * 1.1, 0.01)
     y = max(max(abs(p.change) for p in view.points) * 1.1, 0.005)
-    canvas = Canvas(_PLOT, height, (-x, x), (-y, y))
+    canvas = Canvas(_PLOT_WIDTH, height, (-x, x), (-y, y))
     canvas.line((-x, 0), (x, 0), "dim")
     canvas.line((0, -y), (0, y), "dim")
-    square = [(i * x / _PLOT, j * y / height / 2) for i in (0, 1) for j in (0, 1)]
+    square = [(i * x / _PLOT_WIDTH, j * y / height / 2) for i in (0, 1) for j in (0, 1)]
     for place in ("neutral", "bottom", "top"):
-        found = [p for p in view.points if p.place == place]
+        points = [p for p in view.points if p.place == place]
         canvas.dots(
-            ((p.strain + dx, p.change + dy) for p in found for dx, dy in square), _STYLES[place]
+            ((p.strain + dx, p.change + dy) for p in points for dx, dy in square), _STYLES[place]
         )
     rows = canvas.lines()
     rows[0].append(f" {y:+.1%}", "dim")
     rows[-1].append(f" {-y:+.1%}", "dim")
-    legend = Text(f"{-x:+.1%} strain{' ' * (_PLOT - 22)}{x:+.1%}  ", "dim")
+    legend = Text(f"{-x:+.1%} strain{' ' * (_PLOT_WIDTH - 22)}{x:+.1%}  ", "dim")
     for place in ("top", "neutral", "bottom"):
         legend.append(f" {place}", _STYLES[place])
     return [Text("(R - R0)/R0", "dim"), *rows, legend]
 
 
 class MeasurementLines:
-    """A `Screen` of plain lines, for logs and programs: no keys."""
+    """Display of the measurement as plain lines, for logs and programs; it reads no keys."""
 
     def __init__(self) -> None:
         self._done = -1

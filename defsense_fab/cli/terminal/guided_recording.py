@@ -1,4 +1,4 @@
-"""The screen of a guided recording: pictures with the tags found, signals, poses, what is next."""
+"""Display of a guided recording: pictures with detected tags, signals, poses, next step."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ from .picture import GREEN, YELLOW, picture
 from .screen import LiveScreen
 
 _KEYS = {
-    "ready": "Enter begin   b back   s skip   q stop (resume later)",
+    "ready": "Enter start   b back   s skip   q stop (resume later)",
     "showing": "r again   s next   q stop (resume later)",
     "done": "",
 }
-_NARROW = 20  # characters, of a picture at least
-_BAR, _TRACE, _COLORS = 20, (60, 5), ("red", "green", "blue", "magenta", "cyan", "yellow")
+_MIN_PICTURE_WIDTH = 20  # characters
+_BAR_WIDTH = 20
+_TRACE_SIZE = 60, 5  # characters and rows
+_COLORS = ("red", "green", "blue", "magenta", "cyan", "yellow")
 
 
 class CaptureTerminal(LiveScreen):
-    """A `CaptureScreen`; enter it before use. Rings the bell when a step is over."""
+    """Full-screen display of the recording; it rings the bell when a step is complete."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,21 +45,21 @@ class CaptureTerminal(LiveScreen):
 
 
 def pages(view: CaptureView, width: int) -> Iterator[Group]:
-    """All of it, `width` characters wide, with less and less for terminals that are not high."""
+    """Return pages `width` characters wide, each with fewer rows than the one before."""
     n = max(len(view.cameras), 1)
-    wide = max(24, min(58, (width - 2 * n) // n))
-    for part, course in ((1.0, True), (0.75, True), (0.6, True), (0.6, False), (0.45, False)):
-        yield _page(view, max(round(part * wide), _NARROW), course)
-    yield _page(view, 0, course=False)
+    picture_width = max(24, min(58, (width - 2 * n) // n))
+    for scale, has_trace in ((1.0, True), (0.75, True), (0.6, True), (0.6, False), (0.45, False)):
+        yield _page(view, max(round(scale * picture_width), _MIN_PICTURE_WIDTH), has_trace)
+    yield _page(view, 0, has_trace=False)
 
 
-def _page(view: CaptureView, wide: int, course: bool) -> Group:
-    """With pictures that are so wide, none for 0, and the signals' `course`."""
+def _page(view: CaptureView, picture_width: int, has_trace: bool) -> Group:
+    """Return a page with pictures of this width (0 for none), with or without the trace."""
     rows: list[object] = [_head(view), Text(view.next, "bold")]
-    if wide:
-        rows.append(Columns([_camera(c, wide) for c in view.cameras]))
+    if picture_width:
+        rows.append(Columns([_camera(c, picture_width) for c in view.cameras]))
     rows.append(_tags(view))
-    rows += _signals(view, course)
+    rows += _signals(view, has_trace)
     rows += _poses(view)
     rows += [Text(f"! {note}", "yellow") for note in view.notes]
     rows.append(Text(_KEYS[view.phase], "bold"))
@@ -69,9 +71,9 @@ def _head(view: CaptureView) -> Text:
     out = Text(f"step {view.step + 1} of {len(view.steps)}: ")
     out.append(name, "bold cyan")
     if view.phase == "showing":
-        filled = round(_BAR * (1 - view.left / max(seconds, 1e-9)))
+        filled = round(_BAR_WIDTH * (1 - view.left / max(seconds, 1e-9)))
         out.append("  " + "━" * filled, "green")
-        out.append("━" * (_BAR - filled), "dim")
+        out.append("━" * (_BAR_WIDTH - filled), "dim")
         out.append(f" {view.left:.0f} s")
     elif view.phase == "ready":
         out.append(f"  ({seconds:.0f} s; press Enter)", "yellow")
@@ -103,36 +105,36 @@ def _tags(view: CaptureView) -> Text:
     return out
 
 
-def _signals(view: CaptureView, course: bool) -> list[object]:
-    """Bars of (R - R0)/R0, and their `course`."""
+def _signals(view: CaptureView, has_trace: bool) -> list[object]:
+    """Return bars of (R - R0)/R0, and their trace over time."""
     table = Table.grid(padding=(0, 1))
-    for width in (None, 8, _BAR):
+    for width in (None, 8, _BAR_WIDTH):
         table.add_column(no_wrap=True, min_width=width)
     for k, (name, value) in enumerate(zip(view.channels, view.signals, strict=True)):
         color = _COLORS[k % len(_COLORS)]
         if not math.isfinite(value):
             table.add_row(Text(name, color), Text("-"), Text(""))
             continue
-        filled = min(_BAR, round(abs(value) / 0.2 * _BAR))
+        filled = min(_BAR_WIDTH, round(abs(value) / 0.2 * _BAR_WIDTH))
         table.add_row(Text(name, color), Text(f"{value:+7.2%}"), Text("█" * filled, color))
     history = view.history
-    if not course or history.ndim != 2 or len(history) < 10:
+    if not has_trace or history.ndim != 2 or len(history) < 10:
         return [table]
     with np.errstate(all="ignore"):
-        middle = np.nanmedian(history, axis=0)
-        change = relative_change(history, middle)
-    most = max(float(np.nanmax(np.abs(change), initial=0.0)), 0.02)
-    canvas = Canvas(*_TRACE, (0, len(change) - 1), (-most, most))
+        median = np.nanmedian(history, axis=0)
+        change = relative_change(history, median)
+    limit = max(float(np.nanmax(np.abs(change), initial=0.0)), 0.02)
+    canvas = Canvas(*_TRACE_SIZE, (0, len(change) - 1), (-limit, limit))
     for k in range(change.shape[1]):
-        good = np.flatnonzero(np.isfinite(change[:, k]))
-        canvas.dots(((float(i), float(change[i, k])) for i in good), _COLORS[k % len(_COLORS)])
-    beside = Table.grid(padding=(0, 2))
-    beside.add_row(Group(*canvas.lines()), table)
-    return [beside]
+        valid = np.flatnonzero(np.isfinite(change[:, k]))
+        canvas.dots(((float(i), float(change[i, k])) for i in valid), _COLORS[k % len(_COLORS)])
+    columns = Table.grid(padding=(0, 2))
+    columns.add_row(Group(*canvas.lines()), table)
+    return [columns]
 
 
 def _poses(view: CaptureView) -> list[object]:
-    """How much of each pose's way was seen."""
+    """Return how much of each pose was recorded."""
     if not view.reached:
         return []
     table = Table.grid(padding=(0, 1))
@@ -141,16 +143,19 @@ def _poses(view: CaptureView) -> list[object]:
         for part in seen:
             bar.append("███ " if part else "░░░ ", "green" if part else "dim")
         table.add_row(Text(name), bar, Text(f"up to {most:.0%}", "dim"))
-    return [Text("of the way from rest to each pose, seen so far:", "dim"), table]
+    return [Text("recorded so far, from rest to each pose:", "dim"), table]
 
 
 class CaptureLines:
-    """A `CaptureScreen` of plain lines, for logs and programs: no keys. One line a step, and one
-    every so many s in a long one."""
+    """Display of the recording as plain lines, for logs and programs; it reads no keys.
 
-    def __init__(self, every: float = 10.0) -> None:
-        self._step, self._told = -1, set[str]()
-        self._every, self._last = every, 0.0
+    Args:
+        interval: Time after which a line is repeated in a long step, in s.
+    """
+
+    def __init__(self, interval: float = 10.0) -> None:
+        self._step, self._printed_notes = -1, set[str]()
+        self._interval, self._last = interval, 0.0
 
     def key(self, timeout: float) -> str | None:
         time.sleep(timeout)
@@ -158,21 +163,23 @@ class CaptureLines:
 
     def show(self, view: CaptureView) -> None:
         now = time.monotonic()
-        if view.phase == "showing" and (view.step != self._step or now - self._last >= self._every):
+        if view.phase == "showing" and (
+            view.step != self._step or now - self._last >= self._interval
+        ):
             name, seconds = view.steps[view.step]
-            begun = view.step != self._step
+            is_new = view.step != self._step
             self._step, self._last = view.step, now
             covered = ", ".join(f"{n} {seen.mean():.0%}" for n, (_, seen) in view.reached.items())
             self._write(
                 f"step {view.step + 1}/{len(view.steps)}: {name},"
-                f" {f'{seconds:g} s' if begun else f'{view.left:.0f} s left'};"
+                f" {f'{seconds:g} s' if is_new else f'{view.left:.0f} s left'};"
                 f" {view.several} of {view.tags} tags by several cameras; {view.samples} samples,"
-                f" {view.frames} pictures written" + (f"; seen: {covered}" if covered else "")
+                f" {view.frames} pictures written" + (f"; recorded: {covered}" if covered else "")
             )
         for note in view.notes:
-            kind = "".join(c for c in note if not c.isdigit())  # not again for every new number
-            if kind not in self._told:
-                self._told.add(kind)
+            kind = "".join(c for c in note if not c.isdigit())  # a changed number is not a new note
+            if kind not in self._printed_notes:
+                self._printed_notes.add(kind)
                 self._write(f"note: {note}")
 
     def _write(self, line: str) -> None:

@@ -1,4 +1,4 @@
-"""Single keys from a terminal, without waiting for the end of a line."""
+"""Read single keys from a terminal, without waiting for the end of a line."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ...core.errors import DeviceError
 from .terminal_input import Terminal
 
 _ESCAPE, _END = b"\x1b", b"\x04"
-_REST_OF_KEY = 0.05  # s within which the bytes of one key follow each other
-#: One whole key: a control sequence or single shift (ECMA-48, 5.4 and 8.3.141), Alt with a
+_MAX_KEY_GAP_S = 0.05  # time between the bytes of one key
+#: One complete key: a control sequence or single shift (ECMA-48, 5.4 and 8.3.141), Alt with a
 #: character, or a character in UTF-8.
 _ESCAPED = re.compile(
     rb"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|\x1b[^\[O]"
@@ -22,14 +22,21 @@ _ANY = re.compile(rb"\x1b\[?[0-?]*[ -/]*|.+", re.DOTALL)
 
 
 class Keys:
-    """Reads keys while it is entered; the terminal is as before when it is left."""
+    """Reader of keys; use it as a context manager, which restores the terminal.
+
+    Args:
+        otherwise: What the user can do without keys, for the error.
+    """
 
     def __init__(self, otherwise: str = "give --auto") -> None:
-        """`otherwise`: what a user can do without keys."""
         self._waiting, self._otherwise = b"", otherwise
 
     def __enter__(self) -> Keys:
-        """Raises DeviceError where standard input is no terminal, or cannot be read by keys."""
+        """Start to read keys.
+
+        Raises:
+            DeviceError: Standard input is not a terminal (`terminal-missing`).
+        """
         if not sys.stdin.isatty():
             raise DeviceError(
                 "standard input is not a terminal, and this command reads keys",
@@ -46,22 +53,29 @@ class Keys:
         self._terminal.close()
 
     def get(self, timeout: float) -> str | None:
-        """The next key within `timeout` s, or None: "enter" for the end of a line, "escape", a
-        letter in lower case; arrows and function keys are None. "q" at the end of the input."""
+        """Return the next key.
+
+        Args:
+            timeout: Time to wait in s.
+
+        Returns:
+            `"enter"`, `"escape"`, or a character in lower case; `"q"` at the end of the input;
+            None for no key, an arrow or a function key.
+        """
         if not self._waiting and not self._read(timeout):
             return None
         key = _ESCAPED.match(self._waiting)
-        while key is None:  # a key that is not whole yet
-            if self._waiting.endswith(_END) or not self._read(_REST_OF_KEY):
+        while key is None:  # the key is not complete yet
+            if self._waiting.endswith(_END) or not self._read(_MAX_KEY_GAP_S):
                 key = _ANY.match(self._waiting)
                 break
             key = _ESCAPED.match(self._waiting)
-        assert key is not None  # _ANY takes whatever there is
+        assert key is not None  # _ANY matches everything
         self._waiting = self._waiting[key.end() :]
         return _name(key[0])
 
     def _read(self, timeout: float) -> bool:
-        """Add what comes within `timeout` s; False for nothing."""
+        """Add the bytes that arrive within `timeout` s; return False if there are none."""
         read = self._terminal.read(timeout)
         if read is None:
             return False

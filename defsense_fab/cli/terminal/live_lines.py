@@ -1,4 +1,4 @@
-"""A calm line or two for each live device, that say how it does."""
+"""Show the status of each live device in one or two lines."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from ...runtime.frames.live_frame import Quality
 from ...runtime.live.live_loop import LiveStatus
 from ...runtime.live.live_run import LiveRun
 
-_EVERY = 0.25  # s between two looks
-_TOLD = 1.0  # s between two lines of JSON
-_PASSING = re.compile(r"\d+ s\b")  # what alone makes no new line: for how long it is so
+_POLL_INTERVAL_S = 0.25
+_JSON_INTERVAL_S = 1.0
+_DURATION = re.compile(r"\d+ s\b")  # durations, whose change alone is not printed
 _log = logging.getLogger(__name__)
 _COLORS = {Quality.TRUSTED: "green", Quality.UNTRAINED: "yellow", Quality.FALLBACK: "yellow",
            Quality.LOST: "red"}  # fmt: skip
@@ -33,17 +33,30 @@ _BAR = 10
 
 @dataclass
 class _Followed:
-    """A run, what it is called, what was told of it last, and why it has `ended`, if it has."""
+    """A run that is displayed.
+
+    Attributes:
+        run: The run.
+        label: Name of its device.
+        printed: Last printed line, without durations.
+        ended: Why the run has ended; None while it runs.
+    """
 
     run: LiveRun
     label: str
-    told: str = ""
+    printed: str = ""
     ended: str | None = None
 
 
 class LiveLines:
-    """Follows runs on a terminal; where there is none, or with `as_json`, lines follow each other,
-    as what they say changes."""
+    """Display of live runs; use it as a context manager.
+
+    A terminal shows lines that are updated. Otherwise, a new line is printed for each change.
+
+    Args:
+        runs: The runs to follow.
+        as_json: Print one line of JSON per second and run instead.
+    """
 
     def __init__(self, runs: Sequence[LiveRun], *, as_json: bool = False) -> None:
         self._all = [_Followed(run, label) for run, label in zip(runs, labels(runs), strict=True)]
@@ -63,51 +76,58 @@ class LiveLines:
             self._live.__exit__(None, None, None)
 
     def follow(self, seconds: float | None) -> None:
-        """Until all runs have ended, so many s have passed, or Ctrl-C. A run that has ended is
-        told once, and closed while others go on. Raises the last error that ended one; a recording
-        that is at its end is none."""
-        begun, failure = time.monotonic(), list[DefsenseError]()
+        """Show the runs until all have ended or Ctrl-C is pressed.
+
+        A run that has ended is reported once, and closed while the others continue.
+
+        Args:
+            seconds: Time limit in s; None for no limit.
+
+        Raises:
+            DefsenseError: The last error that ended a run; the end of a recording is not an error.
+        """
+        started_at, failures = time.monotonic(), list[DefsenseError]()
         try:
-            while seconds is None or time.monotonic() - begun < seconds:
+            while seconds is None or time.monotonic() - started_at < seconds:
                 new = [each for each in self._all if each.ended is None]
-                failure += [error for each in new if (error := _look(each)) is not None]
+                failures += [error for each in new if (error := _check_ended(each)) is not None]
                 new = [each for each in new if each.ended is not None]
                 self._show(new)
                 if all(each.ended is not None for each in self._all):
                     break
                 for each in new:
                     each.run.end()
-                time.sleep(_EVERY)
+                time.sleep(_POLL_INTERVAL_S)
         except KeyboardInterrupt:
-            self._say_ended()
-        if failure:
-            raise failure[-1]
+            self._print_ended()
+        if failures:
+            raise failures[-1]
 
-    def _say_ended(self) -> None:
+    def _print_ended(self) -> None:
         if self._live is not None:
             self._console.print("ended")
         elif not self._json:
             print("ended", flush=True)  # noqa: T201
 
     def _show(self, new: Sequence[_Followed]) -> None:
-        """What goes on, and what has ended since the last look (`new`)."""
+        """Show all runs; `new` are those that have ended since the last call."""
         if self._json:
-            self._tell_json(new)
+            self._print_json(new)
         elif self._live is not None:
             rows = [row for e in self._all for row in page(e.run.loop.status, e.label, e.ended)]
             self._live.update(Group(*rows), refresh=True)
         else:
             for each in self._all:
                 text = _line(each)
-                apart = _PASSING.sub("", text)
-                if apart != each.told:
-                    each.told = apart
+                without_durations = _DURATION.sub("", text)
+                if without_durations != each.printed:
+                    each.printed = without_durations
                     print(f"{each.label}: {text}", flush=True)  # noqa: T201
 
-    def _tell_json(self, new: Sequence[_Followed]) -> None:
-        """A line a second for each that goes on, and a last one for what has ended."""
+    def _print_json(self, new: Sequence[_Followed]) -> None:
+        """Print one line per second for each run, and a last line when it has ended."""
         now, rows = time.monotonic(), list(new)
-        if now - self._last >= _TOLD:
+        if now - self._last >= _JSON_INTERVAL_S:
             self._last = now
             rows += [each for each in self._all if each.ended is None]
         for each in rows:
@@ -117,12 +137,12 @@ class LiveLines:
 
 
 def labels(runs: Sequence[LiveRun]) -> list[str]:
-    """The runs' devices; of several with their ports, since units of one name differ by these."""
+    """Return the names of the devices; several have their ports, which tell equal names apart."""
     return [f"{r.device} ({r.port})" if len(runs) > 1 else r.device for r in runs]
 
 
-def _look(followed: _Followed) -> DefsenseError | None:
-    """Note whether a run has ended; the error that ended it."""
+def _check_ended(followed: _Followed) -> DefsenseError | None:
+    """Note whether a run has ended, and return the error that ended it."""
     failure: DefsenseError | None = None
     try:
         followed.run.loop.wait(0)
@@ -130,9 +150,8 @@ def _look(followed: _Followed) -> DefsenseError | None:
         followed.ended = str(end)
     except DefsenseError as error:
         failure = error
-    except Exception as error:  # of what this run alone is made of: others go on
-        _log.debug("%s: where it happened", followed.label, exc_info=True)
-        told = f"{followed.label}: {type(error).__name__} in the live loop: {error}"
+    except Exception as error:  # concerns this run only: the others continue
+        _log.debug("%s: traceback of the error", followed.label, exc_info=True)
         failure = LiveError(
             f"{type(error).__name__} in the live loop: {error}",
             code="live-loop-failed",
@@ -154,15 +173,21 @@ def _line(followed: _Followed) -> str:
 
 
 def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]:
-    """Lines for one device of that name, or why it has `ended`."""
+    """Return the lines of one device.
+
+    Args:
+        status: Status of its live loop.
+        label: Its name.
+        ended: Why it has ended; None while it runs.
+    """
     frame = status.frame
     if ended is not None:
         return [Text(f"{label} ended: {ended}", "red")]
     if frame is None:
         return [Text(f"{label}: waiting for samples", "yellow"), *_notes(status)]
     line = Text(f"{label} ")
-    said = frame.quality.value + (f" without {frame.lost_channel}" if frame.lost_channel else "")
-    line.append(said, f"bold {_COLORS[frame.quality]}")
+    quality = frame.quality.value + (f" without {frame.lost_channel}" if frame.lost_channel else "")
+    line.append(quality, f"bold {_COLORS[frame.quality]}")
     line.append(f"  {status.rate:.0f} Hz", "dim")
     if status.surface_rate:
         line.append(f", {status.surface_rate:.0f} surfaces/s", "dim")
@@ -191,23 +216,23 @@ def _ms(seconds: tuple[float, float]) -> str:
 
 
 def as_mapping(status: LiveStatus) -> dict[str, object]:
-    """For --json: plain values, None for what is not known."""
+    """Return a status as plain values for JSON; unknown numbers are None."""
     frame = status.frame
 
-    def known(x: float) -> float | None:
+    def finite_or_none(x: float) -> float | None:
         return x if math.isfinite(x) else None
 
     out: dict[str, object] = {
         "rate": status.rate, "samples": status.samples, "skipped": status.skipped,
-        "latency": {"outputs": [known(x) for x in status.output_latency],
-                    "view": [known(x) for x in status.view_latency]},
+        "latency": {"outputs": [finite_or_none(x) for x in status.output_latency],
+                    "view": [finite_or_none(x) for x in status.view_latency]},
         "notes": [str(note) for note in status.notes],
     }  # fmt: skip
     if frame is not None:
         out |= {
             "time": frame.time, "quality": frame.quality.value,
             "lost": frame.lost_channel, "controls": dict(frame.controls),
-            "confidence": dict(frame.confidence), "distance": known(frame.distance),
-            "ohm": [known(float(r)) for r in frame.ohms],
+            "confidence": dict(frame.confidence), "distance": finite_or_none(frame.distance),
+            "ohm": [finite_or_none(float(r)) for r in frame.ohms],
         }  # fmt: skip
     return out

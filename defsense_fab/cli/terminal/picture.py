@@ -1,4 +1,4 @@
-"""Pictures in a terminal: two pixels in each character."""
+"""Draw pictures in a terminal, with two pixels per character."""
 
 from __future__ import annotations
 
@@ -23,24 +23,30 @@ def picture(
     marks: Sequence[tuple[Float, RGB]] = (),
     labels: Sequence[tuple[Float, str]] = (),
 ) -> list[Text]:
-    """Rows of `width` characters that show an image (h, w) or (h, w, 3) BGR; `marks`, closed
-    outlines or single points (k, 2) px in a colour; `labels`, words at places (2,) px."""
+    """Draw an image as rows of characters.
+
+    Args:
+        image: Gray (h, w) or BGR (h, w, 3).
+        width: Number of characters per row.
+        marks: Closed outlines or single points (k, 2) in px, with their colors.
+        labels: Positions (2,) in px, with their texts.
+    """
     h, w = image.shape[:2]
-    tall = max(2, round(width * h / w / 2) * 2)
-    small = cv2.resize(image, (width, tall), interpolation=cv2.INTER_AREA)
+    height = max(2, round(width * h / w / 2) * 2)
+    small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
     if small.ndim == 2:
         small = np.repeat(small[:, :, None], 3, axis=2)
     small = np.ascontiguousarray(small[:, :, ::-1])
-    scale = np.array([width / w, tall / h])
+    scale = np.array([width / w, height / h])
     for points, color in marks:
         at = np.round((np.asarray(points) + 0.5) * scale - 0.5).astype(np.int32)
         if len(at) > 2:
             cv2.polylines(small, [at], True, color, 1)
         else:
             for x, y in at:
-                if 0 <= x < width and 0 <= y < tall:
+                if 0 <= x < width and 0 <= y < height:
                     small[y, x] = color
-    rows = [_row(small[2 * k], small[2 * k + 1]) for k in range(tall // 2)]
+    rows = [_row(small[2 * k], small[2 * k + 1]) for k in range(height // 2)]
     for place, word in labels:
         x, y = int(place[0] * scale[0]), int(place[1] * scale[1]) // 2
         if 0 <= y < len(rows) and 0 <= x <= width - len(word):

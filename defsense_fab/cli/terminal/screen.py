@@ -1,4 +1,4 @@
-"""A terminal taken over: keys one by one, and pages in place of lines."""
+"""Full-screen display of a terminal, with single keys."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from .keys import Keys
 
 
 class LiveScreen:
-    """Enter it before use; the terminal is as before when it is left."""
+    """Full-screen display; use it as a context manager, which restores the terminal.
 
-    #: What a user can do where there is no terminal.
+    Attributes:
+        otherwise: What the user can do without a terminal.
+    """
+
     otherwise = "give --auto"
 
     def __init__(self) -> None:
@@ -31,26 +34,29 @@ class LiveScreen:
         self._keys.__exit__(None, None, None)
 
     def key(self, timeout: float) -> str | None:
-        """As `Keys.get`."""
+        """Return the next key, as `Keys.get` does."""
         return self._keys.get(timeout)
 
     def _draw(self, pages: Iterable[Group]) -> None:
-        """The first of the pages, the richest first, for which the terminal is high enough."""
+        """Show the first of the pages, the most detailed first, that fits the terminal."""
         self._live.update(fitting(self._console, pages), refresh=True)
 
 
 def fitting(console: Console, pages: Iterable[Group]) -> Group:
-    """The first page that is no higher than the console; of the last one, where none is, the rows
-    that fit above its own last row, which names the keys."""
+    """Return the first page that fits the height of the console.
+
+    If none fits, return the rows of the last page that fit above its last row, which lists the
+    keys.
+    """
     page = Group()
     for page in pages:
         if _rows(console, page) <= console.height:
             return page
     *rows, last = page.renderables
-    room, kept = console.height - _rows(console, Group(last)), []
+    free_rows, kept = console.height - _rows(console, Group(last)), []
     for row in rows:
-        room -= _rows(console, Group(row))
-        if room < 0:
+        free_rows -= _rows(console, Group(row))
+        if free_rows < 0:
             break
         kept.append(row)
     return Group(*kept, last)

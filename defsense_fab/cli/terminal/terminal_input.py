@@ -1,4 +1,4 @@
-"""The bytes of a terminal as keys are pressed: POSIX systems, and Windows."""
+"""Read the bytes of keys from a terminal, on POSIX systems and Windows."""
 
 from __future__ import annotations
 
@@ -7,52 +7,58 @@ import select
 import sys
 import time
 
-_BETWEEN = 0.01  # s between two looks at a Windows console, which cannot be waited for
+_POLL_INTERVAL_S = 0.01  # of a Windows console, which cannot be waited for
 
 if sys.platform == "win32":
     import msvcrt
 
     class Terminal:
-        """The console, which reads keys one by one without being told to."""
+        """Windows console, which always reads single keys."""
 
         def read(self, timeout: float) -> bytes | None:
-            """One key in UTF-8 within `timeout` s, an arrow or function key as a control sequence
-            of no meaning; b"" at the end of the input, None for nothing."""
+            """Return one key in UTF-8 that arrives within `timeout` s.
+
+            Returns a meaningless control sequence for arrow and function keys, b"" at the end of
+            the input, and None for no key.
+            """
             end = time.monotonic() + timeout
             while not msvcrt.kbhit():
                 if time.monotonic() >= end:
                     return None
-                time.sleep(_BETWEEN)
+                time.sleep(_POLL_INTERVAL_S)
             key = msvcrt.getwch()
-            if key == "\x03":  # Ctrl-C, which is a key like others to getwch
+            if key == "\x03":  # Ctrl-C, which getwch returns like other keys
                 raise KeyboardInterrupt
             if key in ("\0", "\xe0"):
-                msvcrt.getwch()  # which of these keys it is
+                msvcrt.getwch()  # discard the code of the key
                 return b"\x1b[~"
             return b"" if key == "\x1a" else key.encode("utf-8", errors="replace")
 
         def close(self) -> None:
-            """Nothing was changed."""
+            """Do nothing: the console was not changed."""
 
 else:
     import termios
     import tty
 
     class Terminal:
-        """Standard input, which passes on each key until it is closed."""
+        """Standard input, which passes each key on immediately until it is closed."""
 
         def __init__(self) -> None:
             self._before = termios.tcgetattr(sys.stdin)
             tty.setcbreak(sys.stdin)
 
         def read(self, timeout: float) -> bytes | None:
-            """What comes within `timeout` s; b"" at the end of the input, None for nothing. Reads
-            the descriptor itself: what a file object keeps in a buffer is not seen by select."""
+            """Return the bytes that arrive within `timeout` s.
+
+            Returns b"" at the end of the input, and None for no bytes. Reads the descriptor
+            directly, since select does not see bytes in the buffer of a file object.
+            """
             descriptor = sys.stdin.fileno()
             if not select.select([descriptor], [], [], timeout)[0]:
                 return None
             return os.read(descriptor, 1024)
 
         def close(self) -> None:
-            """The terminal is as before."""
+            """Restore the terminal."""
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)

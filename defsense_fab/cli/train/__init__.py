@@ -1,1 +1,1 @@
-"""Commands that make models of recordings, and simulated recordings."""
+"""Commands that train and test models, and simulate recordings."""

@@ -1,4 +1,4 @@
-"""The arguments of all commands that take data: sessions, datasets, and files of others."""
+"""Arguments of all commands that read data: sessions, datasets, and other files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def add_data_arguments(sub: argparse.ArgumentParser) -> None:
-    """SESSION..., or --signals with --tracks; --device, --markers, --offset, --shift."""
+    """Add SESSION..., --signals with --tracks, --device, --markers, --offset and --shift."""
     sub.add_argument(
         "sources",
         nargs="*",
@@ -63,8 +63,15 @@ def add_data_arguments(sub: argparse.ArgumentParser) -> None:
 
 
 def read_data_arguments(options: argparse.Namespace) -> DataFiles | None:
-    """None where there is no data among the options. Raises TrainingError for half of a pair, and
-    for times that are none."""
+    """Return the data that the options name.
+
+    Returns:
+        The data, or None if the options name none.
+
+    Raises:
+        TrainingError: Only one of --signals and --tracks is given (`options-incomplete`), or a time
+            is not a number (`not-a-number`).
+    """
     from ...training.recordings.datasets import DataFiles
 
     if (options.signals is None) != (options.tracks is None):
@@ -73,8 +80,8 @@ def read_data_arguments(options: argparse.Namespace) -> DataFiles | None:
             code="options-incomplete",
             action="Give both, or sessions",
         )
-    offset = _seconds("--offset", options.offset)
-    shift = _seconds("--shift", options.shift)
+    offset = _parse_seconds("--offset", options.offset)
+    shift = _parse_seconds("--shift", options.shift)
     if not options.sources and options.signals is None:
         return None
     return DataFiles(
@@ -83,7 +90,7 @@ def read_data_arguments(options: argparse.Namespace) -> DataFiles | None:
 
 
 def format_data_arguments(options: argparse.Namespace) -> str:
-    """The same data as words of another command's line."""
+    """Return the same data as arguments for another command line."""
     words = [str(source) for source in options.sources]
     for name in ("device", "signals", "tracks", "markers", "offset", "shift"):
         value = getattr(options, name)
@@ -92,7 +99,7 @@ def format_data_arguments(options: argparse.Namespace) -> str:
     return " ".join(map(quote, words))
 
 
-def _seconds(option: str, text: str) -> float | Literal["auto"]:
+def _parse_seconds(option: str, text: str) -> float | Literal["auto"]:
     if text == "auto":
         return "auto"
     try:

@@ -1,4 +1,4 @@
-"""The command `defsense dataset`."""
+"""Command `defsense dataset`: export sessions as a dataset."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`dataset`."""
+    """Add `dataset`."""
     sub = commands.add_parser(
         "dataset",
         help="Export sessions and files as a dataset (Parquet, or LeRobot's format)",
@@ -84,46 +84,49 @@ def _dataset(options: argparse.Namespace) -> int:
 
     device = load_device(options.device) if options.device else None
     with progress_bars(options) as progress:
-        found = export_dataset(
+        exported = export_dataset(
             files, device, parquet=options.out, lerobot=options.lerobot, rate=options.rate,
             progress=progress,
         )  # fmt: skip
     with standard_output():
         if options.json:
-            print_json(_told(found, options), allow_nan=False)
+            print_json(_to_json(exported, options), allow_nan=False)
         else:
-            _show(found, options)
+            _print_exported(exported, options)
     return 0
 
 
-def _told(found: Exported, options: argparse.Namespace) -> dict[str, object]:
-    d = found.dataset
+def _to_json(exported: Exported, options: argparse.Namespace) -> dict[str, object]:
+    dataset = exported.dataset
     return {
         "parquet": str(options.out) if options.out else None,
         "lerobot": str(options.lerobot) if options.lerobot else None,
-        "device": d.device, "layout": d.layout, "channels": list(d.channels),
-        "markers": d.ids.tolist(),
+        "device": dataset.device, "layout": dataset.layout, "channels": list(dataset.channels),
+        "markers": dataset.ids.tolist(),
         "recordings": [
             {"name": r.name, "unit": r.unit, "samples": len(r.sample_time), "frames": len(r.time)}
-            for r in d.recordings
+            for r in dataset.recordings
         ],
         "problems": [
             {"kind": p.kind, "fatal": p.is_fatal, "what": p.message, "remedy": p.action}
-            for p in found.problems
+            for p in exported.problems
         ],
-        "notes": list(found.notes),
+        "notes": list(exported.notes),
     }  # fmt: skip
 
 
-def _show(found: Exported, options: argparse.Namespace) -> None:
-    d = found.dataset
-    samples = sum(len(r.sample_time) for r in d.recordings)
+def _print_exported(exported: Exported, options: argparse.Namespace) -> None:
+    dataset = exported.dataset
+    samples = sum(len(r.sample_time) for r in dataset.recordings)
     print_lines([
-        f"{d.device}: {d.frame_count} pictures of {len(d.ids)} markers and {samples} samples of"
-        f" {len(d.channels)} channels, in {len(d.recordings)} recordings",
+        f"{dataset.device}: {dataset.frame_count} pictures of {len(dataset.ids)} markers and"
+        f" {samples} samples of {len(dataset.channels)} channels, in"
+        f" {len(dataset.recordings)} recordings",
     ])  # fmt: skip
-    print_lines([f"note: {note}" for note in found.notes])
-    print_lines([f"{'training is refused' if p.is_fatal else 'note'}: {p}" for p in found.problems])
+    print_lines([f"note: {note}" for note in exported.notes])
+    print_lines(
+        [f"{'training is not possible' if p.is_fatal else 'note'}: {p}" for p in exported.problems]
+    )
     print_lines([f"Wrote:   {folder}" for folder in (options.out, options.lerobot) if folder])
     if options.out is not None:
         device = f" --device {quote(str(options.device))}" if options.device else ""

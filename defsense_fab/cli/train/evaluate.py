@@ -1,4 +1,4 @@
-"""The command `defsense evaluate`."""
+"""Command `defsense evaluate`: measure the errors of a trained model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`evaluate`."""
+    """Add `evaluate`."""
     sub = commands.add_parser(
         "evaluate",
         help="Measure the errors of a trained model, by pose, marker, speed and cause",
@@ -87,66 +87,67 @@ def _evaluate(options: argparse.Namespace) -> int:
         )
     device = load_device(options.device) if options.device else None
     models = [options.model, *options.against]
-    beside = options.model if options.model.is_dir() else options.model.parent
-    folder = options.out or beside / "evaluation"
+    parent = options.model if options.model.is_dir() else options.model.parent
+    folder = options.out or parent / "evaluation"
     check_folder(folder)
     with progress_bars(options) as progress:
-        found = evaluate_files(models, files, device, share, progress)
+        result = evaluate_files(models, files, device, share, progress)
         progress("report", 0.0, "figures and tables")
-        write_evaluation(folder, found)
+        write_evaluation(folder, result)
         progress("report", 1.0, "done")
     with standard_output():
         if options.json:
-            data = {"folder": str(folder), **as_data(found)}
+            data = {"folder": str(folder), **as_data(result)}
             print_json(data, allow_nan=False)
         else:
-            _show(found, folder)
+            _print_evaluation(result, folder)
     return 0
 
 
-def _show(found: SessionEvaluation, folder: Path) -> None:
+def _print_evaluation(result: SessionEvaluation, folder: Path) -> None:
     from rich.table import Table
 
     from ...report.evaluation.evaluation_report import PAGE, verdict
     from ...report.evaluation.tables import PAPER, SOURCE
 
     out = console()
-    table = Table(title=f"errors of markers, mm; paper: {SOURCE}")
+    table = Table(title=f"Errors of markers (mm); paper: {SOURCE}")
     table.add_column("", no_wrap=True)
     for name in ("RMSE ± SD", "peak", "average peak", "frames"):
         table.add_column(name, justify="right", no_wrap=True)
-    rows = [(m.name, m.evaluation.total) for m in found.models]
+    rows = [(m.name, m.evaluation.total) for m in result.models]
     rows += [(f"paper: {name}", row) for name, row in PAPER.items()]
     for name, t in rows:
         numbers = f"{t.rmse:.2f} ± {t.deviation:.2f}", f"{t.peak:.2f}", f"{t.average_peak:.2f}"
         table.add_row(name, *numbers, str(t.frames))
     out.print(table)
-    first = found.models[0]
+    first = result.models[0]
     e, budget = first.evaluation, first.budget
     shares = sorted(budget.shares.items(), key=lambda item: -item[1])
     lines = []
     if e.rmse_without_noise is not None:
         lines.append(
-            f"without the cameras' own noise ({e.camera_noise:.2f} mm): RMSE"
+            f"without the noise of the cameras ({e.camera_noise:.2f} mm): RMSE"
             f" {e.rmse_without_noise:.2f} mm"
         )
     if e.coverage is not None:
         c = e.coverage
         lines.append(
-            f"intervals of {100 * c.level:.0f} % hold {100 * c.share:.1f} %, ± {c.radius:.2f} mm"
+            f"{100 * c.level:.0f} % intervals contain {100 * c.share:.1f} % of the errors,"
+            f" ± {c.radius:.2f} mm"
         )
     if budget.total > 0:
-        told = ", ".join(f"{cause} {100 * s / budget.total:.0f} %" for cause, s in shares
+        causes = ", ".join(f"{cause} {100 * s / budget.total:.0f} %" for cause, s in shares
                          if abs(s) >= 0.005 * budget.total)  # fmt: skip
-        lines.append(f"squared error by cause: {told}")
+        lines.append(f"squared error by cause: {causes}")
     if (p := first.predicted) is not None:
-        promise = "" if p.design is None else f"; the design alone, {p.design.rmse:.2f} mm"
+        design_error = "" if p.design is None else f"; design only, {p.design.rmse:.2f} mm"
         lines.append(
             f"predicted {p.predicted:.2f} mm, measured {p.measured:.2f} mm: ratio {p.ratio:.2f}"
-            f"{promise}"
+            f"{design_error}"
         )
-    if found.comparison is not None:
-        lines.append(verdict(found.comparison))
+    if result.comparison is not None:
+        lines.append(verdict(result.comparison))
     print_lines(lines)
-    print_lines([f"note: {n}" for n in found.notes])
+    print_lines([f"note: {n}" for n in result.notes])
     print_lines([f"Look at: {folder / PAGE}"])

@@ -1,4 +1,4 @@
-"""The command `defsense recalibrate`."""
+"""Command `defsense recalibrate`: correct the gains of a model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`recalibrate`."""
+    """Add `recalibrate`."""
     sub = commands.add_parser(
         "recalibrate",
         help="Correct a model after a cord was replaced or has aged",
@@ -48,28 +48,28 @@ def _recalibrate(options: argparse.Namespace) -> int:
     from ...training.models.train_device import choose_model_path
 
     model = load_model(options.model)
-    beside = options.model if options.model.is_dir() else options.model.parent
-    path = choose_model_path(options.out or beside / f"recalibrated{Path(MODEL).suffix}", None, [])
-    found = recalibrate_from(model, options.sessions)
-    if not found.problems:
-        write_model(path, found.model)
+    parent = options.model if options.model.is_dir() else options.model.parent
+    path = choose_model_path(options.out or parent / f"recalibrated{Path(MODEL).suffix}", None, [])
+    result = recalibrate_from(model, options.sessions)
+    if not result.problems:
+        write_model(path, result.model)
     with standard_output():
         if options.json:
-            written = None if found.problems else str(path)
-            told = {"model": written, "enough": not found.problems, **found.to_json()}
-            print_json(told)
+            written = None if result.problems else str(path)
+            data = {"model": written, "enough": not result.problems, **result.to_json()}
+            print_json(data)
             return 0
         from rich.table import Table
 
-        table = Table(title="what has changed since the training")
+        table = Table(title="Changes since the training")
         for name in ("channel", "gain"):
             table.add_column(name, justify="left" if name == "channel" else "right")
-        for name, gain, error in zip(model.channels, found.gain, found.gain_error, strict=True):
+        for name, gain, error in zip(model.channels, result.gain, result.gain_error, strict=True):
             table.add_row(name, f"{gain:.3f} ± {error:.3f}")
         console().print(table)
-        print_lines([f"warning: {p}" for p in (*found.problems, *found.notes)])
-        if found.problems:
-            print_lines(["No model was written: gains do not suffice.",
+        print_lines([f"warning: {p}" for p in (*result.problems, *result.notes)])
+        if result.problems:
+            print_lines(["No model was written: correcting the gains is not sufficient.",
                  "Next:    defsense capture record ..., then defsense train"])  # fmt: skip
         else:
             print_lines([f"Wrote:   {path}", f"Next:    defsense evaluate {path} SESSION"])

@@ -1,4 +1,4 @@
-"""The command `defsense train`."""
+"""Command `defsense train`: train a model on sessions or on the simulation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`train`."""
+    """Add `train`."""
     sub = commands.add_parser(
         "train",
         help="Train a model that converts resistances to marker positions",
@@ -99,32 +99,32 @@ def _train(options: argparse.Namespace) -> int:
             raise TrainingError(
                 "there are no data to train on",
                 code="sources-missing",
-                action="Give sessions, --signals with --tracks, or --device to train on the simulation",
+                action="Give sessions, --signals with --tracks, or --device to use its simulation",
             )
-        return _simulated(options, device)
+        return _train_on_simulation(options, device)
     from ...training.fitting.train_model import TrainingOptions
     from ...training.models.train_device import train_files
 
-    how = TrainingOptions(
+    training_options = TrainingOptions(
         options.decoder, not options.no_memory, not options.unweighted, options.test_share,
         options.folds, options.level,
     )  # fmt: skip
     with progress_bars(options) as progress:
         trained = train_files(
-            files, device, how, out=options.out, prior_mode=options.prior,
-            excluded_markers=_numbers(options.without_markers), progress=progress,
+            files, device, training_options, out=options.out, prior_mode=options.prior,
+            excluded_markers=_parse_ids(options.without_markers), progress=progress,
         )  # fmt: skip
     path, result, notes = trained.path, trained.training, list(trained.notes)
     with standard_output():
         if options.json:
-            told = {"model": str(path), "notes": notes, **result.model.metadata}
-            print_json(told)
+            data = {"model": str(path), "notes": notes, **result.model.metadata}
+            print_json(data)
         else:
-            _show(result, path, options, notes)
+            _print_training(result, path, options, notes)
     return 0
 
 
-def _numbers(text: str) -> list[int]:
+def _parse_ids(text: str) -> list[int]:
     try:
         return [int(part) for part in text.split(",") if part.strip()]
     except ValueError:
@@ -137,7 +137,7 @@ def _numbers(text: str) -> list[int]:
         ) from None
 
 
-def _simulated(options: argparse.Namespace, device: Device) -> int:
+def _train_on_simulation(options: argparse.Namespace, device: Device) -> int:
     from ...training.models.model_file import write_model
     from ...training.models.train_device import choose_model_path, simulate_only
 
@@ -146,12 +146,12 @@ def _simulated(options: argparse.Namespace, device: Device) -> int:
     write_model(path, model)
     with standard_output():
         if options.json:
-            told = {"model": str(path), "decoder": model.kind, **model.metadata}
-            print_json(told)
+            data = {"model": str(path), "decoder": model.kind, **model.metadata}
+            print_json(data)
             return 0
         print_lines([
-            f"{path}: {model.kind}, from {model.metadata['trained_on']}. Cords differ, and nothing of"
-            " this one was measured: expect errors of several times the prediction until it is"
+            f"{path}: {model.kind}, from {model.metadata['trained_on']}. Cords differ, and this"
+            " device was not measured: expect errors of several times the prediction until it is"
             " trained.",
             f"Next:    defsense capture record {options.device} ..., then defsense train SESSION"
             f" --device {options.device}",
@@ -159,12 +159,14 @@ def _simulated(options: argparse.Namespace, device: Device) -> int:
     return 0
 
 
-def _show(result: Training, path: Path, options: argparse.Namespace, notes: list[str]) -> None:
+def _print_training(
+    result: Training, path: Path, options: argparse.Namespace, notes: list[str]
+) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     out = console()
-    table = Table(title="errors of markers, mm (RMSE ± SD, peaks of the test)", box=SIMPLE_HEAD)
+    table = Table(title="Errors of markers (mm): RMSE ± SD, peaks of the test", box=SIMPLE_HEAD)
     table.add_column("decoder", no_wrap=True)
     for name in ("folds", "test", "peak", "mean peak"):
         table.add_column(name, justify="right", no_wrap=True)
@@ -177,24 +179,27 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
         mark = "*" if a.name == result.selected else " "
         table.add_row(f"{mark} {a.name}", f"{a.cross_validated:.2f}", *test)
     out.print(table)
-    chosen = next(a for a in result.candidates if a.name == result.selected)
-    about = [
-        "*: chosen by the folds",
-        f"trained on {len(result.training_frames)} pictures, tested on the {len(result.test_frames)} after",
+    selected = next(a for a in result.candidates if a.name == result.selected)
+    notes_on_training = [
+        "*: selected by cross-validation",
+        f"trained on {len(result.training_frames)} pictures, tested on the following"
+        f" {len(result.test_frames)}",
     ]
-    if chosen.moved or chosen.worked:
-        times = [f"{t:.2g} s" for t in (*chosen.moved, *chosen.worked)]
-        about.append(f"memory: {', '.join(times)}")
+    if selected.moved or selected.worked:
+        times = [f"{t:.2g} s" for t in (*selected.moved, *selected.worked)]
+        notes_on_training.append(f"memory: {', '.join(times)}")
     if result.wrong_markers.any():
         share = result.wrong_markers.sum() / max(int(result.training_frames.visible.sum()), 1)
-        about.append(f"{share:.2%} of the markers were wrong, and left out of the training")
+        notes_on_training.append(
+            f"{share:.2%} of the markers were wrong and excluded from the training"
+        )
     if result.wrong_test_markers.any():
         share = result.wrong_test_markers.sum() / max(int(result.test_frames.visible.sum()), 1)
-        about.append(
-            f"{share:.2%} of the markers of the test seem wrong; its errors are with them: look at"
-            " the tracks"
+        notes_on_training.append(
+            f"{share:.2%} of the markers of the test seem wrong, and its errors include them. Check"
+            " the tracks."
         )
-    print_lines([f"note: {n}" for n in [*about, *notes]])
+    print_lines([f"note: {n}" for n in [*notes_on_training, *notes]])
     print_lines([
         f"Wrote:   {path}",
         f"Next:    defsense evaluate {quote(str(path))} {format_data_arguments(options)}",

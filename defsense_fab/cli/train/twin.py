@@ -1,4 +1,4 @@
-"""The command `defsense twin`."""
+"""Command `defsense twin`: simulate training sessions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Commands) -> None:
-    """`twin`."""
+    """Add `twin`."""
     sub = commands.add_parser(
         "twin",
         help="Simulate training sessions of a device without hardware",
@@ -154,7 +154,7 @@ def _twin(options: argparse.Namespace) -> int:
         traits = replace(traits, film=FilmTraits(kind, count, options.rate))
     traits.disable_traits(off)
     if options.list_assumptions:
-        return _list(traits.disable_traits(off), options)
+        return _print_assumptions(traits.disable_traits(off), options)
     from ...capture.sessions.results import QUALITY
     from ...twin.recordings.twin_recordings import simulate_runs
     from ...workflow.sessions.twin_sessions import (
@@ -169,30 +169,32 @@ def _twin(options: argparse.Namespace) -> int:
     tags = options.markers or (device.source / "markers" if options.cameras else None)
     markers = read_markers(tags) if tags else None
     with silent_stdout(), progress_bars(options) as progress:
-        made = simulate_runs(
+        simulated = simulate_runs(
             device, seconds=60 * options.minutes, sessions=options.sessions, seed=options.seed,
             unit=options.unit, off=off, traits=traits, markers=markers, grip_count=options.grips,
             progress=progress,
         )  # fmt: skip
-        folders = write_sessions(out, device, made, progress)
+        folders = write_sessions(out, device, simulated, progress)
     qualities = [(f / QUALITY).read_text(encoding="utf-8") for f in folders]
     frames = sum(int(json.loads(text)["frames"]) for text in qualities)
     data = {
         "sessions": [str(f) for f in folders], "frames": frames,
-        "channels": list(made.dataset.channels), "markers": len(made.dataset.ids),
-        "states": len(made.fields.space.states), "interpolation_mm": made.fields.error,
-        "interpolation_signal": made.fields.signal_error, "warnings": list(made.fields.warnings),
-        **{k: made.dataset.provenance[k] for k in ("unit", "seed", "off")},
+        "channels": list(simulated.dataset.channels), "markers": len(simulated.dataset.ids),
+        "states": len(simulated.fields.space.states), "interpolation_mm": simulated.fields.error,
+        "interpolation_signal": simulated.fields.signal_error,
+        "warnings": list(simulated.fields.warnings),
+        **{k: simulated.dataset.provenance[k] for k in ("unit", "seed", "off")},
     }  # fmt: skip
     with standard_output():
         if options.json:
             print_json(data)
         else:
-            print_lines(f"note: {w}" for w in made.fields.warnings)
+            print_lines(f"note: {w}" for w in simulated.fields.warnings)
             print_lines([
-                f"{frames} pictures of {len(made.dataset.ids)} markers,"
-                f" {len(made.dataset.channels)} cords; shapes between {data['states']} solved"
-                f" states, within {made.fields.error:.2g} mm where one is left out",
+                f"{frames} pictures of {len(simulated.dataset.ids)} markers,"
+                f" {len(simulated.dataset.channels)} cords; shapes interpolated between"
+                f" {data['states']} solved states, error {simulated.fields.error:.2g} mm when"
+                " one is omitted",
                 f"Look at: {folders[0] / ASSUMPTIONS}",
                 f"Next:    defsense train {quote(str(folders[0]))} --device"
                 f" {quote(str(options.folder))}",
@@ -200,14 +202,14 @@ def _twin(options: argparse.Namespace) -> int:
     return 0
 
 
-def _list(traits: TwinTraits, options: argparse.Namespace) -> int:
+def _print_assumptions(traits: TwinTraits, options: argparse.Namespace) -> int:
     with standard_output():
         if options.json:
             print_json([vars(a) for a in traits.assumptions])
             return 0
         from rich.table import Table
 
-        table = Table(title=f"--off takes {', '.join(traits.names)}")
+        table = Table(title=f"Traits for --off: {', '.join(traits.names)}")
         for column in ("trait", "number", "value", "unit", "meaning", "source"):
             table.add_column(column)
         for a in traits.assumptions:

@@ -391,13 +391,13 @@ def load_coarse_mesh(
     if edge is None:  # a device without poses has a mesh only to propose some
         edge = QuadraticMesh.from_linear(load_mesh(folder)).edge_length
     surface, edge = load_surface(folder), COARSENING * edge
-    tetrahedra = mesh_store.recall(surface, edge, device.mesh.time_limit)
+    tetrahedra = mesh_store.load_cached_mesh(surface, edge, device.mesh.time_limit)
     if tetrahedra is None:
         try:
             tetrahedra = tetrahedralize(surface, edge, on_step, device.mesh.time_limit)
         except MeshingError:
             return None
-        mesh_store.remember(surface, edge, tetrahedra)
+        mesh_store.cache_mesh(surface, edge, tetrahedra)
     return tetrahedra.mesh
 
 

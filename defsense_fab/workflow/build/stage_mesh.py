@@ -84,7 +84,7 @@ class _MeshSource:
     def __init__(self, device: Device, surface: Surface, report: Report) -> None:
         self._device, self._surface, self._report = device, surface, report
         self._limit = device.mesh.time_limit
-        self._in_file = mesh_lock.read(device.source)
+        self._in_file = mesh_lock.read_meshes(device.source)
         self._locked = {
             k: tets for k, tets in self._in_file.items() if not tets.is_outgrown(self._limit)
         }
@@ -93,14 +93,14 @@ class _MeshSource:
     def make(self, edge_length: float) -> TetMesh:
         """Return the mesh of an edge length in mm, whose facets end at the borders of regions."""
         surface, limit = self._surface, self._limit
-        key = mesh_lock.key(surface, edge_length)
+        key = mesh_lock.mesh_key(surface, edge_length)
         if key in self._locked:
             tets: Tetrahedra | None = self._locked[key]
         else:
-            tets = mesh_store.recall(surface, edge_length, limit)
+            tets = mesh_store.load_cached_mesh(surface, edge_length, limit)
         if tets is None:
             tets = tetrahedralize(surface, edge_length, lambda m: self._report(0.3, m), limit)
-            mesh_store.remember(surface, edge_length, tets)
+            mesh_store.cache_mesh(surface, edge_length, tets)
         self.used[edge_length] = tets
         return conform_to_regions(tets.mesh, list(self._device.regions.values()))
 
@@ -111,13 +111,13 @@ class _MeshSource:
             Whether one of them is new.
         """
         kept = {
-            mesh_lock.key(self._surface, edge): tets
+            mesh_lock.mesh_key(self._surface, edge): tets
             for edge, tets in self.used.items()
             if not tets.repeatable
         }
         new = kept.keys() - self._locked.keys()
         if new or len(self._locked) < len(self._in_file):
-            mesh_lock.write(self._device.source, kept if new else self._locked)
+            mesh_lock.write_meshes(self._device.source, kept if new else self._locked)
         return bool(new)
 
 

@@ -127,8 +127,8 @@ def _mesh_inputs(d: Device) -> Any:
     only where a longer one would give a better mesh.
     """
     poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
-    locked = mesh_lock.content(d.source)
-    longer = ["longer"] if mesh_lock.outgrown(d.source, d.mesh.time_limit) else []
+    locked = mesh_lock.file_digest(d.source)
+    longer = ["longer"] if mesh_lock.has_outgrown_mesh(d.source, d.mesh.time_limit) else []
     return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked, *longer)
 
 
@@ -266,7 +266,7 @@ class StageKeys:
         """
         sources = body_sources.load_sources(folder)
         # `device.mesh` may be written by the stage of the mesh.
-        cached = json.dumps([sources, mesh_lock.content(self._device.source)])
+        cached = json.dumps([sources, mesh_lock.file_digest(self._device.source)])
         if cached not in self._cache:
             self._cache[cached] = self._compute(sources)
         return self._cache[cached]

@@ -83,9 +83,9 @@ def _set_cache_command() -> str:
 
 def cache_folder() -> str:
     """Return the folder in which meshes are kept."""
-    from ...geometry.bodies.meshing.mesh_store import folder
+    from ...geometry.bodies.meshing import mesh_store
 
-    return str(folder().resolve())
+    return str(mesh_store.cache_folder().resolve())
 
 
 def check_graphics(seconds: float) -> Finding:

@@ -43,7 +43,7 @@ def run(port="twin", device="bar", ends=1, error=None, silent=None):
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
-    monkeypatch.setattr(live_lines, "_EVERY", 0.0)
+    monkeypatch.setattr(live_lines, "_POLL_INTERVAL_S", 0.0)
 
 
 def test_a_run_that_ended_is_told_once_while_others_go_on(capsys):
@@ -71,7 +71,7 @@ def test_silence_is_told_once_and_not_by_the_second(capsys):
 
 
 def test_json_tells_an_end_once(capsys, monkeypatch):
-    monkeypatch.setattr(live_lines, "_TOLD", 0.0)
+    monkeypatch.setattr(live_lines, "_JSON_INTERVAL_S", 0.0)
     first = run("COM3", ends=2, error=RecordingEnd("COM3: the recording is at its end"))
     second = run("COM4", "cube", ends=4, error=RecordingEnd("COM4: the recording is at its end"))
     with LiveLines([first, second], as_json=True) as lines:

@@ -51,7 +51,7 @@ def measurement(phase):
 def test_recording(height):
     rows = shown(guided_recording.pages(capture(), 80), height)
     assert len(rows) <= height
-    assert rows[-1].startswith("Enter begin")
+    assert rows[-1].startswith("Enter ")
     text = "\n".join(rows)
     for there in ("step 2 of 2", "Show bend.", "10 of 12", "pose_3", "+10.00%", "late or lost"):
         assert there in text
@@ -74,7 +74,7 @@ def test_measurement(phase, height):
 def test_a_window_of_a_few_rows_keeps_the_keys():
     rows = shown(guided_recording.pages(capture(3, 8), 80), 8)
     assert len(rows) <= 8
-    assert rows[-1].startswith("Enter begin")
+    assert rows[-1].startswith("Enter ")
     assert "step 2 of 2" in rows[0]
 
 
@@ -93,7 +93,7 @@ def test_calibration_of_cameras(count):
 
 def test_lines_of_a_recording_without_a_terminal(capsys):
     """One a step, and one every now and then in a long one."""
-    lines = guided_recording.CaptureLines(every=3600)
+    lines = guided_recording.CaptureLines(interval=3600)
     view = replace(capture(), phase="showing")
     lines.show(view)
     lines.show(replace(view, left=19.0))
@@ -101,7 +101,7 @@ def test_lines_of_a_recording_without_a_terminal(capsys):
     assert [line.split(";")[0] for line in first] == [
         "step 2/2: bend, 20 s", "note: camera cam_1: 12 frames late or lost",
     ]  # fmt: skip
-    often = guided_recording.CaptureLines(every=0.0)
+    often = guided_recording.CaptureLines(interval=0.0)
     often.show(view)
     often.show(replace(view, left=7.0, samples=900))
     later = capsys.readouterr().err.splitlines()[-1]
