@@ -1,15 +1,15 @@
-"""Layouts of cords that nobody designed, for tests of what reads them."""
+"""Make layouts with arbitrary predictions for tests."""
 
 from __future__ import annotations
 
 import numpy as np
-from defsense_fab.store.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
 
 from defsense_fab.core.prediction import Prediction
+from defsense_fab.store.layout import BandRecord, CordPath, CordRecord, LayoutRecord, LimitsRecord
 
 
 def cord(sensor, channel):
-    """Of a drawn cord."""
+    """Return the record of a drawn cord."""
     line = np.array([[0.0, 0, 0], [150, 0, 0]])
     return CordRecord(
         **vars(CordPath.of(sensor)), channel=channel, points=line, length=150.0, min_radius=9.0,
@@ -19,12 +19,30 @@ def cord(sensor, channel):
 
 
 def layout(*sensors):
-    """Of drawn cords, in the order of their channels."""
+    """Return a layout of drawn cords, in the order of their channels."""
     cords = tuple(cord(s, k) for k, s in enumerate(sensors))
     noise = (0.003,) * len(cords)
-    told = Prediction("affine", noise, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {}, {})
+    prediction = Prediction(
+        "affine", noise, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {}, {}
+    )
     band = BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 0.01, 0.5, 600)
     limits = LimitsRecord(1.2, 5.0, 3.4)
     return LayoutRecord(
-        "bar", "mesh", limits, None, cords, 4.0, (), (), told, {}, {}, band, told, (), False, (), 1
+        "bar",
+        "mesh",
+        limits,
+        None,
+        cords,
+        4.0,
+        (),
+        (),
+        prediction,
+        {},
+        {},
+        band,
+        prediction,
+        (),
+        False,
+        (),
+        1,
     )

@@ -1,4 +1,4 @@
-"""What tells one layout of cords from another."""
+"""Test the hash that identifies a layout of cords."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ from dataclasses import replace
 
 from defsense_fab.core.storage import typed_json
 from defsense_fab.store.layout import layout_hash, load_layout
-
 from tests.core.records.layouts import layout
 
 
-def test_it_is_of_the_cords_alone_and_survives_the_file(straight, tmp_path):
-    one = layout(straight("left", y=5.0), straight("right", y=-5.0))
-    cords, known = one.sensors, layout_hash(one)
-    assert layout_hash(replace(one, mesh="other", seed=2, sensors=cords[::-1])) == known
-    typed_json.save(tmp_path / "layout.json", one)
-    assert layout_hash(load_layout(tmp_path)) == known
+def test_hash_depends_only_on_the_cords_and_survives_the_file(straight, tmp_path):
+    record = layout(straight("left", y=5.0), straight("right", y=-5.0))
+    cords, expected = record.sensors, layout_hash(record)
+    assert layout_hash(replace(record, mesh="other", seed=2, sensors=cords[::-1])) == expected
+    typed_json.save(tmp_path / "layout.json", record)
+    assert layout_hash(load_layout(tmp_path)) == expected
     bent = replace(cords[0], control_points=cords[0].control_points + 0.01)
     swapped = replace(cords[0], channel=1), replace(cords[1], channel=0)
-    for other in ((bent, cords[1]), swapped, cords[:1]):
-        assert layout_hash(replace(one, sensors=other)) != known
+    for others in ((bent, cords[1]), swapped, cords[:1]):
+        assert layout_hash(replace(record, sensors=others)) != expected

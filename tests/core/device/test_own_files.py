@@ -14,6 +14,6 @@ def test_results_in_a_device_folder_are_not_its_own_files(tmp_path):
     for name in (*own, *others):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
-    (tmp_path / "shapes" / "again").symlink_to(tmp_path)  # a walk that follows it has no end
+    (tmp_path / "shapes" / "again").symlink_to(tmp_path)  # following it would never end
     files = own_files(tmp_path, without=tmp_path / "results" / "bar" / "full")
     assert [p.relative_to(tmp_path).as_posix() for p in files] == own
