@@ -1,7 +1,9 @@
-"""Takes the pictures of the first page: `python docs/guide/make_pictures.py FOLDER [NAME...]`.
+"""Take the screenshots of the first page of the documentation.
 
-FOLDER is where the page's commands were typed; what is missing there is made first. A Chromium must
-be installed; its windows are drawn by the processor.
+    python docs/guide/make_pictures.py FOLDER [NAME...]
+
+FOLDER is the folder in which the commands of the page were run; missing results are computed first.
+A Chromium must be installed; it renders by the CPU.
 """
 
 from __future__ import annotations
@@ -32,13 +34,13 @@ WAIT, SETTLED = 300_000, 12_000  # ms
 
 
 def defsense(*words):
-    """The command, as a process is started."""
+    """Return the command line of a `defsense` command."""
     return [sys.executable, "-m", "defsense_fab.cli.main", *words]
 
 
 @contextmanager
 def page_of(folder, *words):
-    """A page that a command shows, while it is needed."""
+    """Yield the address of the page of a running command."""
     with subprocess.Popen(
         defsense(*words), cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
     ) as running:
@@ -52,13 +54,13 @@ def page_of(folder, *words):
 
 
 def save(page, name):
-    """What the page shows, as a PNG of few colours."""
+    """Save a screenshot as a PNG with few colors."""
     image = Image.open(BytesIO(page.screenshot(timeout=WAIT))).convert("RGB")
     image.quantize(COLORS, dither=Image.Dither.NONE).save(HERE / f"{name}.png", optimize=True)
 
 
 def report(page, folder):
-    """Its beginning, down to the view of body and cords."""
+    """Take the top of the report, down to the view of body and cords."""
     page.set_viewport_size(SIZE | {"height": 1000})
     page.goto((folder / DEVICE / "build/report.html").absolute().as_uri())
     page.locator("[data-ready]").first.wait_for(timeout=WAIT)
@@ -68,7 +70,7 @@ def report(page, folder):
 
 
 def assembly(page, folder):
-    """The view of the assembly guide, with its parts apart."""
+    """Take the exploded view of the assembly guide."""
     page.goto((folder / DEVICE / "build/guide.html").absolute().as_uri())
     page.locator("[data-ready]").first.wait_for(timeout=WAIT)
     page.locator("[data-open]").first.evaluate(
@@ -79,13 +81,13 @@ def assembly(page, folder):
 
 
 def open_live_page(page, url):
-    """Show a page that is drawn live, without the note that no graphics card draws it."""
+    """Open a live page, and close the note that no graphics card renders it."""
     page.goto(url, timeout=WAIT)
     page.locator(".mantine-Notification-closeButton").first.click(timeout=WAIT)
 
 
 def studio(page, folder):
-    """The studio, with the strain inside of the twisted body."""
+    """Take the studio with the strain inside the twisted body."""
     with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
         open_live_page(page, url)
         page.get_by_role("button", name="Inside", exact=True).click(timeout=WAIT)
@@ -94,7 +96,7 @@ def studio(page, folder):
 
 
 def live(page, folder):
-    """The page of a run, whose twin moves by itself."""
+    """Take the page of a run whose twin moves automatically."""
     words = ("run", MODEL, "--device", DEVICE, "--port", "twin")
     with page_of(folder, *words, "--view", str(PORT), "--no-browser") as url:
         open_live_page(page, url)
@@ -107,7 +109,7 @@ PICTURES = {"report": report, "assembly": assembly, "studio": studio, "live": li
 
 
 def main():
-    """See above."""
+    """Run missing commands and take the screenshots."""
     folder, *names = sys.argv[1:]
     folder = Path(folder)
     folder.mkdir(exist_ok=True)

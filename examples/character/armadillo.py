@@ -1,11 +1,14 @@
-"""Begins a device of an armadillo-like figure from a file that you have.
+"""Create a device of an armadillo-like figure from a file.
 
     python examples/character/armadillo.py Armadillo.ply my-armadillo
     defsense build my-armadillo
 
-The Armadillo is of the Stanford 3D Scanning Repository. Any figure with arms and legs that stands
-along y or z, its arms spread along x, will do: it is scaled to a height of 150 mm, and its hands,
-feet and trunk are found by their places in its box.
+The Armadillo is available from the Stanford 3D Scanning Repository. Any figure with arms and legs
+that stands along y or z, with its arms along x, is possible. It is scaled to a height of 150 mm.
+Hands, feet and trunk are located relative to the bounding box.
+
+This example imports an internal module: the file must be read in any format, and scaled, before
+there is a device.
 """
 
 import argparse
@@ -58,7 +61,7 @@ decoder = "affine"
 
 
 def regions(points, up):
-    """Boxes by their names, of points (n, 3) mm."""
+    """Return boxes by name for points (n, 3) mm."""
     low, high = points.min(0), points.max(0)
     tall, middle = high[up] - low[up], (low[0] + high[0]) / 2
     half = (high[0] - low[0]) / 2
@@ -77,7 +80,7 @@ def regions(points, up):
 
 
 def poses(up):
-    """An arm in the figure's plane and one out of it, and the same of the legs."""
+    """Return movements of arms and legs in the figure's plane and out of it."""
     side = np.eye(3, dtype=int)[0].tolist()
     upright = np.eye(3, dtype=int)[up].tolist()
     depth = np.cross(side, upright).tolist()  # the axis of turns in the figure's plane
@@ -88,6 +91,7 @@ def poses(up):
 
 
 def main():
+    """Write the device."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

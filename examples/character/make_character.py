@@ -1,7 +1,11 @@
-"""Writes character.stl: a standing figure whose arms and legs stand apart, closed, in mm.
+"""Write character.stl: a standing figure in mm with arms and legs apart, a closed surface.
 
-Round limbs blended into each other: the level set of a smooth minimum of capsules. It looks towards
-low y, and its left arm is at high x. Run it again with:  python make_character.py
+The surface is the level set of a smooth minimum of capsules: round limbs that blend into each
+other. The figure looks towards low y, and its left arm is at high x. Run it again with:
+
+    python make_character.py
+
+This example imports internal modules, to write the mesh exactly as the package does.
 """
 
 from pathlib import Path
@@ -24,7 +28,7 @@ CELL = 2.2  # mm
 
 
 def distance(points):
-    """About the distance (k,) of points (k, 3) from the figure, negative inside."""
+    """Return approximate distances (k,) of points (k, 3) from the figure, negative inside."""
     each = []
     mirrored = points * [-1, 1, 1]
     for p, limbs in ((points, MIDDLE + SIDE), (mirrored, SIDE)):
@@ -39,7 +43,7 @@ def distance(points):
 
 
 def character():
-    """Vertices and faces."""
+    """Return vertices and faces."""
     import pyvista as pv
 
     low, high = np.array([-90, -32, -6]), np.array([90, 28, 164])

@@ -1,10 +1,10 @@
-"""Markers and controls of a device in Blender, as they move: run this in Blender's text editor.
+"""Show the markers and controls of a device in Blender; run this in Blender's text editor.
 
     defsense run my-device/model.json --port twin --output 'osc,send=["controls","markers"]'
 
-Each marker becomes an empty, `bar marker 0` and so on, 100 mm being 0.1 units as in recordings;
-each control becomes a custom property of the scene, `bar bend`, which drivers read. Run the script
-again to begin anew; it ends with Blender. It needs nothing else.
+Each marker becomes an empty, `bar marker 0` and so on; 100 mm are 0.1 units, as in recordings. Each
+control becomes a custom property of the scene, such as `bar bend`, which drivers can read. Run the
+script again to restart it; it ends with Blender. No further library is needed.
 """
 
 import socket
@@ -17,13 +17,13 @@ EVERY = 1 / 60  # s
 
 
 def text_at(data, position):
-    """A string that ends with one to four zeros, and what comes after it."""
+    """Return a string that ends with one to four zeros, and the position after it."""
     end = data.index(b"\0", position)
     return data[position:end].decode("ascii"), end + 4 - end % 4
 
 
 def messages(data):
-    """Address and values of all messages in a datagram of OSC 1.0."""
+    """Yield address and values of all messages in a datagram of OSC 1.0."""
     if data.startswith(b"#bundle\0"):
         position = 16  # the name and the time
         while position < len(data):
@@ -45,7 +45,7 @@ def messages(data):
 
 
 def empty(name):
-    """The empty of this name, made where there is none."""
+    """Return the empty of this name; create it if it does not exist."""
     empty_object = bpy.data.objects.get(name)
     if empty_object is None:
         empty_object = bpy.data.objects.new(name, None)
@@ -56,7 +56,7 @@ def empty(name):
 
 
 def show(address, values):
-    """One message, in the scene."""
+    """Show one message in the scene."""
     parts = address.split("/")
     if len(parts) != 5 or parts[1] != "defsense":
         return
@@ -68,7 +68,7 @@ def show(address, values):
 
 
 def start():
-    """Listen, and let Blender call `step` between its pictures."""
+    """Listen, and let Blender call `step` between its frames."""
     before = bpy.app.driver_namespace.get("defsense")
     if before is not None:
         before.close()

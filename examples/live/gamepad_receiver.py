@@ -1,8 +1,8 @@
-"""Prints what the virtual gamepad does (Linux), with nothing but Python.
+"""Print the events of the virtual gamepad (Linux), without any library.
 
-    defsense run my-device/model.json --port twin --output gamepad              # in one terminal
-    python gamepad_receiver.py                                 # in another
-    python gamepad_receiver.py "DefSense gamepad 2"            # of the second device
+    defsense run my-device/model.json --port twin --output gamepad     # in one terminal
+    python gamepad_receiver.py                                         # in another
+    python gamepad_receiver.py "DefSense gamepad 2"                    # of the second device
 
 Games and browsers see the same gamepad.
 """
@@ -17,6 +17,7 @@ AXES = {0: "x", 1: "y", 2: "z", 3: "rx", 4: "ry", 5: "rz"}
 
 
 def device(gamepad):
+    """Return the device file of a gamepad."""
     for name in pathlib.Path("/sys/class/input").glob("event*/device/name"):
         if name.read_text().strip() == gamepad:
             return pathlib.Path("/dev/input") / name.parts[-3]

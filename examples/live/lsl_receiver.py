@@ -1,11 +1,11 @@
-"""Prints the channels of a Lab Streaming Layer stream of the type Deformation.
+"""Print the channels of a Lab Streaming Layer stream of the type Deformation.
 
-    defsense run my-device/model.json --port twin --output lsl                  # in one terminal
+    defsense run my-device/model.json --port twin --output lsl         # in one terminal
     pip install pylsl
-    python lsl_receiver.py                                     # in another
-    python lsl_receiver.py bar-2                               # the stream of that name
+    python lsl_receiver.py                                             # in another
+    python lsl_receiver.py bar-2                                       # the stream of that name
 
-LabRecorder records the same stream beside EEG, motion capture and the like, on one clock.
+LabRecorder records the same stream together with EEG, motion capture and others, on one clock.
 """
 
 import contextlib
@@ -15,6 +15,7 @@ import pylsl
 
 
 def labels(info):
+    """Return label and unit of each channel."""
     channel, out = info.desc().child("channels").child("channel"), []
     for _ in range(info.channel_count()):
         out.append((channel.child_value("label"), channel.child_value("unit")))

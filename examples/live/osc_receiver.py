@@ -1,9 +1,9 @@
-"""Shows the controls of devices that arrive by Open Sound Control, as bars in the terminal.
+"""Show the controls of devices as bars in the terminal; they are received by Open Sound Control.
 
     defsense run my-device/model.json --port twin --output osc,port=9000        # in one terminal
-    python osc_receiver.py 9000                                # in another
+    python osc_receiver.py 9000                                                 # in another
 
-It needs nothing but Python: the forty lines of `messages` read OSC 1.0.
+No library is needed: `messages` reads OSC 1.0.
 """
 
 import contextlib
@@ -13,13 +13,13 @@ import sys
 
 
 def text_at(data, position):
-    """A string that ends with one to four zeros, and what comes after it."""
+    """Return a string that ends with one to four zeros, and the position after it."""
     end = data.index(b"\0", position)
     return data[position:end].decode("ascii"), end + 4 - end % 4
 
 
 def messages(data):
-    """Address and values of all messages in a datagram."""
+    """Yield address and values of all messages in a datagram."""
     if data.startswith(b"#bundle\0"):
         position = 16  # the name and the time
         while position < len(data):
@@ -41,6 +41,7 @@ def messages(data):
 
 
 def bar(value):
+    """Return a value with a bar of characters."""
     filled = round(30 * min(abs(value), 1))
     return f"{value:+.2f} " + "#" * filled + "." * (30 - filled)
 

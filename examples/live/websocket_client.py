@@ -1,10 +1,10 @@
-"""Prints the controls that arrive over the WebSocket, with nothing but Python.
+"""Print the controls that are received over the WebSocket, without any library.
 
-    defsense run my-device/model.json --port twin --output websocket            # in one terminal
-    python websocket_client.py                                 # in another
-    python websocket_client.py 192.168.1.20 8765 TOKEN         # from another machine
+    defsense run my-device/model.json --port twin --output websocket   # in one terminal
+    python websocket_client.py                                         # in another
+    python websocket_client.py 192.168.1.20 8765 TOKEN                 # from another machine
 
-The handshake and the frames are those of RFC 6455, as far as they are needed here.
+The handshake and the frames follow RFC 6455, as far as needed here.
 """
 
 import base64
@@ -16,7 +16,8 @@ import struct
 import sys
 
 
-def opened(host, port, token):
+def connect(host, port, token):
+    """Return a connected stream after the handshake."""
     stream = socket.create_connection((host, port)).makefile("rwb")
     key = base64.b64encode(os.urandom(16)).decode()
     path = f"/?token={token}" if token else "/"
@@ -26,16 +27,16 @@ def opened(host, port, token):
         "Sec-WebSocket-Version: 13\r\n\r\n".encode()
     )
     stream.flush()
-    first = stream.readline().decode()
-    if " 101 " not in first:
-        sys.exit(f"refused: {first.strip()}")
+    status = stream.readline().decode()
+    if " 101 " not in status:
+        sys.exit(f"refused: {status.strip()}")
     while stream.readline().strip():
         pass  # headers
     return stream
 
 
 def texts(stream):
-    """What arrives, until the other side closes."""
+    """Yield messages until the other side closes."""
     while True:
         head = stream.read(2)
         if len(head) < 2:
@@ -58,7 +59,7 @@ def texts(stream):
 def main():
     host = sys.argv[1] if len(sys.argv) > 1 else "127.0.0.1"
     port = int(sys.argv[2]) if len(sys.argv) > 2 else 8765
-    for text in texts(opened(host, port, sys.argv[3] if len(sys.argv) > 3 else "")):
+    for text in texts(connect(host, port, sys.argv[3] if len(sys.argv) > 3 else "")):
         frame = json.loads(text)
         controls = "  ".join(f"{name} {value:+.2f}" for name, value in frame["controls"].items())
         print(f"{frame['time']:9.2f} s  {frame['quality']:9}  {controls}", flush=True)

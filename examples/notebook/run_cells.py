@@ -1,4 +1,4 @@
-"""Runs a notebook's cells from top to bottom and keeps what they show: python run_cells.py FILE."""
+"""Run the cells of a notebook in order and save their outputs: python run_cells.py FILE."""
 
 import ast
 import base64
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def display_data(value):
-    """What a notebook keeps of a cell's last value."""
+    """Return the outputs of a cell's last value, as a notebook stores them."""
     if value is None:
         return None
     data = {"text/plain": repr(value)}
@@ -26,7 +26,7 @@ def display_data(value):
 
 
 def run(source, names):
-    """The outputs of a cell, run among these names."""
+    """Run a cell with the variables `names`; return its outputs."""
     tree = ast.parse(source)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     printed = io.StringIO()
@@ -42,7 +42,7 @@ def run(source, names):
 
 
 def run_notebook(path):
-    """The notebook with the outputs of its cells, and the names that they leave."""
+    """Return the notebook with the outputs of its cells, and the variables afterwards."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
     names = {"__name__": "notebook"}
     code = [c for c in notebook["cells"] if c["cell_type"] == "code"]

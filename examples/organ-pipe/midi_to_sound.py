@@ -1,9 +1,9 @@
-"""Turns a MIDI file of the live loop into sound, with nothing but Python: six pipes of an organ.
+"""Turn a MIDI file of the live loop into sound without any library: six pipes of an organ.
 
     defsense run examples/organ-pipe/model.json --port twin   # writes organ-pipe.mid
     python midi_to_sound.py organ-pipe.mid organ-pipe.wav
 
-A synthesiser on a MIDI port plays the same notes live: put `device = "..."` in place of `file`.
+A synthesizer on a MIDI port plays the same notes live: use `device = "..."` instead of `file`.
 """
 
 import array
@@ -17,7 +17,7 @@ PEAK = 0.5  # of full scale: -6 dB, whatever was played
 
 
 def number(data, position):
-    """Groups of seven bits, the last without the high bit."""
+    """Return a number in groups of seven bits (the last without the high bit), and its end."""
     value = 0
     while True:
         value = value << 7 | data[position] & 0x7F
@@ -27,7 +27,7 @@ def number(data, position):
 
 
 def events(data):
-    """Seconds and message of a file with one track and the tempo that is meant where none is."""
+    """Yield seconds and message of a file with one track and the default tempo."""
     if data[:4] != b"MThd" or data[14:18] != b"MTrk":
         sys.exit("this is no MIDI file of one track")
     ticks = int.from_bytes(data[12:14], "big")
@@ -45,6 +45,7 @@ def events(data):
 
 
 def main():
+    """Read the MIDI file and write the WAV file."""
     source, target = sys.argv[1], sys.argv[2]
     with open(source, "rb") as file:
         played = list(events(file.read()))

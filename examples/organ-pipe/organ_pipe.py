@@ -1,4 +1,4 @@
-"""Three organ pipes side by side on a foot that one hand holds; the other hand moves their band."""
+"""Three organ pipes on a foot that one hand holds; the other hand moves the band around them."""
 
 from typing import Annotated
 
