@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.sessions.results import ProcessedSession
-from ...capture.sessions.results import quantiles, write_results
+from ...capture.sessions.results import ProcessedSession, quantiles, write_results
 from ...capture.sessions.session import BOARD, LOG, CaptureSession, create, load
 from ...core.arrays import Float
 from ...core.device.device import Device

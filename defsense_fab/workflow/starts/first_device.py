@@ -285,7 +285,7 @@ def _add_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) -
     Raises:
         DeviceError: No mode can be a pose (`no-mode-is-pose`).
     """
-    from ..study.propose_poses import as_toml, continued, find_poses
+    from ..study.propose_poses import as_toml, extend_text, find_poses
 
     write_text(trial / DEVICE, text)
     found = find_poses(load_device(trial, complete=False), "base", progress=progress)
@@ -301,7 +301,7 @@ def _add_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) -
         document: Any = tomlkit.parse(text)
         document["design"]["sensors"] = first.cords_for(len(found.poses))
         text = tomlkit.dumps(document)
-    return continued(text, as_toml(list(found.poses), "base", found.region))
+    return extend_text(text, as_toml(list(found.poses), "base", found.region))
 
 
 def _add_states(text: str, states: Any) -> str:

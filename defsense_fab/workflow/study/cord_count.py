@@ -1,36 +1,155 @@
-"""How many cords a device should have: error against their number, as table and picture."""
+"""The number of cords of a device: error over number, as table and picture."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
+from ...core.arrays import Float
+from ...core.curve import Plane
 from ...core.device.device import Device
-from ...core.errors import LayoutError
+from ...core.errors import LayoutError, StorageError
 from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
+from ...core.storage import typed_json
 from ...core.storage.files import digest, storage_errors
 from ...optimize.prediction.as_built import assumed_cords
 from ...optimize.prediction.compare_layouts import ComparedLayout
 from ...optimize.prediction.design_task import SEED, candidate_decoders, load_task
 from ...optimize.prediction.predict import predict
+from ...optimize.search.starting_layouts import Layout
 from ...optimize.studies.cord_count import find_knee, layouts_by_count
+from ...store.layout import CordPath
 from ..build.build import build
 from ..build.stages import plain, stage_keys
-from .cord_count_file import Row, chain, read_rows, write_rows
+
+
+@dataclass(frozen=True)
+class Row:
+    """The best layout of a number of cords. Layouts grow from those with fewer cords, in a chain.
+
+    Attributes:
+        sensors: Number of cords.
+        unseen: RMSE in unseen states with the noise of the read-out, mm.
+        rmse: RMSE in the states of the design with noise, mm.
+        rmse_noise_free: RMSE in the states of the design without noise, mm.
+        floor: Smallest RMSE of an affine map over all states, mm.
+        decoder: The decoder of the layout.
+        begun: Number of cords at which its chain started.
+        layout: The layout.
+    """
+
+    sensors: int
+    unseen: float
+    rmse: float
+    rmse_noise_free: float
+    floor: float
+    decoder: str
+    begun: int
+    layout: Layout
+
+
+def read_rows(path: Path, key: str) -> list[Row]:
+    """Return the rows for inputs with the hash `key`; none if the file is for others or damaged."""
+    try:
+        record = typed_json.load(path, _StudyRecord, "it is started again")
+    except StorageError:
+        return []
+    return [_read(r) for r in record.rows] if record.key == key else []
+
+
+def write_rows(path: Path, key: str, rows: list[Row]) -> None:
+    """Write the rows.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    typed_json.save(path, _StudyRecord(key, tuple(_write(r) for r in rows)))
+
+
+@dataclass(frozen=True)
+class _StudiedCord(CordPath):
+    """A cord with the unrounded axes (3, 3) of its plane.
+
+    A search that resumes from rounded axes could find other layouts.
+    """
+
+    axes: Float
+
+
+@dataclass(frozen=True)
+class _RowRecord:
+    """A `Row` in `study.json`."""
+
+    sensors: int
+    unseen: float
+    rmse: float
+    rmse_noise_free: float
+    floor: float
+    decoder: str
+    begun: int
+    layout: tuple[_StudiedCord, ...]
+
+
+@dataclass(frozen=True)
+class _StudyRecord:
+    """The content of `study.json`: the rows and the hash of their inputs."""
+
+    SCHEMA: ClassVar[int] = 2
+
+    key: str
+    rows: tuple[_RowRecord, ...]
+
+
+def _read(record: _RowRecord) -> Row:
+    layout = tuple(replace(c.sensor(), plane=Plane(c.plane.origin, c.axes)) for c in record.layout)
+    return Row(**{**vars(record), "layout": layout})
+
+
+def _write(row: Row) -> _RowRecord:
+    layout = tuple(_StudiedCord(**vars(CordPath.of(s)), axes=s.plane.axes) for s in row.layout)
+    return _RowRecord(**{**vars(row), "layout": layout})
+
+
+def longest_chain(rows: list[Row], start: int) -> list[Row]:
+    """Return the longest chain without gaps that contains a number of cords or ends before it.
+
+    A study from `start` cords on resumes at its end.
+    """
+    best: list[Row] = []
+    for begun in sorted({r.begun for r in rows if r.begun <= start}):
+        by_count = {r.sensors: r for r in rows if r.begun == begun}
+        run: list[Row] = []
+        while begun + len(run) in by_count:
+            run.append(by_count[begun + len(run)])
+        last = best[-1].sensors if best else start - 1
+        if run and run[-1].sensors > last:
+            best = run
+    return best
+
 
 FILE, PICTURE = "study.json", "study.png"
-#: Where the decoder is to be found, cords are designed for what it may need of them.
-_RICH = "quadratic"
+#: Cords are designed for this decoder if the decoder is not chosen yet.
+DESIGN_DECODER = "quadratic"
 
 
 @dataclass(frozen=True)
 class Study:
-    """Rows by number of cords, the number recommended, the decoder that they are for, how there are
-    unseen states (see decoding/expected_errors.py), why the study ends early if it does, the files."""
+    """The results of a study of the number of cords.
+
+    Attributes:
+        rows: Layouts by number of cords.
+        knee: Recommended number.
+        decoder: The decoder of the device.
+        how: How unseen states are tested (see `decoding/expected_errors.py`).
+        ended: Why the study ended early; else empty.
+        file: File of the rows.
+        picture: File of the picture.
+    """
 
     rows: tuple[Row, ...]
     knee: int
@@ -42,20 +161,27 @@ class Study:
 
 
 def study_folder(device: Device) -> Path:
-    """Where a device's study is, whether it is there or not."""
+    """Return the folder of a device's study."""
     return device.source / "study"
 
 
 def study_key(device: Device, folder: Path) -> str:
-    """What a study's rows depend on, for the build of a `folder`."""
+    """Return the hash of all inputs of a study, for a build in a folder."""
     d = device
     chosen = plain((d.cord, d.converter, d.fabrication, d.outputs, d.decoder, d.planes))
     return digest(stage_keys(device, folder)["simulate"], chosen)
 
 
 def studied_layouts(device: Device, folder: Path) -> list[ComparedLayout]:
-    """The best layouts by number of cords that a study of the device, as it is built in `folder`,
-    has left; none where there was none. Their errors are as designed."""
+    """Return the best layouts by number of cords of an earlier study of the device.
+
+    Args:
+        device: The device.
+        folder: Folder of its build.
+
+    Returns:
+        The layouts with the errors of the design; none without a study.
+    """
     rows = read_rows(study_folder(device) / FILE, study_key(device, folder))
     best = {r.sensors: r for r in sorted(rows, key=lambda r: -r.unseen)}
     return [
@@ -64,31 +190,42 @@ def studied_layouts(device: Device, folder: Path) -> list[ComparedLayout]:
     ]
 
 
-def study(device: Device, least: int, most: int, progress: Progress = silent) -> Study:
-    """Find the best layouts of `least` to `most` cords for the device's poses; with `auto` each
-    number has the decoder that does best on unseen states.
+def study_cord_count(
+    device: Device, smallest: int, largest: int, progress: Progress = silent
+) -> Study:
+    """Find the best layouts for a range of numbers of cords.
 
-    Each number is written to `study/` beside `device.toml` when it is done, and a study that was
-    interrupted goes on from there. Cords drawn in `device.toml` are left out of account.
+    If the decoder of the device is `auto`, each number has the decoder with the smallest error in
+    unseen states. Each finished number is written to `study/` next to `device.toml`, from where an
+    interrupted study resumes. Cords that are drawn in `device.toml` are ignored.
+
+    Args:
+        device: The device.
+        smallest: Smallest number of cords.
+        largest: Largest number of cords.
+        progress: Called with the progress.
+
+    Raises:
+        LayoutError: No layout with the smallest number can be found.
     """
     result = build(device, "simulate", progress)
     task = load_task(device, result.results)
     kinds = candidate_decoders(device, task)
-    task = task.with_decoder(_RICH if _RICH in kinds else kinds[0])
+    task = task.with_decoder(DESIGN_DECODER if DESIGN_DECODER in kinds else kinds[0])
     folder = study_folder(device)
     key = study_key(device, result.folder)
     with storage_errors(folder):
         folder.mkdir(exist_ok=True)
         rows = read_rows(folder / FILE, key)
-    found = chain(rows, least)
-    begun = found[0].begun if found else least
-    counts = range(found[-1].sensors + 1 if found else least, most + 1)
+    chain = longest_chain(rows, smallest)
+    begun = chain[0].begun if chain else smallest
+    counts = range(chain[-1].sensors + 1 if chain else smallest, largest + 1)
     search = layouts_by_count(
         task.design,
         counts,
         SEED,
         partial(progress, "study"),
-        begin=found[-1].layout if found else (),
+        begin=chain[-1].layout if chain else (),
         planes=device.planes,
     )
     ended = ""
@@ -98,7 +235,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
                 cords = assumed_cords(task, layout)
                 scored = [predict(task.with_decoder(k), cords).prediction for k in kinds]
                 prediction = min(scored, key=lambda p: p.unseen)
-                found.append(
+                chain.append(
                     Row(
                         count,
                         prediction.unseen,
@@ -110,14 +247,14 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
                         layout,
                     )
                 )
-                rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + found[-1:]
+                rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + chain[-1:]
                 with storage_errors(folder):
                     write_rows(folder / FILE, key, rows)
     except LayoutError as error:
-        if not found:
+        if not chain:
             raise
         ended = str(error)
-    shown = tuple(r for r in found if least <= r.sensors <= most)
+    shown = tuple(r for r in chain if smallest <= r.sensors <= largest)
     recommended = find_knee([r.sensors for r in shown], np.array([r.unseen for r in shown]))
     with storage_errors(folder):
         _draw(shown, recommended, device.name, folder / PICTURE)
@@ -142,7 +279,7 @@ def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:
         shown = np.where(np.array(values) > 1e-4, values, np.nan)
         if np.isfinite(shown).any():
             axis.semilogy(counts, shown, style, label=label)
-    # The floor falls to nothing; the picture is about the errors.
+    # The floor falls to zero; the picture shows the errors.
     axis.set_ylim(bottom=min(r.rmse_noise_free for r in rows) / 3)
     axis.axvline(best, color="0.7", zorder=0, label=f"recommended: {best}")
     axis.set(xlabel="cords", ylabel="RMSE of the markers, mm", title=name, xticks=counts)

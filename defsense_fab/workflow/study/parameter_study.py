@@ -1,4 +1,4 @@
-"""A device's study by `study.toml`: its runs made where they are not there yet, its results."""
+"""Parameter studies of a device: run the missing runs of `study.toml`, and write the results."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from ...core.progress import Progress, silent
 from ...core.storage.files import storage_errors, write_text
 from .points.studied_device import studied_device, studied_text
 from .points.study_toml import Study, load_study
-from .results.pareto import best_compromises
-from .results.sensitivity import Sensitivity, Sobol, sensitivities, sobol
+from .results.sensitivity import Sensitivity, Sobol, compute_sensitivities, compute_sobol
 from .results.study_page import PAGE, write_study_page
-from .results.study_table import StudyTable, refuse_others, write_table
-from .runs.making import make_runs
-from .runs.planned import Plan, planned
+from .results.study_table import StudyTable, check_table_owner, find_compromises, write_table
+from .runs.execution import make_runs
+from .runs.planning import Plan, plan_runs
 from .runs.run_log import FOLDER, RunLog, RunRecord
-from .runs.versions import installed
+from .runs.worker import installed_versions
 
 #: `device.toml` with the values of the best run.
 BEST = "best.toml"
@@ -27,8 +26,18 @@ BEST = "best.toml"
 
 @dataclass(frozen=True)
 class StudyResult:
-    """The table of all runs, the Pareto front, the sensitivities; how many runs were `made` now;
-    the files written (no `best` where no measure is to be small)."""
+    """The results of a study.
+
+    Attributes:
+        table: All runs.
+        front: Runs of the Pareto front.
+        sensitivities: Sensitivities of the first measure to the parameters.
+        sobol: Sobol indices; None if the design does not allow them.
+        made: Number of runs that were made now.
+        file: File of the table.
+        page: File of the page.
+        best: `device.toml` with the values of the best run; None if no measure is minimized.
+    """
 
     table: StudyTable
     front: tuple[RunRecord, ...]
@@ -47,57 +56,71 @@ def run_study(
     scheduler: str | None = None,
     progress: Progress = silent,
 ) -> StudyResult:
-    """Make the study of the device in a `folder` by its `study.toml`, with values of dotted keys
-    that are `fixed` for all runs, in `workers` processes or on a cluster. Its results are in
-    `study/` beside `device.toml`; runs that are in its log are not made again.
+    """Run the study that `study.toml` describes.
 
-    Raises DeviceError for what is wrong in `study.toml`; StudyError for files of another study,
-    clusters that cannot be used, and where all runs fail, which are then told in the files.
+    Results are written to `study/` next to `device.toml`. Runs in the log are not repeated.
+
+    Args:
+        folder: Folder of the device.
+        fixed: Values by dotted key that are fixed for all runs.
+        workers: Number of processes on this machine.
+        scheduler: Address of a cluster's scheduler; None for this machine.
+        progress: Called with the progress.
+
+    Raises:
+        DeviceError: `study.toml` is invalid.
+        StudyError: The files belong to another study, the cluster cannot be used, or all runs fail
+            (`all-runs-failed`), in which case they are in the results.
     """
     study = load_study(folder)
-    plan = planned(folder, study, fixed, progress)
-    name = _name(plan, folder)
-    refuse_others(folder, name)
+    plan = plan_runs(folder, study, fixed, progress)
+    name = _device_name(plan, folder)
+    check_table_owner(folder, name)
     with RunLog(folder) as log:
-        before = {r for r, found in log.found.items() if found.outcome != "broken"}
+        before = {r for r, record in log.records.items() if record.outcome != "broken"}
         try:
             make_runs(plan, study, log, workers, scheduler, progress)
         except BaseException:
-            if any(r.name in log.found for r in plan.runs):
-                _results(folder, name, study, plan, log, 0)
+            if any(r.name in log.records for r in plan.runs):
+                _write_results(folder, name, study, plan, log, 0)
             raise
         made = sum(r.name not in before for r in plan.runs)
-        result = _results(folder, name, study, plan, log, made)
+        result = _write_results(folder, name, study, plan, log, made)
     if not result.table.done:
         first = result.table.failed[0]
         raise StudyError(
-            f"study.toml: none of its {len(plan.runs)} runs succeeded; the first: {first.message};"
-            f" {result.page} lists all"
+            f"none of its {len(plan.runs)} runs succeeded; the first: {first.message}",
+            code="all-runs-failed",
+            where="study.toml",
+            action=f"See all runs in {result.page}",
+            runs=len(plan.runs),
         )
     progress("study", 1.0, "done")
     return result
 
 
-def _name(plan: Plan, folder: Path) -> str:
+def _device_name(plan: Plan, folder: Path) -> str:
     run = next(r for r in plan.runs if not r.problem)
     return studied_device(plan.text, folder, run.values).name
 
 
-def _results(
+def _write_results(
     folder: Path, name: str, study: Study, plan: Plan, log: RunLog, made: int
 ) -> StudyResult:
-    # A run of an earlier study of other parameters means the same device.
+    # The same device may be the result of other parameters in an earlier study.
     rows = tuple(
-        replace(log.found[r.name], parameters=r.values) for r in plan.runs if r.name in log.found
+        replace(log.records[r.name], parameters=r.values)
+        for r in plan.runs
+        if r.name in log.records
     )
-    table = StudyTable(name, study, rows, len(plan.runs), plan.points, installed())
+    table = StudyTable(name, study, rows, len(plan.runs), plan.points, installed_versions())
     best = folder / FOLDER / BEST if study.minimise and table.done else None
     measure = study.minimise or study.record[0]
     result = StudyResult(
         table,
-        tuple(best_compromises(table)),
-        tuple(sensitivities(table, measure)),
-        sobol(table, measure),
+        tuple(find_compromises(table)),
+        tuple(compute_sensitivities(table, measure)),
+        compute_sobol(table, measure),
         made,
         write_table(folder, table),
         folder / FOLDER / PAGE,

@@ -1,4 +1,4 @@
-"""Poses for a user who has none: the body's lowest modes, as text for `device.toml`."""
+"""Proposed poses: the lowest modes of a body, as text for `device.toml`."""
 
 from __future__ import annotations
 
@@ -32,12 +32,19 @@ from ..build.build import build
 
 #: Name of the region that the proposed poses move.
 END = "far_end"
-_SHOWN = 0.12  # of the body's size: how far a mode moves in pictures
+PICTURE_AMPLITUDE = 0.12  # of a mode in pictures, relative to the size of the body
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """The modes found, the poses made of them, their text, and the picture of the poses."""
+    """Proposed poses.
+
+    Attributes:
+        modes: The lowest modes.
+        poses: Poses made of modes.
+        text: Text of the poses for `device.toml`.
+        picture: Picture of the poses.
+    """
 
     modes: tuple[Mode, ...]
     poses: tuple[ProposedPose, ...]
@@ -46,9 +53,15 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class Found:
-    """The `mesh` that was looked at, its modes, the poses made of them, and the name of the region
-    that they move, which the device may have already."""
+class PoseSearch:
+    """Modes of a body and the poses made of them.
+
+    Attributes:
+        mesh: The mesh.
+        modes: Its lowest modes.
+        poses: Poses made of modes.
+        region: Name of the region that the poses move; the device may have it already.
+    """
 
     mesh: QuadraticMesh
     modes: tuple[Mode, ...]
@@ -57,56 +70,75 @@ class Found:
 
     @property
     def surface_nodes(self) -> Int:
-        """Which nodes (v,) are corners of the surface."""
+        """Indices (v,) of the nodes that are corners of the surface."""
         return np.unique(boundary_faces(self.mesh)[:, :3])
 
     def shape(self, pose: ProposedPose) -> Float:
-        """A pose's mode (n, 3) mm at the nodes, as far as pictures of it show it."""
+        """Return the displacements (n, 3) mm of a pose in pictures."""
         size = float(np.linalg.norm(np.ptp(self.mesh.nodes, axis=0)))
-        return np.asarray(_SHOWN * size * pose.mode.shape)
+        return np.asarray(PICTURE_AMPLITUDE * size * pose.mode.shape)
 
 
-def find_poses(device: Device, fixed: str, count: int = 8, progress: Progress = silent) -> Found:
-    """Modes of the body with the region `fixed` held; `device` may lack poses and sensors.
+def find_poses(
+    device: Device, fixed: str, count: int = 8, progress: Progress = silent
+) -> PoseSearch:
+    """Find the lowest modes of a body that is held by a region.
 
-    Raises DeviceError for a region that there is not or that does not hold the body.
+    Args:
+        device: The device; it may lack poses and sensors.
+        fixed: Name of the region that is held.
+        count: Number of modes.
+        progress: Called with the progress.
+
+    Raises:
+        DeviceError: There is no such region (`unknown-region`), or it holds the whole body or too
+            little of it.
     """
     if fixed not in device.regions:
-        there = ", ".join(device.regions) or "none"
+        regions = ", ".join(device.regions) or "none"
         raise DeviceError(
-            f"device.toml: regions: there is no region {fixed!r} to hold the body by; there is:"
-            f" {there}"
+            f"there is no region {fixed!r} to hold the body by",
+            code="unknown-region",
+            where="device.toml: regions",
+            action=f"Use one of: {regions}",
+            region=fixed,
         )
     folder = build(device, "mesh", progress).folder
     mesh = QuadraticMesh.from_linear(load_mesh(folder))
     held = np.flatnonzero(device.regions[fixed].contains(mesh.nodes))
     if 3 * (len(mesh.nodes) - len(held)) <= count + 1:
-        raise DeviceError(f"device.toml: regions.{fixed}: holds the whole body; make it smaller")
+        raise DeviceError(
+            "holds the whole body",
+            code="region-holds-all",
+            where=f"device.toml: regions.{fixed}",
+            action="Make it smaller",
+            region=fixed,
+        )
     check_constraints(mesh, BoundaryConditions(held), f"modes with {fixed} held")
     progress("modes", 0.1, "solving for the lowest modes")
-    found = vibration_modes(
+    modes = vibration_modes(
         mesh, Material.from_spec(device.material), held, device.material.density, count
     )
-    poses = linear_response.propose_poses(mesh, held, found)
-    return Found(mesh, tuple(found), tuple(poses), _end_region(device, poses))
+    poses = linear_response.propose_poses(mesh, held, modes)
+    return PoseSearch(mesh, tuple(modes), tuple(poses), _end_region(device, poses))
 
 
 def propose_poses(
     device: Device, fixed: str, count: int = 8, progress: Progress = silent
 ) -> Proposal:
-    """What `find_poses` finds, as text, and drawn beside `device.toml`. Raises as it does."""
-    found = find_poses(device, fixed, count, progress)
+    """Propose poses (see `find_poses`), with their text and a picture next to `device.toml`."""
+    search = find_poses(device, fixed, count, progress)
     progress("modes", 0.8, "drawing them")
     picture = device.source / "modes.png"
     with storage_errors(picture):
-        _draw(found, picture)
+        _draw(search, picture)
     progress("modes", 1.0, "done")
-    text = as_toml(list(found.poses), fixed, found.region)
-    return Proposal(found.modes, found.poses, text, picture)
+    text = as_toml(list(search.poses), fixed, search.region)
+    return Proposal(search.modes, search.poses, text, picture)
 
 
 def _end_region(device: Device, poses: Sequence[ProposedPose]) -> str:
-    """A name for the region that poses move; that of the device's where it is there already."""
+    """Return the name of the region that poses move; an identical region is reused."""
     region = END
     while region in device.regions and not (poses and _is_end(device.regions[region], poses[0])):
         region += "_new"
@@ -121,55 +153,77 @@ def _is_end(shape: Shape, pose: ProposedPose) -> bool:
     )
 
 
-def append(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> None:
-    """Add the region and the poses to `device.toml`, whose text stays as it is: at its end, or in
-    its own inline table and array where it has those. Raises DeviceError where a name is taken, or
-    where the file is written in a way that cannot be continued; it is then as it was."""
+def append_poses(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> None:
+    """Add the region and the poses to `device.toml`, without changing the rest of its text.
+
+    They are appended, or inserted into the inline table and the array of the file if it has those.
+
+    Args:
+        device_file: The file.
+        proposal: The poses.
+        known: Names of the poses that the device has.
+
+    Raises:
+        DeviceError: A name is taken (`name-not-unique`), or the poses cannot be added to the file
+            (`file-not-extendable`); the file is then unchanged.
+    """
     taken = {p.name for p in proposal.poses} & set(known)
     if taken:
-        raise DeviceError(f"device.toml: poses: there is a pose {min(taken)!r} already; rename it")
+        raise DeviceError(
+            f"there is a pose {min(taken)!r} already",
+            code="name-not-unique",
+            where="device.toml: poses",
+            action="Rename it",
+            name=min(taken),
+        )
     with storage_errors(device_file):
         before = device_file.read_text(encoding="utf-8")
         try:
-            text = continued(before, proposal.text)
+            text = extend_text(before, proposal.text)
         except (TOMLKitError, tomllib.TOMLDecodeError) as error:
             raise DeviceError(
-                f"device.toml: the poses cannot be added to it ({error}); paste what"
-                " `defsense modes` prints without --write"
+                f"the poses cannot be added to it ({error})",
+                code="file-not-extendable",
+                where="device.toml",
+                action="Paste the text that `defsense modes` prints",
             ) from None
         write_text(device_file, text)
 
 
-def continued(before: str, text: str) -> str:
-    """A device's text with that of poses; regions that it has already stay as they are. Raises
-    TOMLKitError, TOMLDecodeError."""
+def extend_text(before: str, text: str) -> str:
+    """Return the text of a device with that of poses; existing regions are not changed.
+
+    Raises:
+        TOMLKitError: The text cannot be extended.
+        TOMLDecodeError: The result is not valid TOML.
+    """
     device, added = tomlkit.parse(before), tomlkit.parse(text)
     for name in [n for n in added.get("regions", {}) if n in device.get("regions", {})]:
         del added["regions"][name]
     if not added.get("regions", {"": None}):
         del added["regions"]
-    # Tables in a line of their own are closed: what is added to them must stand inside.
+    # Inline tables are closed: additions must be inside of them.
     if isinstance(regions := device.get("regions"), InlineTable):
         for name, region in added.pop("regions", {}).items():
             regions[name] = _inline(region)
-    if "states" in device or "poses" in device:  # they are not those of the new poses alone
+    if "states" in device or "poses" in device:  # the states of the new poses alone are not enough
         added.pop("states", None)
     if isinstance(poses := device.get("poses"), Array):
         for pose in added.pop("poses", []):
             poses.append(_inline(pose))
-    out = tomlkit.dumps(device).rstrip("\n") + "\n\n" + tomlkit.dumps(added).lstrip("\n")
-    tomllib.loads(out)
-    return out
+    extended = tomlkit.dumps(device).rstrip("\n") + "\n\n" + tomlkit.dumps(added).lstrip("\n")
+    tomllib.loads(extended)  # check the result
+    return extended
 
 
 def _inline(table: Table) -> InlineTable:
-    out = tomlkit.inline_table()
-    out.update(table.unwrap())
-    return out
+    inline = tomlkit.inline_table()
+    inline.update(table.unwrap())
+    return inline
 
 
 def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
-    """The region that is moved, and the poses."""
+    """Return the text of the moved region, the poses and their states."""
     document = tomlkit.document()
     if not poses:
         return ""
@@ -187,8 +241,8 @@ def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
             degrees = _plain(float(f"{np.rad2deg(angle):.4g}"))
             rotate.update({"axis": _numbers(p.rotation / angle), "degrees": degrees})
             handle["rotate"] = rotate
-        free = np.isnan(p.translation).all()
-        handle["translate"] = "free" if free else _numbers(p.translation)
+        is_free = np.isnan(p.translation).all()
+        handle["translate"] = "free" if is_free else _numbers(p.translation)
         pose = tomlkit.table()
         pose.comment(f"mode of {p.mode.frequency:.3g} Hz")
         pose.update({"name": p.name, "fixed": [fixed], "handles": tomlkit.aot()})
@@ -203,9 +257,9 @@ def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
 
 
 def states_table(spec: StatesSpec) -> Table:
-    """What the cords are designed for and judged by, as the table of device.toml."""
+    """Return the table [states] of device.toml."""
     table = tomlkit.table()
-    table.comment("cords are designed for ramp and mixtures, and judged by held_out")
+    table.comment("cords are designed for ramp and mixtures, and tested on held_out")
     table["ramp"] = _numbers(np.array(spec.ramp))
     for key, mixtures in (("mixtures", spec.mixtures), ("held_out", spec.held_out)):
         if mixtures:
@@ -223,19 +277,19 @@ def _numbers(vector: Float) -> list[float]:
 
 
 def _plain(value: float) -> float:
-    """Whole numbers without a decimal point."""
+    """Return a number, an integer if it is one."""
     return int(value) if value.is_integer() else value
 
 
-def _draw(found: Found, path: Path) -> None:
+def _draw(search: PoseSearch, path: Path) -> None:
     from ...report.pictures.proposals import draw_modes
 
-    mesh = found.mesh
+    mesh = search.mesh
     faces = boundary_faces(mesh)[:, :3]
     draw_modes(
         [
-            (f"{p.name}, {p.mode.frequency:.3g} Hz", mesh.nodes + found.shape(p))
-            for p in found.poses
+            (f"{p.name}, {p.mode.frequency:.3g} Hz", mesh.nodes + search.shape(p))
+            for p in search.poses
         ],
         faces,
         mesh.nodes,

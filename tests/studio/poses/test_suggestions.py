@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.store.mesh import load_mesh
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.solver.linear_response import vibration_modes, propose_poses
+from defsense_fab.mechanics.solver.linear_response import propose_poses, vibration_modes
+from defsense_fab.store.mesh import load_mesh
 from defsense_fab.studio.poses import suggestion_part
 from defsense_fab.studio.project.agreement import Agreement
-from defsense_fab.workflow.study.propose_poses import Found, Proposal, append, as_toml
+from defsense_fab.workflow.study.propose_poses import PoseSearch, Proposal, append_poses, as_toml
 
 LONG = 120.0
 
@@ -35,7 +35,7 @@ def looked(mode):
     material = Material.from_spec(device.material)
     found = vibration_modes(mesh, material, held, device.material.density, 5)
     poses = tuple(propose_poses(mesh, held, found))
-    mode.suggestions._came(("base", Found(mesh, tuple(found), poses, "far_end")))
+    mode.suggestions._came(("base", PoseSearch(mesh, tuple(found), poses, "far_end")))
     return mode.suggestions
 
 
@@ -57,7 +57,7 @@ def test_one_is_taken_with_its_region_and_undone(mode):
     device = load_device(mode.bench.project.folder)
     assert [p.name for p in device.poses] == ["bend_up", "twist", "bend_2"]
     assert device.poses[-1].handles[0].region == "far_end"
-    assert mode.bench.project.undoes == "take `bend_2`"
+    assert mode.bench.project.undo_name == "take `bend_2`"
     part._list.value = "bend"
     assert part.take() == "bend"
     assert list(load_device(mode.bench.project.folder).regions) == ["base", "tip", "far_end"]
@@ -80,7 +80,7 @@ def test_all_are_written_as_the_command_writes_them(mode, tmp_path):
     proposal = Proposal(found.modes, found.poses, as_toml(list(found.poses), "base"), tmp_path)
     path = tmp_path / "device.toml"
     path.write_text(bare, encoding="utf-8", newline="")
-    append(path, proposal, ())
+    append_poses(path, proposal, ())
     assert project.text == path.read_text(encoding="utf-8")
     assert "held_out" in project.text
     assert mode.poses.chosen == "bend"

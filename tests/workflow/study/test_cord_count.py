@@ -15,8 +15,16 @@ from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.workflow.study import cord_count
-from defsense_fab.workflow.study.cord_count import FILE, studied_layouts, study_folder, study_key
-from defsense_fab.workflow.study.cord_count_file import Row, chain, read_rows, write_rows
+from defsense_fab.workflow.study.cord_count import (
+    FILE,
+    Row,
+    longest_chain,
+    read_rows,
+    studied_layouts,
+    study_folder,
+    study_key,
+    write_rows,
+)
 from tests.support.places import BAR
 
 
@@ -24,19 +32,19 @@ def row(begun, sensors):
     return Row(sensors, 1.2, 1.0, 0.9, 0.5, "affine", begun, ())
 
 
-def test_chains_without_gaps():
+def test_longest_chain_has_no_gaps():
     rows = [row(1, 1), row(1, 2), row(4, 4), row(4, 5), row(1, 4)]
-    assert chain(rows, 1) == rows[:2]
-    assert chain(rows, 2) == rows[:2]
-    assert chain(rows, 3) == []
-    assert chain(rows, 5) == rows[2:4]
-    assert chain([], 1) == []
+    assert longest_chain(rows, 1) == rows[:2]
+    assert longest_chain(rows, 2) == rows[:2]
+    assert longest_chain(rows, 3) == []
+    assert longest_chain(rows, 5) == rows[2:4]
+    assert longest_chain([], 1) == []
     rows = [row(3, 3), row(3, 4), row(3, 5), row(1, 1), row(1, 2), row(1, 3), row(1, 4)]
-    assert chain(rows, 3) == rows[:3]
-    assert chain(rows, 2) == rows[3:]
+    assert longest_chain(rows, 3) == rows[:3]
+    assert longest_chain(rows, 2) == rows[3:]
 
 
-def test_layouts_come_back_to_the_last_bit(tmp_path, straight):
+def test_layouts_are_read_exactly_as_written(tmp_path, straight):
     path, axes = tmp_path / "study.json", Rotation.random(random_state=1).as_matrix()
     drawn = replace(straight(free=()), plane=Plane(np.array([0.1, 1 / 3, 7.0]), axes))
     write_rows(path, "key", [replace(row(1, 1), layout=(drawn,))])
@@ -46,7 +54,7 @@ def test_layouts_come_back_to_the_last_bit(tmp_path, straight):
     assert (found.curve.points == drawn.curve.points).all()
 
 
-def test_damaged_files_are_no_rows(tmp_path):
+def test_damaged_files_give_no_rows(tmp_path):
     path = tmp_path / "study.json"
     assert read_rows(path, "key") == []
     write_rows(path, "key", [row(1, 1), row(1, 2)])
@@ -69,7 +77,7 @@ def test_damaged_files_are_no_rows(tmp_path):
     assert read_rows(path, "key") == []
 
 
-def test_what_a_study_has_left_is_for_the_device_that_it_was_made_of(tmp_path, straight):
+def test_layouts_of_a_study_are_only_offered_for_its_device(tmp_path, straight):
     for name in ("bar.py", "device.toml"):
         shutil.copy(BAR / name, tmp_path)
     device, drawn = load_device(tmp_path), (straight(free=()),)
@@ -80,8 +88,8 @@ def test_what_a_study_has_left_is_for_the_device_that_it_was_made_of(tmp_path, s
             replace(row(1, 2), layout=drawn)]  # fmt: skip
     write_rows(study_folder(device) / FILE, key, rows)
     found = studied_layouts(device, tmp_path / "build")
-    told = [(one.name, one.error, len(one.sensors), one.parts) for one in found]
-    assert told == [("study, 1 cord", 1.2, 1, None), ("study, 2 cords", 0.9, 2, None)]
+    summary = [(one.name, one.error, len(one.sensors), one.parts) for one in found]
+    assert summary == [("study, 1 cord", 1.2, 1, None), ("study, 2 cords", 0.9, 2, None)]
     assert studied_layouts(replace(device, planes=2), tmp_path / "build") == []
 
 
@@ -89,7 +97,7 @@ def test_what_a_study_has_left_is_for_the_device_that_it_was_made_of(tmp_path, s
     ("decoder", "how", "searched"),
     [("auto", "held out", "quadratic"), ("auto", "none", "affine"), ("kernel", "none", "kernel")],
 )
-def test_cords_are_found_for_a_decoder_that_they_are_judged_by(
+def test_cords_are_searched_with_the_decoder_that_evaluates_them(
     tmp_path, monkeypatch, decoder, how, searched
 ):
     for name in ("bar.py", "device.toml"):
@@ -97,18 +105,20 @@ def test_cords_are_found_for_a_decoder_that_they_are_judged_by(
     task = SimpleNamespace(unseen=SimpleNamespace(how=how))
     task.with_decoder = lambda kind: SimpleNamespace(unseen=task.unseen, design=kind)
 
-    def by_count(design, *_, **__):
+    def layouts_by_count(design, *_, **__):
         raise LayoutError(design)
 
-    monkeypatch.setattr(cord_count, "build", lambda *_: SimpleNamespace(folder=tmp_path))
+    monkeypatch.setattr(
+        cord_count, "build", lambda *_: SimpleNamespace(folder=tmp_path, results={})
+    )
     monkeypatch.setattr(cord_count, "load_task", lambda *_: task)
-    monkeypatch.setattr(cord_count, "by_count", by_count)
+    monkeypatch.setattr(cord_count, "layouts_by_count", layouts_by_count)
     with pytest.raises(LayoutError, match=searched):
-        cord_count.study(replace(load_device(tmp_path), decoder=decoder), 1, 2)
+        cord_count.study_cord_count(replace(load_device(tmp_path), decoder=decoder), 1, 2)
 
 
 @pytest.mark.slow
-def test_a_resumed_study_finds_what_an_uninterrupted_one_finds(tmp_path, capsys):
+def test_a_resumed_study_gives_the_results_of_an_uninterrupted_one(tmp_path, capsys):
     text = (BAR / "device.toml").read_text("utf-8")
     text = text.replace("edge_length = 6.0", "edge_length = 12.0")
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")

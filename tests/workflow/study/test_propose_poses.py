@@ -1,11 +1,10 @@
-"""Proposed poses as text of `device.toml`, and added to one that someone wrote."""
+"""Proposed poses as text of `device.toml`, and appended to an existing file."""
 
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.device.regions import HalfSpace
@@ -14,10 +13,11 @@ from defsense_fab.mechanics.solver.linear_response import Mode, ProposedPose
 from defsense_fab.workflow.study.propose_poses import (
     Proposal,
     _end_region,
-    append,
+    append_poses,
     as_toml,
-    continued,
+    extend_text,
 )
+from tests.support.errors import raises
 from tests.support.places import BAR
 
 MODE = Mode(12.345, np.zeros((1, 3)), "bend", 1)
@@ -36,14 +36,14 @@ length = 1.50e+2   # mm
 """
 
 
-def added(tmp_path, before, fixed="base"):
+def appended(tmp_path, before, fixed="base"):
     path = tmp_path / "device.toml"
     path.write_text(before)
-    append(path, Proposal((), tuple(POSES), as_toml(POSES, fixed), Path()), ())
+    append_poses(path, Proposal((), tuple(POSES), as_toml(POSES, fixed), Path()), ())
     return path.read_text("utf-8")
 
 
-def test_the_text_says_what_is_meant_and_numbers_are_short():
+def test_poses_are_written_with_short_numbers():
     text = as_toml(POSES, 'my "base"')
     data = tomllib.loads(text)
     space = data["regions"]["far_end"]["half_space"]
@@ -57,7 +57,7 @@ def test_the_text_says_what_is_meant_and_numbers_are_short():
     assert "degrees = 30}" in text
     assert "translate = [15, 0, 0.25]\n" in text
     assert text.count("# mode of 12.3 Hz") == 2
-    # A free end is moved on from where the bend leaves it.
+    # A free end is moved starting from its position after the bend.
     assert data["states"] == {
         "ramp": [0.25, 0.5, 0.75, 1],
         "mixtures": [{"bend": 0.5, "stretch": 0.5}, {"bend": 1, "stretch": 1}],
@@ -66,41 +66,41 @@ def test_the_text_says_what_is_meant_and_numbers_are_short():
     assert as_toml([], "base") == ""
 
 
-def test_what_someone_wrote_stays_as_it_is(tmp_path):
+def test_existing_text_is_kept(tmp_path):
     before = (
         HEAD + '[regions]  # named\nbase = { box = 1 }\n\n# the rest\n[[poses]]\nname="up"  # !\n'
     )
-    text = added(tmp_path, before)
+    text = appended(tmp_path, before)
     assert text.startswith(before + "\n[regions.far_end]\n")
     data = tomllib.loads(text)
     assert list(data["regions"]) == ["base", "far_end"]
     assert [p["name"] for p in data["poses"]] == ["up", "bend", "stretch"]
     assert "states" not in data  # those of the new poses alone are not the device's
-    assert "states" in tomllib.loads(added(tmp_path, HEAD))
+    assert "states" in tomllib.loads(appended(tmp_path, HEAD))
 
 
-def test_tables_and_arrays_in_one_line_are_continued_inside(tmp_path):
+def test_tables_and_arrays_in_one_line_are_extended_inside(tmp_path):
     before = (
         'poses = [\n  { name = "up" },  # one\n]\nregions = { base = { box = 1 } }  # two\n' + HEAD
     )
-    text = added(tmp_path, before)
+    text = appended(tmp_path, before)
     data, alone = tomllib.loads(text), tomllib.loads(as_toml(POSES, "base"))
     assert data["poses"] == [{"name": "up"}, *alone["poses"]]
     assert data["regions"] == {"base": {"box": 1}, **alone["regions"]}
     for part in ('  { name = "up" },  # one\n', "}  # two\n", HEAD.rstrip("\n")):
         assert part in text
-    assert added(tmp_path, HEAD + "regions = { base = { box = 1 } }\n").startswith(HEAD)
+    assert appended(tmp_path, HEAD + "regions = { base = { box = 1 } }\n").startswith(HEAD)
 
 
-def test_a_file_that_cannot_be_continued_is_left_alone(tmp_path):
+def test_a_file_that_cannot_be_extended_is_unchanged(tmp_path):
     before = 'poses = "none"\n' + HEAD
-    with pytest.raises(DeviceError, match="prints without --write"):
-        added(tmp_path, before)
+    with raises(DeviceError, "file-not-extendable"):
+        appended(tmp_path, before)
     assert (tmp_path / "device.toml").read_text("utf-8") == before
 
 
-def test_a_region_that_is_there_already_is_used_again(tmp_path):
-    """Poses may be taken one after the other."""
+def test_an_existing_region_is_reused(tmp_path):
+    """Poses can be added one after the other."""
     device = load_device(BAR, complete=False)
     text = as_toml(POSES, "base", "tip")
     shape = tomllib.loads(text)["regions"]["tip"]["half_space"]
@@ -112,6 +112,6 @@ def test_a_region_that_is_there_already_is_used_again(tmp_path):
     moved = replace(device, regions={**device.regions, "far_end": other})
     assert _end_region(moved, POSES) == "far_end_new"
     before = (BAR / "device.toml").read_text(encoding="utf-8")
-    after = tomllib.loads(continued(before, text))
+    after = tomllib.loads(extend_text(before, text))
     assert after["regions"] == tomllib.loads(before)["regions"]
     assert len(after["poses"]) == len(device.poses) + len(POSES)

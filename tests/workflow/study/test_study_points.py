@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import StudyError
-from defsense_fab.workflow.study.points.designs import points
-from defsense_fab.workflow.study.points.measures import MEANING, of_stage
+from defsense_fab.workflow.study.points.measures import MEANING, measures_until
 from defsense_fab.workflow.study.points.studied_device import studied_device, studied_text
 from defsense_fab.workflow.study.points.study_toml import UNTIL, load_study
-from defsense_fab.workflow.study.runs.planned import batches, planned
+from defsense_fab.workflow.study.runs.planning import design_points, group_runs, plan_runs
 from tests.support.errors import raises
 from tests.support.places import BAR
 
@@ -29,7 +28,7 @@ def study(folder, text):
 
 
 def test_a_grid_has_every_combination_and_whole_numbers_stay_whole(folder):
-    found = points(
+    found = design_points(
         study(
             folder,
             "[parameters]\ndesign.planes = { range = [1, 3], step = 1 }\n"
@@ -44,7 +43,7 @@ def test_a_grid_has_every_combination_and_whole_numbers_stay_whole(folder):
 
 def test_a_list_goes_through_all_parameters_together(folder):
     text = 'design = "list"\n[parameters]\nbody.parameters.width = [28, 32]\ncord.noise = [0.1, 1]'
-    assert points(study(folder, text)) == [
+    assert design_points(study(folder, text)) == [
         {"body.parameters.width": 28, "cord.noise": 0.1},
         {"body.parameters.width": 32, "cord.noise": 1},
     ]
@@ -56,9 +55,9 @@ def test_a_latin_hypercube_has_a_point_in_every_interval_of_each_parameter(folde
         "body.parameters.width = { uniform = [20, 36] }\n"
         "cord.noise = { log_uniform = [0.0001, 1.0] }\ndesign.planes = [1, 2]\n"
     )
-    found = points(study(folder, text))
-    assert found == points(study(folder, text))
-    assert found != points(study(folder, text.replace("seed = 3", "seed = 4")))
+    found = design_points(study(folder, text))
+    assert found == design_points(study(folder, text))
+    assert found != design_points(study(folder, text.replace("seed = 3", "seed = 4")))
     widths = np.sort([p["body.parameters.width"] for p in found])
     assert (np.floor(widths - 20) == np.arange(16)).all()
     decades = np.sort(np.log10([p["cord.noise"] for p in found])) * 4 + 16
@@ -136,7 +135,7 @@ def test_errors_in_study_toml_name_the_line_and_the_key(folder, text, code, key,
 def test_a_parameter_that_does_not_exist_is_refused_with_the_closest_ones(folder, key, suggestion):
     whole = study(folder, f"[parameters]\n{key} = [1, 2]\n")
     with pytest.raises(StudyError) as error:
-        planned(folder, whole, {})
+        plan_runs(folder, whole, {})
     assert error.value.data["line"] == 2
     assert suggestion in error.value.data["suggestions"]
 
@@ -144,7 +143,7 @@ def test_a_parameter_that_does_not_exist_is_refused_with_the_closest_ones(folder
 def test_a_parameter_that_is_fixed_is_refused(folder):
     whole = study(folder, "[parameters]\nbody.parameters.width = [20, 30]\n")
     with raises(StudyError, "parameter-fixed", parameter="body.parameters.width", line=2):
-        planned(folder, whole, {"body.parameters.width": 25})
+        plan_runs(folder, whole, {"body.parameters.width": 25})
 
 
 def test_parameters_reach_into_poses_and_absent_tables_and_leave_comments(folder):
@@ -158,65 +157,65 @@ def test_parameters_reach_into_poses_and_absent_tables_and_leave_comments(folder
     assert "# kept" in written
     assert studied_device(written, folder, {}).planes == 1
     assert tomllib.loads(written)["poses"][2]["handles"][0]["rotate"]["degrees"] == 20
-    with pytest.raises(StudyError, match=r"there is no 'bend' in device.toml; there is: bend_up"):
+    with raises(StudyError, "unknown-name", name="bend"):
         studied_device(text, folder, {"poses.bend.fixed": []})
 
 
-def test_runs_are_known_by_what_they_depend_on(folder):
+def test_a_run_is_identified_by_everything_it_depends_on(folder):
     text = (
         'until = "optimize"\n[parameters]\ncord.noise = [0.002, 0.004, -1]\n'
         "mesh.edge_length = [6.0, 8.0]\nfabrication.copies = [1, 2]\n"
     )
-    plan = planned(folder, study(folder, text), {})
-    # Copies change nothing until the parts are made; a noise of -1 is no device.
+    plan = plan_runs(folder, study(folder, text), {})
+    # Copies only matter when the parts are made; a noise of -1 is not allowed.
     runs = [r for r in plan.runs if not r.problem]
     assert (plan.points, len(runs)) == (12, 4)
     assert [r.problem.startswith("device.toml:") for r in plan.runs if r.problem] == [True] * 4
     assert len({r.simulation for r in runs}) == 2
-    assert [len(b) for b in batches(runs, 1)] == [2, 2]
-    assert {r.simulation for r in batches(runs, 1)[0]} == {batches(runs, 1)[0][0].simulation}
-    # Another file that the body may be made of makes other runs; results of builds do not.
+    assert [len(b) for b in group_runs(runs, 1)] == [2, 2]
+    assert {r.simulation for r in group_runs(runs, 1)[0]} == {group_runs(runs, 1)[0][0].simulation}
+    # A new file in the device's folder changes the runs; results of builds do not.
     (folder / "build").mkdir()
     (folder / "build" / "x").write_text("")
-    assert planned(folder, study(folder, text), {}).runs == plan.runs
+    assert plan_runs(folder, study(folder, text), {}).runs == plan.runs
     (folder / "table.csv").write_text("1")
     assert not {r.name for r in plan.runs} & {
-        r.name for r in planned(folder, study(folder, text), {}).runs
+        r.name for r in plan_runs(folder, study(folder, text), {}).runs
     }
 
 
-def test_seeds_of_the_search_are_runs_of_one_simulation(folder):
+def test_runs_that_differ_in_the_search_seed_share_a_simulation(folder):
     text = "[parameters]\ndesign.seed = { range = [1, 3], step = 1 }\ndesign.searches = [2]\n"
-    runs = planned(folder, study(folder, text), {}).runs
+    runs = plan_runs(folder, study(folder, text), {}).runs
     assert len(runs) == 3
     assert len({r.simulation for r in runs}) == 1
-    # A device that says what is usual is the one that says nothing.
+    # A device file that gives a default value equals one that leaves it out.
     text = "[parameters]\ndesign.seed = [1]\n"
-    (usual,) = planned(folder, study(folder, text), {}).runs
-    (silent,) = planned(folder, study(folder, text.replace("design.seed", "schema")), {}).runs
-    assert usual.name == silent.name
+    (explicit,) = plan_runs(folder, study(folder, text), {}).runs
+    (implicit,) = plan_runs(folder, study(folder, text.replace("design.seed", "schema")), {}).runs
+    assert explicit.name == implicit.name
 
 
-def test_batches_are_divided_where_workers_would_stand_idle(folder):
-    runs = planned(
+def test_batches_are_divided_where_workers_would_be_idle(folder):
+    runs = plan_runs(
         folder,
         study(folder, "[parameters]\ncord.noise = { range = [0.001, 0.04], steps = 40 }"),
         {},
     ).runs
-    assert [len(b) for b in batches(runs, 1)] == [40]
-    assert [len(b) for b in batches(runs, 2)] == [10] * 4
-    assert [len(b) for b in batches(runs, 1, most=16)] == [14, 14, 12]
-    assert sum(batches(runs, 1000), ()) == runs
-    assert min(len(b) for b in batches(runs, 1000)) == 4
+    assert [len(b) for b in group_runs(runs, 1)] == [40]
+    assert [len(b) for b in group_runs(runs, 2)] == [10] * 4
+    assert [len(b) for b in group_runs(runs, 1, limit=16)] == [14, 14, 12]
+    assert sum(group_runs(runs, 1000), ()) == runs
+    assert min(len(b) for b in group_runs(runs, 1000)) == 4
 
 
-def test_every_stage_measures_something_of_its_own():
+def test_every_stage_has_its_own_measures():
     assert set(MEANING) == set(UNTIL)
-    assert of_stage("mesh") == ["volume", "tets", "min_dihedral"]
+    assert measures_until("mesh") == ["volume", "tets", "min_dihedral"]
 
 
-def test_reading_many_points_is_told(folder):
-    told = []
+def test_progress_is_reported_while_many_points_are_read(folder):
+    reports = []
     text = "[parameters]\ncord.noise = { range = [0.001, 0.04], steps = 1200 }"
-    planned(folder, study(folder, text), {}, lambda *said: told.append(said))
-    assert [message for _, _, message in told] == ["500 points read", "1000 points read"]
+    plan_runs(folder, study(folder, text), {}, lambda *report: reports.append(report))
+    assert [message for _, _, message in reports] == ["500 points read", "1000 points read"]

@@ -1,1 +1,1 @@
-"""What is studied: `study.toml`, its parameters, and the points that its design makes of them."""
+"""The points of a study: its file, parameters, devices and measures."""

@@ -1,4 +1,4 @@
-"""What is recorded of a run: numbers and words from the folder of its build."""
+"""Measures of a run: numbers and words from the folder of its build."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from ....store.mesh import load_mesh_record
 
 Value = float | int | str | None
 
-#: What each stage adds, in words; all lengths mm, volumes mm^3, errors RMSE of the markers in mm.
+#: Measures of each stage and their meaning; errors are RMSE of the markers.
 MEANING: dict[str, dict[str, str]] = {
-    "body": {"volume": "of the body, mm³"},
-    "mesh": {"tets": "tetrahedra", "min_dihedral": "their least dihedral angle, degrees"},
+    "body": {"volume": "volume of the body, mm³"},
+    "mesh": {"tets": "number of tetrahedra", "min_dihedral": "smallest dihedral angle, degrees"},
     "simulate": {
-        "states": "states that were solved",
-        "pose_warnings": "what is to be said of them",
+        "states": "number of solved states",
+        "pose_warnings": "number of warnings about poses",
     },
     "optimize": {
-        "error": "RMSE on unseen states with the read-out's noise, mm",
+        "error": "RMSE in unseen states with the noise of the read-out, mm",
         "error_noise_free": "the same without noise, mm",
-        "fitted_error": "RMSE on the states designed for, mm",
-        "peak": "largest error of a marker on them, mm",
-        "average_peak": "mean over them of the largest error, mm",
-        "floor": "least that any affine map of so many cords could reach, mm",
-        "band_low": "90 % of built devices lie above, mm",
-        "band_high": "90 % of built devices lie below, mm",
-        "decoder": "the decoder that was chosen",
-        "cords": "how many cords",
-        "cord_length": "of all cords' channels together, mm",
-        "planes": "planes that the body is cut along",
-        "parts": "parts that it is cut into",
-        "warnings": "what is to be said of the cords",
+        "fitted_error": "RMSE in the states of the design, mm",
+        "peak": "largest error of a marker in them, mm",
+        "average_peak": "mean of the largest error over them, mm",
+        "floor": "smallest RMSE of an affine map of as many signals, mm",
+        "band_low": "90 % of built devices are above, mm",
+        "band_high": "90 % of built devices are below, mm",
+        "decoder": "chosen decoder",
+        "cords": "number of cords",
+        "cord_length": "length of all channels, mm",
+        "planes": "number of cutting planes",
+        "parts": "number of parts",
+        "warnings": "number of warnings about cords",
     },
     "fabricate": {
-        "plates": "plates to print",
-        "removed_volume": "what channels and pockets take away, mm³",
-        "failed_checks": "checks of the parts that do not hold",
+        "plates": "number of plates to print",
+        "removed_volume": "volume of channels and pockets, mm³",
+        "failed_checks": "number of failed checks of the parts",
     },
 }
 
 
-#: Those that are no numbers.
+#: Measures that are words.
 WORDS = ("decoder",)
 
 
-def of_stage(until: str) -> list[str]:
-    """Names of the measures that a run up to a stage has."""
+def measures_until(until: str) -> list[str]:
+    """Return the names of the measures of a run up to a stage."""
     names: list[str] = []
     for stage, measures in MEANING.items():
         names += measures
@@ -59,19 +59,27 @@ def of_stage(until: str) -> list[str]:
     return names
 
 
-def meaning(measure: str) -> str:
-    """What a measure is, with its unit."""
+def describe_measure(measure: str) -> str:
+    """Return the meaning of a measure with its unit."""
     return next(m[measure] for m in MEANING.values() if measure in m)
 
 
 def measure(folder: Path, until: str) -> dict[str, Value]:
-    """All measures of a build in its `folder`. Raises StorageError where a file is missing."""
-    out: dict[str, Value] = {}
+    """Measure a build.
+
+    Args:
+        folder: Folder of the build.
+        until: Its last stage.
+
+    Raises:
+        StorageError: A file is missing.
+    """
+    measures: dict[str, Value] = {}
     for stage, read in _READERS.items():
-        out.update(read(folder))
+        measures.update(read(folder))
         if stage == until:
             break
-    return out
+    return measures
 
 
 def _body(folder: Path) -> Mapping[str, Value]:

@@ -39,7 +39,7 @@ def studied_device(text: str, folder: Path, values: Mapping[str, Any]) -> Device
 
 
 def studied_text(text: str, values: Mapping[str, Any]) -> str:
-    """The text with these values, its comments kept."""
+    """Return the text of `device.toml` with other values; comments are kept."""
     document = tomlkit.parse(text)
     for key, value in values.items():
         _put(document, key, value)
@@ -53,23 +53,23 @@ def known_keys(text: str, values: Mapping[str, Any]) -> list[str]:
 
 
 def script_keys(device: Device) -> list[str]:
-    """Keys of the parameters that the body's script takes; those given where it cannot be read."""
+    """Return the keys of the script's parameters, or the given ones if the script is invalid."""
     names = list(device.body.parameters)
     if device.body.kind == "script":
-        with suppress(BodyError):  # the body's own stage tells it, with the line
+        with suppress(BodyError):  # the stage of the body reports it, with the line
             names += [p.name for p in read_parameters(device.body.path, device.body.parameters)]
     return sorted({f"{_PARAMETERS}{name}" for name in names})
 
 
-def nearest(key: str, known: Iterable[str]) -> list[str]:
-    """Known keys that look like this one: the whole key, or its last name."""
+def find_similar_keys(key: str, known: Iterable[str]) -> list[str]:
+    """Return up to three known keys that are similar to a key, as a whole or in their last name."""
     known = [k for k in known if "." in k]
-    near = difflib.get_close_matches(key, known, 3, 0.7)
+    similar = difflib.get_close_matches(key, known, 3, 0.7)
     last = key.rpartition(".")[2]
-    near += [
+    similar += [
         k for k in known if difflib.SequenceMatcher(None, k.rpartition(".")[2], last).ratio() > 0.8
     ]
-    return list(dict.fromkeys(near))[:3]
+    return list(dict.fromkeys(similar))[:3]
 
 
 def changed_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -89,43 +89,55 @@ def changed_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[s
 
 
 def _put(data: Any, key: str, value: Any) -> None:
-    """Set a value in tables and lists of tables; tables that are not there are made."""
-    *way, last = key.split(".")
-    for name in way:
+    """Set a value in tables and lists of tables; missing tables are created."""
+    *parents, last = key.split(".")
+    for name in parents:
         if isinstance(data, list):
-            data = data[_place(data, name, key)]
+            data = data[_find_row(data, name, key)]
         elif name in data:
             data = data[name]
         else:
             data[name] = {}
             data = data[name]
         if not isinstance(data, dict | list):
-            raise StudyError(f"{key}: {name} is a value in {DEVICE}, and no table")
+            raise StudyError(
+                f"{name} is a value in {DEVICE}, not a table",
+                code="not-a-table",
+                where=key,
+                name=name,
+            )
     if isinstance(data, list):
-        data[_place(data, last, key)] = value
+        data[_find_row(data, last, key)] = value
     else:
         data[last] = value
 
 
-def _place(rows: list[Any], name: str, key: str) -> int:
-    """Of a pose, cord or handle by its name or its number from 1 on."""
+def _find_row(rows: list[Any], name: str, key: str) -> int:
+    """Return the index of a pose, cord or handle, by its name or its number from 1 on."""
     for k, row in enumerate(rows):
         if isinstance(row, dict) and row.get("name") == name:
             return k
     if name.isdecimal() and 1 <= int(name) <= len(rows):
         return int(name) - 1
     names = [str(r["name"]) for r in rows if isinstance(r, dict) and "name" in r]
-    there = ", ".join(names) or f"1 to {len(rows)}"
-    raise StudyError(f"{key}: there is no {name!r} in {DEVICE}; there is: {there}")
+    known = ", ".join(names) or f"1 to {len(rows)}"
+    raise StudyError(
+        f"there is no {name!r} in {DEVICE}",
+        code="unknown-name",
+        where=key,
+        action=f"Use one of: {known}",
+        name=name,
+    )
 
 
 def _dotted(data: Any, path: tuple[Any, ...]) -> str:
+    """Return a dotted key, with the names of rows in lists."""
     parts = []
     for name in path:
         if isinstance(name, int):
             row = data[name] if isinstance(data, list) and name < len(data) else None
-            named = isinstance(row, dict) and "name" in row
-            parts.append(str(row["name"]) if named and row else str(name + 1))
+            is_named = isinstance(row, dict) and "name" in row
+            parts.append(str(row["name"]) if is_named and row else str(name + 1))
             data = row
         else:
             parts.append(name)

@@ -14,7 +14,7 @@ from ....core.errors import StudyError
 from ....core.schema.declare import Positive, Problem, Table, key, missing, unknown_choice
 from ....core.schema.document import Document, load_document
 from ...build.stages import STAGES
-from .measures import WORDS, of_stage
+from .measures import WORDS, measures_until
 from .parameters import Parameter, read_parameters
 
 FILE = "study.toml"
@@ -70,7 +70,7 @@ class StudyFile(Table, frozen=True, kw_only=True):
     @property
     def measures(self) -> tuple[str, ...]:
         """The measures that are recorded."""
-        return tuple(of_stage(self.until)) if self.record is None else self.record
+        return tuple(measures_until(self.until)) if self.record is None else self.record
 
     @property
     def minimised(self) -> str | None:
@@ -80,7 +80,7 @@ class StudyFile(Table, frozen=True, kw_only=True):
 
     def check(self) -> Iterator[Problem]:
         """Yield problems of measures that a run does not have, and of keys of another design."""
-        available = of_stage(self.until)
+        available = measures_until(self.until)
         if not self.measures:
             text = "there is nothing to record"
             action = f"Give at least one of {', '.join(available)}"

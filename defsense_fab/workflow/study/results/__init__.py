@@ -1,1 +1,1 @@
-"""What came of a study: table, Pareto front, sensitivities, page."""
+"""Results of a study: table, sensitivities and page."""

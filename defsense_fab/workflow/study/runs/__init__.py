@@ -1,1 +1,1 @@
-"""The runs of a study: their log, batches of them, this machine and clusters."""
+"""Runs of a study: planning, log, batches, and clusters."""

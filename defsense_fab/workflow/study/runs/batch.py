@@ -1,4 +1,4 @@
-"""A batch of runs, which share their simulation, in a process of its own: what a worker does."""
+"""Batches of runs that share their simulation, each in its own process."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from typing import Any
 
 from ....core.errors import StudyError
 from ....geometry.bodies.child_process import ChildFailure, run_module
-from .device_files import unpack
-from .run_log import RunRecord, decoded
+from .planning import unpack
+from .run_log import RunRecord, decode_record
 
-#: Files of a batch's folder: what to do, and what came of it.
+#: Files of a batch's folder: the job and its results.
 JOB, RECORDS, DONE, DEVICE_FOLDER = "job.json", "records.log", "done", "device"
 _MODULE = f"{__package__}.make_runs"
 _FAILURE = ChildFailure(
@@ -30,9 +30,15 @@ _FAILURE = ChildFailure(
 
 @dataclass(frozen=True)
 class Batch:
-    """What a worker is sent beside the device's files: runs as their names and values, the text of
-    `device.toml`, the stage that they go to, the longest that a run may take (s), threads for
-    each."""
+    """A batch of runs; it is sent together with the device's files.
+
+    Attributes:
+        runs: Names and values of the runs.
+        text: Text of `device.toml`.
+        until: The last stage of the runs.
+        time_limit: Time limit of a run, s.
+        threads: Threads of a run; None for the default.
+    """
 
     runs: tuple[tuple[str, Mapping[str, Any]], ...]
     text: str
@@ -41,106 +47,136 @@ class Batch:
     threads: int | None = None
 
 
-Tell = Callable[[RunRecord], None]
+ReportRecord = Callable[[RunRecord], None]
 
 
 class Stopped(Exception):
-    """Raised by a batch that was asked to stop."""
+    """A batch was stopped."""
 
 
 def run_batch(
     batch: Batch,
     files: bytes,
-    tell: Tell | None = None,
-    stopped: Callable[[], bool] = lambda: False,
+    report: ReportRecord | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
 ) -> list[RunRecord]:
-    """Make the runs, in their order, from the device's packed `files`. A run whose process ends
-    without a word, or takes too long, is broken, and the others go on in a new process.
+    """Make the runs of a batch in their order.
 
-    Each record is told as it is there. Raises Stopped, within seconds of `stopped` being true;
-    StorageError.
+    A run whose process ends unexpectedly, or takes too long, is broken; the others continue in a
+    new process.
+
+    Args:
+        batch: The runs.
+        files: The device's files (see `pack`).
+        report: Called with each record as soon as it is known.
+        is_stopped: Whether the batch should stop.
+
+    Returns:
+        The records.
+
+    Raises:
+        Stopped: Within seconds after `is_stopped` is true.
+        StorageError: Files cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="defsense-study-") as name:
         work = Path(name)
         unpack(files, work / DEVICE_FOLDER)
-        following = _Following(work / RECORDS, batch, tell, stopped)
+        reader = _RecordReader(work / RECORDS, batch, report, is_stopped)
         sent = len(files) // len(batch.runs) + len(batch.text)
-        following.sent = sent
-        while len(following.records) < len(batch.runs):
-            todo = batch.runs[len(following.records) :]
-            job = {**asdict(replace(batch, runs=todo)), "work": name}
-            following.since = time.monotonic()
-            problem = _finished(job, following)
-            following.read()
-            if problem and len(following.records) < len(batch.runs):
-                run, values = batch.runs[len(following.records)]
-                following.add(RunRecord(run, values, "broken", problem, worker=place()))
-        return following.records
+        reader.sent = sent
+        while len(reader.records) < len(batch.runs):
+            remaining = batch.runs[len(reader.records) :]
+            job = {**asdict(replace(batch, runs=remaining)), "work": name}
+            reader.started_at = time.monotonic()
+            problem = _run_process(job, reader)
+            reader.read()
+            if problem and len(reader.records) < len(batch.runs):
+                run, values = batch.runs[len(reader.records)]
+                reader.add(RunRecord(run, values, "broken", problem, worker=machine_name()))
+        return reader.records
 
 
-def _finished(job: Mapping[str, Any], following: _Following) -> str:
-    """The problem that ended the process, or none."""
+def _run_process(job: Mapping[str, Any], reader: _RecordReader) -> str:
+    """Return the problem that ended the process; empty if there is none."""
     try:
         with run_module(
             _MODULE,
-            lambda folder: _give(folder, job),
+            lambda folder: _write_job(folder, job),
             DONE,
             float("inf"),
             _FAILURE,
-            on_wait=following.look,
+            on_wait=reader.check,
         ):
             return ""
     except StudyError as error:
         return str(error)
 
 
-def _give(folder: Path, job: Mapping[str, Any]) -> None:
+def _write_job(folder: Path, job: Mapping[str, Any]) -> None:
     (folder / JOB).write_text(json.dumps(job), encoding="utf-8")
 
 
-def place() -> str:
-    """This machine's name."""
+def machine_name() -> str:
+    """Return the name of this machine."""
     return socket.gethostname()
 
 
-class _Following:
-    """Reads the records of a batch while its process writes them."""
+class _RecordReader:
+    """Reads the records of a batch while its process writes them.
+
+    Attributes:
+        records: The records.
+        started_at: Start of the current run.
+        sent: Bytes sent for a run.
+    """
 
     def __init__(
-        self, path: Path, batch: Batch, tell: Tell | None, stopped: Callable[[], bool]
+        self, path: Path, batch: Batch, report: ReportRecord | None, is_stopped: Callable[[], bool]
     ) -> None:
-        self._path, self._limit, self._tell, self._stopped = path, batch.time_limit, tell, stopped
-        self._at = self.sent = 0
-        self.since = time.monotonic()
+        self._path, self._limit, self._report, self._is_stopped = (
+            path,
+            batch.time_limit,
+            report,
+            is_stopped,
+        )
+        self._position = self.sent = 0
+        self.started_at = time.monotonic()
         self.records: list[RunRecord] = []
 
-    def look(self) -> None:
-        """Every few seconds. Raises Stopped, and StudyError for a run that takes too long."""
+    def check(self) -> None:
+        """Read new records; called every few seconds.
+
+        Raises:
+            Stopped: The batch should stop.
+            StudyError: A run takes too long (`run-timed-out`).
+        """
         self.read()
-        if self._stopped():
+        if self._is_stopped():
             raise Stopped
-        if time.monotonic() - self.since > self._limit:
+        if time.monotonic() - self.started_at > self._limit:
             raise StudyError(
-                f"the run did not end within {self._limit:g} s and was stopped; raise time_limit in"
-                " study.toml"
+                f"the run did not end within {self._limit:g} s and was stopped",
+                code="run-timed-out",
+                action="Raise time_limit in study.toml",
+                limit=self._limit,
             )
 
     def read(self) -> None:
-        """Whole lines that are new."""
+        """Read new complete lines."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:
-            file.seek(self._at)
+            file.seek(self._position)
             data = file.read()
-        whole = data[: data.rfind(b"\n") + 1]
-        self._at += len(whole)
-        for line in whole.decode().splitlines():
-            self.add(decoded(line))
+        complete = data[: data.rfind(b"\n") + 1]
+        self._position += len(complete)
+        for line in complete.decode().splitlines():
+            self.add(decode_record(line))
 
     def add(self, record: RunRecord) -> None:
-        """A run that is over; the next one's time begins."""
-        record = record.told_bytes(self.sent)
+        """Add the record of a finished run; the time of the next one starts."""
+        record = record.with_bytes(self.sent)
         self.records.append(record)
-        self.since = time.monotonic()
-        if self._tell is not None:
-            self._tell(record)
+        self.started_at = time.monotonic()
+        if self._report is not None:
+            self._report(record)

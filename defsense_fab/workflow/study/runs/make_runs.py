@@ -1,4 +1,4 @@
-"""`python -m defsense_fab.workflow.study.runs.make_runs FOLDER`: the process of a batch."""
+"""The process of a batch: `python -m defsense_fab.workflow.study.runs.make_runs FOLDER`."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from typing import Any
 
 from ....core.machine.processes import cpu_seconds, peak_memory_mb
 
-_THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def main(folder: Path) -> None:
-    """Make the runs of `job.json`, one after the other in one folder: what is alike is kept."""
+    """Make the runs of `job.json` one after the other in one folder; shared stages are kept."""
     job = json.loads((folder / "job.json").read_text(encoding="utf-8"))
     if job["threads"]:
-        for name in _THREADS:
+        for name in _THREAD_VARIABLES:
             os.environ.setdefault(name, str(job["threads"]))
-    # NumPy reads those when it is imported.
+    # NumPy reads these variables when it is imported.
     from ....core.storage.append_log import AppendLog
     from ....geometry.bodies.child_process import end_with_parent
     from .batch import DEVICE_FOLDER, DONE, RECORDS
-    from .run_log import encoded
+    from .run_log import encode_record
 
     end_with_parent()
     work = Path(job["work"])
     with AppendLog(work / RECORDS) as log:
         for name, values in job["runs"]:
-            log.line(encoded(_made(name, values, job, work / DEVICE_FOLDER)))
+            log.line(encode_record(_make_run(name, values, job, work / DEVICE_FOLDER)))
     (folder / DONE).write_text("")
 
 
-def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: Path) -> Any:
+def _make_run(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: Path) -> Any:
     from ....core.errors import DefsenseError
     from ...build.build import build
     from ..points.measures import measure
     from ..points.studied_device import studied_device
-    from .batch import place
+    from .batch import machine_name
     from .run_log import Cost, Outcome, RunRecord
 
     measures: Mapping[str, Any] = {}
@@ -52,23 +52,23 @@ def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: 
     except DefsenseError as error:
         outcome, message = ("broken" if error.is_machine_limit else "refused"), str(error)
     except MemoryError:
-        outcome, message = "broken", "the memory does not suffice; use a larger [mesh] edge_length"
+        outcome, message = "broken", "the memory does not suffice. Use a larger [mesh] edge_length."
     except Exception as error:
         outcome, message = "broken", f"failed ({type(error).__name__}: {error})"
     message = " ".join(message.replace(f"{source}/", "").replace(str(source), ".").split())
     cost = Cost(meter.seconds, meter.cpu, meter.shared, round(peak_memory_mb(), 1))
-    return RunRecord(name, values, outcome, message, measures, cost, place())
+    return RunRecord(name, values, outcome, message, measures, cost, machine_name())
 
 
 class _Meter:
-    """What a run costs: CPU seconds of this process and of its children that have ended."""
+    """Measures the time of a run, and the CPU time of this process and its finished children."""
 
     def __init__(self) -> None:
         self._wall, self._cpu = time.perf_counter(), cpu_seconds()
         self.shared = 0.0
 
     def progress(self, stage: str, fraction: float, message: str) -> None:
-        """Called by the build."""
+        """Receive the progress of the build."""
         if message == "done" and fraction == 1 and stage in ("body", "mesh", "simulate"):
             self.shared = cpu_seconds() - self._cpu
 

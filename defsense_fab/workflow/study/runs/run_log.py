@@ -1,4 +1,4 @@
-"""`study/runs.log`: what came of every run of a device's studies, a line each, only added to."""
+"""The log `study/runs.log`: one line per run of a device's studies; lines are only appended."""
 
 from __future__ import annotations
 
@@ -17,18 +17,25 @@ from ....core.storage.files import storage_errors
 from ..points.measures import Value
 
 FOLDER, FILE = "study", "runs.log"
-_HEAD = '{"log": "runs of defsense studies", "schema": 1}'
+_HEADER = '{"log": "runs of defsense studies", "schema": 1}'
 
-#: `done`; `refused` by the design itself, as it would be again; `broken` by what is not the
-#: design's: memory, time, a worker that died, a fault of the program.
+#: `done`; `refused` by the design itself, as it would be again; `broken` by other causes: memory,
+#: time, a worker that died, a fault of the program.
 Outcome = Literal["done", "refused", "broken"]
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one run: seconds, CPU seconds of all its processes and those of them that went into what
-    the runs of its batch share (body, mesh and poses), peak memory of the process until then (MB),
-    bytes sent for it and sent back."""
+    """The cost of a run.
+
+    Attributes:
+        seconds: Duration, s.
+        cpu: CPU time of all its processes, s.
+        shared_cpu: CPU time of the stages that the runs of its batch share (body, mesh, poses), s.
+        memory: Peak memory of the process until its end, MB.
+        sent: Bytes sent for it.
+        returned: Bytes sent back.
+    """
 
     seconds: float = 0.0
     cpu: float = 0.0
@@ -40,8 +47,17 @@ class Cost:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """A run by the hash of all that it depends on, its parameters, what came of it, and in what
-    words; what was measured, what it cost, and where it was made."""
+    """The result of a run.
+
+    Attributes:
+        run: Hash of all inputs of the run.
+        parameters: Values by dotted key of `device.toml`.
+        outcome: Whether it succeeded.
+        message: Why it did not succeed.
+        measures: Measured values by name.
+        cost: What it cost.
+        worker: Machine on which it ran.
+    """
 
     run: str
     parameters: Mapping[str, Any]
@@ -51,49 +67,72 @@ class RunRecord:
     cost: Cost = Cost()
     worker: str = ""
 
-    def told_bytes(self, sent: int) -> RunRecord:
-        """With the bytes sent for it, and those of itself."""
-        return replace(self, cost=replace(self.cost, sent=sent, returned=len(encoded(self))))
+    def with_bytes(self, sent: int) -> RunRecord:
+        """Return the record with the bytes sent for it, and its own."""
+        return replace(self, cost=replace(self.cost, sent=sent, returned=len(encode_record(self))))
 
 
-def encoded(record: RunRecord) -> str:
-    """As a line."""
+def encode_record(record: RunRecord) -> str:
+    """Return a record as a line."""
     return msgspec.json.encode(record).decode()
 
 
-def decoded(line: str) -> RunRecord:
-    """Raises msgspec.DecodeError for what is no record."""
+def decode_record(line: str) -> RunRecord:
+    """Return the record of a line.
+
+    Raises:
+        msgspec.DecodeError: The line is not a record.
+    """
     return msgspec.json.decode(line, type=RunRecord)
 
 
 class RunLog:
-    """The log of a device's studies while one runs: `found` are the records by run; nothing is
-    added twice. Used in `with`."""
+    """The log of a device's studies while one runs; a context manager.
+
+    Args:
+        device: Folder of the device.
+
+    Attributes:
+        path: The file.
+        records: The records by run.
+
+    Raises:
+        StudyError: The file is not such a log (`not-a-study-log`, `record-invalid`), or another
+            study is running (`study-running`).
+    """
 
     def __init__(self, device: Path) -> None:
-        """Raises StudyError for a file that is not such a log, or that another study writes to."""
         self.path = device / FOLDER / FILE
         with storage_errors(self.path.parent):
             self.path.parent.mkdir(exist_ok=True)
-        _refuse_others(self.path)
+        _check_header(self.path)
         self._stack, self._log = ExitStack(), None
         try:
-            self._log = self._stack.enter_context(AppendLog(self.path, _HEAD, "log of studies"))
+            self._log = self._stack.enter_context(AppendLog(self.path, _HEADER, "log of studies"))
         except CaptureError:
             raise StudyError(
-                f"{self.path}: another study of this device is running; wait for it, or stop it"
+                "another study of this device is running",
+                code="study-running",
+                where=self.path,
+                action="Wait for it, or stop it",
             ) from None
-        self.found = read_records(self.path)
+        self.records = read_records(self.path)
 
     def add(self, record: RunRecord) -> bool:
-        """Whether it was new: of a run that is there already, only one that was broken is replaced.
-        Raises StorageError."""
-        before = self.found.get(record.run)
+        """Add a record, unless its run has one already; broken runs are replaced.
+
+        Returns:
+            Whether it was added.
+
+        Raises:
+            StorageError: The file cannot be written.
+        """
+        before = self.records.get(record.run)
         if before is not None and (before.outcome != "broken" or record.outcome == "broken"):
             return False
         assert self._log is not None
-        self._log.line(encoded(record))
-        self.found[record.run] = record
+        self._log.line(encode_record(record))
+        self.records[record.run] = record
         return True
 
     def __enter__(self) -> Self:
@@ -109,33 +148,41 @@ class RunLog:
 
 
 def read_records(path: Path) -> dict[str, RunRecord]:
-    """The records of a log by run, of those of one run the last; lines that were cut are left out.
-    Raises StudyError for a line that is no record."""
-    found = {}
+    """Read the records of a log by run; the last record of a run counts, cut lines are left out.
+
+    Raises:
+        StudyError: A line is not a record (`record-invalid`).
+    """
+    records = {}
     for number, line in LogLines(path):
         if number == 1:
             continue
         try:
-            record = decoded(line)
+            record = decode_record(line)
         except msgspec.DecodeError as error:
             raise StudyError(
-                f"{path}:{number}: is no record of a run ({error}); remove that line, and its run"
-                " is made again"
+                f"is not a record of a run ({error})",
+                code="record-invalid",
+                where=f"{path}:{number}",
+                action="Remove that line to repeat its run",
+                line=number,
             ) from None
-        found[record.run] = record
-    return found
+        records[record.run] = record
+    return records
 
 
-def _refuse_others(path: Path) -> None:
-    """A file of that name that is another program's, or another version's, is left as it is."""
+def _check_header(path: Path) -> None:
+    """Raise StudyError for the file of another program or version, which is not changed."""
     with storage_errors(path):
         if not path.exists():
             return
         with path.open("rb") as file:
-            begins = file.read(len(_HEAD) + 1)
-    wanted = f"{_HEAD}\n".encode()
-    if not wanted.startswith(begins):
+            start = file.read(len(_HEADER) + 1)
+    expected = f"{_HEADER}\n".encode()
+    if not expected.startswith(start):
         raise StudyError(
-            f"{path}: is not the log of this version's studies; move it away, and the study begins"
-            " anew"
+            "is not a log of studies of this version",
+            code="not-a-study-log",
+            where=path,
+            action="Move it away to start the study again",
         )
