@@ -54,7 +54,7 @@ def test_two_browsers_see_the_same_and_a_closed_one_loses_nothing(opened, studio
 
 def test_a_phone_shows_the_panel_and_the_modes(opened, studio_page):
     page = opened(PHONE)
-    for text in ("expected on unseen states", "Straight cord"):
+    for text in ("Expected error in unseen states", "Straight cord"):
         box = page.get_by_text(text).bounding_box()
         assert 0 <= box["x"] < box["x"] + box["width"] <= PHONE["width"] + 1
     page.get_by_role("button", name="Make", exact=True).click()

@@ -97,7 +97,7 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
 
     person.press("Optimize")
     build_by(person, "Optimize the cords", studio)
-    person.press("Take the optimised cords")
+    person.press("Take the optimized cords")
     assert until(lambda: studio.page.bench.project.undo_name == "take the optimized cords")
 
     person.press("Make")

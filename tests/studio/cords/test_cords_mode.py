@@ -47,7 +47,7 @@ def test_error_follows_a_dragged_point_which_is_written_on_release(cords):
     cords.bench.project.undo()
     assert cords.bench.project.text == text
     assert predicted_error(cords) == before
-    assert cords.bench.project.redoes is not None
+    assert cords.bench.project.redo_name is not None
 
 
 def test_cords_are_added_and_deleted(cords):

@@ -1,4 +1,4 @@
-"""A cord's response is measured, fitted and used, from the page."""
+"""The response of a cord is measured, fitted and used, on the page."""
 
 from __future__ import annotations
 
@@ -21,23 +21,25 @@ from defsense_fab.twin.electronics.cords import CordTraits
 from defsense_fab.workflow.calibrate.fit_response import fit_response
 from tests.runtime.live_frames import wait_for
 
-LONG = 60.0
+TIMEOUT_S = 60.0
 SPECIMEN = {
-    "length": 150.0, "thickness": 8.0, "channels": {"inner": 2.0},
+    "length": 150.0,
+    "thickness": 8.0,
+    "channels": {"inner": 2.0},
     "jigs": [{"radius": r} for r in (None, 75.0, 100.0, 150.0)],
-}  # fmt: skip
+}
 
 
-class Inline:
-    """In place of a process."""
+class InlineJob:
+    """A job that runs in this process."""
 
     running = False
 
     def __init__(self, part):
         self.part = part
 
-    def start(self, job):
-        self.part._ended(None, job(lambda *_: None))
+    def start(self, run, task):
+        self.part.end_job(None, task(lambda *_: None))
         return True
 
     def cancel(self):
@@ -50,11 +52,11 @@ class Inline:
 def calibration(studio_page):
     studio_page.enter("Measure")
     part = studio_page.modes["Measure"].calibration
-    part.work = Inline(part)
+    part.job = InlineJob(part)
     return part
 
 
-def specimen(folder):
+def write_specimen(folder):
     (folder / "specimen").mkdir()
     (folder / "specimen" / "specimen.json").write_text(json.dumps(SPECIMEN), encoding="utf-8")
 
@@ -63,85 +65,88 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     bench = studio_page.bench
     folder = bench.project.folder
     calibration.fit()
-    assert "No specimen was measured yet" in calibration._told.content
-    traits = CordTraits(build_response(ResponseSpec("quadratic", {"k": 2.0, "q": 0.0}, (-0.1, 0.1))))
+    assert calibration.status.code == "no-specimen"
+    response = ResponseSpec("quadratic", {"k": 2.0, "q": 0.0}, (-0.1, 0.1))
+    traits = CordTraits(build_response(response))
     for length in (150.0, 200.0):
         session = folder / f"specimen-twin-{length:g}"
         record_twin(session, traits, seed=int(length), length=length, rounds=1)
-    assert [p.name for p in specimen_sessions(folder)] == [
-        "specimen-twin-150", "specimen-twin-200",
-    ]  # fmt: skip
+    names = [p.name for p in specimen_sessions(folder)]
+    assert names == ["specimen-twin-150", "specimen-twin-200"]
     calibration.simulate()
-    assert "is there already" in calibration._told.content
+    assert calibration.status.code == "path-exists"
     calibration.fit()
-    told = json.loads((folder / "response.json").read_text("utf-8"))
-    assert "says nothing of a real cord" in calibration._told.content
-    assert f"**k_res = {told['k_res']:.2f}** (95 %: " in calibration._told.content
-    assert abs(told["k_res"] - 2.0) < 0.2
-    assert calibration._use.visible
+    data = json.loads((folder / "response.json").read_text("utf-8"))
+    assert calibration.is_fit_simulated
+    assert f"{data['k_res']:.2f}" in calibration.status.text
+    assert abs(data["k_res"] - 2.0) < 0.2
+    assert calibration.can_use_response
     (folder / "specimen-twin-150").rename(folder / "mine")
     calibration.fit()
-    assert "simulated" not in calibration._told.content
-    again = json.loads((folder / "response.json").read_text("utf-8"))
-    assert [Path(p).name for p in again["sources"]] == ["mine"]
+    assert not calibration.is_fit_simulated
+    measured = json.loads((folder / "response.json").read_text("utf-8"))
+    assert [Path(p).name for p in measured["sources"]] == ["mine"]
     before = bench.project.text
     calibration.use()
-    device = load_device(folder)
-    assert device.cord.compression == "measured"
-    assert bench.project.undo_name == "use the measured response response.json"
+    assert load_device(folder).cord.compression == "measured"
+    assert not calibration.can_use_response
     bench.project.undo()
     assert bench.project.text == before
-    assert fit_response([folder / "mine"]).data["k_res"] == again["k_res"]
+    assert fit_response([folder / "mine"]).data["k_res"] == measured["k_res"]
 
 
-def test_a_specimen_is_measured_jig_by_jig_and_gone_on_with(calibration, studio_page):
-    specimen(studio_page.bench.project.folder)
-    calibration._port.value = "twin:speed=50"
-    before = set(calibration._folder._children)
+def test_a_specimen_is_measured_jig_by_jig_and_continued(calibration, studio_page):
+    write_specimen(studio_page.bench.project.folder)
+    calibration.set_options(port="twin:speed=50")
+    before = set(calibration.folder._children)
     calibration.start()
     assert wait_for(lambda: calibration.screen is not None or not calibration.busy)
-    assert calibration.screen is not None, calibration._told.content
-    said = calibration.screen._said
-    assert wait_for(lambda: "Lay the specimen on **the flat jig**" in said.content)
-    calibration.screen.press("enter")
-    assert wait_for(lambda: "1 of 24 readings" in said.content)
-    assert wait_for(lambda: "<circle" in calibration.screen._plot.content)
-    calibration.screen.press("q")
-    assert calibration.wait(LONG)
-    assert "1 of 24 readings are done: *Measure a specimen* goes on" in calibration._told.content
-    assert set(calibration._folder._children) == before
+    assert calibration.screen is not None, calibration.status.text
+    screen = calibration.screen
+    assert wait_for(lambda: screen.view is not None and screen.view.phase == "place")
+    assert screen.view.step.radius is None
+    screen.press("enter")
+    assert wait_for(lambda: screen.view.done == 1)
+    assert wait_for(lambda: len(screen.view.points) > 0)
+    screen.press("q")
+    assert calibration.wait(TIMEOUT_S)
+    assert calibration.status.code == "measurement-incomplete"
+    assert (calibration.finished_steps, calibration.step_count) == (1, 24)
+    assert set(calibration.folder._children) == before
     calibration.start()
     assert wait_for(lambda: calibration.screen is not None)
-    said = calibration.screen._said
-    assert wait_for(lambda: "1 of 24 readings" in said.content)
+    screen = calibration.screen
+    assert wait_for(lambda: screen.view is not None and screen.view.done == 1)
     calibration.close()
     assert not calibration.busy
 
 
-def test_what_lacks_is_told(calibration, studio_page):
-    calibration.start()
-    assert calibration.wait(LONG)
-    assert "defsense calibrate specimen" in calibration._told.content
-    calibration._specimen.value = "../other"
-    calibration.start()
-    assert calibration.wait(LONG)
-    assert "outside of the device's folder" in calibration._told.content
-    calibration._specimen.value = "specimen"
-    specimen(studio_page.bench.project.folder)
-    calibration._port.value = "/dev/nowhere"
-    calibration.start()
-    assert calibration.wait(LONG)
-    assert "/dev/nowhere: there is no such port" in calibration._told.content
-    assert not (studio_page.bench.project.folder / "specimen/session/session.json").exists()
+def test_a_missing_specimen_or_board_is_reported(calibration, studio_page):
+    folder = studio_page.bench.project.folder
+
+    def problem():
+        calibration.start()
+        assert calibration.wait(TIMEOUT_S)
+        return calibration.status.code
+
+    assert problem() == "file-not-found"
+    calibration.set_options(specimen="../other")
+    assert problem() == "outside-device-folder"
+    calibration.set_options(specimen="specimen", port="/dev/nowhere")
+    write_specimen(folder)
+    assert problem() == "port-not-found"
+    assert not (folder / "specimen/session/session.json").exists()
 
 
-def test_simulated_specimens_are_named(calibration, monkeypatch):
+def test_specimens_are_simulated(calibration, monkeypatch):
     monkeypatch.setattr(jobs, "simulate_specimens", lambda *_: ["specimen-twin-150"])
     calibration.simulate()
-    assert calibration._told.content == "Simulated `specimen-twin-150`: *Fit the response*."
+    assert calibration.status.code == "specimens-simulated"
+    assert "`specimen-twin-150`" in calibration.status.text
 
 
-def test_the_page_and_the_command_want_the_same():
-    about = {"length": 150.0, "geometry": Geometry(8.0, 2.0), "radii": [75.0, 100.0, 150.0]}
+def test_the_page_and_the_command_use_the_same_defaults():
+    specimen = {"length": 150.0, "geometry": Geometry(8.0, 2.0), "radii": [75.0, 100.0, 150.0]}
     options = argparse.Namespace(**dict.fromkeys(calibrate_record._DEFAULTS))
-    assert calibrate_record._session_fields(options, about) == sessions.default_settings(about)
+    fields = calibrate_record._session_fields(options, specimen)
+    assert fields == sessions.default_settings(specimen)

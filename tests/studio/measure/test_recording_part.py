@@ -1,4 +1,4 @@
-"""A device is recorded step by step, watched on the page."""
+"""A device is recorded step by step on the page."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ import pytest
 from defsense_fab.capture.readout.reader import Reader
 from defsense_fab.capture.sessions.guided_recording import CameraView, CaptureView
 from defsense_fab.core.markers import Markers, write_markers_file
-from defsense_fab.studio.measure.recording_screen import small_picture, WIDTH
-from defsense_fab.studio.measure.recording_screen import RecordingScreen
-from defsense_fab.studio.measure.recording_screen import coverage_bars, step_words
+from defsense_fab.studio.measure.recording_screen import (
+    PICTURE_WIDTH,
+    RecordingScreen,
+    camera_text,
+    coverage_bars,
+    small_picture,
+    step_text,
+)
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
 from defsense_fab.twin.electronics.replayed_cords import ReplayedCords
 from defsense_fab.twin.live import capture_setup
@@ -21,23 +26,39 @@ from defsense_fab.twin.live.sample_sources import OpenedSource
 from tests.runtime.live.conftest import NAMES
 from tests.runtime.live_frames import wait_for
 
-LONG = 60.0
-QUAD = np.array([[[2.0, 2], [20, 2], [20, 20], [2, 20]]])
+TIMEOUT_S = 60.0
+OUTLINE = np.array([[[2.0, 2], [20, 2], [20, 20], [2, 20]]])
 VIEW = CaptureView(
-    "ready", 1, (("rest", 4.0), ("bend<b>", 8.0)), 8.0,
-    (CameraView("cam_0", np.zeros((48, 64, 3), np.uint8), QUAD, (7,), np.array([True]), 14.6, 0),
-     CameraView("cam_1", None, np.zeros((0, 4, 2)), (), np.zeros(0, bool), 0.0, 0)),
-    NAMES, np.array([0.01, np.nan]), np.zeros((0, 2)),
-    {"bend<b>": (0.4, np.array([False, True, False, False, False]))}, 3, 1, 12, 0.21, 120, 30,
-    ("camera cam_1 is gone: plug it in again",), "Show bend.",
-)  # fmt: skip
+    phase="ready",
+    step=1,
+    steps=(("rest", 4.0), ("bend<b>", 8.0)),
+    left=8.0,
+    cameras=(
+        CameraView(
+            "cam_0", np.zeros((48, 64, 3), np.uint8), OUTLINE, (7,), np.array([True]), 14.6, 0
+        ),
+        CameraView("cam_1", None, np.zeros((0, 4, 2)), (), np.zeros(0, bool), 0.0, 0),
+    ),
+    channels=NAMES,
+    signals=np.array([0.01, np.nan]),
+    history=np.zeros((0, 2)),
+    reached={"bend<b>": (0.4, np.array([False, True, False, False, False]))},
+    several=3,
+    single=1,
+    tags=12,
+    residual=0.21,
+    samples=120,
+    frames=30,
+    notes=("camera cam_1 is gone",),
+    next="Show bend.",
+)
 
 
 @pytest.fixture
 def recording(studio_page):
     studio_page.enter("Measure")
     part = studio_page.modes["Measure"].recording
-    part._cameras.value, part._port.value, part._rounds.value = "none", "COM3", 1
+    part.set_options(cameras="none", port="COM3", rounds=1)
     return part
 
 
@@ -46,94 +67,103 @@ def board(live_bar, monkeypatch, studio_page):
     """A read-out board at every port, and the device's tags."""
     run, _ = live_bar.run(40.0, 3)
     cords = ReplayedCords(NAMES, run.sample_time, run.ohm)
-    made = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=4.0)
+    twin = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=4.0)
     monkeypatch.setattr(
-        capture_setup, "open_source", lambda port, settings: OpenedSource(Reader(made, port, settings))
+        capture_setup,
+        "open_source",
+        lambda port, settings: OpenedSource(Reader(twin, port, settings)),
     )
-    axes, places = np.tile(np.eye(3), (3, 1, 1)), live_bar.rest_points[:3]
-    tags = Markers("bar", "4X4_50", 6.0, np.arange(3), places, axes, np.ones(3, bool))
+    axes, centers = np.tile(np.eye(3), (3, 1, 1)), live_bar.rest_points[:3]
+    tags = Markers("bar", "4X4_50", 6.0, np.arange(3), centers, axes, np.ones(3, bool))
     folder = studio_page.bench.project.folder / "markers"
     folder.mkdir()
     write_markers_file(tags, folder / "markers.json")
 
 
-def test_a_recording_is_stopped_and_gone_on_with(recording, board):
-    before = set(recording._folder._children)
+def test_a_recording_is_stopped_and_continued(recording, board, studio_page):
+    before = set(recording.folder._children)
     for _ in range(2):
         recording.start()
         assert wait_for(lambda: recording.screen is not None or not recording.busy)
-        assert recording.screen is not None, recording._told.content
-        assert not recording._asked.visible
-        said = recording.screen._said
-        assert wait_for(lambda said=said: "1 of 5: rest" in said.content)
-        recording.screen.press("enter")
-        recording.screen.press("q")
-        assert recording.wait(LONG)
-        assert "`session`: 0 of 5 steps were shown; *Record* goes on" in recording._told.content
-        assert recording._asked.visible
-        assert set(recording._folder._children) == before
-    runs = recording._bench.project.folder / "session"
+        assert recording.screen is not None, recording.status.text
+        assert not recording.shows_options
+        screen = recording.screen
+        assert wait_for(lambda screen=screen: screen.view is not None)
+        assert (screen.view.step, len(screen.view.steps)) == (0, 5)
+        screen.press("enter")
+        screen.press("q")
+        assert recording.wait(TIMEOUT_S)
+        assert recording.status.code == "recording-incomplete"
+        assert (recording.finished_steps, recording.step_count) == (0, 5)
+        assert recording.shows_options
+        assert set(recording.folder._children) == before
+    runs = studio_page.bench.project.folder / "session"
     assert len(list(runs.glob("run-*"))) == 2
 
 
-def test_the_studio_s_end_ends_it(recording, board):
+def test_a_recording_ends_with_the_studio(recording, board):
     recording.start()
     assert wait_for(lambda: recording.screen is not None or not recording.busy)
     recording.close()
     assert not recording.busy
 
 
-def test_what_lacks_is_told_with_what_to_do(recording, board, studio_page):
-    recording._cameras.value = "0 2"
+def test_a_missing_camera_file_is_reported_and_leaves_no_session(recording, board, studio_page):
+    recording.set_options(cameras="0 2")
     recording.start()
-    assert recording.wait(LONG)
-    assert "cameras.toml: cannot be read" in recording._told.content
-    assert not (studio_page.bench.project.folder / "session").exists() or not list(
-        (studio_page.bench.project.folder / "session").iterdir()
-    )
-    recording._cameras.value = "none"
-    recording._port.value = "twin"
+    assert recording.wait(TIMEOUT_S)
+    assert recording.status.code == "file-unreadable"
+    session = studio_page.bench.project.folder / "session"
+    assert not session.exists() or not list(session.iterdir())
+
+
+def test_a_twin_board_needs_twin_cameras(recording, board):
+    recording.set_options(port="twin")
     recording.start()
-    assert recording.wait(LONG)
-    assert "a twin has its own cameras and read-out board" in recording._told.content
-    for name in ("..", "a/b", ""):
-        recording._name.value = name
-        recording.start()
-        assert "give the name of a folder" in recording._told.content
-        assert not recording.busy
+    assert recording.wait(TIMEOUT_S)
+    assert recording.status.code == "twin-incomplete"
 
 
-def test_without_tags_it_is_told_how_they_are_made(recording):
+@pytest.mark.parametrize("name", ["..", "a/b", ""])
+def test_the_session_must_be_a_folder_of_the_device(recording, name):
+    recording.set_options(name=name)
     recording.start()
-    assert recording.wait(LONG)
-    assert "defsense capture markers" in recording._told.content
+    assert recording.status.code == "invalid-session-name"
+    assert not recording.busy
 
 
-def test_what_is_seen_is_shown_and_taken_away(recording):
-    gui = recording._bench.server.gui
-    folder = gui.add_folder("test")
-    screen = RecordingScreen(recording._bench, folder, NAMES)
+def test_a_device_without_tags_is_not_recorded(recording):
+    recording.start()
+    assert recording.wait(TIMEOUT_S)
+    assert recording.status.code == "file-not-found"
+
+
+def test_the_screen_shows_the_state_and_is_removed(recording, studio_page):
+    folder = studio_page.bench.server.gui.add_folder("test")
+    screen = RecordingScreen(studio_page.bench, folder, NAMES)
+    screen.text_interval_s = screen.picture_interval_s = 0.0
     screen.show(VIEW)
-    assert "2 of 2: bend<b>, 8 s" in screen._said.content
-    assert [len(x) for x in screen._plot.data] == [1, 1, 1]
-    words, shown = screen._cameras["cam_0"]
-    assert words.content == "cam_0: 1 tags, 15 pictures/s"
-    assert shown.image.shape[1] == WIDTH
-    screen._pictured = screen._drawn = 0.0
+    assert screen.view is VIEW
+    assert screen.pictures["cam_0"].shape[1] == PICTURE_WIDTH
     screen.show(replace(VIEW, cameras=VIEW.cameras[1:]))
-    assert set(screen._cameras) == {"cam_0", "cam_1"}
+    assert set(screen.pictures) == {"cam_0", "cam_1"}
     screen.press("r")
-    assert screen.key(LONG) == "r"
+    assert screen.key(TIMEOUT_S) == "r"
     screen.close()
     assert not folder._children
     folder.remove()
 
 
-def test_words_and_bars_say_what_is_next_and_what_was_seen():
-    told = step_words(VIEW)
-    assert "**Show bend.** *Begin* when you are ready." in told
-    assert "tags: 3 of 12 by several cameras, 1 by one" in told
-    assert "- **camera cam_1 is gone: plug it in again**" in told
+def test_step_text_has_the_step_the_counts_and_the_notes():
+    text = step_text(VIEW)
+    assert "2 of 2: bend<b>, 8 s" in text
+    assert VIEW.next in text
+    assert "3 of 12" in text
+    assert "0.21 px" in text
+    assert f"- **{VIEW.notes[0]}**" in text
+
+
+def test_coverage_bars_show_the_seen_parts():
     bars = coverage_bars(VIEW.reached)
     assert "bend&lt;b&gt;" in bars
     assert bars.count("#1f77b4") == 1
@@ -141,8 +171,14 @@ def test_words_and_bars_say_what_is_next_and_what_was_seen():
     assert coverage_bars({}) == ""
 
 
-def test_tags_are_outlined_in_small_pictures():
+def test_pictures_are_small_and_have_outlined_tags():
     picture = small_picture(VIEW.cameras[0])
-    assert picture.shape == (240, WIDTH, 3)
+    assert picture.shape == (240, PICTURE_WIDTH, 3)
     assert (picture.reshape(-1, 3) == (0, 158, 115)).all(axis=1).any()
-    assert small_picture(VIEW.cameras[1]).shape == (180, WIDTH, 3)
+    assert small_picture(VIEW.cameras[1]).shape == (180, PICTURE_WIDTH, 3)
+
+
+def test_camera_text_has_the_tags_and_the_rate():
+    text = camera_text(VIEW.cameras[0])
+    assert text.startswith("cam_0: 1 ")
+    assert "15 " in text

@@ -1,4 +1,4 @@
-"""Sessions are chosen, models trained and evaluated, beside the page."""
+"""Sessions are chosen, and models trained and evaluated, on the page."""
 
 from __future__ import annotations
 
@@ -12,50 +12,46 @@ import pytest
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.store.layout import layout_hash, load_layout
 from defsense_fab.studio.measure import jobs
-from defsense_fab.studio.measure.result_texts import decoder_table
 from defsense_fab.studio.workbench.background_job import CANCELLED, BackgroundJob
 from defsense_fab.training.models.model_file import load_model
 
-LONG = 60.0
-TOLD = {
-    "decoder": "kernel",
-    "pictures": {"trained": 70, "tested": 30},
-    "candidates": [
-        {"decoder": "affine", "cross_validated": 1.5, "test": None},
-        {"decoder": "kernel", "cross_validated": 0.75,
-         "test": {"rmse": 0.8, "sd": 0.2, "peak": 3.25, "average_peak": 1.0}},
-    ],
-}  # fmt: skip
+TIMEOUT_S = 60.0
 
 
-def write_session(folder, layout, device="bar", *, processed=True):
-    """As far as it is looked at before it is trained on."""
+def write_session(folder, layout, device="bar", *, is_processed=True):
+    """Write the files of a session that are read before it is used for training."""
     folder.mkdir()
-    said = {
-        "schema": 1, "device": device, "begun": "2026-11-25", "channels": ["a"],
-        "reference": [1.0], "steps": [], "unit": "1", "layout": layout,
-    }  # fmt: skip
-    (folder / "session.json").write_text(json.dumps(said), encoding="utf-8")
-    if processed:
+    manifest = {
+        "schema": 1,
+        "device": device,
+        "begun": "2026-11-25",
+        "channels": ["a"],
+        "reference": [1.0],
+        "steps": [],
+        "unit": "1",
+        "layout": layout,
+    }
+    (folder / "session.json").write_text(json.dumps(manifest), encoding="utf-8")
+    if is_processed:
         (folder / "quality.json").write_text('{"frames": 90, "seconds": 3.0}', encoding="utf-8")
         (folder / "aligned.csv").write_text("", encoding="utf-8")
 
 
-class Inline:
-    """In place of a process."""
+class InlineJob:
+    """A job that runs in this process."""
 
     running = False
 
     def __init__(self, part):
         self.part = part
 
-    def start(self, run, job):
+    def start(self, run, task):
         try:
-            result = job(lambda *_: None)
+            result = task(lambda *_: None)
         except TrainingError as error:
-            self.part._ended(error, None)
+            self.part.end_job(error, None)
         else:
-            self.part._ended(None, result)
+            self.part.end_job(None, result)
         return True
 
     def cancel(self):
@@ -65,135 +61,128 @@ class Inline:
 
 
 @pytest.fixture
-def training(studio_page):
-    folder = studio_page.bench.project.folder
+def folder(studio_page):
+    return studio_page.bench.project.folder
+
+
+@pytest.fixture
+def training(studio_page, folder):
     layout = layout_hash(load_layout(folder / "build"))
     write_session(folder / "first", layout)
     write_session(folder / "other", "0" * 16)
-    write_session(folder / "raw", layout, processed=False)
+    write_session(folder / "raw", layout, is_processed=False)
     studio_page.enter("Measure")
     part = studio_page.modes["Measure"].training
-    assert part.looked(LONG)
-    part.work = Inline(part)
+    assert part.wait_for_sessions(TIMEOUT_S)
+    part.job = InlineJob(part)
     return part
 
 
-def test_sessions_that_can_be_trained_on_are_offered_and_others_say_why_not(training):
-    assert [p.name for p in training._boxes] == ["first"]
-    told = training._rows[-1].content
-    assert "`other` was recorded with other cords" in told
-    assert "`raw` is not processed; run 'defsense capture process" in told
-    count = len(training._folder._children)
-    write_session(training._bench.project.folder / "second", "")
+def test_usable_sessions_are_offered_and_new_ones_are_chosen(training, folder):
+    assert [p.name for p in training.offered] == ["first"]
+    assert {s.folder.name for s in training.sessions if s.problem} == {"other", "raw"}
+    assert [s.folder.name for s in training.sessions if s.is_raw] == ["raw"]
+    assert training.can_process
+    write_session(folder / "second", "")
     training.refresh()
-    assert training.looked(LONG)
-    assert [p.name for p in training._boxes] == ["first", "second"]
-    assert len(training._folder._children) == count + 1
+    assert training.wait_for_sessions(TIMEOUT_S)
+    assert [p.name for p in training.offered] == ["first", "second"]
     assert [p.name for p in training.chosen] == ["first", "second"]
 
 
-def test_a_training_shows_its_table_and_its_model(training, monkeypatch):
-    asked = []
+def test_a_model_is_trained_on_the_chosen_sessions(training, folder, monkeypatch):
+    calls = []
+    result = jobs.TrainingResult("/d/model.json", {})
 
     def train(folder, sessions, progress):
-        asked.append((folder, sessions))
-        return {"path": "/d/model.json", "told": TOLD, "notes": ["few"]}
+        calls.append((folder, sessions))
+        return result
 
     monkeypatch.setattr(jobs, "train", train)
     training.train()
-    folder = training._bench.project.folder
-    assert asked == [(folder, [folder / "first"])]
-    told = training._result.content
-    assert "Wrote `/d/model.json`" in told
-    assert "| **kernel** | 0.75 | 0.80 | 3.25 |" in told
-    assert "| affine | 1.50 | - | - |" in told
-    assert told.endswith("- few")
-    for box in training._boxes.values():
-        box.value = False
+    assert calls == [(folder, [folder / "first"])]
+    assert training.result is result
+    training.choose([])
     training.train()
-    assert "Choose a session" in training._told.content
-    assert len(asked) == 1
+    assert training.status.code == "no-session-chosen"
+    assert len(calls) == 1
 
 
-def test_what_goes_wrong_is_told_there(training, monkeypatch):
+def test_the_error_of_a_training_is_shown(training, monkeypatch):
     def train(folder, sessions, progress):
-        raise TrainingError("first: has too few frames; record for longer")
+        raise TrainingError("has too few frames", code="too-few-frames", where="first")
 
     monkeypatch.setattr(jobs, "train", train)
     training.train()
-    assert training._told.content == "**first: has too few frames; record for longer**"
-    assert not training._bar.visible
+    assert training.status.code == "too-few-frames"
+    assert not training.shows_progress
 
 
-def test_an_evaluation_s_page_can_be_had(training, monkeypatch, tmp_path):
+def test_the_report_of_an_evaluation_can_be_downloaded(training, monkeypatch, tmp_path):
     page = tmp_path / "evaluation.html"
-    page.write_text("<p>all of it</p>", encoding="utf-8")
-    numbers = {"RMSE": 0.8, "SD": 0.2, "peak": 3.0, "average peak": 1.0, "frames": 30}
-    monkeypatch.setattr(
-        jobs, "evaluate", lambda *_: {"page": str(page), "numbers": numbers, "notes": []}
-    )
-    assert not training._open.visible
+    page.write_text("<p>report</p>", encoding="utf-8")
+    result = jobs.EvaluationResult(str(page), 0.8, 0.2, 3.0, 1.0, 30)
+    monkeypatch.setattr(jobs, "evaluate", lambda *_: result)
+    assert not training.can_download
     training.evaluate()
-    assert f"`{page}`" in training._result.content
-    assert training._open.visible
+    assert training.result is result
+    assert training.can_download
     sent = []
     client = SimpleNamespace(send_file_download=lambda name, content: sent.append((name, content)))
-    training._send(client)
-    assert sent == [("evaluation.html", b"<p>all of it</p>")]
+    training.send_page(client)
+    assert sent == [("evaluation.html", b"<p>report</p>")]
     page.unlink()
-    training._send(client)
-    assert "cannot be read" in training._told.content
+    training.send_page(client)
+    assert training.status.code == "file-unreadable"
+    assert len(sent) == 1
 
 
-def test_a_twin_s_session_is_not_written_over_another(training, monkeypatch):
-    asked = []
+def test_a_simulated_session_does_not_replace_another(training, folder, monkeypatch):
+    calls = []
 
     def record(folder, minutes, unit, seed, progress):
-        asked.append((minutes, unit, seed))
+        calls.append((minutes, unit, seed))
+        (folder / f"twin-{unit}-{seed}").mkdir()
         return [str(folder / f"twin-{unit}-{seed}")]
 
     monkeypatch.setattr(jobs, "record_twin", record)
-    (training._bench.project.folder / "twin-1-1").mkdir()
-    training._minutes.value = 2.0
+    (folder / "twin-1-1").mkdir()
+    training.set_twin(minutes=2.0)
     training.record_twin()
-    assert "`twin-1-1` is there already" in training._told.content
-    training._seed.value = 2
+    assert training.status.code == "path-exists"
+    training.set_twin(seed=2)
     training.record_twin()
-    assert asked == [(2.0, 1, 2)]
-    assert training._result.content == "Recorded `twin-1-2`: *Train* on it."
+    assert calls == [(2.0, 1, 2)]
+    assert training.result == [str(folder / "twin-1-2")]
+    assert training.twin_seed == 3
 
 
-def test_without_a_build_there_is_no_twin(training):
-    (training._bench.project.folder / "build" / "layout.json").unlink()
+def test_a_device_without_a_build_has_no_twin(training, folder):
+    (folder / "build" / "layout.json").unlink()
     training.record_twin()
-    assert "build it under *Make*" in training._told.content
-
-
-def test_a_model_that_tells_nothing_has_no_table():
-    assert decoder_table({}) == ""
+    assert training.status.code == "not-built"
 
 
 @pytest.mark.slow
-def test_a_model_of_the_simulation_is_made_in_a_process_and_work_is_cancelled(training):
-    over, ended = threading.Event(), []
+def test_a_model_of_the_simulation_is_trained_in_a_process_and_canceled(training, folder):
+    ended, results = threading.Event(), []
 
-    def end(problem, result):
-        ended.append((problem, result))
-        over.set()
+    def end(error, result):
+        results.append((error, result))
+        ended.set()
 
-    part, folder = training, training._bench.project.folder
     (folder / "model.json").unlink()
-    part.work = BackgroundJob("work", part._progress, end)
-    part.simulate()
-    part.train()
-    assert "Something is under way" in part._told.content
-    assert over.wait(LONG)
-    problem, result = ended[0]
-    assert problem is None
-    assert Path(result["path"]) == (folder / "model.json").resolve()
-    assert "simulated states" in load_model(folder / "model.json").metadata["trained_on"]
-    over.clear()
-    part.simulate()
-    part.work.cancel()
-    assert over.wait(LONG)
-    assert (ended[1][0].code, ended[1][1]) == (CANCELLED, None)
+    training.job = BackgroundJob("job", training.show_progress, end)
+    training.train_on_simulation()
+    training.train()
+    assert training.status.code == "busy"
+    assert ended.wait(TIMEOUT_S)
+    error, result = results[0]
+    assert error is None
+    assert Path(result.path) == (folder / "model.json").resolve()
+    assert "trained_on" in load_model(folder / "model.json").metadata
+    ended.clear()
+    training.train_on_simulation()
+    training.job.cancel()
+    assert ended.wait(TIMEOUT_S)
+    assert (results[1][0].code, results[1][1]) == (CANCELLED, None)
