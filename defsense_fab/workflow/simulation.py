@@ -202,8 +202,8 @@ class Simulation:
             DeviceError: There is no such state.
         """
         from ..geometry.bodies.orientation import viewing_axes
-        from ..report.pictures.poses import color_bar
-        from ..report.pictures.poses.errors import error_map
+        from ..report.pictures import color_bar
+        from ..report.pictures.pose_pictures import draw_error_map
 
         skin = self.results.mesh.boundary()
         index = self.index(state)
@@ -212,7 +212,7 @@ class Simulation:
         label = f"{state}: displacement, mm"
         scale = color_bar.scale("viridis", label, float(distance.max()))
         shape = Surface(moved, skin.faces)
-        return Picture.from_uri(error_map(shape, distance, viewing_axes(self.surface), scale))
+        return Picture.from_uri(draw_error_map(shape, distance, viewing_axes(self.surface), scale))
 
     def __repr__(self) -> str:
         states, nodes = len(self.names), len(self.nodes)

@@ -178,7 +178,7 @@ def _add_casting(
     device: Device,
     manifest: Manifest,
     moulds: Sequence[Mould],
-    flat: Mapping[str, Surface],
+    flat: dict[str, Surface],
     out: Path,
 ) -> Manifest:
     """Write the moulds, and return the manifest with them and their silicone."""
