@@ -55,8 +55,12 @@ _INTERRUPTED = {
     "twin": "No incomplete session is kept; solved states are reused by the next run.",
 }
 
-#: Flags that fix an error when they are added to the command, by the code of the error.
-_MISSING_FLAGS = {"unit-doubtful": "--units"}
+#: Options that fix an error of the library when they are added, by the code of the error.
+_FIXING_OPTIONS = {
+    "unit-doubtful": "--units",
+    "out-of-step": "--shift auto",
+    "device-missing": "--device",
+}
 
 _log = logging.getLogger(__name__)
 
@@ -113,7 +117,7 @@ def run_command(words: Sequence[str]) -> int:
             _log_to_standard_error(options.verbose)
             return int(options.run(options))
         except DefsenseError as error:
-            _name_flag(error, words)
+            _add_flags(error, words)
             raise
         except Exception as error:
             if interrupts:
@@ -124,13 +128,14 @@ def run_command(words: Sequence[str]) -> int:
             raise _convert_system_error(error, options) from error
 
 
-def _name_flag(error: DefsenseError, words: Sequence[str]) -> None:
-    """Replace the argument that an error of the library names by its flag."""
+def _add_flags(error: DefsenseError, words: Sequence[str]) -> None:
+    """Replace the argument that an error of the library names by its flag, and add the remedy."""
     flag = f"--{error.where.replace('_', '-').replace(' ', '-')}"
     if error.where and any(word.partition("=")[0] == flag for word in words):
         error.where = flag
-    else:
-        error.where = _MISSING_FLAGS.get(error.code, error.where)
+    option = _FIXING_OPTIONS.get(error.code)
+    if option and error.action and option not in error.action:
+        error.action = f"{error.action.rstrip('.')} ({option})"
 
 
 def _log_to_standard_error(verbose: bool) -> None:

@@ -1,7 +1,9 @@
-"""The examples that a command's help ends with are whole commands, one a line."""
+"""Help of all commands: examples are complete commands, and texts start with a capital."""
 
 import argparse
 import shlex
+import subprocess
+import sys
 
 import pytest
 
@@ -9,32 +11,32 @@ from defsense_fab.cli.main import make_parser
 
 
 def parsers(parser):
-    """This parser and all below it."""
+    """Yield a parser and all parsers of its subcommands."""
     yield parser
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            for below in action.choices.values():
-                yield from parsers(below)
+            for subparser in action.choices.values():
+                yield from parsers(subparser)
 
 
 ALL = {p.prog: p for p in parsers(make_parser())}
 COMMANDS = [name for name, p in ALL.items() if p.get_default("run")]
 
 
-def test_all_commands_are_there():
+def test_all_commands_exist():
     assert {"defsense build", "defsense capture camera check"} <= set(COMMANDS)
     assert len(COMMANDS) > 15
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_examples_can_be_copied(name, monkeypatch, capsys):
-    """In a narrow terminal too, where argparse wraps all else."""
+def test_examples_are_complete_commands(name, monkeypatch, capsys):
+    """Also in a narrow terminal, where argparse wraps all other texts."""
     monkeypatch.setenv("COLUMNS", "40")
     with pytest.raises(SystemExit, match="0"):
         make_parser().parse_args([*name.split()[1:], "--help"])
-    _, title, below = capsys.readouterr().out.rpartition("\nexample")
+    _, title, rest = capsys.readouterr().out.rpartition("\nexample")
     assert title
-    examples = below.splitlines()[1:]
+    examples = rest.splitlines()[1:]
     assert examples
     for line in examples:
         assert line.startswith(f"  {name} ") or line == f"  {name}"
@@ -42,8 +44,8 @@ def test_examples_can_be_copied(name, monkeypatch, capsys):
         assert options.run.__module__.startswith("defsense_fab.cli.")
 
 
-def test_no_group_hides_examples():
-    """A group of commands has none of its own, but for the first."""
+def test_groups_have_no_examples():
+    """A group of commands has no examples, except for the whole program."""
     groups = set(ALL) - set(COMMANDS)
     assert groups == {
         "defsense",
@@ -52,3 +54,21 @@ def test_no_group_hides_examples():
         "defsense capture camera",
     }
     assert "\nexample:\n  defsense build " in ALL["defsense"].format_help()
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_help_texts_start_with_a_capital_and_have_no_final_stop(name):
+    for action in ALL[name]._actions:
+        assert (
+            action.help is None
+            or action.help == argparse.SUPPRESS
+            or (action.help[0].isupper() and not action.help.endswith("."))
+        ), f"{name} {action.dest}: {action.help}"
+        if isinstance(action, argparse._SubParsersAction):
+            assert all(choice.help[0].isupper() for choice in action._choices_actions)
+
+
+def test_program_runs_as_a_module():
+    words = [sys.executable, "-m", "defsense_fab", "--version"]
+    run = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert run.stdout.startswith("defsense-fab ")

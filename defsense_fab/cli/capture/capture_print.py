@@ -52,7 +52,7 @@ def add(steps: Commands, bars: Bars) -> None:
         "--dictionary",
         default="4X4_50",
         metavar="NAME",
-        help="Set the dictionary of the tags: 4X4_50 (default), APRILTAG_36H11, ...",
+        help="Set the dictionary of the tags, such as APRILTAG_36H11 (default: 4X4_50)",
     )
     sub.add_argument(
         "--side",

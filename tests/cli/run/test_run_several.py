@@ -1,4 +1,4 @@
-"""`defsense run` with several devices: what each of them is asked for."""
+"""`defsense run` with several devices: the settings of each."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -20,16 +20,16 @@ class Model:
 class Live:
     model: Model
     device: SimpleNamespace
-    wired: tuple = ("a",)
+    board_channels: tuple = ("a",)
 
 
 @pytest.fixture
 def prepared(monkeypatch):
-    """Names and settings with which devices are run, by the arguments of the command."""
-    made = []
+    """A function that returns the names and settings of the devices of a command."""
+    prepared_devices = []
 
-    def prepare(live, asked, _):
-        made.append((live.model.device, asked))
+    def prepare(live, settings, _):
+        prepared_devices.append((live.model.device, settings))
         return SimpleNamespace()
 
     monkeypatch.setattr(
@@ -40,28 +40,28 @@ def prepared(monkeypatch):
 
     def command(*arguments):
         options = make_parser().parse_args(["run", *map(str, arguments)])
-        several = OutputAllocator()
+        allocator = OutputAllocator()
         for k in range(len(options.models)):
-            run._prepare(options, k, silent, several)
-        return made
+            run._prepare(options, k, silent, allocator)
+        return prepared_devices
 
     return command
 
 
-def test_devices_by_one_command(prepared, tmp_path):
-    """A flag and a live.toml that both are given are counted on; one of its own stays."""
+def test_ports_and_names_of_several_devices(prepared, tmp_path):
+    """Ports of flags and live.toml files are numbered; an explicit port stays."""
     for name in ("bar", "cube"):
         (tmp_path / name).mkdir()
     (tmp_path / "bar" / "live.toml").write_text("[outputs.websocket]\n")
     (tmp_path / "cube" / "live.toml").write_text("[outputs.websocket]\nport = 9100\n")
     models = [tmp_path / name / "model.json" for name in ("bar", "cube", "bar")]
-    found = prepared(*models, "--port", "a", "b", "c", "--view", "--output", "osc")
-    assert [name for name, _ in found] == ["bar", "cube", "bar-2"]
-    outputs = [asked.outputs for _, asked in found]
+    devices = prepared(*models, "--port", "a", "b", "c", "--view", "--output", "osc")
+    assert [name for name, _ in devices] == ["bar", "cube", "bar-2"]
+    outputs = [settings.outputs for _, settings in devices]
     assert [[o.port for o in each] for each in outputs] == [
         [8765, 9000],
         [9100, 9000],
         [8766, 9000],
     ]
     assert [osc.wekinator_port for _, osc in outputs] == [6448, 6449, 6450]
-    assert [asked.view for _, asked in found] == [8080, 8081, 8082]
+    assert [settings.view for _, settings in devices] == [8080, 8081, 8082]

@@ -1,4 +1,4 @@
-"""`defsense train` and `recalibrate` as a user runs them."""
+"""`defsense train` on the command line."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import pytest
 from sklearn.linear_model import Ridge
 
 from defsense_fab.capture.files.formats import write_tracks
-from defsense_fab.cli.main import main
+from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.arrays import Float
+from defsense_fab.core.errors import DefsenseError
 from defsense_fab.core.markers import Tracks
 from defsense_fab.training.models.model_file import load_model
+from tests.support.errors import raises
 
 NAMES = ("left", "top", "right")
 
@@ -45,72 +47,65 @@ def run(*words: object) -> int:
     return main([str(w) for w in words])
 
 
-def test_two_files_become_a_model_whose_affine_row_is_a_library_s_ridge(
+def test_affine_model_of_two_files_equals_scikit_learn_ridge(
     pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     signals, tracks, s, points = pair
     model = tmp_path / "model.json"
     assert run("train", "--signals", signals, "--tracks", tracks, "--decoder", "affine",
                "--no-memory", "--out", model, "--json") == 0  # fmt: skip
-    told = json.loads(capsys.readouterr().out)
-    row = told["candidates"][0]
-    assert told["decoder"] == row["decoder"] == "affine"
+    data = json.loads(capsys.readouterr().out)
+    row = data["candidates"][0]
+    assert data["decoder"] == row["decoder"] == "affine"
     assert len(row["folds"]) == 5
-    assert told["pictures"] == {"trained": 630, "tested": 270}
+    assert data["pictures"] == {"trained": 630, "tested": 270}
     peer = Ridge(alpha=row["lambda"] ** 2, solver="cholesky", tol=1e-12)
     peer.fit(s[:630], points[:630].reshape(630, -1))
-    off = peer.predict(s[630:]).reshape(-1, 5, 3) - points[630:]
-    assert row["test"]["rmse"] == pytest.approx(np.sqrt((off**2).sum(2).mean()), rel=1e-9)
-    assert row["test"]["peak"] == pytest.approx(np.linalg.norm(off, axis=2).max(), rel=1e-6)
+    residual = peer.predict(s[630:]).reshape(-1, 5, 3) - points[630:]
+    assert row["test"]["rmse"] == pytest.approx(np.sqrt((residual**2).sum(2).mean()), rel=1e-9)
+    assert row["test"]["peak"] == pytest.approx(np.linalg.norm(residual, axis=2).max(), rel=1e-6)
     decoder = load_model(model).main.decoder
     np.testing.assert_allclose(decoder.weights, peer.coef_.T, rtol=1e-9, atol=1e-9)
 
 
-def test_the_table_has_the_paper_s_row_and_says_what_comes_next(
+def test_table_contains_the_affine_decoder_and_the_next_command(
     pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     signals, tracks, _, _ = pair
     assert run("train", "--signals", signals, "--tracks", tracks, "--out", tmp_path) == 0
     out = capsys.readouterr().out
     assert "affine" in out
-    told = f"defsense evaluate {tmp_path / 'model.json'} --signals {signals} --tracks {tracks}"
-    assert f"Next:    {told}" in out
+    command = f"defsense evaluate {tmp_path / 'model.json'} --signals {signals} --tracks {tracks}"
+    assert f"Next:    {command}" in out
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "code"),
     [
-        ((), "nothing to train on"),
-        (("--signals", "signals.csv"), "--signals and --tracks go together"),
-        (("nowhere",), "there is no such file or folder"),
+        ((), "sources-missing"),
+        (("--signals", "signals.csv"), "options-incomplete"),
+        (("nowhere",), "file-not-found"),
+        (("--shift", "soon", "--signals", "{s}", "--tracks", "{t}"), "not-a-number"),
+        (("--offset", "nan", "--signals", "{s}", "--tracks", "{t}"), "not-a-number"),
+        (("--signals", "{s}", "--tracks", "{t}", "--prior", "yes"), "device-missing"),
         (
-            ("--shift", "soon", "--signals", "{s}", "--tracks", "{t}"),
-            "--shift soon: give s, or auto",
+            ("--signals", "{s}", "--tracks", "{t}", "--out", "no/folder/model.json"),
+            "folder-not-found",
         ),
-        (
-            ("--offset", "nan", "--signals", "{s}", "--tracks", "{t}"),
-            "--offset nan: give s, or auto",
-        ),
-        (("--signals", "{s}", "--tracks", "{t}", "--prior", "yes"), "needs --device"),
-        (("--signals", "{s}", "--tracks", "{t}", "--out", "no/folder/model.json"), "no folder"),
-        (("--signals", "{s}", "--tracks", "{t}", "--out", "model.txt"), "is a .json file"),
-        (("--signals", "{s}", "--tracks", "{t}", "--decoder", "neural"), "no decoder is called"),
+        (("--signals", "{s}", "--tracks", "{t}", "--out", "model.txt"), "wrong-file-kind"),
+        (("--signals", "{s}", "--tracks", "{t}", "--decoder", "neural"), "unknown-decoder"),
     ],
 )
-def test_what_cannot_be_is_one_line(
-    pair: tuple[Path, Path, Float, Float], capsys: pytest.CaptureFixture[str],
-    words: tuple[str, ...], message: str,
-) -> None:  # fmt: skip
+def test_invalid_options_write_no_model(
+    pair: tuple[Path, Path, Float, Float], words: tuple[str, ...], code: str
+) -> None:
     signals, tracks, _, _ = pair
-    named = [w.format(s=signals, t=tracks) for w in words]
-    assert run("train", *named) == 2
-    error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert error.startswith("error: ")
-    assert message in error
+    with raises(DefsenseError, code):
+        run_command(["train", *(word.format(s=signals, t=tracks) for word in words)])
     assert not list(signals.parent.glob("*.json"))
 
 
-def test_signals_half_a_second_late_are_noticed_and_mended(
+def test_late_signals_are_detected_and_corrected(
     pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     signals, tracks, _, _ = pair
@@ -121,9 +116,8 @@ def test_signals_half_a_second_late_are_noticed_and_mended(
         late.append(f"{frame},{float(time) + 0.5:.6f},{rest}")
     signals.write_text("\n".join(late) + "\n")
     words = ("train", "--signals", signals, "--tracks", tracks, "--out", tmp_path)
-    assert run(*words) == 2
-    told = capsys.readouterr().err
-    assert "signals are 0.50 s late" in told or "signals are 0.48 s late" in told
-    assert "--shift auto" in told
+    with raises(DefsenseError, "out-of-step") as caught:
+        run_command([str(word) for word in words])
+    assert "--shift auto" in caught.value.action
     assert run(*words, "--shift", "auto") == 0
-    assert "signals are shifted by -0." in capsys.readouterr().out
+    assert "-0." in capsys.readouterr().out
