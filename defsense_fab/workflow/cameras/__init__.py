@@ -1,1 +1,1 @@
-"""Cameras calibrated, arranged and checked."""
+"""Calibration of cameras, from recorded and live views of a board."""

@@ -1,4 +1,4 @@
-"""Cameras calibrated, arranged and checked while they look at a board that someone holds."""
+"""Calibrate, arrange and check cameras while they see a board that someone holds."""
 
 from __future__ import annotations
 
@@ -29,20 +29,30 @@ from .recorded_views import (
     check_new_names,
     check_sizes,
     check_world,
-    finish_arranging,
-    rig_of,
-    store,
+    read_rig_for,
+    solve_rig,
+    store_calibrations,
 )
 
-_TOGETHER = 0.04  # s between frames of several cameras that count as simultaneous
-_COVERED = 0.9  # of the picture's cells, with which a calibration may end by itself
-_MOST = 80
+MAX_TIME_DIFFERENCE_S = 0.04  # between simultaneous frames of several cameras
+MIN_COVERAGE = 0.9  # share of the image's cells with which a calibration ends automatically
+MAX_VIEWS = 80
 
 
 @dataclass(frozen=True)
 class BoardShown:
-    """What a screen shows: by camera its name, picture, and corners (k, 2) px of the board; the
-    cells that are covered (one camera) or None; views taken and wanted; words on what to do."""
+    """The state of a calibration, for a screen.
+
+    Attributes:
+        names: Names of the cameras.
+        images: Their images.
+        corners: Corners of the board in each image (k, 2), px.
+        cells: Corners in each cell of the image of a single camera; None for several.
+        taken: Number of views taken.
+        wanted: Number of views needed.
+        hints: What to do next.
+        flash: Whether a view was just taken.
+    """
 
     names: tuple[str, ...]
     images: tuple[Image, ...]
@@ -55,7 +65,7 @@ class BoardShown:
 
 
 class BoardScreen(Protocol):
-    """Shows, and reads keys."""
+    """Shows a calibration, and reads keys: an interface."""
 
     def show(self, shown: BoardShown) -> None: ...
 
@@ -76,49 +86,60 @@ def calibrate_live(
     *,
     fisheye: bool = False,
 ) -> list[Calibrated]:
-    """One camera; ends when so many views cover the picture, or at a key (enter). Raises
-    CaptureError where they are too few then, or the camera is gone."""
+    """Calibrate one camera.
+
+    It ends when enough views cover the image, or when the user presses Enter.
+
+    Raises:
+        CaptureError: If the views are too few, or the camera is disconnected.
+    """
     check_new_names(out, [name])
     finder = BoardFinder(board)
-    kept: list[BoardView] = []
-    shapes: list[Float] = []
-    last: BoardView | None = None
+    views: list[BoardView] = []
+    descriptions: list[Float] = []
+    previous: BoardView | None = None
     with closing(opener(source)) as camera:
         camera.start()
-        covered = measure_coverage(kept, board, camera.size, wanted)
+        coverage = measure_coverage(views, board, camera.size, wanted)
         while True:
             frame = camera.read(1.0)
-            pressed = screen.key(0.0)
-            if pressed == "q":
+            key = screen.key(0.0)
+            if key == "q":
                 raise KeyboardInterrupt
-            if pressed == "enter" and len(kept) >= MIN_VIEWS:
+            if key == "enter" and len(views) >= MIN_VIEWS:
                 break
             if frame is None:
                 continue
             view = finder.find(frame[0])
-            taken = False
+            is_taken = False
             if view is not None:
-                still = float(corner_motion([last, view])[1]) <= MAX_STILL_MOTION_PX
-                shape = describe_view(view, board, camera.size)
-                if still and is_new(shape, shapes):
-                    taken = True
-                    kept.append(view)
-                    shapes.append(shape)
-                    covered = measure_coverage(kept, board, camera.size, wanted)
-            last = view
+                is_still = float(corner_motion([previous, view])[1]) <= MAX_STILL_MOTION_PX
+                description = describe_view(view, board, camera.size)
+                if is_still and is_new(description, descriptions):
+                    is_taken = True
+                    views.append(view)
+                    descriptions.append(description)
+                    coverage = measure_coverage(views, board, camera.size, wanted)
+            previous = view
             corners = np.zeros((0, 2)) if view is None else view.corners
             screen.show(
                 BoardShown(
-                    (name,), (frame[0],), (corners,), covered.cells, len(kept), wanted,
-                    covered.hints or ("there are enough views: press Enter",), taken,
+                    (name,),
+                    (frame[0],),
+                    (corners,),
+                    coverage.cells,
+                    len(views),
+                    wanted,
+                    coverage.hints or ("there are enough views; press Enter",),
+                    is_taken,
                 )
-            )  # fmt: skip
-            enough = len(kept) >= wanted and covered.fraction >= _COVERED
-            if (enough and not covered.hints) or len(kept) >= _MOST:
+            )
+            is_enough = len(views) >= wanted and coverage.fraction >= MIN_COVERAGE
+            if (is_enough and not coverage.hints) or len(views) >= MAX_VIEWS:
                 break
-        done = [calibrate_views(name, camera.size, board, kept, wanted, fisheye=fisheye)]
-    store(out, done, board)
-    return done
+        calibrated = [calibrate_views(name, camera.size, board, views, wanted, fisheye=fisheye)]
+    store_calibrations(out, calibrated, board)
+    return calibrated
 
 
 def arrange_live(
@@ -131,11 +152,11 @@ def arrange_live(
     *,
     keep: bool = False,
 ) -> dict[str, Any]:
-    """Several cameras at once; as `calibrate_live`, and `finish_arranging`."""
-    rig = rig_of(calibration, [Path(s) for s in sources])
+    """Find the poses of several cameras; see `solve_rig`."""
+    rig = read_rig_for(calibration, [Path(s) for s in sources])
     check_world(rig, calibration, keep)
-    instants = _gather(sources, rig.cameras, board, wanted, screen, opener, several=True)
-    return finish_arranging(rig, board, instants, calibration, keep=keep)
+    instants = _collect_views(sources, rig.cameras, board, wanted, screen, opener, several=True)
+    return solve_rig(rig, board, instants, calibration, keep=keep)
 
 
 def check_live(
@@ -146,14 +167,14 @@ def check_live(
     screen: BoardScreen,
     opener: Opener = Webcam,
 ) -> Diagnosis:
-    """A few views, whether they fit, and why not."""
-    rig = rig_of(calibration, [Path(s) for s in sources])
+    """Check cameras by a few views, and find out why they do not fit."""
+    rig = read_rig_for(calibration, [Path(s) for s in sources])
     several = len(sources) > 1
-    instants = _gather(sources, rig.cameras, board, wanted, screen, opener, several=several)
+    instants = _collect_views(sources, rig.cameras, board, wanted, screen, opener, several=several)
     return diagnose(rig.cameras, board, instants)
 
 
-def _gather(
+def _collect_views(
     sources: Sequence[str],
     cameras: Sequence[Any],
     board: CharucoBoard,
@@ -163,53 +184,58 @@ def _gather(
     *,
     several: bool,
 ) -> list[dict[int, BoardView]]:
-    """Views of instants at which the board is still and somewhere new."""
+    """Collect views of instants at which the board is still and somewhere new."""
     finder = BoardFinder(board)
-    kept: list[dict[int, BoardView]] = []
-    shapes: list[Float] = []
+    instants: list[dict[int, BoardView]] = []
+    descriptions: list[Float] = []
     with ExitStack() as stack:
         opened = [stack.enter_context(closing(opener(s))) for s in sources]
         for source in opened:
             source.start()
         check_sizes(cameras, [s.size for s in opened], sources)
         frames: list[tuple[Image, int] | None] = [None] * len(opened)
-        last: list[BoardView | None] = [None] * len(opened)
-        while len(kept) < wanted:
-            pressed = screen.key(0.0)
-            if pressed == "q":
+        previous: list[BoardView | None] = [None] * len(opened)
+        while len(instants) < wanted:
+            key = screen.key(0.0)
+            if key == "q":
                 raise KeyboardInterrupt
-            if pressed == "enter" and kept:
+            if key == "enter" and instants:
                 break
             for c, source in enumerate(opened):
                 frames[c] = source.read(1.0) or frames[c]
-            there = [f for f in frames if f is not None]
-            if len(there) < len(opened):
+            images = [f for f in frames if f is not None]
+            if len(images) < len(opened):
                 continue
-            views = [finder.find(f[0]) for f in there]
-            stamps = [f[1] for f in there]
-            still = all(
-                v is None or float(corner_motion([a, v])[1]) <= MAX_STILL_MOTION_PX
-                for a, v in zip(last, views, strict=True)
+            views = [finder.find(f[0]) for f in images]
+            stamps = [f[1] for f in images]
+            is_still = all(
+                v is None or float(corner_motion([before, v])[1]) <= MAX_STILL_MOTION_PX
+                for before, v in zip(previous, views, strict=True)
             )
-            last = list(views)
-            seen = {c: v for c, v in enumerate(views) if v is not None}
-            taken = False
-            near = (max(stamps) - min(stamps)) / 1e9 <= _TOGETHER
-            if still and near and len(seen) >= (2 if several else 1):
-                c = min(seen)
-                shape = np.append(
-                    describe_view(seen[c], board, cameras[c].size), sum(2.0**k for k in seen)
+            previous = list(views)
+            visible = {c: v for c, v in enumerate(views) if v is not None}
+            is_taken = False
+            is_simultaneous = (max(stamps) - min(stamps)) / 1e9 <= MAX_TIME_DIFFERENCE_S
+            if is_still and is_simultaneous and len(visible) >= (2 if several else 1):
+                c = min(visible)
+                description = np.append(
+                    describe_view(visible[c], board, cameras[c].size), sum(2.0**k for k in visible)
                 )
-                if is_new(shape, shapes):
-                    taken = True
-                    kept.append(seen)
-                    shapes.append(shape)
+                if is_new(description, descriptions):
+                    is_taken = True
+                    instants.append(visible)
+                    descriptions.append(description)
             hint = "hold the board still where the cameras see it" + (" together" * several)
             screen.show(
                 BoardShown(
-                    tuple(c.name for c in cameras), tuple(f[0] for f in there),
+                    tuple(c.name for c in cameras),
+                    tuple(f[0] for f in images),
                     tuple(np.zeros((0, 2)) if v is None else v.corners for v in views),
-                    None, len(kept), wanted, (hint,), taken,
+                    None,
+                    len(instants),
+                    wanted,
+                    (hint,),
+                    is_taken,
                 )
-            )  # fmt: skip
-    return kept
+            )
+    return instants

@@ -1,4 +1,4 @@
-"""Cameras calibrated, arranged and checked from recorded views of a board."""
+"""Calibrate, arrange and check cameras from recorded views of a board."""
 
 from __future__ import annotations
 
@@ -31,66 +31,90 @@ from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...report.cameras_page import write_report
 
-#: Views that a calibration is made of at most, and that are wanted.
-MOST, WANTED = 60, 25
-_TOGETHER = 40  # instants of several cameras
-_ARRANGED = ("error", "board_error")  # what is only known of cameras that were arranged
-_BAD = 0.5  # px, and mm: more is no good arrangement
+MAX_VIEWS, TARGET_VIEWS = 60, 25  # of a calibration
+MAX_INSTANTS = 40  # for each camera but the first
+_RIG_METADATA = ("error", "board_error")  # only of cameras with known poses
+MAX_RIG_ERROR = 0.5  # px, and mm
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A board in t frames of a video: image `size`; `time` (t,) s; the `views`, None where it was
-    not found; `stills` where the frames are single pictures."""
+class BoardVideo:
+    """A board in t frames of a video.
+
+    Attributes:
+        size: Width and height of the images, px.
+        time: Times of the frames (t,), s.
+        views: View of the board in each frame; None where it was not found.
+        are_stills: Whether the frames are single images.
+    """
 
     size: tuple[int, int]
     time: Float
     views: tuple[BoardView | None, ...]
-    stills: bool
+    are_stills: bool
 
 
-def look(
+def find_boards(
     paths: Sequence[Path],
     board: CharucoBoard,
     rate: float | None = None,
     progress: Progress = silent,
-) -> list[Seen]:
-    """Find the board in videos or folders of images. Raises CaptureError for what is none."""
+) -> list[BoardVideo]:
+    """Find a board in videos or folders of images.
+
+    Raises:
+        CaptureError: If one cannot be read, or does not show the board.
+    """
     videos = [Video(p, rate if not p.is_dir() else rate or 1.0) for p in paths]
     total, done = max(sum(v.expected for v in videos), 1), [0]
 
-    def one(video: Video, stop: threading.Event) -> Seen:
+    def search(video: Video, stop: threading.Event) -> BoardVideo:
         finder = BoardFinder(board)
         times, views = [], []
-        for _, at, image in video.frames():
+        for _, image_time, image in video.frames():
             if stop.is_set():
                 break
-            times.append(at)
+            times.append(image_time)
             views.append(finder.find(image))
             done[0] += 1
             progress("board", min(done[0] / total, 1.0), f"{done[0]} frames")
         video.close()
         if not times:
             raise CaptureError(
-                f"{video.path}: none of its frames can be read; check that the file is not damaged"
+                "no frame can be read",
+                code="video-unreadable",
+                where=video.path,
+                action="Check that the file is not damaged",
             )
-        return Seen(video.size, np.array(times), tuple(views), video.path.is_dir())
+        return BoardVideo(video.size, np.array(times), tuple(views), video.path.is_dir())
 
-    out = run_in_threads(one, videos, 4)
+    found = run_in_threads(search, videos, 4)
     progress("board", 1.0, "done")
-    for path, seen in zip(paths, out, strict=True):
-        if not any(seen.views):
+    for path, boards in zip(paths, found, strict=True):
+        if not any(boards.views):
             raise CaptureError(
-                f"{path}: the board was found in none of {len(seen.views)} frames; check"
-                f" that board.json describes this board ({board.columns} x {board.rows},"
-                f" {board.dictionary})"
+                f"the board was found in none of {len(boards.views)} frames",
+                code="board-not-found",
+                where=path,
+                action=(
+                    f"Check that board.json describes this board ({board.columns} x {board.rows},"
+                    f" {board.dictionary})"
+                ),
+                frames=len(boards.views),
             )
-    return out
+    return found
 
 
 @dataclass(frozen=True)
 class Calibrated:
-    """A camera's calibration, and what its views covered; plain numbers in `data`."""
+    """A calibrated camera.
+
+    Attributes:
+        intrinsics: Its calibration.
+        coverage: How much of the image the views cover.
+        views: The views.
+        data: Plain values for reports.
+    """
 
     intrinsics: Intrinsics
     coverage: Coverage
@@ -99,79 +123,136 @@ class Calibrated:
 
 
 def calibrate_views(
-    name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView],
-    wanted: int = WANTED, *, fisheye: bool = False,
-) -> Calibrated:  # fmt: skip
-    """A camera from chosen views, of which so many were wanted. Raises CaptureError where they do
-    not tell."""
-    found = calibrate_camera(name, size, board, views, fisheye=fisheye)
-    covered = measure_coverage(views, board, size, wanted)
-    c = found.camera
+    name: str,
+    size: tuple[int, int],
+    board: CharucoBoard,
+    views: Sequence[BoardView],
+    target: int = TARGET_VIEWS,
+    *,
+    fisheye: bool = False,
+) -> Calibrated:
+    """Calibrate a camera from chosen views.
+
+    Args:
+        name: Name of the camera.
+        size: Width and height of its images, px.
+        board: The board.
+        views: Views of the board.
+        target: Number of views that were requested.
+        fisheye: Whether the lens is a fisheye.
+
+    Raises:
+        CaptureError: If the views do not determine the camera.
+    """
+    intrinsics = calibrate_camera(name, size, board, views, fisheye=fisheye)
+    coverage = measure_coverage(views, board, size, target)
+    camera = intrinsics.camera
     data = {
-        "name": name, "size": list(size), "error": found.error, "views": len(views),
-        "left_out": int((~found.used).sum()), "focal": c.focal.tolist(),
-        "focal_sigma": found.sigma[:2].tolist(), "center": c.matrix[:2, 2].tolist(),
-        "distortions": c.distortions.tolist(), "coverage": covered.fraction,
-        "errors": found.errors.tolist(), "hints": list(covered.hints),
-    }  # fmt: skip
-    return Calibrated(found, covered, tuple(views), data)
+        "name": name,
+        "size": list(size),
+        "error": intrinsics.error,
+        "views": len(views),
+        "left_out": int((~intrinsics.used).sum()),
+        "focal": camera.focal.tolist(),
+        "focal_sigma": intrinsics.sigma[:2].tolist(),
+        "center": camera.matrix[:2, 2].tolist(),
+        "distortions": camera.distortions.tolist(),
+        "coverage": coverage.fraction,
+        "errors": intrinsics.errors.tolist(),
+        "hints": list(coverage.hints),
+    }
+    return Calibrated(intrinsics, coverage, tuple(views), data)
 
 
 def calibrate_cameras(
-    paths: Sequence[Path], names: Sequence[str], board: CharucoBoard, out: Path,
-    rate: float | None = None, progress: Progress = silent, *, fisheye: bool = False,
-) -> list[Calibrated]:  # fmt: skip
-    """Intrinsics of the cameras that took these videos, into the file `out`, where they take the
-    place of cameras of the same name. Raises CaptureError."""
+    paths: Sequence[Path],
+    names: Sequence[str],
+    board: CharucoBoard,
+    out: Path,
+    rate: float | None = None,
+    progress: Progress = silent,
+    *,
+    fisheye: bool = False,
+) -> list[Calibrated]:
+    """Calibrate cameras from videos, and store them.
+
+    Args:
+        paths: Video of each camera.
+        names: Name of each camera.
+        board: The board.
+        out: File of cameras; those of the same name are replaced.
+        rate: Frames per second of image sequences.
+        progress: Receives progress.
+        fisheye: Whether the lenses are fisheyes.
+
+    Raises:
+        CaptureError: If a camera cannot be calibrated.
+    """
     check_new_names(out, names)
-    done = []
-    for name, seen in zip(names, look(paths, board, rate, progress), strict=True):
-        there = np.flatnonzero([v is not None for v in seen.views])
-        views = [seen.views[k] for k in there]
-        kept = [v for v in views if v is not None]
-        d = np.array([describe_view(v, board, seen.size) for v in kept])
+    calibrated = []
+    for name, boards in zip(names, find_boards(paths, board, rate, progress), strict=True):
+        frames = np.flatnonzero([v is not None for v in boards.views])
+        views = [boards.views[k] for k in frames]
+        found = [v for v in views if v is not None]
+        descriptions = np.array([describe_view(v, board, boards.size) for v in found])
         chosen = choose_views(
-            d, corner_motion(seen.views)[there], MOST, are_stills=seen.stills, allow_motion=True
+            descriptions,
+            corner_motion(boards.views)[frames],
+            MAX_VIEWS,
+            are_stills=boards.are_stills,
+            allow_motion=True,
         )
         progress("solve", 0.0, name)
-        views_ = [kept[k] for k in chosen]
-        done.append(calibrate_views(name, seen.size, board, views_, fisheye=fisheye))
+        chosen_views = [found[k] for k in chosen]
+        calibrated.append(calibrate_views(name, boards.size, board, chosen_views, fisheye=fisheye))
     progress("solve", 1.0, "done")
-    store(out, done, board)
-    return done
+    store_calibrations(out, calibrated, board)
+    return calibrated
 
 
 def check_new_names(out: Path, names: Sequence[str]) -> None:
-    """Raises CaptureError, before any work, for names that the file `out` cannot get: those that
-    it has already are calibrated anew."""
-    there = [c.name for c in read_rig(out).cameras] if out.exists() else []
-    check_names([*(n for n in there if n not in names), *names])
+    """Check, before any work, that cameras of these names can be stored in a file.
+
+    Names that it holds already are calibrated again.
+
+    Raises:
+        CaptureError: If a name is invalid.
+    """
+    present = [c.name for c in read_rig(out).cameras] if out.exists() else []
+    check_names([*(n for n in present if n not in names), *names])
 
 
-def store(out: Path, done: Sequence[Calibrated], board: CharucoBoard) -> None:
-    """Put calibrations into a file of cameras, with a report beside it."""
+def store_calibrations(out: Path, calibrated: Sequence[Calibrated], board: CharucoBoard) -> None:
+    """Put calibrations into a file of cameras, and write a report next to it."""
     cameras: dict[str, Camera] = {}
     metadata: dict[str, Any] = {}
     if out.exists():
         rig = read_rig(out)
-        # Where one of them stands to the others is not known any more.
+        # Their relative poses are no longer known.
         cameras = {
-            c.name: replace(c, rotation=np.eye(3), translation=np.zeros(3)) for c in rig.cameras
+            camera.name: replace(camera, rotation=np.eye(3), translation=np.zeros(3))
+            for camera in rig.cameras
         }
-        metadata = plain(rig)
-        for key in _ARRANGED:
+        metadata = plain_metadata(rig)
+        for key in _RIG_METADATA:
             metadata.pop(key, None)
-    for d in done:
-        c = d.intrinsics.camera
-        metadata[f"sigma_{c.name}"] = d.intrinsics.sigma.tolist()
-        metadata[f"error_{c.name}"] = d.intrinsics.error
-        cameras[c.name] = c
-    metadata |= _about(board) | {"adjusted": False}
+    for calibration in calibrated:
+        camera = calibration.intrinsics.camera
+        metadata[f"sigma_{camera.name}"] = calibration.intrinsics.sigma.tolist()
+        metadata[f"error_{camera.name}"] = calibration.intrinsics.error
+        cameras[camera.name] = camera
+    metadata |= _board_metadata(board) | {"adjusted": False}
     write_rig(out, list(cameras.values()), metadata)
-    write_report(out.with_suffix(".html"), [(d.intrinsics, d.coverage, d.views) for d in done])
+    write_report(
+        out.with_suffix(".html"),
+        [
+            (calibration.intrinsics, calibration.coverage, calibration.views)
+            for calibration in calibrated
+        ],
+    )
 
 
-def _about(board: CharucoBoard) -> dict[str, Any]:
+def _board_metadata(board: CharucoBoard) -> dict[str, Any]:
     return {
         "square": board.scale * board.square,
         "square_measured": board.measured is not None,
@@ -180,164 +261,221 @@ def _about(board: CharucoBoard) -> dict[str, Any]:
 
 
 def arrange_cameras(
-    paths: Sequence[Path], board: CharucoBoard, calibration: Path,
-    rate: float | None = None, progress: Progress = silent, *, keep: bool = False,
-) -> dict[str, Any]:  # fmt: skip
-    """Where the cameras stand that took these videos at the same time, into their file; see
-    `finish_arranging`."""
-    rig = rig_of(calibration, paths)
+    paths: Sequence[Path],
+    board: CharucoBoard,
+    calibration: Path,
+    rate: float | None = None,
+    progress: Progress = silent,
+    *,
+    keep: bool = False,
+) -> dict[str, Any]:
+    """Find the poses of cameras from videos that were taken at the same time, and store them.
+
+    See `solve_rig`.
+    """
+    rig = read_rig_for(calibration, paths)
     check_world(rig, calibration, keep)
-    seen = look(paths, board, rate, progress)
-    instants = together(rig.cameras, seen, paths, board)
+    boards = find_boards(paths, board, rate, progress)
+    instants = shared_views(rig.cameras, boards, paths, board)
     progress("solve", 0.0, f"{len(instants)} boards")
-    return finish_arranging(rig, board, instants, calibration, progress, keep=keep)
+    return solve_rig(rig, board, instants, calibration, progress, keep=keep)
 
 
-def sigma_of(rig: Rig, name: str) -> Float:
-    """Standard deviations (9,) of a camera's parameters; zero, so that they stay as they are, where
-    its file does not say."""
+def intrinsics_sigma(rig: Rig, name: str) -> Float:
+    """Return standard deviations (9,) of a camera's parameters; zero (fixed) if unknown."""
     try:
         sigma = np.array(rig.metadata.get(f"sigma_{name}", []), float)
     except (TypeError, ValueError):
         return np.zeros(9)
-    known = sigma.shape == (9,) and np.isfinite(sigma).all() and (sigma >= 0).all()
-    return sigma if known else np.zeros(9)
+    is_valid = sigma.shape == (9,) and np.isfinite(sigma).all() and (sigma >= 0).all()
+    return sigma if is_valid else np.zeros(9)
 
 
-def plain(rig: Rig) -> dict[str, Any]:
-    """Of a file's metadata what can be written again."""
-    one = (bool, int, float, str)
+def plain_metadata(rig: Rig) -> dict[str, Any]:
+    """Return the part of a file's metadata that can be written again."""
+    types = (bool, int, float, str)
     return {
         key: value
         for key, value in rig.metadata.items()
-        if isinstance(value, one)
-        or (isinstance(value, list) and all(isinstance(v, one) for v in value))
+        if isinstance(value, types)
+        or (isinstance(value, list) and all(isinstance(v, types) for v in value))
     }
 
 
 def check_world(rig: Rig, calibration: Path, keep: bool) -> None:
-    """Raises CaptureError where the file has no world that could be kept."""
+    """Check that a file has a world that can be kept.
+
+    Raises:
+        CaptureError: If it has none.
+    """
     if keep and not rig.placed:
         raise CaptureError(
-            f"{calibration}: does not say where the cameras stood, so that there is no world to"
-            " keep; arrange them without --keep-world"
+            "does not state the poses of the cameras, so there is no world to keep",
+            code="camera-poses-missing",
+            where=calibration,
+            action="Arrange the cameras without keeping the world",
         )
 
 
-def finish_arranging(
-    rig: Rig, board: CharucoBoard, instants: Sequence[dict[int, BoardView]], out: Path,
-    progress: Progress = silent, *, keep: bool = False,
-) -> dict[str, Any]:  # fmt: skip
-    """Solve and write; the numbers to tell. The first camera becomes the world's origin; or the
-    world is one that others made, to `keep`, in which that camera stays where it was."""
-    sigma = [sigma_of(rig, c.name) for c in rig.cameras]
-    found = estimate_extrinsics(
+def solve_rig(
+    rig: Rig,
+    board: CharucoBoard,
+    instants: Sequence[dict[int, BoardView]],
+    out: Path,
+    progress: Progress = silent,
+    *,
+    keep: bool = False,
+) -> dict[str, Any]:
+    """Find the poses of cameras, and store them.
+
+    Args:
+        rig: The calibrated cameras.
+        board: The board.
+        instants: Views of each instant by camera.
+        out: File of the cameras.
+        progress: Receives progress.
+        keep: Whether to keep the world of the file, in which the first camera stays in place. By
+            default the first camera becomes the origin.
+
+    Returns:
+        Plain values for reports.
+    """
+    sigma = [intrinsics_sigma(rig, c.name) for c in rig.cameras]
+    solved = estimate_extrinsics(
         rig.cameras, board, instants, sigma if any(s.any() for s in sigma) else None
     )
     progress("solve", 1.0, "done")
-    checked = check_rig(found.cameras, board, instants)
-    metadata = plain(rig) | _about(board)
-    metadata |= {"adjusted": True, "error": found.error, "board_error": checked.corner_error}
+    check = check_rig(solved.cameras, board, instants)
+    metadata = plain_metadata(rig) | _board_metadata(board)
+    metadata |= {"adjusted": True, "error": solved.error, "board_error": check.corner_error}
     first = rig.cameras[0]
-    cameras = found.cameras if not keep else [_seen_from(c, first) for c in found.cameras]
+    cameras = solved.cameras if not keep else [_to_world(c, first) for c in solved.cameras]
     write_rig(out, cameras, metadata)
-    distances = [float(np.linalg.norm(c.center - found.cameras[0].center)) for c in found.cameras]
+    distances = [float(np.linalg.norm(c.center - solved.cameras[0].center)) for c in solved.cameras]
     return {
-        "error": found.error, "errors": found.errors.tolist(), "boards": len(instants),
-        "shared": found.shared.tolist(), "distances": distances,
-        "names": [c.name for c in found.cameras], "length_error": checked.corner_error,
+        "error": solved.error,
+        "errors": solved.errors.tolist(),
+        "boards": len(instants),
+        "shared": solved.shared.tolist(),
+        "distances": distances,
+        "names": [c.name for c in solved.cameras],
+        "length_error": check.corner_error,
         "square_measured": board.measured is not None,
-        "warnings": _doubts(found.error, checked.corner_error),
+        "warnings": _rig_warnings(solved.error, check.corner_error),
         "frame": f"the world of {out}" if keep else f"of camera {first.name}",
-    }  # fmt: skip
+    }
 
 
-def _seen_from(camera: Camera, first: Camera) -> Camera:
-    """A camera that stands in the frame of the `first`, in that one's world."""
+def _to_world(camera: Camera, first: Camera) -> Camera:
+    """Move a camera from the frame of the first camera to that camera's world."""
     R, t = camera.rotation, camera.translation
     return replace(camera, rotation=R @ first.rotation, translation=R @ first.translation + t)
 
 
-def _doubts(error: float, length: float) -> list[str]:
-    """What there is to say of an arrangement that is not as good as it should be."""
-    if not (error > _BAD or length > _BAD):
+def _rig_warnings(error: float, corner_error: float) -> list[str]:
+    """Return warnings about poses with large errors."""
+    if not (error > MAX_RIG_ERROR or corner_error > MAX_RIG_ERROR):
         return []
     return [
-        f"the corners are off by {error:.2f} px and {length:.2f} mm; do not measure with these"
-        " poses: check that the videos were started at the same time, that the board was held"
-        " still, and that it is flat"
+        f"The corners have errors of {error:.2f} px and {corner_error:.2f} mm, so do not measure"
+        " with these poses. Check that the videos were started at the same time, that the board was"
+        " held still, and that it is flat."
     ]
 
 
 def check_cameras(
-    paths: Sequence[Path], board: CharucoBoard, calibration: Path,
-    rate: float | None = None, progress: Progress = silent,
-) -> Diagnosis:  # fmt: skip
-    """Whether the calibration still holds, by new views of the board, and why not."""
-    rig = rig_of(calibration, paths)
-    seen = look(paths, board, rate, progress)
+    paths: Sequence[Path],
+    board: CharucoBoard,
+    calibration: Path,
+    rate: float | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Check whether a calibration still holds, by new views of the board, and find out why not."""
+    rig = read_rig_for(calibration, paths)
+    boards = find_boards(paths, board, rate, progress)
     if len(paths) > 1:
-        return diagnose(rig.cameras, board, together(rig.cameras, seen, paths, board))
-    check_sizes(rig.cameras, [seen[0].size], paths)
-    views = [{0: v} for v in seen[0].views if v is not None]
-    return diagnose(rig.cameras, board, views[:: max(len(views) // _TOGETHER, 1)])
+        return diagnose(rig.cameras, board, shared_views(rig.cameras, boards, paths, board))
+    check_sizes(rig.cameras, [boards[0].size], paths)
+    views = [{0: v} for v in boards[0].views if v is not None]
+    return diagnose(rig.cameras, board, views[:: max(len(views) // MAX_INSTANTS, 1)])
 
 
 def check_sizes(
     cameras: Sequence[Camera], sizes: Sequence[tuple[int, int]], sources: Sequence[Path | str]
 ) -> None:
-    """Raises CaptureError for a source whose images are not of its camera's size."""
-    swapped = sorted(sizes) == sorted(c.size for c in cameras)
-    more = "; the sources may be in another order than the cameras" if swapped else ""
+    """Check that images have the sizes of their cameras.
+
+    Raises:
+        CaptureError: If a source has another size.
+    """
+    is_swapped = sorted(sizes) == sorted(c.size for c in cameras)
+    hint = ", perhaps because the sources are in another order" if is_swapped else ""
     for size, camera, source in zip(sizes, cameras, sources, strict=True):
         if size != camera.size:
-            raise image_size_error(camera, size, source, more)
+            raise image_size_error(camera, size, source, hint)
 
 
-def rig_of(calibration: Path, paths: Sequence[Path]) -> Rig:
-    """The cameras of a file, one for each video or camera. Raises CaptureError."""
+def read_rig_for(calibration: Path, paths: Sequence[Path]) -> Rig:
+    """Read the cameras of a file, one for each source.
+
+    Raises:
+        CaptureError: If the numbers differ.
+    """
     rig = read_rig(calibration)
     if len(rig.cameras) != len(paths):
         names = ", ".join(c.name for c in rig.cameras)
         raise CaptureError(
-            f"{calibration}: has {len(rig.cameras)} cameras ({names}), but {len(paths)}"
-            " sources were given; give one for each camera, in this order"
+            f"has {len(rig.cameras)} cameras ({names}), but there are {len(paths)} sources",
+            code="camera-count-differs",
+            where=calibration,
+            action="Give one source for each camera, in this order",
+            cameras=len(rig.cameras),
+            count=len(paths),
         )
     return rig
 
 
-def together(
-    cameras: Sequence[Camera], seen: Sequence[Seen], paths: Sequence[Path], board: CharucoBoard
+def shared_views(
+    cameras: Sequence[Camera],
+    boards: Sequence[BoardVideo],
+    paths: Sequence[Path],
+    board: CharucoBoard,
 ) -> list[dict[int, BoardView]]:
-    """Instants at which several cameras saw the board, the most different of the stillest ones.
-    Raises CaptureError for a video of another size than its camera's."""
-    check_sizes(cameras, [s.size for s in seen], paths)
-    moves = [corner_motion(s.views) for s in seen]
-    stills = all(s.stills for s in seen)
-    time = seen[0].time
+    """Choose instants at which several cameras saw the board.
+
+    The stillest and most different ones are chosen.
+
+    Raises:
+        CaptureError: If a video has another size than its camera.
+    """
+    check_sizes(cameras, [video.size for video in boards], paths)
+    motions = [corner_motion(video.views) for video in boards]
+    stills = all(video.are_stills for video in boards)
+    time = boards[0].time
     period = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    found: list[dict[int, BoardView]] = []
+    instants: list[dict[int, BoardView]] = []
     shapes, speeds = [], []
-    times = np.unique(np.concatenate([s.time for s in seen])) if len(seen) > 2 else time
-    for at in times:
+    times = np.unique(np.concatenate([video.time for video in boards])) if len(boards) > 2 else time
+    for instant_time in times:
         views: dict[int, BoardView] = {}
         speed = 0.0
-        for c, s in enumerate(seen):
-            k = int(np.abs(s.time - at).argmin())
-            view = s.views[k]
-            if view is not None and abs(s.time[k] - at) <= 0.55 * period:
+        for c, video in enumerate(boards):
+            k = int(np.abs(video.time - instant_time).argmin())
+            view = video.views[k]
+            if view is not None and abs(video.time[k] - instant_time) <= 0.55 * period:
                 views[c] = view
-                speed = max(speed, float(moves[c][k]))
+                speed = max(speed, float(motions[c][k]))
         if len(views) > 1:
             first = min(views)
-            # Another pair of cameras is another view, too.
+            # Another pair of cameras is another view.
             shapes.append(
                 np.append(
-                    describe_view(views[first], board, seen[first].size), sum(2.0**c for c in views)
+                    describe_view(views[first], board, boards[first].size),
+                    sum(2.0**c for c in views),
                 )
             )
             speeds.append(speed)
-            found.append(views)
-    most = _TOGETHER * max(len(seen) - 1, 1)
-    chosen = choose_views(np.array(shapes), np.array(speeds), most, are_stills=stills)
-    return [found[k] for k in chosen]
+            instants.append(views)
+    max_views = MAX_INSTANTS * max(len(boards) - 1, 1)
+    chosen = choose_views(np.array(shapes), np.array(speeds), max_views, are_stills=stills)
+    return [instants[k] for k in chosen]

@@ -1,1 +1,1 @@
-"""A device's tags: which, where, and the sheets to print."""
+"""Camera tags of a device: where they go, and sheets to print."""

@@ -1,4 +1,4 @@
-"""The tags of a device: which, where they go, and the sheets to print."""
+"""Choose the tags of a device and their places, and write the sheets to print."""
 
 from __future__ import annotations
 
@@ -26,15 +26,21 @@ from ...store.manifest import MANIFEST, TagSeat, load_manifest
 
 FOLDER, SHEETS = "markers", "markers.pdf"
 COUNT, DICTIONARY = 12, "4X4_50"
-#: Sides of tags, mm, the largest that fits is taken.
-SIZES = (20.0, 15.0, 12.0, 10.0, 8.0, 6.0)
-_ALIGNED = 3  # tags that a rigid alignment needs at least
-_FAR = 3.0  # mm from the skin: a seat there is one of another body
+#: Sides of tags; the largest that fits is used.
+SIZES_MM = (20.0, 15.0, 12.0, 10.0, 8.0, 6.0)
+MIN_ANCHOR_TAGS = 3  # for a rigid alignment
+MAX_SEAT_DISTANCE_MM = 3.0  # from the skin; a seat farther away is of another body
 
 
 @dataclass(frozen=True)
 class MarkerFiles:
-    """What was written to `folder`, and what the user should know about it."""
+    """Files of markers that were written.
+
+    Attributes:
+        markers: The markers.
+        folder: Folder of the files.
+        notes: What the user should know.
+    """
 
     markers: Markers
     folder: Path
@@ -53,29 +59,59 @@ def write_markers(
     side: Float | None = None,
     progress: Progress = silent,
 ) -> MarkerFiles:
-    """Write `markers.json` and `markers.pdf` to `folder` (the device's `markers`): tags in the
-    seats that its build has cut, or else (and with `skin`) `count` tags (12) of `size` mm, by
-    default the largest of SIZES with which they fit and three of the anchor are not on one line;
-    only where cameras see them from the direction `side` (3,), where one is given.
+    """Write `markers.json` and `markers.pdf`.
 
-    Raises CaptureError where tags do not fit, StorageError where files cannot be written.
+    If the build of the device has seats, tags are placed in them.
+
+    Args:
+        device: The device.
+        folder: Folder of the files; by default `markers` of the device.
+        count: Number of tags on the skin; 12 by default.
+        size: Side of the tags, mm; by default the largest of SIZES_MM with which they fit and three
+            of the anchor are not on one line.
+        family: Family of the tags.
+        paper: Paper of the sheets.
+        skin: Whether to choose places on the skin in spite of seats.
+        side: Direction (3,) from which cameras must see the tags; any by default.
+        progress: Receives progress.
+
+    Raises:
+        CaptureError: If tags do not fit.
+        StorageError: If files cannot be written.
     """
     tags = dictionary(family)
     paper_size(paper)
     if count is not None and not 1 <= count < tags.count:
-        raise CaptureError(f"--count {count}: give 1 to {tags.count - 1} tags of {tags.name}")
+        raise CaptureError(
+            f"{count} tags are not possible",
+            code="tag-count-out-of-range",
+            where="count",
+            action=f"Give 1 to {tags.count - 1} tags of {tags.name}",
+        )
     if size is not None and not 2 <= size <= 200:
-        raise CaptureError(f"--size {size:g}: give mm, from 2 to 200")
+        raise CaptureError(
+            f"tags of {size:g} mm are not possible",
+            code="tag-size-out-of-range",
+            where="size",
+            action="Give 2 to 200 mm",
+        )
     seats = () if skin else _manifest_seats(device)
     if seats and (count is not None or size is not None):
         raise CaptureError(
-            f"{device.name} has seats for {len(seats)} tags of {seats[0].tag:g} mm: leave out"
-            " --count and --size, or add --skin to choose places beside the seats"
+            f"has seats for {len(seats)} tags of {seats[0].tag:g} mm, which set count and size",
+            code="tag-seats-given",
+            where=device.name,
+            action="Leave out count and size, or choose places on the skin (skin)",
+            count=len(seats),
         )
     if device.fabrication.marker_seats and not seats and not skin:
         raise CaptureError(
-            f"{device.name} asks for marker_seats, whose places its build chooses: run 'defsense"
-            f" build {device.source}' first, or add --skin to choose places without seats"
+            "has marker_seats, whose places its build chooses",
+            code="tag-seats-not-built",
+            where=device.name,
+            action=(
+                f"Run 'defsense build {device.source}' first, or choose places on the skin (skin)"
+            ),
         )
     from ...geometry.bodies.body import load_body
 
@@ -83,9 +119,9 @@ def write_markers(
     body = load_body(device.body).surface
     progress("markers", 0.4, "choosing places")
     if seats:
-        markers, notes = _seated(device, body, tags, seats)
+        markers, notes = _markers_in_seats(device, body, tags, seats)
     else:
-        markers, notes = _chosen(device, body, tags, count or COUNT, size, side)
+        markers, notes = _markers_on_skin(device, body, tags, count or COUNT, size, side)
     out = device.source / FOLDER if folder is None else folder
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
@@ -113,7 +149,7 @@ def _write_sheets(
 
 
 def _on_anchor(device: Device, points: Float) -> Bool:
-    """Which points (n, 3) mm lie in the anchor region; none where there is no such region."""
+    """Return which points (n, 3), mm, are in the anchor region; none without such a region."""
     name = device.outputs.anchor
     if name is None:
         return np.zeros(len(points), bool)
@@ -121,15 +157,17 @@ def _on_anchor(device: Device, points: Float) -> Bool:
 
 
 def _anchor_note(device: Device, markers: Markers) -> list[str]:
-    """Where the anchor cannot be aligned by its tags."""
+    """Return a note if the anchor cannot be aligned by its tags."""
     name = device.outputs.anchor
     if name is None:
-        return ["no [outputs] anchor: recordings are aligned by all tags in the rest pose"]
+        return [
+            "There is no [outputs] anchor, so recordings are aligned by all tags in the rest pose."
+        ]
     if are_spread_out(markers.centers[markers.anchor], markers.size / 2):
         return []
     return [
-        f"the anchor {name} carries {int(markers.anchor.sum())} of the tags, and three that are not"
-        " on one line are needed: recordings are aligned by all tags in the rest pose"
+        f"The anchor {name} has {int(markers.anchor.sum())} of the tags, but three that are not on"
+        " one line are needed, so recordings are aligned by all tags in the rest pose."
     ]
 
 
@@ -138,23 +176,32 @@ def _manifest_seats(device: Device) -> tuple[TagSeat, ...]:
     return load_manifest(folder, CaptureError).marker_seats if (folder / MANIFEST).is_file() else ()
 
 
-def _seated(
+def _markers_in_seats(
     device: Device, body: Surface, tags: Dictionary, seats: Sequence[TagSeat]
 ) -> tuple[Markers, list[str]]:
-    """Tags whose pieces, white included, fill the seats."""
+    """Return tags whose pieces, with their white, fill the seats."""
     import igl
 
     centers = np.array([s.center for s in seats], float)
-    off = np.sqrt(igl.point_mesh_squared_distance(centers, body.vertices, body.faces)[0])
-    if np.max(off) > _FAR:
+    distance = np.sqrt(igl.point_mesh_squared_distance(centers, body.vertices, body.faces)[0])
+    if np.max(distance) > MAX_SEAT_DISTANCE_MM:
         raise CaptureError(
-            f"{device.name}: its build has seats {np.max(off):.1f} mm off the body: the body has"
-            f" changed since; run 'defsense build {device.source}'"
+            f"its build has seats {np.max(distance):.1f} mm from the body, which has changed since",
+            code="tag-seats-outdated",
+            where=device.name,
+            action=f"Run 'defsense build {device.source}'",
+            distance=float(np.max(distance)),
         )
     if max(s.marker for s in seats) >= tags.count:
-        raise CaptureError(f"{len(seats)} seats: {tags.name} has too few tags; take a larger one")
-    x = np.array([s.x_axis for s in seats], float)
-    z = np.array([s.normal for s in seats], float)
+        raise CaptureError(
+            f"{tags.name} has too few tags for {len(seats)} seats",
+            code="tag-number-out-of-range",
+            where=device.name,
+            action="Choose a larger dictionary",
+            count=len(seats),
+        )
+    x_axes = np.array([s.x_axis for s in seats], float)
+    normals = np.array([s.normal for s in seats], float)
     piece = seats[0].tag
     markers = Markers(
         device.name,
@@ -162,17 +209,17 @@ def _seated(
         round(piece / piece_size(tags, 1.0), 2),
         np.array([s.marker for s in seats], np.int64),
         centers,
-        np.stack([x, np.cross(z, x), z], axis=2),
+        np.stack([x_axes, np.cross(normals, x_axes), normals], axis=2),
         _on_anchor(device, centers),
     )
     note = (
-        f"seats of {piece:g} mm hold the tag with its white: its black square is"
-        f" {markers.size:g} mm; cut the pieces to {piece:g} mm"
+        f"Seats of {piece:g} mm hold the tag with its white, so its black square is"
+        f" {markers.size:g} mm. Cut the pieces to {piece:g} mm."
     )
     return markers, [note, *_anchor_note(device, markers)]
 
 
-def _chosen(
+def _markers_on_skin(
     device: Device,
     body: Surface,
     tags: Dictionary,
@@ -180,35 +227,39 @@ def _chosen(
     size: float | None,
     side: Float | None,
 ) -> tuple[Markers, list[str]]:
-    """Places on the skin. Where no size does for the anchor, the largest for the number."""
-    avoid, joints = _cords(device, body)
-    anchored = max(_ALIGNED, round(count / 3)) if device.outputs.anchor else 0
+    """Choose places on the skin; if no size suits the anchor, the largest that fits."""
+    avoid, joints = _cord_mouths(device, body)
+    anchored = max(MIN_ANCHOR_TAGS, round(count / 3)) if device.outputs.anchor else 0
     best: list[TagPlace] = []
     fallback: tuple[float, list[TagPlace]] | None = None
-    sizes = SIZES if size is None else (size,)
-    for tried in sizes:
-        found = place_tags(
+    sizes = SIZES_MM if size is None else (size,)
+    for tag_size in sizes:
+        places_found = place_tags(
             body,
             TagRequest(
-                count, tried, piece_size(tags, tried), anchored,
+                count, tag_size, piece_size(tags, tag_size), anchored,
                 lambda p: _on_anchor(device, p), avoid, joints, side,
             ),
         )  # fmt: skip
-        best = max(best, found, key=len)
-        if len(found) < count:
+        best = max(best, places_found, key=len)
+        if len(places_found) < count:
             continue
-        fallback = fallback or (tried, found)
-        on = np.array([p.center for p in found if p.anchor]).reshape(-1, 3)
-        if not anchored or count < _ALIGNED or are_spread_out(on, tried / 2):
-            fallback = tried, found
+        fallback = fallback or (tag_size, places_found)
+        anchor_centers = np.array([p.center for p in places_found if p.anchor]).reshape(-1, 3)
+        if not anchored or count < MIN_ANCHOR_TAGS or are_spread_out(anchor_centers, tag_size / 2):
+            fallback = tag_size, places_found
             break
     if fallback is None:
-        ways = ["fewer (--count)"] if best else []
-        ways += ["smaller ones (--size)"]
-        fit = f"{len(best)} fit" if best else "not one fits"
+        options = ["fewer tags (count)"] if best else []
+        options += ["smaller tags (size)"]
+        fitting = f"{len(best)} fit" if best else "none fits"
         raise CaptureError(
-            f"{device.name}: no room for {count} tags of {sizes[-1]:g} mm where the skin is nearly"
-            f" flat, {fit}; ask for {' or '.join(ways)}"
+            f"there is no room for {count} tags of {sizes[-1]:g} mm where the skin is nearly flat;"
+            f" {fitting}",
+            code="tags-do-not-fit",
+            where=device.name,
+            action=f"Choose {' or '.join(options)}",
+            fitting=len(best),
         )
     chosen, places = fallback
     markers = Markers(
@@ -223,9 +274,11 @@ def _chosen(
     return markers, _anchor_note(device, markers)
 
 
-def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
-    """Where cords or their wires come out of the skin (n, 3) mm, and the planes in which the body
-    is split for them: as built, or else as drawn."""
+def _cord_mouths(device: Device, body: Surface) -> tuple[Float, list[Any]]:
+    """Return where cords or wires leave the skin (n, 3), mm, and the planes that split the body.
+
+    They are those of the build, or else of the drawing.
+    """
     from ...core.curve import sample_path
     from ...geometry.kernels.surface_queries import cast_ray
 
@@ -234,8 +287,8 @@ def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
         sensors = [s.sensor() for s in load_layout(folder, CaptureError).sensors]
     mouths = [] if device.body.bay is None else [device.body.bay.at]
     for path in map(sample_path, sensors):
-        for end, before in ((path[0], path[1]), (path[-1], path[-2])):
-            out = (end - before) / np.linalg.norm(end - before)
-            to_skin = cast_ray(end, out, body)
-            mouths.append(end + (to_skin[0] if len(to_skin) else 0.0) * out)
+        for end, inner in ((path[0], path[1]), (path[-1], path[-2])):
+            direction = (end - inner) / np.linalg.norm(end - inner)
+            to_skin = cast_ray(end, direction, body)
+            mouths.append(end + (to_skin[0] if len(to_skin) else 0.0) * direction)
     return np.array(mouths, float).reshape(-1, 3), [s.plane for s in sensors]
