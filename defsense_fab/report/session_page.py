@@ -1,4 +1,4 @@
-"""What a processed session is worth, as a page to look at."""
+"""Write the page about a processed session: markers, movement, signals and their quality."""
 
 from __future__ import annotations
 
@@ -14,23 +14,34 @@ from ..capture.sessions.session import CaptureSession
 from ..core.arrays import Float
 from .html import as_image, write_page
 
-_DRAWN = 10_000  # frames of a curve: more are not told apart on a page, and take much memory
+_MAX_FRAMES = 10_000  # of a curve: more cannot be distinguished on a page, and take much memory
 
-_SYNC = {
+_SYNC_METHODS = {
     "led": "the read-out board's LED in the pictures",
-    "motion": "how motion and signals go together (no LED was seen); what the cords lag behind the"
-    " body is not in the error",
-    "arrival": "when samples arrived: the cameras' own delay is not known",
-    "none": "no read-out board was recorded",
+    "motion": "correlation of motion and signals (no LED was visible); the error does not include"
+    " the cords' lag behind the body",
+    "arrival": "arrival times of the samples; the cameras' delay is unknown",
+    "none": "not compared: no read-out board was recorded",
 }
 
 
 def write_report(path: Path, session: CaptureSession, result: ProcessedSession) -> None:
-    """One self-contained page."""
+    """Write a self-contained page about a processed session.
+
+    Args:
+        path: The file to write.
+        session: The session.
+        result: What processing it gave.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
     figures = [
-        ("Markers seen", _seen), ("Movement and signals", _course),
-        ("Uncertainty and alignment", _quality), ("Markers in the rest frame", _places),
-    ]  # fmt: skip
+        ("Visible markers", _draw_visibility),
+        ("Movement and signals", _draw_signals),
+        ("Uncertainty and alignment", _draw_quality),
+        ("Markers in the rest frame", _draw_positions),
+    ]
     write_page(
         path,
         "session",
@@ -41,46 +52,54 @@ def write_report(path: Path, session: CaptureSession, result: ProcessedSession) 
     )
 
 
-def _warnings(q: dict[str, Any]) -> list[str]:
-    out = list(q["warnings"])
-    for run in q["runs"]:
+def _warnings(quality: dict[str, Any]) -> list[str]:
+    out = list(quality["warnings"])
+    for run in quality["runs"]:
         out += [f"{run['run']}: {w}" for w in run["tracks"]["warnings"]]
         out += [f"{run['run']}: {w}" for w in run["sync"].get("notes", [])]
-    out += [f"{s['run']} was left out: {s['why']}" for s in q["skipped"]]
+    out += [f"{s['run']} was excluded: {s['why']}" for s in quality["skipped"]]
     return out
 
 
-def _rows(session: CaptureSession, q: dict[str, Any]) -> list[tuple[str, str]]:
+def _rows(session: CaptureSession, quality: dict[str, Any]) -> list[tuple[str, str]]:
     def mm(value: float | None) -> str:
         return "-" if value is None else f"{value:.3f} mm"
 
     rows = [
         ("recorded", session.started_at),
-        ("length", _length(q)),
-        ("aligned by", f"{q['aligned_by']}, {q['aligned_frames']:.0%} of the frames"),
-        ("residual of the alignment",
-         f"{mm(q['residual']['median'])}, 95 % below {mm(q['residual']['95 %'])}"),
-        ("standard deviation of a marker's place",
-         f"{mm(q['sigma']['median'])}, 95 % below {mm(q['sigma']['95 %'])}"),
+        ("length", _length(quality)),
+        ("aligned by", f"{quality['aligned_by']}, {quality['aligned_frames']:.0%} of the frames"),
+        ("alignment residual",
+         f"{mm(quality['residual']['median'])}, 95 % below {mm(quality['residual']['95 %'])}"),
+        ("standard deviation of a marker's position",
+         f"{mm(quality['sigma']['median'])}, 95 % below {mm(quality['sigma']['95 %'])}"),
     ]  # fmt: skip
-    for run in q["runs"]:
-        s = run["sync"]
-        error = "not known" if s.get("error_ms") is None else f"{s['error_ms']:.1f} ms"
+    for run in quality["runs"]:
+        sync = run["sync"]
+        error = "unknown" if sync.get("error_ms") is None else f"{sync['error_ms']:.1f} ms"
         rows.append((f"{run['run']}: ended", run["ended"]))
-        rows.append((f"{run['run']}: clocks compared by", f"{_SYNC[s['method']]}; error {error}"))
         rows.append(
-            (f"{run['run']}: tags",
-             f"{run['tracks']['by_several']:.0%} by several cameras, {run['tracks']['by_one']:.0%}"
-             f" by one, {run['tracks']['impossible']} impossible ones taken out")
-        )  # fmt: skip
+            (
+                f"{run['run']}: clocks synchronized by",
+                f"{_SYNC_METHODS[sync['method']]}; error {error}",
+            )
+        )
+        rows.append(
+            (
+                f"{run['run']}: tags",
+                f"{run['tracks']['by_several']:.0%} seen by several cameras,"
+                f" {run['tracks']['by_one']:.0%} by one; {run['tracks']['impossible']} impossible"
+                " positions removed",
+            )
+        )
     return rows
 
 
-def _length(q: dict[str, Any]) -> str:
-    out = f"{q['seconds']:.1f} s, {q['frames']} frames"
-    if q["rate"] is None:
-        return out + " at uneven times"
-    return out + f" at {q['rate']:.4g} Hz, {q['dropped']} more were dropped"
+def _length(quality: dict[str, Any]) -> str:
+    out = f"{quality['seconds']:.1f} s, {quality['frames']} frames"
+    if quality["rate"] is None:
+        return out + " at uneven intervals"
+    return out + f" at {quality['rate']:.4g} Hz, {quality['dropped']} more dropped"
 
 
 def _draw(draw: Callable[[Any, CaptureSession, ProcessedSession], None], session: CaptureSession,
@@ -90,18 +109,18 @@ def _draw(draw: Callable[[Any, CaptureSession, ProcessedSession], None], session
     figure = Figure((9.6, 4.2), dpi=100, layout="constrained")
     draw(figure, session, result)
     image = as_image(figure)
-    figure.clear()  # its parts refer to each other, and would be in memory beside the next one's
+    figure.clear()  # its parts refer to each other and would stay in memory
     return image
 
 
-def _seen(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
+def _draw_visibility(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     axes = figure.subplots()
     t = result.aligned
     bins = min(len(t.time), 400)
     edges = np.linspace(0, len(t.time), bins + 1).astype(int)
-    share = np.array([t.visible[a : max(b, a + 1)].mean(0) for a, b in pairwise(edges)])
+    visible_share = np.array([t.visible[a : max(b, a + 1)].mean(0) for a, b in pairwise(edges)])
     image = axes.imshow(
-        share.T, aspect="auto", cmap="Greens", vmin=0, vmax=1, interpolation="nearest",
+        visible_share.T, aspect="auto", cmap="Greens", vmin=0, vmax=1, interpolation="nearest",
         extent=(t.time[0], t.time[-1], len(t.ids) - 0.5, -0.5),
     )  # fmt: skip
     names = [
@@ -110,26 +129,26 @@ def _seen(figure: Any, session: CaptureSession, result: ProcessedSession) -> Non
     axes.set_yticks(range(len(t.ids)), names, fontsize=8)
     axes.set_xlabel("s")
     axes.set_ylabel("tag")
-    figure.colorbar(image, label="seen")
+    figure.colorbar(image, label="share of frames visible")
 
 
-def _course(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
+def _draw_signals(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     above, below = figure.subplots(2, 1, sharex=True)
     t = result.aligned
-    some = _some(t.time)
+    frames = _subsample(t.time)
     with np.errstate(all="ignore"):
-        moved = np.linalg.norm(t.points[some] - session.markers.centers, axis=2)
-    above.plot(t.time[some], moved, lw=0.8)
-    above.set_ylabel("marker moved, mm")
+        displacement = np.linalg.norm(t.points[frames] - session.markers.centers, axis=2)
+    above.plot(t.time[frames], displacement, lw=0.8)
+    above.set_ylabel("marker displacement, mm")
     for k, name in enumerate(session.channels):
-        below.plot(t.time[some], 100 * result.signals[some, k], lw=0.8, label=name)
+        below.plot(t.time[frames], 100 * result.signals[frames, k], lw=0.8, label=name)
     below.set_ylabel("(R - R0)/R0, %")
     below.set_xlabel("s")
     if session.channels:
         below.legend(fontsize=8, ncols=4)
 
 
-def _quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
+def _draw_quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
     left, right = figure.subplots(1, 2)
     t = result.aligned
     sigma = lengths(t.sigma)[t.visible]
@@ -138,30 +157,30 @@ def _quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
         left.hist(np.log10(sigma), 60, color="#27c")
         ticks = np.arange(np.floor(np.log10(sigma.min())), np.ceil(np.log10(sigma.max())) + 1)
         left.set_xticks(ticks, [f"{10.0**x:g}" for x in ticks])
-    left.set_xlabel("standard deviation of a place, mm")
-    left.set_ylabel("places")
-    some = _some(t.time)
-    right.plot(t.time[some], result.residual[some], lw=0.7, color="#d60")
+    left.set_xlabel("standard deviation of a position, mm")
+    left.set_ylabel("positions")
+    frames = _subsample(t.time)
+    right.plot(t.time[frames], result.residual[frames], lw=0.7, color="#d60")
     right.set_xlabel("s")
-    right.set_ylabel("residual of the alignment, mm")
+    right.set_ylabel("alignment residual, mm")
 
 
 def lengths(vectors: Float) -> Float:
-    """Of many (t, m, 3): (t, m), some at a time."""
+    """Return the lengths (t, m) of vectors (t, m, 3), in chunks to save memory."""
     out = np.empty(vectors.shape[:2])
-    for k in range(0, len(out), _DRAWN):
-        out[k : k + _DRAWN] = np.linalg.norm(vectors[k : k + _DRAWN], axis=2)
+    for k in range(0, len(out), _MAX_FRAMES):
+        out[k : k + _MAX_FRAMES] = np.linalg.norm(vectors[k : k + _MAX_FRAMES], axis=2)
     return out
 
 
-def _some(time: Float) -> slice:
-    """All frames, or of many some, evenly spaced."""
-    return slice(None, None, -(-len(time) // _DRAWN) or 1)
+def _subsample(time: Float) -> slice:
+    """Return a slice of all frames, or of evenly spaced ones if there are many."""
+    return slice(None, None, -(-len(time) // _MAX_FRAMES) or 1)
 
 
-def _places(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
+def _draw_positions(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     views = figure.subplots(1, 3)
-    points = result.aligned.points[_some(result.aligned.time)]
+    points = result.aligned.points[_subsample(result.aligned.time)]
     for axes, (a, b) in zip(views, ((0, 1), (0, 2), (1, 2)), strict=True):
         for m in range(points.shape[1]):
             axes.plot(points[:, m, a], points[:, m, b], lw=0.6)

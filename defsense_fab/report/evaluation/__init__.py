@@ -1,1 +1,1 @@
-"""Evaluation."""
+"""Write evaluations of trained models: pages, figures and tables."""

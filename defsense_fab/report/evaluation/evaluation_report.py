@@ -1,4 +1,4 @@
-"""An evaluation as a folder: a page to look at, figures for a paper, tables and JSON."""
+"""Write an evaluation as a folder: a page, figures for a paper, tables and JSON."""
 
 from __future__ import annotations
 
@@ -25,24 +25,31 @@ from .tables import PAPER, SOURCE, as_data, csv_files
 PAGE, DATA = "evaluation.html", "evaluation.json"
 
 _CAPTIONS = {
-    "paths": "Displacement of three markers, measured and predicted, about the largest error: the"
-    " marker that moves most, one in the middle, and the one with the largest RMSE, each along the"
-    " direction in which it moves most.",
-    "error-over-time": "Error of each frame (root mean square over the markers seen), its median,"
-    " and the mean half width of the intervals.",
-    "markers": "RMSE of each marker, where it is at rest.",
-    "poses": "By the pose that was asked for; the dashed line is the RMSE of all frames.",
-    "hysteresis": "By speed and direction: how much too far out the device is said to be, and the"
-    " RMSE. Where both directions part, the cords' hysteresis is left.",
-    "coverage": "Share of marker positions inside of their intervals, by tenths of the tested"
-    " time.",
-    "error-budget": "Where the mean square error comes from.",
+    "paths": "Measured and predicted displacement of three markers around the largest error: the"
+    " marker that moves most, a marker with a median movement, and the marker with the largest"
+    " RMSE, each along the direction in which it moves most.",
+    "error-over-time": "Error of each frame (RMS over the visible markers), its median, and the"
+    " mean half width of the intervals.",
+    "markers": "RMSE of each marker, at its position at rest.",
+    "poses": "Errors by requested pose; the dashed line is the RMSE of all frames.",
+    "hysteresis": "Errors by speed and direction: how much the predicted displacement is too large,"
+    " and the RMSE. A difference between the directions is hysteresis of the cords.",
+    "coverage": "Share of marker positions inside their intervals, by tenths of the tested time.",
+    "error-budget": "Causes of the mean square error.",
 }
 
 
 def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
-    """All files of the folder, whole or not at all; an evaluation that is there is replaced. Raises
-    TrainingError for a folder of something else, StorageError where it cannot be written."""
+    """Write all files of an evaluation, completely or not at all; an existing one is replaced.
+
+    Args:
+        folder: The folder to write.
+        result: The evaluation.
+
+    Raises:
+        TrainingError: The folder holds something else than an evaluation.
+        StorageError: The folder cannot be written.
+    """
     check_folder(folder)
     with replace_folder(folder, overwrite=True) as new:
         figures = svg_figures(result.models[0])
@@ -55,15 +62,21 @@ def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Raises TrainingError for a folder that holds something else than an evaluation, which would
-    be lost."""
+    """Check that a folder is missing or holds only an evaluation, which may be replaced.
+
+    Args:
+        folder: The folder.
+
+    Raises:
+        TrainingError: The folder holds other files, which would be lost.
+    """
     if not folder.exists():
         return
-    own = {PAGE, DATA}
+    expected_names = {PAGE, DATA}
     others = [
         p.name
         for p in (sorted(folder.iterdir()) if folder.is_dir() else [folder])
-        if p.name not in own and p.suffix not in (".svg", ".csv")
+        if p.name not in expected_names and p.suffix not in (".svg", ".csv")
     ]
     if others or (any(folder.iterdir()) and not (folder / PAGE).exists()):
         content = f"contains {others[0]}" if others and folder.is_dir() else "exists"
@@ -106,22 +119,24 @@ def _causes(budget: ErrorBudget) -> list[tuple[str, float, float]]:
 
 
 def _comparison(c: Comparison) -> dict[str, Any]:
-    rows = [("frames, as if independent", c.by_frame)]
+    rows = [("frames, assumed independent", c.by_frame)]
     if c.by_block is not None:
         rows.append((f"blocks of {c.block_frames} frames", c.by_block))
-    tests = [(what, name, *line) for what, a in rows for name, line in _tests(a)]
+    tests = [
+        (samples, name, *line) for samples, analysis in rows for name, line in _tests(analysis)
+    ]
     return {"tests": tests, "verdict": verdict(c), "data": c}
 
 
 def _tests(a: Analysis) -> list[tuple[str, tuple[str, str]]]:
-    out = [
+    tests = [
         ("analysis of variance", _line(a.anova)),
         ("equal variances (Levene)", _line(a.levene)),
     ]
     if a.variances_differ:
-        out += [("Welch", _line(a.welch)), ("Kruskal-Wallis", _line(a.kruskal))]
-    out.append(("effect size", (f"ω² = {a.omega_squared:.3f}, η² = {a.eta_squared:.3f}", "")))
-    return out
+        tests += [("Welch", _line(a.welch)), ("Kruskal-Wallis", _line(a.kruskal))]
+    tests.append(("effect size", (f"ω² = {a.omega_squared:.3f}, η² = {a.eta_squared:.3f}", "")))
+    return tests
 
 
 def _line(s: Statistic) -> tuple[str, str]:
@@ -130,31 +145,36 @@ def _line(s: Statistic) -> tuple[str, str]:
 
 
 def probability(p: float) -> str:
-    """As papers write it."""
+    """Format a probability as in papers."""
     if p != p:
-        return "p not known"
+        return "p unknown"
     return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
 
 
 def verdict(c: Comparison) -> str:
-    """What the test that holds says, in a sentence."""
+    """Return the result of the valid test as a sentence."""
     if c.by_block is None and not c.paired:
         return (
-            f"Errors go on for so long (blocks of {c.block_frames} frames) that nothing can be said;"
-            " record for longer."
+            f"The errors are correlated for too long (blocks of {c.block_frames} frames) to compare"
+            " the models. Record for longer."
         )
     best = c.names[int(c.means.argmin())]
     if c.paired:
         others = [t for t in c.paired if best in (t.first, t.second)]
         better = sum(t.p < SIGNIFICANCE_LEVEL for t in others)
-        how = "paired by blocks of the same frames"
+        method = "paired by blocks of the same frames"
         if len(others) == len(c.names) - 1 and better == len(others):
             p = max(t.p for t in others)
-            return f"{best} has smaller errors than any other ({how}, {probability(p)})."
-        return f"{best} has the smallest mean error, but not demonstrably than all others ({how})."
+            return f"{best} has smaller errors than all other models ({method}, {probability(p)})."
+        return (
+            f"{best} has the smallest mean error, but the difference from the other models is not"
+            f" significant for all of them ({method})."
+        )
     assert c.by_block is not None
-    told = c.by_block.valid_test
-    how = f"{'Welch' if c.by_block.variances_differ else 'analysis of variance'} of block means"
-    if told.p < SIGNIFICANCE_LEVEL:
-        return f"The models' errors differ ({how}, {probability(told.p)}); {best} has the smallest."
-    return f"The models' errors do not differ demonstrably ({how}, {probability(told.p)})."
+    test = c.by_block.valid_test
+    method = f"{'Welch' if c.by_block.variances_differ else 'analysis of variance'} of block means"
+    if test.p < SIGNIFICANCE_LEVEL:
+        return (
+            f"The models' errors differ ({method}, {probability(test.p)}); {best} has the smallest."
+        )
+    return f"The models' errors do not differ significantly ({method}, {probability(test.p)})."

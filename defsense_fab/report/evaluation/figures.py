@@ -1,4 +1,4 @@
-"""Figures of an evaluation as a paper prints them: one column wide, 8 pt, readable in grey."""
+"""Draw the figures of an evaluation for a paper: one column wide, 8 pt, readable in gray."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ...core.arrays import Float, Int
 from ...training.evaluation.error_budget import UNEXPLAINED
 from ...training.evaluation.evaluate_models import Evaluated
 
-_COLUMN = 85 / 25.4  # inches
+_COLUMN_WIDTH_INCH = 85 / 25.4
 _DARK, _BLUE, _LIGHT, _BAND = "#111111", "#1f5fa8", "#e08a1e", "#c9d6e6"
-_DRAWN = 2000  # points of a curve
-_WINDOW = 30.0  # s of the paths
-_LABEL = 0.06  # of the device, in which one marker's label covers the next
+_MAX_CURVE_POINTS = 2000
+_PATH_DURATION_S = 30.0
+_MIN_LABEL_DISTANCE = 0.06  # share of the device's size; closer labels cover each other
 _STYLE: dict[Any, Any] = {
     "font.size": 8, "axes.titlesize": 8, "axes.labelsize": 8, "legend.fontsize": 7,
     "xtick.labelsize": 7, "ytick.labelsize": 7, "axes.linewidth": 0.6, "lines.linewidth": 0.9,
@@ -28,75 +28,102 @@ _STYLE: dict[Any, Any] = {
 }  # fmt: skip
 
 
-def svg_figures(found: Evaluated) -> dict[str, str]:
-    """SVG by name, in the order in which they are to be read; coverage only where the model has
-    intervals."""
-    drawn: dict[str, tuple[float, Callable[[Any, Evaluated], None]]] = {
-        "paths": (78, _paths),
-        "error-over-time": (50, _over_time),
-        "markers": (sum(_heights(found.model.rest_points)) + 28, _markers),
-        "poses": (24 + 7 * min(len(found.evaluation.frames.poses), 12), _poses),
-        "hysteresis": (72, _hysteresis),
-        "coverage": (45, _coverage),
-        "error-budget": (48, _budget),
+def svg_figures(evaluated: Evaluated) -> dict[str, str]:
+    """Draw all figures of an evaluated model.
+
+    Args:
+        evaluated: The evaluated model.
+
+    Returns:
+        SVG by name, in reading order; coverage only if the model has intervals.
+    """
+    figures: dict[str, tuple[float, Callable[[Any, Evaluated], None]]] = {
+        "paths": (78, _draw_paths),
+        "error-over-time": (50, _draw_error_over_time),
+        "markers": (sum(_heights(evaluated.model.rest_points)) + 28, _draw_markers),
+        "poses": (24 + 7 * min(len(evaluated.evaluation.frames.poses), 12), _draw_poses),
+        "hysteresis": (72, _draw_hysteresis),
+        "coverage": (45, _draw_coverage),
+        "error-budget": (48, _draw_error_budget),
     }
-    if found.evaluation.coverage is None:
-        del drawn["coverage"]
-    return {name: _svg(draw, height, found) for name, (height, draw) in drawn.items()}
+    if evaluated.evaluation.coverage is None:
+        del figures["coverage"]
+    return {name: _render_svg(draw, height, evaluated) for name, (height, draw) in figures.items()}
 
 
-def _svg(draw: Callable[[Any, Evaluated], None], height: float, found: Evaluated) -> str:
+def _render_svg(draw: Callable[[Any, Evaluated], None], height: float, evaluated: Evaluated) -> str:
     import matplotlib
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(_STYLE):
-        figure = Figure((_COLUMN, height / 25.4), layout="constrained")
-        draw(figure, found)
+        figure = Figure((_COLUMN_WIDTH_INCH, height / 25.4), layout="constrained")
+        draw(figure, evaluated)
         out = io.StringIO()
         figure.savefig(out, format="svg", metadata={"Date": None})
         figure.clear()
     return out.getvalue()
 
 
-def _paths(figure: Any, found: Evaluated) -> None:
-    """Of the marker that moves most, one in the middle, and the one with the largest error, along
-    the direction in which each moves most."""
-    e = found.evaluation
+def _draw_paths(figure: Any, evaluated: Evaluated) -> None:
+    """Draw the displacement of three markers, each along the direction in which it moves most.
+
+    The markers are the one that moves most, one with a median movement, and the one with the
+    largest error.
+    """
+    e = evaluated.evaluation
     f = e.frames
     axes = figure.subplots(3, 1, sharex=True)
-    shown = _around_the_largest(f.elapsed, f.frame_error)
-    chosen = _chosen(f.measured - found.model.rest_points, e.marker_rmse)
-    for ax, m in zip(axes, chosen, strict=False):
-        rest = found.model.rest_points[m]
-        seen = f.measured[f.visible[:, m], m] - rest
-        along = np.linalg.svd(seen, full_matrices=False)[2][0] if len(seen) else np.eye(3)[2]
-        along = along * np.sign(along[np.argmax(np.abs(along))])
-        t = f.elapsed[shown]
-        said, was = ((x[shown, m] - rest) @ along for x in (f.predicted, f.measured))
-        radius = f.radius[shown, m]
+    frames = _frames_around_largest(f.elapsed, f.frame_error)
+    markers = _choose_markers(f.measured - evaluated.model.rest_points, e.marker_rmse)
+    for ax, m in zip(axes, markers, strict=False):
+        rest = evaluated.model.rest_points[m]
+        displacements = f.measured[f.visible[:, m], m] - rest
+        direction = (
+            np.linalg.svd(displacements, full_matrices=False)[2][0]
+            if len(displacements)
+            else np.eye(3)[2]
+        )
+        direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+        t = f.elapsed[frames]
+        predicted, measured = ((x[frames, m] - rest) @ direction for x in (f.predicted, f.measured))
+        radius = f.radius[frames, m]
         if np.isfinite(radius).any():
-            ax.fill_between(t, said - radius, said + radius, color=_BAND, lw=0,
-                            label=_interval(found))  # fmt: skip
-        ax.plot(*_broken(t, was), color=_DARK, lw=1.0, label="measured")
-        ax.plot(*_broken(t, said), color=_LIGHT, lw=0.9, ls=(0, (3, 1.2)), label="predicted")
-        ax.set_title(f"marker {found.model.ids[m]}", loc="left", pad=2)
+            ax.fill_between(t, predicted - radius, predicted + radius, color=_BAND, lw=0,
+                            label=_interval_label(evaluated))  # fmt: skip
+        ax.plot(*_break_at_gaps(t, measured), color=_DARK, lw=1.0, label="measured")
+        ax.plot(
+            *_break_at_gaps(t, predicted), color=_LIGHT, lw=0.9, ls=(0, (3, 1.2)), label="predicted"
+        )
+        ax.set_title(f"marker {evaluated.model.ids[m]}", loc="left", pad=2)
         ax.margins(x=0)
-    for ax in axes[len(chosen) :]:
+    for ax in axes[len(markers) :]:
         ax.set_visible(False)
-    axes[len(chosen) // 2].set_ylabel("displacement, mm")
-    axes[len(chosen) - 1].set_xlabel("time, s")
+    axes[len(markers) // 2].set_ylabel("displacement, mm")
+    axes[len(markers) - 1].set_xlabel("time, s")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=3)
 
 
-def _over_time(figure: Any, found: Evaluated) -> None:
+def _draw_error_over_time(figure: Any, evaluated: Evaluated) -> None:
     ax = figure.subplots()
-    f = found.evaluation.frames
-    some = slice(None, None, -(-len(f.elapsed) // _DRAWN) or 1)
+    f = evaluated.evaluation.frames
+    subset = slice(None, None, -(-len(f.elapsed) // _MAX_CURVE_POINTS) or 1)
     radius = np.where(f.visible, f.radius, 0).sum(1) / f.visible.sum(1)
     if np.isfinite(radius).any():
-        ax.fill_between(f.elapsed[some], 0, radius[some], color=_BAND, lw=0, label=_interval(found))
-    ax.plot(*_broken(f.elapsed[some], f.frame_error[some]), color=_BLUE, lw=0.5, label="frame")
+        ax.fill_between(
+            f.elapsed[subset],
+            0,
+            radius[subset],
+            color=_BAND,
+            lw=0,
+            label=_interval_label(evaluated),
+        )
+    ax.plot(
+        *_break_at_gaps(f.elapsed[subset], f.frame_error[subset]),
+        color=_BLUE,
+        lw=0.5,
+        label="frame",
+    )
     edges = np.linspace(0, len(f.elapsed), min(len(f.elapsed), 40) + 1).astype(int)
     middle = [float(f.elapsed[a:b].mean()) for a, b in pairwise(edges)]
     median = [float(np.median(f.frame_error[a:b])) for a, b in pairwise(edges)]
@@ -108,53 +135,56 @@ def _over_time(figure: Any, found: Evaluated) -> None:
     figure.legend(loc="outside upper right", ncols=3)
 
 
-def _markers(figure: Any, found: Evaluated) -> None:
-    """Two views of where the markers are at rest: along the axis of least extent, and along that of
-    the least but one."""
-    places, rmse = found.model.rest_points, found.evaluation.marker_rmse
+def _draw_markers(figure: Any, evaluated: Evaluated) -> None:
+    """Draw the markers at rest along the axes of the smallest and second smallest extent."""
+    places, rmse = evaluated.model.rest_points, evaluated.evaluation.marker_rmse
     a, b, c = np.argsort(-np.ptp(places, axis=0), kind="stable")
     views = figure.subplots(2, 1, sharex=True, height_ratios=_heights(places))
-    most = float(np.nanmax(rmse)) if np.isfinite(rmse).any() else 1.0
+    max_rmse = float(np.nanmax(rmse)) if np.isfinite(rmse).any() else 1.0
     extent = float(np.ptp(places, axis=0).max())
     order = np.argsort(np.nan_to_num(rmse), kind="stable")
     for ax, (x, y) in zip(views, ((a, b), (a, c)), strict=True):
-        size = 10 + 60 * np.nan_to_num(rmse[order]) / most
-        drawn = ax.scatter(
+        size = 10 + 60 * np.nan_to_num(rmse[order]) / max_rmse
+        points = ax.scatter(
             places[order, x], places[order, y], c=rmse[order], s=size, cmap="cividis_r", vmin=0,
-            vmax=most, edgecolors=_DARK, linewidths=0.4,
+            vmax=max_rmse, edgecolors=_DARK, linewidths=0.4,
         )  # fmt: skip
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.12)
         ax.set_ylabel(f"{'xyz'[y]}, mm")
     views[1].set_xlabel(f"{'xyz'[a]}, mm")
-    for at, ids in _together(places[order[-3:]][:, [a, b]], found.model.ids[order[-3:]], extent):
+    for at, ids in _group_labels(
+        places[order[-3:]][:, [a, b]], evaluated.model.ids[order[-3:]], extent
+    ):
         views[0].annotate(", ".join(map(str, ids)), at, (4, 4), textcoords="offset points",
                           fontsize=7)  # fmt: skip
-    figure.colorbar(drawn, ax=views, label="RMSE, mm", aspect=30)
+    figure.colorbar(points, ax=views, label="RMSE, mm", aspect=30)
 
 
-def _together(places: Float, ids: Int, extent: float) -> list[tuple[Float, list[int]]]:
-    """Places (n, 2) with the numbers of all markers that lie so near that one label is for them."""
-    out: list[tuple[Float, list[int]]] = []
+def _group_labels(places: Float, ids: Int, extent: float) -> list[tuple[Float, list[int]]]:
+    """Return places (n, 2) with the numbers of the markers that share a label there."""
+    groups: list[tuple[Float, list[int]]] = []
     for place, number in zip(places, ids.tolist(), strict=True):
-        near = [ids for at, ids in out if np.abs(at - place).max() < _LABEL * extent]
-        if near:
-            near[0].append(number)
+        neighbors = [
+            ids for at, ids in groups if np.abs(at - place).max() < _MIN_LABEL_DISTANCE * extent
+        ]
+        if neighbors:
+            neighbors[0].append(number)
         else:
-            out.append((place, [number]))
-    return out
+            groups.append((place, [number]))
+    return groups
 
 
 def _heights(places: Float) -> tuple[float, float]:
-    """Of both views of markers, mm, as their extents ask for."""
+    """Return the heights of both views of the markers by their extents, mm."""
     extents = np.sort(np.ptp(places, axis=0))[::-1]
     high, low = (float(np.clip(55 * x / max(extents[0], 1e-9), 14, 55)) for x in extents[1:])
     return high, low
 
 
-def _poses(figure: Any, found: Evaluated) -> None:
+def _draw_poses(figure: Any, evaluated: Evaluated) -> None:
     ax = figure.subplots()
-    e = found.evaluation
+    e = evaluated.evaluation
     rows = sorted(zip(e.frames.poses, e.by_pose, strict=True), key=lambda row: -row[1].rmse)[:12]
     for k, (_, p) in enumerate(rows):
         ax.barh(k, p.rmse, 0.62, color=_BAND, edgecolor=_DARK, lw=0.6)
@@ -162,27 +192,40 @@ def _poses(figure: Any, found: Evaluated) -> None:
         ax.plot(p.average_peak, k, "o", color="w", mec=_BLUE, ms=4)
         ax.plot(p.peak, k, "D", color=_DARK, ms=3)
     ax.axvline(e.total.rmse, color=_LIGHT, ls="--", zorder=0)
-    ax.set_yticks(range(len(rows)), [_short(name) for name, _ in rows])
+    ax.set_yticks(range(len(rows)), [_shorten(name) for name, _ in rows])
     ax.invert_yaxis()
     ax.set_xlim(0, None)
     ax.set_xlabel("error, mm")
     handles = [
-        _handle("s", _BAND, "RMSE ± SD", 6), _handle("o", "w", "average peak", 4, _BLUE),
-        _handle("D", _DARK, "peak", 3),
-    ]  # fmt: skip
+        _legend_handle("s", _BAND, "RMSE ± SD", 6),
+        _legend_handle("o", "w", "average peak", 4, _BLUE),
+        _legend_handle("D", _DARK, "peak", 3),
+    ]
     figure.legend(handles=handles, loc="outside upper right", ncols=3)
 
 
-def _hysteresis(figure: Any, found: Evaluated) -> None:
+def _draw_hysteresis(figure: Any, evaluated: Evaluated) -> None:
     above, below = figure.subplots(2, 1, sharex=True)
-    b = found.evaluation.by_speed
+    b = evaluated.evaluation.by_speed
     middle = (b.edges[:-1] + b.edges[1:]) / 2
-    for ax, values, label in ((above, b.too_far, "too far out, mm"), (below, b.rmse, "RMSE, mm")):
-        for way, color, mark in ((middle < 0, _BLUE, "v"), (middle > 0, _LIGHT, "^")):
-            ax.plot(middle[way], values[way], mark + "-", color=color, ms=3.5, mec=_DARK, mew=0.4,
-                    label="coming back" if mark == "v" else "going out")  # fmt: skip
+    for ax, values, axis_label in (
+        (above, b.too_far, "too large by, mm"),
+        (below, b.rmse, "RMSE, mm"),
+    ):
+        for is_direction, color, mark in ((middle < 0, _BLUE, "v"), (middle > 0, _LIGHT, "^")):
+            label = "returning" if mark == "v" else "moving out"
+            ax.plot(
+                middle[is_direction],
+                values[is_direction],
+                mark + "-",
+                color=color,
+                ms=3.5,
+                mec=_DARK,
+                mew=0.4,
+                label=label,
+            )
         ax.axvline(0, color="0.6", lw=0.5)
-        ax.set_ylabel(label)
+        ax.set_ylabel(axis_label)
     above.axhline(0, color="0.6", lw=0.5)
     below.set_ylim(0, None)
     below.set_xlabel("speed of the markers, mm/s (back < 0 < out)")
@@ -190,8 +233,8 @@ def _hysteresis(figure: Any, found: Evaluated) -> None:
     figure.legend(handles, labels, loc="outside upper right", ncols=2)
 
 
-def _coverage(figure: Any, found: Evaluated) -> None:
-    c = found.evaluation.coverage
+def _draw_coverage(figure: Any, evaluated: Evaluated) -> None:
+    c = evaluated.evaluation.coverage
     assert c is not None
     ax = figure.subplots()
     ax.plot(10 * np.arange(10) + 5, 100 * c.by_tenth, "o-", color=_BLUE, ms=4, mec=_DARK, mew=0.4,
@@ -205,10 +248,10 @@ def _coverage(figure: Any, found: Evaluated) -> None:
     figure.legend(loc="outside upper right", ncols=2)
 
 
-def _budget(figure: Any, found: Evaluated) -> None:
-    """One bar of squares, in % of all; what takes away lies left of 0."""
+def _draw_error_budget(figure: Any, evaluated: Evaluated) -> None:
+    """Draw one bar of squares in percent of the sum; negative shares are left of 0."""
     ax = figure.subplots()
-    budget = found.budget
+    budget = evaluated.budget
     styles = (("#222222", ""), ("#e9e9e9", ""), ("#8fb3d9", "///"), ("#1f5fa8", ""),
               ("#f3c98b", "..."), ("#8a8a8a", "\\\\\\"), ("#e08a1e", ""), ("#ffffff", "xxx"),
               ("#ffffff", ""))  # fmt: skip
@@ -230,24 +273,26 @@ def _budget(figure: Any, found: Evaluated) -> None:
     figure.legend(loc="outside upper center", ncols=2)
 
 
-def _chosen(moved: Float, rmse: Float) -> list[int]:
-    """Up to three markers, none twice."""
+def _choose_markers(displacements: Float, rmse: Float) -> list[int]:
+    """Choose up to three different markers."""
     with np.errstate(all="ignore"):
-        size = np.nan_to_num(np.sqrt(np.nanmean(np.nan_to_num(moved**2).sum(2), axis=0)))
+        size = np.nan_to_num(np.sqrt(np.nanmean(np.nan_to_num(displacements**2).sum(2), axis=0)))
     order = np.argsort(-size, kind="stable")
-    wanted = [order[0], order[len(order) // 2], int(np.argmax(np.nan_to_num(rmse))), *order]
-    return list(dict.fromkeys(int(m) for m in wanted))[:3]
+    candidates = [order[0], order[len(order) // 2], int(np.argmax(np.nan_to_num(rmse))), *order]
+    return list(dict.fromkeys(int(m) for m in candidates))[:3]
 
 
-def _around_the_largest(time: Float, error: Float) -> Int:
-    """Indices of the frames of some seconds around the largest error."""
+def _frames_around_largest(time: Float, error: Float) -> Int:
+    """Return the indices of the frames some seconds around the largest error."""
     middle = float(time[int(np.argmax(error))])
-    first = max(min(middle - _WINDOW / 2, float(time[-1]) - _WINDOW), float(time[0]))
-    return np.flatnonzero((time >= first) & (time <= first + _WINDOW))
+    first = max(
+        min(middle - _PATH_DURATION_S / 2, float(time[-1]) - _PATH_DURATION_S), float(time[0])
+    )
+    return np.flatnonzero((time >= first) & (time <= first + _PATH_DURATION_S))
 
 
-def _broken(time: Float, values: Float) -> tuple[Float, Float]:
-    """Lines that do not cross times without frames."""
+def _break_at_gaps(time: Float, values: Float) -> tuple[Float, Float]:
+    """Insert NaN at gaps, so that lines do not cross times without frames."""
     if len(time) < 3:
         return time, values
     step = np.diff(time)
@@ -255,16 +300,16 @@ def _broken(time: Float, values: Float) -> tuple[Float, Float]:
     return np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan)
 
 
-def _interval(found: Evaluated) -> str:
-    intervals = found.model.main.intervals
+def _interval_label(evaluated: Evaluated) -> str:
+    intervals = evaluated.model.main.intervals
     return f"{100 * intervals.level:.0f} % interval" if intervals else "interval"
 
 
-def _short(name: str) -> str:
+def _shorten(name: str) -> str:
     return name if len(name) <= 20 else name[:19] + "…"
 
 
-def _handle(mark: str, color: str, label: str, size: float, edge: str = _DARK) -> Any:
+def _legend_handle(mark: str, color: str, label: str, size: float, edge: str = _DARK) -> Any:
     from matplotlib.lines import Line2D
 
     return Line2D([], [], ls="", marker=mark, color=color, mec=edge, mew=0.8, ms=size, label=label)

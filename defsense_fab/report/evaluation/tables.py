@@ -1,4 +1,4 @@
-"""An evaluation in plain values: what `--json` prints, and tables for other programs."""
+"""Convert an evaluation to plain values for JSON, and to CSV tables."""
 
 from __future__ import annotations
 
@@ -27,8 +27,14 @@ Rows = list[list[Any]]
 
 
 def as_data(result: SessionEvaluation) -> dict[str, Any]:
-    """All but what is said of single frames; lengths in mm, squares in mm^2, None where not
-    known."""
+    """Return an evaluation without the values of single frames, for JSON.
+
+    Args:
+        result: The evaluation.
+
+    Returns:
+        Plain values: lengths in mm, squares in mm^2, None for unknown values.
+    """
     data = {
         "device": result.device,
         "sessions": result.sessions,
@@ -44,7 +50,14 @@ def as_data(result: SessionEvaluation) -> dict[str, Any]:
 
 
 def csv_files(result: SessionEvaluation) -> dict[str, str]:
-    """Text of CSV files by name: a header line, then numbers with points; empty where not known."""
+    """Return the CSV files of an evaluation.
+
+    Args:
+        result: The evaluation.
+
+    Returns:
+        Texts by file name: a header line, then numbers; unknown values are empty.
+    """
     tables = {
         "table-1.csv": _table_1(result),
         "markers.csv": _by_marker(result.models),
@@ -81,7 +94,7 @@ def _model(m: Evaluated) -> dict[str, Any]:
         "error_budget_by_truth": (
             None if m.by_truth is None else {"total": m.by_truth.total, **m.by_truth.shares}
         ),
-        "predicted": None if m.predicted is None else _foretold(m.predicted),
+        "predicted": None if m.predicted is None else _predicted_error(m.predicted),
         "left_out": {
             "without_samples": e.frames.without_samples,
             "without_markers": e.frames.without_markers,
@@ -90,7 +103,7 @@ def _model(m: Evaluated) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays as lists, NaN as None: JSON has neither."""
+    """Convert arrays to lists and NaN to None, which JSON lacks."""
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
@@ -158,7 +171,7 @@ def _by_speed(models: Sequence[Evaluated]) -> Rows:
 
 
 def _budget(models: Sequence[Evaluated]) -> Rows:
-    """As fitted, and by the truth where it is known."""
+    """Return the fitted error budget, and the true one where it is known."""
     rows: Rows = [["model", "cause", "mean_square_mm2", "share", "how"]]
     for m in models:
         for how, budget in (("truth", m.by_truth), ("fitted", m.budget)):
@@ -171,16 +184,20 @@ def _budget(models: Sequence[Evaluated]) -> Rows:
     return rows
 
 
-def _foretold(p: PredictedError) -> dict[str, Any]:
+def _predicted_error(p: PredictedError) -> dict[str, Any]:
     return {
-        "rmse": p.predicted, "measured": p.measured, "ratio": p.ratio,
-        "promised_ratio": p.design_ratio, "mean_squares": p.shares,
-        "promise": None if p.design is None else asdict(p.design), "shapes_shown_again": p.repeated_share,
-    }  # fmt: skip
+        "rmse": p.predicted,
+        "measured": p.measured,
+        "ratio": p.ratio,
+        "promised_ratio": p.design_ratio,
+        "mean_squares": p.shares,
+        "promise": None if p.design is None else asdict(p.design),
+        "shapes_shown_again": p.repeated_share,
+    }
 
 
 def _predicted(models: Sequence[Evaluated]) -> Rows:
-    """Mean squares add up to the predicted one; RMSE and its ratio to the measured one beside."""
+    """Return the mean squares, which add up to the predicted one, and RMSE with its ratio."""
     rows: Rows = [["model", "cause", "mean_square_mm2", "rmse_mm", "ratio_to_measured"]]
     for m in models:
         if (p := m.predicted) is None:
@@ -213,18 +230,18 @@ def _comparison(result: SessionEvaluation) -> Rows:
     assert c is not None
     rows: Rows = [["samples", "test", "first", "second", "value_or_difference_mm", "low_mm",
                    "high_mm", "degrees_between", "degrees_within", "p"]]  # fmt: skip
-    for what, analysis, pairs in (
+    for samples, analysis, pairs in (
         ("frames", c.by_frame, c.pairs_by_frame), ("blocks", c.by_block, c.pairs_by_block)
     ):  # fmt: skip
         if analysis is None:
             continue
         for name in ("anova", "welch", "kruskal", "levene"):
             s = getattr(analysis, name)
-            rows.append([what, name, None, None, s.value, None, None, s.between, s.within, s.p])
+            rows.append([samples, name, None, None, s.value, None, None, s.between, s.within, s.p])
         for name in ("eta_squared", "omega_squared"):
-            rows.append([what, name, *[None] * 2, getattr(analysis, name), *[None] * 5])
+            rows.append([samples, name, *[None] * 2, getattr(analysis, name), *[None] * 5])
         name = "Games-Howell" if analysis.variances_differ else "Tukey HSD"
-        rows += [[what, name, p.first, p.second, p.difference, p.low, p.high, None, None, p.p]
+        rows += [[samples, name, p.first, p.second, p.difference, p.low, p.high, None, None, p.p]
                  for p in pairs]  # fmt: skip
     rows += [["blocks of differences", "paired t, Holm", p.first, p.second, p.difference, p.low,
               p.high, None, p.samples - 1, p.p] for p in c.paired]  # fmt: skip

@@ -144,7 +144,7 @@ def test_layout_and_manifest_are_consistent(device):
     unseen = layout["prediction"]["held_out"].items()
     name, error = max(unseen, key=lambda item: item[1])
     assert len(unseen) > 1
-    assert f"{name} by {error:.2f} mm, the most" in page
+    assert f"{error:.2f} mm in {name}" in page
     # Nothing asks the network (this is a name, not an address); base64 holds no colon.
     assert set(re.findall(r"\w+://[\w./]*", page)) == {"http://www.w3.org/1999/xhtml"}
     for each in (page, (device / "build" / "guide.html").read_text("utf-8")):
