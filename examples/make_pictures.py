@@ -73,12 +73,14 @@ def draw_device(folder, further=()):
             points = cord.points if state is None else simulation.displaced(cord.points)[state]
             tube = pv.lines_from_points(points).tube(radius=cord.cord_diameter / 2)
             plotter.add_mesh(tube, color=CORD_COLORS[k % len(CORD_COLORS)])
-        plotter.add_text(title, "lower_edge", SMOOTHING * TITLE_PX // 2, color="#3c4a54")
+        plotter.add_text(
+            title, position="lower_edge", font_size=SMOOTHING * TITLE_PX // 2, color="#3c4a54"
+        )
         plotter.camera.focal_point = center
         plotter.camera.position = center + 4 * radius * np.array(VIEW_DIRECTION)
         plotter.camera.up = (0, 0, 1)
         plotter.enable_parallel_projection()
-        plotter.camera.parallel_scale = 0.8 * radius
+        plotter.camera.parallel_scale = radius
         plotter.reset_camera_clipping_range()
     image = Image.fromarray(plotter.screenshot(return_img=True))
     plotter.close()
