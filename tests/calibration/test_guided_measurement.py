@@ -251,18 +251,18 @@ def test_guided_measurement_in_a_terminal(tmp_path):
     command = ("calibrate", "record", "--port", "twin:speed=40", "--specimen", str(tmp_path),
                "--rounds", "1", "--faces", "a")  # fmt: skip
     screen = Terminal(*command)
-    screen.wait_for("(?s)0 of 5 readings.*Lay the specimen on the flat jig")
+    screen.wait_for("(?s)0 of 5 readings.*the flat jig")
     screen.press("\n")
     screen.wait_for("(?s)1 of 5 readings.*its BOTTOM side on the jig.*Enter measure")
     screen.press("\n")
     screen.wait_for("2 of 5 readings")
     screen.press("q")
-    screen.wait_for("stopped with 2 of 5 readings")
+    screen.wait_for("(?i)stopped.* 2 of 5 readings")
     assert screen.wait() == STOPPED
     screen = Terminal(*command)
     for done in (2, 3, 4):
         screen.wait_for(f"(?s){done} of 5 readings.*Enter measure")
         screen.press("\n")
-    screen.wait_for("all 5 readings are done")
+    screen.wait_for("(?i)all 5 readings")
     assert screen.wait() == 0
     assert sessions.unfinished_steps(sessions.load_session(tmp_path / "session")) == []
