@@ -37,3 +37,7 @@ def test_distant_points_are_refused(simulation, points, count, index, distance):
 
 def test_no_points_give_an_empty_array(simulation):
     assert simulation.displaced(np.zeros((0, 3))).shape == (len(simulation.names), 0, 3)
+
+
+def test_picture_of_a_state_is_a_png(simulation):
+    assert simulation.picture("bend@1").png.startswith(b"\x89PNG")
