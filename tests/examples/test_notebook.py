@@ -1,4 +1,4 @@
-"""The notebook of the Python interface runs from top to bottom, and was kept as it ran."""
+"""The notebook of the Python interface runs, and its saved outputs are up to date."""
 
 import importlib.util
 import json
@@ -11,16 +11,16 @@ NOTEBOOK = FOLDER / "first-device.ipynb"
 
 
 @pytest.mark.slow
-def test_the_notebook_runs_and_its_figures_are_those_kept():
+def test_notebook_runs_and_has_the_saved_kinds_of_outputs():
     spec = importlib.util.spec_from_file_location("run_cells", FOLDER / "run_cells.py")
     runner = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(runner)
-    kept = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
-    made, names = runner.run_notebook(NOTEBOOK)
+    saved = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+    executed, names = runner.run_notebook(NOTEBOOK)
     assert NOTEBOOK.stat().st_size < 300_000
     kinds = [
         [[sorted(o.get("data", {})) for o in c.get("outputs", [])] for c in n["cells"]]
-        for n in (kept, made)
+        for n in (saved, executed)
     ]
     assert kinds[0] == kinds[1]
     assert json.dumps(kinds[1]).count("image/png") == 5

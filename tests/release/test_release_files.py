@@ -1,4 +1,4 @@
-"""Version, changelog and citation agree, and say what docs/release.md promises."""
+"""Version, changelog and citation agree, and follow docs/release.md."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_version_changelog_and_citation_agree():
     assert re.search(r"^license: Apache-2.0$", citation, re.M)
 
 
-def test_the_changelog_has_the_sections_of_its_rule():
+def test_changelog_has_the_sections_of_its_rule():
     (rule,) = re.findall(r"sections by task.*?left out", _read("docs/release.md"), re.S)
     known = ["To do when you update", *re.findall(r"\*([^*]+)\*", rule)]
     for release in re.split(r"^## .+$", _read("CHANGELOG.md"), flags=re.M)[1:]:

@@ -1,4 +1,4 @@
-"""The wheel of an sdist of what is tracked: what it carries, and that it runs far from here."""
+"""Build an sdist and a wheel of the tracked files: the contents, and use outside the repository."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def _tracked():
 
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory):
-    """A wheel, built as PyPI's are: of an sdist, which was built of what is tracked."""
+    """Return the contents of a wheel built from an sdist of the tracked files, as for PyPI."""
     top = tmp_path_factory.mktemp("release")
-    left_out = ("tests/", "benchmarks/", "fixtures/c3d/")
+    excluded = ("tests/", "benchmarks/", "fixtures/c3d/")
     for name in _tracked():
-        if not name.startswith(left_out):
+        if not name.startswith(excluded):
             (top / "checkout" / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, top / "checkout" / name)
     _run(_BUILD.format(kind="sdist"), top / "checkout", top)
@@ -52,44 +52,43 @@ def _run(program, folder, *words):
     return done.stdout
 
 
-def test_it_has_every_file_of_the_package_and_nothing_else(unpacked):
-    found = {p.relative_to(unpacked).as_posix() for p in unpacked.rglob("*") if p.is_file()}
-    found = {n for n in found if ".dist-info/" not in n}
+def test_wheel_contains_the_files_of_the_package_only(unpacked):
+    files = {p.relative_to(unpacked).as_posix() for p in unpacked.rglob("*") if p.is_file()}
+    files = {n for n in files if ".dist-info/" not in n}
     package = {n for n in _tracked() if n.startswith("defsense_fab/")}
-    carried = {n for n in found if n.startswith(tuple(f"defsense_fab/data/{k}/" for k in
+    carried = {n for n in files if n.startswith(tuple(f"defsense_fab/data/{k}/" for k in
                ("devices", "examples", "firmware")))}  # fmt: skip
-    assert found - carried == package
+    assert files - carried == package
     for name, folder in (("devices", "fixtures/devices"), ("examples", "examples"),
                          ("firmware", "firmware")):  # fmt: skip
-        there = [n for n in carried if n.startswith(f"defsense_fab/data/{name}/")]
-        assert there
-        for one in there:
-            of = ROOT / folder / one.removeprefix(f"defsense_fab/data/{name}/")
-            assert (unpacked / one).read_bytes() == of.read_bytes()
+        copies = [n for n in carried if n.startswith(f"defsense_fab/data/{name}/")]
+        assert copies
+        for copy in copies:
+            source = ROOT / folder / copy.removeprefix(f"defsense_fab/data/{name}/")
+            assert (unpacked / copy).read_bytes() == source.read_bytes()
 
 
-_TRY = """
+_PROGRAM = """
+from pathlib import Path
 import defsense_fab
 assert defsense_fab.__file__.startswith({here!r}), defsense_fab.__file__
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.storage.package_data import package_data
-from defsense_fab.workflow.reproduce.experiments.examples import example_names, find_experiments
-from defsense_fab.workflow.starts.starting_devices import STARTS, begin_with
-from pathlib import Path
-for start in STARTS:
-    begin_with(start, Path(start.name), "grip")
-    assert load_device(Path(start.name)).poses and start.picture
-for one in find_experiments(example_names()):
-    assert one.cords or load_device(one.folder).body.path.is_file()
-assert (package_data("firmware") / "DefSense" / "src" / "DefSense.cpp").is_file()
-from defsense_fab.core.storage.package_data import read_rows
+from defsense_fab.core.storage.package_data import package_data, read_rows
 from defsense_fab.report.viewer import page
+from defsense_fab.workflow.reproduce.experiments.examples import example_names, find_experiments
+from defsense_fab.workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
+for start in STARTING_DEVICES:
+    create_starting_device(start, Path(start.name), "grip")
+    assert load_device(Path(start.name)).poses and start.picture
+for experiment in find_experiments(example_names()):
+    assert experiment.cords or load_device(experiment.folder).body.path.is_file()
+assert (package_data("firmware") / "DefSense" / "src" / "DefSense.cpp").is_file()
 """
 
 
-def test_what_needs_its_files_runs_far_from_the_repository(unpacked, tmp_path):
+def test_package_data_are_found_outside_the_repository(unpacked, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(unpacked)}
-    program = _TRY.format(here=str(unpacked))
+    program = _PROGRAM.format(here=str(unpacked))
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, env=environment,
                           capture_output=True, text=True)  # fmt: skip
     assert done.returncode == 0, done.stderr
