@@ -99,15 +99,15 @@ class PosePath:
     held_out: bool
 
 
-def pose_paths(found: SurfaceErrors) -> list[PosePath]:
+def pose_paths(errors: SurfaceErrors) -> list[PosePath]:
     """Return the paths to the states that reports show."""
-    return [_path(found, i) for i in found.shown]
+    return [_path(errors, i) for i in errors.shown]
 
 
-def _path(found: SurfaceErrors, state: int) -> PosePath:
+def _path(errors: SurfaceErrors, state: int) -> PosePath:
     """Return the path to a state: the states with the same poses in the same ratio, up to it."""
-    full = found.weights[state]
-    position_by_state = {k: _fraction(weights, full) for k, weights in enumerate(found.weights)}
+    full = errors.weights[state]
+    position_by_state = {k: _fraction(weights, full) for k, weights in enumerate(errors.weights)}
     on_path = sorted(
         (a, k) for k, a in position_by_state.items() if a is not None and (a < 1 or k == state)
     )
@@ -115,7 +115,7 @@ def _path(found: SurfaceErrors, state: int) -> PosePath:
         state_words(full),
         np.array([k for _, k in on_path]),
         np.array([a for a, _ in on_path]),
-        bool(found.held_out[state]),
+        bool(errors.held_out[state]),
     )
 
 
@@ -164,7 +164,7 @@ class Scene:
 def scene(
     device: Device,
     build: Build,
-    found: SurfaceErrors,
+    errors: SurfaceErrors,
     frame: Float,
 ) -> Scene:
     """Return the 3D view of a build: parts, cords, and the body's surface in all poses.
@@ -172,7 +172,7 @@ def scene(
     Args:
         device: The device.
         build: Its build, with parts.
-        found: Errors of the build's surface.
+        errors: Errors of the build's surface.
         frame: Axes (3, 3) to the right, up and towards the viewer, one a row.
 
     Raises:
@@ -182,14 +182,14 @@ def scene(
     packed, bounds = PackedArrays(), np.array([s.bounds for s in parts.values()])
     low, high = bounds[:, 0].min(0), bounds[:, 1].max(0)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
-    paths = pose_paths(found)
+    paths = pose_paths(errors)
     states = np.unique(np.concatenate([p.states for p in paths]))
     device_followers = followers(device, layout, manifest)
     movements = joint_movements(manifest.assembly, [p.name for p in manifest.parts], size)
     light_parts = simplify_parts(parts, size)
     points = np.concatenate([f.points for f in device_followers])
-    displacements = moved_points(build.mesh, points, found.fields.displacements[states])
-    lengths = _Lengths(packed, middle, size, found.moved[states], displacements)
+    displacements = moved_points(build.mesh, points, errors.fields.displacements[states])
+    lengths = _Lengths(packed, middle, size, errors.moved[states], displacements)
     content = {
         "device": device.name,
         "step": lengths.step,
@@ -206,8 +206,8 @@ def scene(
             follower_movements(device_followers, parts, movements),
             displacements,
         ),
-        "surface": _surface(lengths, found, states),
-        "states": _states(build.prediction.signals[1:], found, states),
+        "surface": _surface(lengths, errors, states),
+        "states": _states(build.prediction.signals[1:], errors, states),
         "poses": [_pose(p, states) for p in paths],
         "resistances": [_resistance(manifest, s.name) for s in layout.sensors],
     }
@@ -275,30 +275,30 @@ def _followers(
     ]
 
 
-def _surface(lengths: _Lengths, found: SurfaceErrors, states: Int) -> dict[str, Any]:
+def _surface(lengths: _Lengths, errors: SurfaceErrors, states: Int) -> dict[str, Any]:
     """Return the simulated surface, and its displacement, error and strain in each state."""
-    faces = decimate_faces(Surface(found.rest, found.faces), len(states))
+    faces = decimate_faces(Surface(errors.rest, errors.faces), len(states))
     vertices = vertex_order(faces)
-    number = np.zeros(len(found.rest), np.int64)
+    number = np.zeros(len(errors.rest), np.int64)
     number[vertices] = np.arange(len(vertices))
-    missed, strain = found.missed[states][:, vertices], found.strain[states][:, vertices]
-    shown = found.strain[list(found.shown)]
+    missed, strain = errors.missed[states][:, vertices], errors.strain[states][:, vertices]
+    shown = errors.strain[list(errors.shown)]
     top = float(np.percentile(shown, _TOP_STRAIN_PERCENTILE))
     missed_step = float(f"{np.abs(missed).max(initial=1e-9) / _STEPS_PER_ERROR:.6g}")
     return {
-        "places": lengths.places(found.rest[vertices]),
+        "places": lengths.places(errors.rest[vertices]),
         "faces": lengths.packed.faces(number[faces]),
-        "moved": lengths.movements(found.moved[states][:, vertices]),
+        "moved": lengths.movements(errors.moved[states][:, vertices]),
         "missed": lengths.packed.lengths(missed, missed_step),
         "missed_step": missed_step,
         "strain": lengths.packed.shares(strain, top),
-        "top_error": float(f"{found.highest:.4g}"),
+        "top_error": float(f"{errors.highest:.4g}"),
         "top_strain": float(f"{top:.4g}"),
     }
 
 
-def _states(signals: Float, found: SurfaceErrors, states: Int) -> list[dict[str, Any]]:
-    return [{"name": found.names[s], "signals": _round(signals[s])} for s in states]
+def _states(signals: Float, errors: SurfaceErrors, states: Int) -> list[dict[str, Any]]:
+    return [{"name": errors.names[s], "signals": _round(signals[s])} for s in states]
 
 
 def _pose(path: PosePath, states: Int) -> dict[str, Any]:

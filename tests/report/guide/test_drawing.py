@@ -1,4 +1,4 @@
-"""Step pictures hold all of a body, and their labels stand beside it."""
+"""Pictures of steps hold the whole body, and labels are beside it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_body_of_any_shape_fits(size):
     assert max(np.ptp(rows), np.ptp(columns)) > 500  # and it fills the picture
 
 
-def test_labels_stand_beside_the_body_and_apart():
+def test_labels_are_beside_the_body_and_apart():
     drawing = Drawing(FRONT)
     drawing.part(block(np.zeros(3), np.array([50.0, 50, 50])), "#00798c", name="cube")
     drawing.label("cube", "cube")
@@ -74,7 +74,7 @@ def test_no_label_of_a_flat_body_is_cut_off(count, thick, monkeypatch):
     assert all((np.diff(np.sort(h)) >= module.LINE_HEIGHT_PX).all() for h in heights.values())
 
 
-def test_a_focus_shows_what_is_near():
+def test_a_focus_enlarges_its_surroundings():
     near = Drawing(FRONT, (np.zeros(3), 20.0))
     near.part(block(np.zeros(3), np.array([500.0, 50, 50])), "#00798c")
     near.ball(np.zeros(3), 5.0, "#c1121f")

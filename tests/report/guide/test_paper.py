@@ -118,7 +118,7 @@ def test_the_cut_face_is_drawn_at_its_size(guide, device):
     assert {letter for letter, _, _ in found.pins} == {"a", "b"}
 
 
-def test_a_face_is_seen_from_where_it_opens(guide, device):
+def test_a_face_is_not_mirrored(guide, device):
     """Not mirrored: a pin lies to the same side of the cord as in the device."""
     (found,) = guide.faces
     joint = next(s.joint for s in guide.typed if s.joint)
@@ -133,7 +133,7 @@ def test_a_face_is_seen_from_where_it_opens(guide, device):
     assert np.sign(flat) == np.sign(turn(line[0], line[-1], pin, joint.opens))
 
 
-def test_strips_longer_than_a_page_are_broken(guide):
+def test_cords_longer_than_a_page_are_broken_into_rows(guide):
     (strip,) = guide.strips
     long = CordStrip(replace(strip, length=500.0, mark=480.0), 182.0)
     assert len(long.row_starts) == 3
@@ -149,7 +149,7 @@ def test_a_face_is_turned_to_fit_or_left_out(guide):
 
 
 @pytest.mark.parametrize("count", [1, 3, 80])
-def test_a_step_longer_than_a_page_goes_on_below_its_picture(guide, tmp_path, count):
+def test_a_step_longer_than_a_page_continues_below_its_picture(guide, tmp_path, count):
     pdfium = pytest.importorskip("pypdfium2")
     (shown, *_), *_ = (s.passages for s in guide.steps)
     words = " and lay it into the groove of the lower part, ferrule first" * (
@@ -182,7 +182,7 @@ def test_a_measurement_and_its_limit_are_comparable(value, limit, least, shown, 
     assert row == ("wall", shown, must, holds, "(0, 0, 0)")
 
 
-def test_shares_are_told_in_per_cent():
+def test_shares_are_percentages():
     checks = (Check("part: share thinner than 0.8 mm", 0.0123, 0.5, "", ""),)
     (row,) = guide_checks(SimpleNamespace(checks=checks)).rows
     assert row[1:4] == ("1.23 %", "at most 50 %", "yes")

@@ -1,4 +1,4 @@
-"""Pictures hold all that is drawn, and nothing but it."""
+"""Pictures hold all shapes without empty margins."""
 
 import base64
 import io
@@ -45,7 +45,7 @@ def test_a_body_fills_its_picture_from_every_side(size, frame):
             assert (rim(shot.image, 1) == 255).all()
 
 
-def test_up_and_right_are_where_they_are_said_to_be():
+def test_axes_point_up_and_right():
     for frame in (Z_UP, Y_UP):
         view = views.three_quarter(frame)
         assert view.flat(frame)[0, 0] > 0.5
@@ -54,7 +54,7 @@ def test_up_and_right_are_where_they_are_said_to_be():
         assert np.cross(view.right, view.up) == pytest.approx(view.back)
 
 
-def test_what_hides_is_told_from_what_is_hidden():
+def test_hidden_shapes_are_detected():
     near, far = box_surface([-20, -20, -20], [20, -10, 20]), box_surface([-5, 10, -5], [5, 20, 5])
     with Scene() as scene:
         scene.solid(near, "#aa0000", name="near")

@@ -1,4 +1,4 @@
-"""Sections go through what moves and what is strained; their values are those of the field."""
+"""Sections go through the movement and the strain; their values are those of the field."""
 
 import numpy as np
 import pytest
@@ -92,6 +92,6 @@ def test_a_picture_of_sections_is_whole(bar):
         assert (np.abs(picture.astype(int) - color).max(2) < 12).sum() > 50
 
 
-def test_states_are_told_in_words():
+def test_states_are_described():
     assert state_words({"bend": 1.0, "twist": 0.5}) == "bend + twist 50 %"
     assert state_words({"bend": 1.0, "twist": 0.0}) == "bend"

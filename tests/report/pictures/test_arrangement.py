@@ -1,4 +1,4 @@
-"""What is beside a drawing: labels, panels, scales, numbers."""
+"""Labels, panels and scales are arranged without overlap."""
 
 import itertools
 
@@ -34,7 +34,7 @@ def test_labels_stand_beside_the_drawing_and_their_lines_do_not_cross(seed):
             assert not crosses(anchors[i], placed.ends[i], anchors[j], placed.ends[j])
 
 
-def test_labels_that_have_room_stay_where_they_are_wanted():
+def test_labels_with_room_keep_their_preferred_places():
     wanted = np.array([10.0, 60, 65, 70, 200])
     found = labels.spread(wanted, 20.0)
     assert found == pytest.approx([10, 45, 65, 85, 200])  # the crowd about its middle
