@@ -1,4 +1,4 @@
-"""A studio's page on the smallest built device; browsers are not part of it."""
+"""Pages of the studio on small built devices, without a browser."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ def free_port():
 
 @pytest.fixture(autouse=True)
 def own_settings(tmp_path, monkeypatch):
-    """Tests neither see nor change to which scripts the user has agreed."""
+    """Keep tests away from the agreements of the user."""
     monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path / "settings"))
 
 
 @pytest.fixture(scope="session")
 def studio_server():
     pytest.importorskip("viser")
-    made = serve_page(free_port(), "test")
-    yield made
-    close_page(made)
+    server = serve_page(free_port(), "test")
+    yield server
+    close_page(server)
 
 
 def defsense(command, folder):
-    """The command line's `command` on a device's folder."""
+    """Run a command of the command line on a device's folder."""
     subprocess.run(
         [sys.executable, "-m", "defsense_fab.cli.main", command, str(folder)],
         check=True, capture_output=True,
@@ -50,7 +50,7 @@ def defsense(command, folder):
 
 @pytest.fixture(scope="session")
 def made_bar(tmp_path_factory):
-    """The folder of a coarse bar with two locked cords, built up to the report."""
+    """Return the folder of a coarse bar with two locked cords, built up to the report."""
     folder = tmp_path_factory.mktemp("made") / "bar"
     folder.mkdir()
     shutil.copy(BAR / "bar.py", folder)
@@ -66,20 +66,20 @@ def made_bar(tmp_path_factory):
     down, twist = text.index('[[poses]]\nname = "bend_down"'), text.index('[[poses]]\nname = "twi')
     text = text[:down] + text[twist:]
     (folder / "device.toml").write_text(text[: text.rindex("[[sensors]]")], encoding="utf-8")
-    # By the command, in a process of its own: that is what the page is compared with.
+    # The page is compared with the results of the command, in a process of its own.
     defsense("build", folder)
     return folder
 
 
 @pytest.fixture
 def made_page(studio_server, made_bar, tmp_path):
-    """The page of a copy of that bar."""
+    """Open the page of a copy of that bar."""
     yield from page_of(studio_server, made_bar, tmp_path / "bar")
 
 
 @pytest.fixture
 def studio_page(studio_server, live_bar, tmp_path):
-    """The page of a copy of a built bar, which a test may change."""
+    """Open the page of a copy of a built bar, which a test may change."""
     yield from page_of(studio_server, live_bar.folder, tmp_path / "bar")
 
 
@@ -87,6 +87,6 @@ def page_of(studio_server, built, folder):
     shutil.copytree(built, folder)
     studio_server.gui.reset()
     studio_server.scene.reset()
-    made = StudioPage(studio_server, Project(folder), Agreement(trusted=True))
-    yield made
-    made.close()
+    page = StudioPage(studio_server, Project(folder), Agreement(trusted=True))
+    yield page
+    page.close()

@@ -1,4 +1,9 @@
-"""A device's file as a person wrote it: comments, spaces, tables in one line and in many."""
+"""A device's file in a user's style: comments, spaces, tables in one line and in many.
+
+Also the controls of a page as a browser uses them.
+"""
+
+from types import SimpleNamespace
 
 TEXT = """\
 # A grip that knows how it is held.
@@ -61,10 +66,23 @@ control_points = [[2, 0], [10, 0], [140, 0], [148, 0]]
 
 
 def write_device(folder):
-    """The folder, with the file and a script that is not run."""
+    """Write the file, and a script that is not run, to the folder, and return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "device.toml").write_text(TEXT, encoding="utf-8")
     (folder / "grip.py").write_text(
         "def body(length=150, width=30):\n    return None\n", encoding="utf-8"
     )
     return folder
+
+
+def set_by_user(control, value):
+    """Set a control of the page, as a browser does."""
+    control.value = value
+    for callback in control._impl.update_cb:
+        callback(SimpleNamespace(client=object(), target=control))
+
+
+def click(button):
+    """Click a button of the page, as a browser does."""
+    for callback in button._impl.update_cb:
+        callback(None)

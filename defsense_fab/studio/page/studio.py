@@ -111,8 +111,9 @@ class Studio:
             project = Project(self._folder)
         except DefsenseError as error:
             shown = self.page.error if isinstance(self.page, ErrorPage) else None
-            if shown is None or str(shown) != str(error):
-                self._show_page(lambda: ErrorPage(self._server, self._folder, error))
+            problem = error
+            if shown is None or str(shown) != str(problem):
+                self._show_page(lambda: ErrorPage(self._server, self._folder, problem))
             return
         self._show_page(lambda: StudioPage(self._server, project, self._agreement))
 

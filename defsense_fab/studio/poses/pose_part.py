@@ -14,7 +14,6 @@ from ...optimize.prediction.pose_preview import unreached_message
 from ..edits.edit import Edit, free_name
 from ..edits.poses import add_pose, duplicate_pose, remove_pose, rename_pose, set_role, shift_handle
 from ..workbench.workbench import Workbench
-from .choices import choices
 from .gizmos import center, edits_of, grips_of, with_grip
 from .poses_scene import PosesScene
 from .preview_work import Answer, Wanted
@@ -117,7 +116,7 @@ class PosePart:
             "Cancel", "The last shape stays", self._scene.work.cancel, disabled=True
         )
         self._name = gui.add_text("Name", "", hint="Letters, digits, - and _: it names files")
-        choices(self._bench, "Pose", {
+        self._bench.button_row("Pose", {
             "New": self.add, "Copy": self.duplicate, "Rename": self.rename, "Delete": self.delete,
         }, "A new one holds a region and turns another; mixed states follow names")  # fmt: skip
         self.roles.add_panel()
@@ -224,7 +223,7 @@ class PosePart:
         """The chosen pose, to what is written in the field."""
         name = self._name.value.strip()
         if self.chosen is None:
-            self._bench.show_message("Choose a pose first.")
+            self._bench.show_message("Choose a pose first.", "no-pose-chosen")
         elif name != self.chosen:
             before, self.chosen = self.chosen, name
             if not self._bench.apply(rename_pose(before, name)):
@@ -235,7 +234,7 @@ class PosePart:
         device = self._bench.project.device
         regions = list(device.regions)
         if len(regions) < 2:
-            self._bench.show_message(_FIRST)
+            self._bench.show_message(_FIRST, "regions-too-few")
             return
         held = device.outputs.anchor or regions[0]
         points = self._scene.points if self._scene.body is not None else np.zeros((0, 3))
@@ -248,7 +247,7 @@ class PosePart:
     def duplicate(self) -> None:
         """The chosen pose."""
         if self.chosen is None:
-            self._bench.show_message("Choose a pose first.")
+            self._bench.show_message("Choose a pose first.", "no-pose-chosen")
             return
         names = [p.name for p in self._bench.project.device.poses]
         name = free_name(self.chosen, names)
@@ -257,7 +256,7 @@ class PosePart:
     def delete(self) -> None:
         """The chosen pose."""
         if self.chosen is None:
-            self._bench.show_message("Choose a pose first.")
+            self._bench.show_message("Choose a pose first.", "no-pose-chosen")
         else:
             self._bench.apply(remove_pose(self.chosen))
 

@@ -35,7 +35,7 @@ class PosesMode(Mode):
         self.regions, self.poses = RegionPart(self.scene), PosePart(self.scene, self.ramp)
         self.suggestions = SuggestionPart(self.scene)
         self.ramp.seek, self.ramp.pose = self.poses.seek_share, lambda: self.poses.pose
-        self.suggestions.taken = self.poses.choose
+        self.suggestions.on_taken = self.poses.choose
         self.scene.clicked = self.poses.pulls.clicked
         self._entered = False
         self.part = POSES  # or REGIONS, whichever is shown
@@ -75,7 +75,7 @@ class PosesMode(Mode):
     def on_build_loaded(self) -> None:
         self.ramp.stop()
         self.scene.load()
-        self.suggestions.built()
+        self.suggestions.on_build_loaded()
 
     def on_device_changed(self) -> None:
         self.scene.color_regions()

@@ -68,7 +68,9 @@ class PreviewWork:
         self._other: list[PosePreview | None] = []  # of another build, not taken up yet
         self._coarse: list[tuple[PosePreview, TetMesh]] = []
         self.times: deque[Times] = deque(maxlen=_TIMES)
-        self._work: LatestWorker[Wanted | Callable[[PosePreview], None]] = LatestWorker(self._do, failed)
+        self._work: LatestWorker[Wanted | Callable[[PosePreview], None]] = LatestWorker(
+            self._do, failed
+        )
 
     @property
     def has_coarse(self) -> bool:

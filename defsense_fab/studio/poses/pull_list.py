@@ -9,8 +9,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import PointDrag, Pose
 from ...runtime.view.camera import intersect_ray
-from ..edits.poses import remove_drag, stiffen_drag
-from ..edits.poses import drag_point
+from ..edits.poses import drag_point, remove_drag, stiffen_drag
 from .poses_scene import PosesScene
 
 NONE = "none"
@@ -75,7 +74,9 @@ class PullList:
             return
         met = intersect_ray(body.vertices, body.faces, origin, direction)
         if met is None:
-            self._bench.show_message("No point of the body lies there.")
+            self._bench.show_message(
+                "There is no point of the body at this place.", "no-body-point"
+            )
             return
         face, weights = met
         at = weights @ body.rest[body.faces[face]]

@@ -12,8 +12,14 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Pose
 from ...core.errors import DefsenseError
-from ...optimize.prediction.pose_preview import PosePreview, PreviewedPose
-from ...optimize.prediction.pose_preview import follow_ramp, Ramp, RAMP_SHARES, load_ramp
+from ...optimize.prediction.pose_preview import (
+    RAMP_SHARES,
+    PosePreview,
+    PreviewedPose,
+    Ramp,
+    follow_ramp,
+    load_ramp,
+)
 from .poses_scene import PosesScene
 from .preview_work import Wanted
 
@@ -85,7 +91,7 @@ class RampPart:
             return
         pose = self.pose()
         if pose is None or self._scene.body is None:
-            self._bench.show_message("Choose a pose of a meshed body first.")
+            self._bench.show_message("Choose a pose of a meshed body first.", "no-pose-chosen")
             return
         self._over = over = threading.Event()
         self._button.label = _STOP

@@ -14,10 +14,8 @@ from ...optimize.prediction.region_points import find_region_problems, fit_box, 
 from ...runtime.view.camera import View, in_rectangle
 from ..edits.edit import free_name
 from ..edits.poses import remove_region, rename_region, set_box, shift_region
-from .choices import choices
 from .gizmos import Grip, middle, shifted
-from .poses_scene import region_color
-from .poses_scene import PosesScene
+from .poses_scene import PosesScene, region_color
 
 NONE = "none"
 NEW, REFIT = "makes a region", "fits the chosen region"
@@ -49,7 +47,7 @@ class RegionPart:
         self._list = gui.add_dropdown("Region", (NONE,), hint="It can be moved by its gizmo")
         self._list.on_update(lambda event: self._listed(event))
         self._name = gui.add_text("Name", "", hint="Letters and digits; poses keep to it")
-        choices(self._bench, "Region", {
+        self._bench.button_row("Region", {
             "Rename": self.rename, "Delete": self.delete,
         }, "Poses follow its name; one that a pose needs stays")  # fmt: skip
         self._low = gui.add_vector3("Low corner", (0, 0, 0), step=0.5, hint="mm, at rest")
@@ -93,13 +91,14 @@ class RegionPart:
     def select(self, view: View, low: Float, high: Float) -> None:
         """A box about what a rectangle from `low` to `high` (2,) of a picture has of the body."""
         if self._scene.body is None:
-            self._bench.show_message(_NO_BODY)
+            self._bench.show_message(_NO_BODY, "not-meshed")
             return
         points = self._scene.points
         inside = in_rectangle(self._scene.body.vertices, view, low, high)
         if not inside.any():
             self._bench.show_message(
-                "No point of the surface lies in that rectangle: draw it over the body."
+                "The rectangle contains no point of the surface. Draw it over the body.",
+                "rectangle-empty",
             )
             return
         box = fit_box(points[inside], self._scene.size)
@@ -133,7 +132,7 @@ class RegionPart:
         """The chosen region, to what is written in the field."""
         name = self._name.value.strip()
         if self.chosen is None:
-            self._bench.show_message("Choose a region first.")
+            self._bench.show_message("Choose a region first.", "no-region-chosen")
         elif not name.replace("_", "").replace("-", "").isalnum():
             self._bench.show_message("Give the region a name of letters, digits, - and _.")
         elif name != self.chosen:
@@ -144,19 +143,27 @@ class RegionPart:
     def delete(self) -> None:
         """The chosen region."""
         if self.chosen is None:
-            self._bench.show_message("Choose a region first.")
+            self._bench.show_message("Choose a region first.", "no-region-chosen")
         else:
             self._bench.apply(remove_region(self.chosen))
 
     def make_box(self) -> None:
         """The chosen region, whatever its shape, as a box about its points."""
         if self.chosen is None or self._scene.body is None:
-            self._bench.show_message(_NO_BODY if self._scene.body is None else "Choose a region first.")
+            self._bench.show_message(
+                _NO_BODY if self._scene.body is None else "Choose a region first.",
+                "no-region-chosen",
+            )
             return
         points = self._scene.points
         inside = self._bench.project.device.regions[self.chosen].contains(points)
         if not inside.any():
-            raise DeviceError(f"`{self.chosen}` holds no surface point to fit a box to; move it")
+            raise DeviceError(
+                "holds no surface point to fit a box to",
+                code="region-empty",
+                where=f"region `{self.chosen}`",
+                action="Move it",
+            )
         box = fit_box(points[inside], self._scene.size)
         self._bench.apply(set_box(self.chosen, box.low, box.high))
 

@@ -1,4 +1,7 @@
-"""The scripts that the user has agreed to run: scripts are programs, and anybody can send a folder."""
+"""The scripts that the user has agreed to run.
+
+Scripts are programs, and a folder may come from anybody.
+"""
 
 from __future__ import annotations
 

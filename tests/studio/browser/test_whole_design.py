@@ -54,10 +54,10 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
     page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
     person = Person(page)
 
-    person.press("Begin with the bar")
+    person.press("Start with the bar")
     page.get_by_text("Made by").wait_for()
     device = lambda: studio.page.bench.project.device  # noqa: E731
-    person.write("Edge length, mm", "20")
+    person.write("Edge length (mm)", "20")
     assert until(lambda: device().mesh.edge_length == 20)
     person.choose("Decoder", "affine")  # a single one takes a fourth of the time
     assert until(lambda: device().decoder == "affine")

@@ -1,4 +1,4 @@
-"""What edits leave in the file, and what they leave alone."""
+"""Edits change their part of the file and nothing else."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.studio.edits import body, cords, poses
 from tests.studio.devices import TEXT, write_device
+from tests.support.errors import raises
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def done(edit, text=TEXT):
 
 
 def changed(edit, text=TEXT):
-    """Lines that went and came."""
+    """Return the removed and added lines."""
     lines = difflib.unified_diff(text.splitlines(), done(edit, text).splitlines(), n=0, lineterm="")
     return [x for x in lines if x[0] in "+-" and x[:3] not in ("+++", "---")]
 
@@ -72,7 +73,7 @@ def test_a_cord_is_drawn_renamed_locked_and_deleted(folder):
     assert done(cords.remove_cord("bottom"), text).count("[[sensors]]") == 2
 
 
-def test_all_cords_may_go_and_one_come(folder):
+def test_all_cords_are_deleted_and_one_is_added(folder):
     text = done(cords.remove_cord("top"), done(cords.remove_cord("side")))
     assert "[[sensors]]" not in text
     points = np.array([[2.0, 0], [10, 0], [60, 3], [70, 3]])
@@ -81,7 +82,7 @@ def test_all_cords_may_go_and_one_come(folder):
     assert [s.name for s in parse_device(text, folder).sensors] == ["new"]
 
 
-def test_a_mirrored_cord_lies_where_the_mirror_shows_it(folder):
+def test_a_mirrored_cord_is_the_reflection(folder):
     text = done(cords.mirror_cord("top", "low", np.zeros(3), np.array([0.0, 0, 2])))
     top, _, low = parse_device(text, folder).sensors
     seen = top.plane.to_world(top.curve.sample(8)) * [1, 1, -1]
@@ -107,7 +108,7 @@ def test_poses_keep_their_states_and_regions_in_step(folder):
     device = parse_device(text, folder)
     assert {p.fixed for p in device.poses} == {("foot",)}
     assert device.outputs.anchor == "foot"
-    with pytest.raises(DeviceError, match="`tip` is needed by bend, twist; take it out"):
+    with raises(DeviceError, "region-in-use", region="tip", poses=("bend", "twist")):
         done(poses.remove_region("tip"))
 
 
@@ -120,7 +121,7 @@ def test_poses_are_added_copied_turned_and_pulled(folder):
     text = done(poses.drag_point("bend", np.array([75.0, 0, 15]), np.array([0, 0, 5.0]), 2.0), text)
     text = done(poses.drag_point("bend", np.array([75.0, 0, 0]), np.array([0, 5.0, 0]), 1.0), text)
     text = done(poses.set_box("middle", np.array([60.0, -20, -20]), np.array([90, 20, 20])), text)
-    text = done(poses.hold_regions("push", ["base", "middle"]), text)
+    text = done(poses.set_role("push", "middle", "held"), text)
     device = parse_device(text, folder)
     bend, twist, push, back = device.poses
     assert (push.handles[0].translation == [0, 0, -4.5]).all()
@@ -131,7 +132,7 @@ def test_poses_are_added_copied_turned_and_pulled(folder):
     assert [d.stiffness for d in bend.drags] == [2.0, 1.0]
 
 
-def test_what_is_added_stands_apart_by_one_line():
+def test_added_tables_are_separated_by_one_empty_line():
     text = done(poses.add_pose("push", ["base"], "tip"))
     text = done(cords.mirror_cord("top", "low", np.zeros(3), np.array([0.0, 0, 1])), text)
     text = done(cords.mirror_cord("top", "lower", np.zeros(3), np.array([0.0, 0, 1])), text)
@@ -153,18 +154,27 @@ def test_values_are_written_where_they_belong(folder):
     assert 'name = "paw"  # as on the box' in done(body.rename_device("paw"))
 
 
-def test_what_is_gone_is_named(folder):
-    for edit, words in (
+def test_edits_of_missing_parts_raise(folder):
+    for edit, code, data in (
         (
             cords.move_point("left", 0, np.zeros(2)),
-            "no sensor 'left' any more; there are top, side",
+            "not-in-device",
+            {"kind": "sensor", "name": "left", "names": ("top", "side")},
         ),
-        (cords.delete_point("side", 4), "`side` has no control point 5 any more; it has 4"),
-        (poses.turn_handle("bend", "base", np.ones(3), 3.0), "does not move `base` any more"),
-        (poses.rename_region("mid", "x"), "no region 'mid' any more; there are base, tip"),
-        (poses.rename_region("tip", "base"), "there is a region `base` already"),
+        (cords.delete_point("side", 4), "no-control-point", {"number": 5, "count": 4}),
+        (
+            poses.turn_handle("bend", "base", np.ones(3), 3.0),
+            "region-not-moved",
+            {"pose": "bend", "region": "base"},
+        ),
+        (
+            poses.rename_region("mid", "x"),
+            "not-in-device",
+            {"kind": "region", "name": "mid", "names": ("base", "tip")},
+        ),
+        (poses.rename_region("tip", "base"), "name-not-unique", {"name": "base"}),
     ):
-        with pytest.raises(DeviceError, match=words):
+        with raises(DeviceError, code, **data):
             done(edit)
 
 
@@ -188,7 +198,7 @@ def test_lists_in_one_line_stay_in_one_line(folder):
     assert [s.name for s in parse_device(text, folder).sensors] == ["top", "low"]
 
 
-def test_another_material_or_cord_leaves_nothing_of_the_one_before():
+def test_a_chosen_material_or_cord_replaces_all_previous_values():
     text = TEXT.replace(
         'name = "tango-black-plus"',
         'name = "own"  # measured\nshore = "30A"\ndensity = 1.0\npoisson_ratio = 0.4',
@@ -213,17 +223,17 @@ def test_an_edge_length_takes_the_place_of_an_accuracy():
     assert changed(body.set_edge_length(7), TEXT) == ["-edge_length = 6.0", "+edge_length = 7"]
 
 
-def test_cords_are_counted_with_those_that_are_drawn(folder):
+def test_the_number_of_cords_includes_drawn_cords(folder):
     text = done(body.set_cord_count(4))
     assert parse_device(text, folder).propose == 2
     assert "sensors = 4" in text
-    assert body.set_cord_count(1).name == "have 1 cord"
+    assert body.set_cord_count(1).name == "set the number of cords to 1"
     back = parse_device(done(body.set_cord_count(1), text), folder)
     assert (len(back.sensors), back.propose) == (2, 0)
 
 
 def test_small_values_keep_their_digits():
-    assert body._value(0.0004) == 0.0004
-    assert body._value(0.00123456) == 0.001235
-    assert body._value(0.0) == 0
-    assert body._value(12.34567) == 12.346
+    assert body.shorten(0.0004) == 0.0004
+    assert body.shorten(0.00123456) == 0.001235
+    assert body.shorten(0.0) == 0
+    assert body.shorten(12.34567) == 12.346

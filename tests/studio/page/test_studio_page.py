@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import urllib.error
 import urllib.request
 
@@ -11,29 +10,28 @@ import pytest
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.view.page_server import serve_page
 from defsense_fab.studio.edits.body import rename_device
-from defsense_fab.studio.page.introduction import STEPS
-from defsense_fab.studio.page.studio_page import MODES
+from defsense_fab.studio.page.studio_page import MODES, STEPS
 
 LONG = 60.0
 
 
 def test_one_mode_is_shown_at_a_time(studio_page):
-    shown = [name for name, folder in studio_page._folders.items() if folder.visible]
+    shown = studio_page.visible_modes
     assert shown == [MODES[0].label]
     for label in studio_page.modes:
         studio_page.enter(label)
-        shown = [name for name, folder in studio_page._folders.items() if folder.visible]
+        shown = studio_page.visible_modes
         assert shown == [label] == [studio_page.bench.mode]
 
 
 def test_the_introduction_goes_through_the_modes_that_there_are(studio_page):
-    introduction = studio_page._introduction
-    introduction.begin()
+    introduction = studio_page.introduction
+    introduction.start()
     seen = []
-    while introduction._folder.visible:
-        assert introduction._text.content.startswith(f"{len(seen) + 1} of {len(studio_page.modes)}")
+    while introduction.step is not None:
+        assert introduction.step == len(seen)
         seen.append(studio_page.bench.mode)
-        introduction.go(introduction._at + 1)
+        introduction.go(introduction.step + 1)
     assert seen == [step for step, _ in STEPS if step in studio_page.modes]
     assert set(seen) == set(studio_page.modes)
 
@@ -48,13 +46,13 @@ def test_what_another_program_writes_is_taken_up(studio_page):
     bench = studio_page.bench
     path = bench.project.folder / "device.toml"
     path.write_text(bench.project.text + "\n# by hand\n", encoding="utf-8")
-    studio_page.look()
-    assert studio_page._steps.content == "Undo: edit outside of the studio"
+    studio_page.poll()
+    assert bench.project.undo_name == "edit outside of the studio"
     path.write_text("name =", encoding="utf-8")
-    studio_page.look()
-    assert "not valid TOML" in bench._message.content
+    studio_page.poll()
+    assert bench.message_code == "toml-invalid"
     bench.project.restore()
-    studio_page.look()
+    studio_page.poll()
 
 
 def test_requests_of_foreign_pages_and_by_foreign_names_are_refused(studio_server):
@@ -90,16 +88,16 @@ def test_a_damaged_build_is_told_and_the_page_lives(studio_page, name, content):
     path.write_bytes(content)
     bench.load()
     assert (not bench.built) if name.startswith("body") else bench.judge is None
-    assert re.search(r"damaged|not valid JSON|cut off", bench._message.content)
+    assert bench.error is not None
     for label in studio_page.modes:
         studio_page.enter(label)
-    assert bench.do(rename_device("still here"))
+    assert bench.apply(rename_device("still here"))
 
 
 def test_a_mode_that_fails_in_its_look_does_not_end_the_studio(studio_page, monkeypatch):
     def fail():
         raise ZeroDivisionError("by hand")
 
-    monkeypatch.setattr(studio_page.modes["Make"], "look", fail)
-    studio_page.look()
-    assert "by hand" in studio_page.bench._message.content
+    monkeypatch.setattr(studio_page.modes["Make"], "poll", fail)
+    studio_page.poll()
+    assert isinstance(studio_page.bench.error, ZeroDivisionError)

@@ -7,9 +7,15 @@ import pytest
 
 from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.studio.edits.poses import drag_point
-from defsense_fab.studio.poses.gizmos import quaternion, rotation_vector, tidy
-from defsense_fab.studio.poses.pose_grips import edits_of, grips_of, with_grip
-from defsense_fab.studio.poses.role_list import FREE, HELD, MOVED, TURNED, role_edits, role_of
+from defsense_fab.studio.poses.gizmos import (
+    edits_of,
+    grips_of,
+    quaternion,
+    rotation_vector,
+    tidy,
+    with_grip,
+)
+from defsense_fab.studio.poses.pose_part import FREE, HELD, MOVED, TURNED, role_edits, role_of
 from tests.studio.devices import TEXT, write_device
 
 POINTS = np.array(
@@ -77,7 +83,7 @@ def test_a_point_that_is_pulled_has_a_grip_at_its_goal(device):
     assert not grip.turns
     after = with_grip(bend, pulled, POINTS, grip.name, np.array([75.0, 4, 24]), np.zeros(3))
     assert after.drags[0].by.tolist() == [0, 4, 9]
-    assert [e.name for e in edits_of(bend, after)] == ["pull elsewhere in `bend`"]
+    assert [e.name for e in edits_of(bend, after)] == ["move a pull in `bend`"]
 
 
 def test_roles_are_read_and_written(device):

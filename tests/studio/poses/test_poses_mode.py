@@ -10,9 +10,9 @@ import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.runtime.view.camera import View
+from defsense_fab.studio.poses.pose_part import HELD, MOVED
 from defsense_fab.studio.poses.poses_mode import POSES, REGIONS
 from defsense_fab.studio.poses.region_part import REFIT
-from defsense_fab.studio.poses.role_list import HELD, MOVED
 
 LONG = 120.0
 #: From in front of the bar, far off: 200 mm are seen across a square picture.
@@ -81,7 +81,7 @@ def test_a_region_is_made_by_a_rectangle_and_undone(regions, mode):
     assert f"`region` holds {inside.sum()} points" in mode.bench._message.content
     assert regions.chosen == "region"
     assert regions._low.value == tuple(box.low)
-    assert mode.bench.project.undoes == "set the region `region`"
+    assert mode.bench.project.undo_name == "set the region `region`"
     mode.bench.project.undo()
     assert mode.bench.project.text == text
     assert regions.chosen is None
@@ -90,7 +90,7 @@ def test_a_region_is_made_by_a_rectangle_and_undone(regions, mode):
 def test_a_rectangle_beside_the_body_makes_none(regions, mode):
     text = mode.bench.project.text
     regions.select(FRONT, np.zeros(2), np.array([0.05, 0.05]))
-    assert "No point of the surface" in mode.bench._message.content
+    assert mode.bench.message_code == "rectangle-empty"
     assert mode.bench.project.text == text
 
 
@@ -120,9 +120,9 @@ def test_a_region_follows_its_gizmo_and_is_written_when_it_is_let_go(regions, mo
     assert mode.scene.points[held, 0].max() < 125
     regions.moved("region", grip - np.array([30.0, 0, 0]), np.zeros(3), True)
     assert device_of(mode).regions["tip"].low == pytest.approx(box.low - [30, 0, 0])
-    assert mode.bench.project.undoes == "move the region `tip`"
+    assert mode.bench.project.undo_name == "move the region `tip`"
     regions.moved("region", regions._grip, np.zeros(3), True)  # taken hold of, and not moved
-    assert mode.bench.project.undoes == "move the region `tip`"
+    assert mode.bench.project.undo_name == "move the region `tip`"
 
 
 def test_regions_are_renamed_and_deleted_where_no_pose_needs_them(regions, mode):
@@ -132,7 +132,7 @@ def test_regions_are_renamed_and_deleted_where_no_pose_needs_them(regions, mode)
     assert list(device_of(mode).regions) == ["base", "end"]
     assert regions.chosen == "end"
     regions.delete()
-    assert "is needed by bend_up, twist" in mode.bench._message.content
+    assert mode.bench.message_code == "region-in-use"
     regions._name.value = "a b"
     regions.rename()
     assert "letters, digits" in mode.bench._message.content
@@ -168,7 +168,7 @@ def test_the_body_follows_a_hand_and_the_pose_is_written_when_it_lets_go(mode):
     handle = device_of(mode).poses[0].handles[0]
     assert np.rad2deg(handle.rotation) == pytest.approx([0, -35, 0])
     assert np.isnan(handle.translation).all()
-    assert mode.bench.project.undoes == "turn `tip` in `bend_up`"
+    assert mode.bench.project.undo_name == "turn `tip` in `bend_up`"
     mode.bench.project.undo()
     assert np.abs(shown(mode) - before).max() < 1e-3
 
@@ -283,7 +283,7 @@ def test_a_point_is_pulled_where_the_body_is_clicked(mode):
     assert device_of(mode).poses[0].drags == ()
     assert pulls._lines is None
     pulls.pull(np.array([75.0, 0, 500]), np.array([0, 0, 1.0]))
-    assert "No point of the body" in mode.bench._message.content
+    assert mode.bench.message_code == "no-body-point"
 
 
 def test_the_ramp_is_solved_and_played(mode):
@@ -318,7 +318,7 @@ def test_a_share_is_solved_while_no_ramp_is_known(mode):
 
 def test_cancelling_leaves_the_last_shape(mode):
     before = shown(mode)
-    with mode.bench.drawing:  # nothing is shown meanwhile
+    with mode.bench.drawing_lock:  # nothing is shown meanwhile
         mode.poses.moved("tip", np.zeros(3), turn(-70), False)
         mode.work.cancel()
     mode.poses.redraw(True)
@@ -329,12 +329,12 @@ def test_without_a_mesh_the_button_is_what_to_do(mode, studio_page):
     import shutil
 
     shutil.rmtree(mode.bench.project.folder / "build")
-    studio_page._loaded()
+    studio_page.bench.load()
     assert mode._first.visible
     assert "Mesh the body" in mode._first.content
     assert not mode._folders[POSES].visible
     mode.regions.select(FRONT, *rectangle(60, 92))
-    assert "Mesh the body first" in mode.bench._message.content
+    assert mode.bench.message_code == "not-meshed"
     mode.ramp.play()
-    mode.suggestions.look()
+    mode.suggestions.search()
     assert not mode.ramp.playing

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.solver.linear_response import propose_poses, vibration_modes
 from defsense_fab.store.mesh import load_mesh
-from defsense_fab.studio.poses import suggestion_part
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.workflow.study.propose_poses import PoseSearch, Proposal, append_poses, as_toml
 
@@ -35,7 +32,7 @@ def looked(mode):
     material = Material.from_spec(device.material)
     found = vibration_modes(mesh, material, held, device.material.density, 5)
     poses = tuple(propose_poses(mesh, held, found))
-    mode.suggestions._came(("base", PoseSearch(mesh, tuple(found), poses, "far_end")))
+    mode.suggestions.show(PoseSearch(mesh, tuple(found), poses, "far_end"), "base")
     return mode.suggestions
 
 
@@ -76,7 +73,7 @@ def test_all_are_written_as_the_command_writes_them(mode, tmp_path):
     mode.work.wait(LONG)
     part = looked(mode)
     assert part.take_all() == "bend"
-    found = part._found
+    found = part.search_result
     proposal = Proposal(found.modes, found.poses, as_toml(list(found.poses), "base"), tmp_path)
     path = tmp_path / "device.toml"
     path.write_text(bare, encoding="utf-8", newline="")
@@ -95,29 +92,23 @@ def test_names_that_are_taken_are_numbered(mode):
 def test_poses_are_sought_in_another_process(made_page):
     made_page.enter("Poses")
     part = made_page.modes["Poses"].suggestions
-    over = threading.Event()
-    ended = part._looking._ended
-    part._looking._ended = lambda problem: (ended(problem), over.set())
-    part.look()
-    assert part._looking.running
-    assert part._stop.visible
-    assert over.wait(LONG)
+    part.search()
+    assert part.job.running
+    assert part.job.wait(LONG)
     assert part._list.options[0] == "bend"
     assert "| bend |" in part.words.content
-    assert not part._stop.visible
-    before = part._found
-    over.clear()
-    part._looking.begin(suggestion_part._look, made_page.bench.project.folder, "gone")
-    assert over.wait(LONG)
-    assert "there is no region 'gone' to hold the body by" in part.words.content
-    assert part._found is before
+    before = part.search_result
+    part.search("gone")
+    assert part.job.wait(LONG)
+    assert part.error is not None
+    assert part.search_result is before
 
 
 def test_a_script_is_asked_about_before_it_is_run(mode, monkeypatch):
     monkeypatch.setattr(mode.bench, "agreement", Agreement())
-    mode.suggestions.look()
+    mode.suggestions.search()
     assert mode.bench.question.open
-    assert not mode.suggestions._looking.running
+    assert not mode.suggestions.job.running
     mode.bench.question.close()
     assert mode.suggestions.take() is None
-    assert "Look for poses" in mode.bench._message.content
+    assert mode.bench.message_code == "no-pose-chosen"

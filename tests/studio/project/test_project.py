@@ -1,18 +1,17 @@
-"""A device's folder under many hands: undo and redo, other programs, a program that is killed."""
+"""Undo and redo of a device's file, with other programs and a program that is killed."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.support.errors import raises
 
 from defsense_fab.core.errors import DeviceError, StorageError
 from defsense_fab.studio.edits import body, cords, poses
-from defsense_fab.studio.edits.edit import Edit
-from defsense_fab.studio.edits.tables import free_name
+from defsense_fab.studio.edits.edit import Edit, free_name
 from defsense_fab.studio.project import history
 from defsense_fab.studio.project.project import Project
 from tests.studio.devices import TEXT, write_device
+from tests.support.errors import raises
 
 
 @pytest.fixture
@@ -54,7 +53,7 @@ def test_undo_and_redo_through_two_hundred_operations(folder, seed):
     while len(texts) < 201:
         before = written(folder)
         try:
-            project.do(random_edit(project, rng))
+            project.apply(random_edit(project, rng))
         except DeviceError:
             refused += 1
             assert written(folder) == before
@@ -88,70 +87,69 @@ def test_undo_and_redo_mixed_with_edits(folder):
                 done.append(undone.pop())
         else:
             value = float(np.round(rng.uniform(100, 200), 2))
-            project.do(body.set_parameter("length", value))
+            project.apply(body.set_parameter("length", value))
             if written(folder) != done[-1]:
                 done.append(written(folder))
                 undone.clear()
         assert written(folder) == done[-1] == project.text
 
 
-def test_steps_have_names_and_watchers_hear_them(folder):
+def test_watchers_are_called_with_the_names_of_steps(folder):
     project, heard = Project(folder), []
     project.watchers.append(heard.append)
-    assert project.undoes is None
-    project.do(cords.move_point("top", 2, np.array([70.0, 1.0])))
-    assert project.undoes == "move control point 3 of `top`"
+    assert project.undo_name is None
+    project.apply(cords.move_point("top", 2, np.array([70.0, 1.0])))
+    assert project.undo_name == "move control point 3 of `top`"
     assert project.undo() == "move control point 3 of `top`"
-    assert project.redoes == "move control point 3 of `top`"
+    assert project.redo_name == "move control point 3 of `top`"
     project.redo()
     name = "move control point 3 of `top`"
     assert heard == [name, f"undo: {name}", f"redo: {name}"]
-    project.do(body.set_parameter("length", 150))  # as it is
+    project.apply(body.set_parameter("length", 150))  # as it is
     assert len(heard) == 3
 
 
-def test_a_program_that_was_killed_goes_on_where_it_was(folder):
+def test_the_history_survives_a_program_that_is_killed(folder):
     project = Project(folder)
     for k in range(5):
-        project.do(body.set_parameter("length", 151 + k))
+        project.apply(body.set_parameter("length", 151 + k))
     project.undo()
     again = Project(folder)
-    assert again.undoes == "set length to 154"
-    assert again.redoes == "set length to 155"
+    assert again.undo_name == "set length to 154"
+    assert again.redo_name == "set length to 155"
     # Killed while it wrote: half a line.
     file = folder / history.FOLDER / history.FILE
     file.write_bytes(file.read_bytes()[:-4])
     other = Project(folder)
-    assert other.undoes == "edit outside of the studio" or other.undoes == "set length to 154"
+    assert other.undo_name == "edit outside of the studio" or other.undo_name == "set length to 154"
     for _ in range(6):
         other.undo()
     assert written(folder) == TEXT
     file.write_text("garbage\n" * 3, encoding="utf-8")
-    assert Project(folder).undoes is None
+    assert Project(folder).undo_name is None
 
 
 def test_an_edit_from_outside_is_a_step_and_loses_nothing(folder):
     project = Project(folder)
-    project.do(cords.move_point("top", 2, np.array([70.0, 1.0])))
+    project.apply(cords.move_point("top", 2, np.array([70.0, 1.0])))
     mine = written(folder)
     outside = mine.replace('name = "side"', 'name = "flank"  # by hand')
     (folder / "device.toml").write_text(outside, encoding="utf-8")
-    project.do(body.set_parameter("length", 160))
+    project.apply(body.set_parameter("length", 160))
     assert "flank" in written(folder)
     assert "length = 160" in written(folder)
     assert [s.name for s in project.device.sensors] == ["top", "flank"]
-    # What is gone is told, and nothing is written.
-    with pytest.raises(DeviceError, match="no sensor 'side' any more; there are top, flank"):
-        project.do(cords.remove_cord("side"))
+    with raises(DeviceError, "not-in-device", name="side", names=("top", "flank")):
+        project.apply(cords.remove_cord("side"))
     assert project.undo() == "set length to 160"
     assert project.undo() == "edit outside of the studio"
     assert written(folder) == mine
 
 
-def test_a_file_that_is_no_device_for_a_while(folder):
+def test_an_invalid_file_keeps_the_last_device(folder):
     project = Project(folder)
     (folder / "device.toml").write_text("name = ", encoding="utf-8")
-    for action in (project.refresh, project.undo, lambda: project.do(body.rename_device("x"))):
+    for action in (project.refresh, project.undo, lambda: project.apply(body.rename_device("x"))):
         with raises(DeviceError, "toml-invalid"):
             action()
     assert project.device.name == "grip"
@@ -160,61 +158,61 @@ def test_a_file_that_is_no_device_for_a_while(folder):
     assert not project.refresh()
 
 
-def test_an_edit_that_makes_no_device_changes_nothing(folder):
+def test_an_edit_with_an_invalid_result_changes_nothing(folder):
     project = Project(folder)
-    for edit, words in (
-        (body.set_value("mesh", "edge_length", -1.0), "mesh.edge_length: must be above 0"),
-        (cords.rename_cord("side", "top"), "'top' is used already"),
-        (Edit("spoil", lambda d: d.add("name", 3)), "spoil"),
+    for edit, code in (
+        (body.set_value("mesh", "edge_length", -1.0), "out-of-range"),
+        (cords.rename_cord("side", "top"), "name-not-unique"),
+        (Edit("spoil", lambda d: d.add("name", 3)), "edit-not-possible"),
     ):
-        with pytest.raises(DeviceError, match=words):
-            project.do(edit)
+        with raises(DeviceError, code):
+            project.apply(edit)
         assert written(folder) == TEXT
-        assert project.undoes is None
+        assert project.undo_name is None
 
 
-def test_a_folder_that_cannot_be_written_to_is_told(folder, monkeypatch):
+def test_a_failed_write_is_an_error_and_changes_nothing(folder, monkeypatch):
     project = Project(folder)
 
     def refuse(path, text):
-        raise StorageError(f"{path}: the disk is full; free some space and run again")
+        raise StorageError("the disk is full", code="disk-full", where=path)
 
     monkeypatch.setattr("defsense_fab.studio.project.project.write_text", refuse)
-    with pytest.raises(StorageError, match="the disk is full"):
-        project.do(body.set_parameter("length", 160))
-    assert project.undoes is None
+    with raises(StorageError, "disk-full"):
+        project.apply(body.set_parameter("length", 160))
+    assert project.undo_name is None
     assert project.text == written(folder) == TEXT
 
 
 def test_line_ends_stay_as_they_are(folder):
     (folder / "device.toml").write_bytes(TEXT.replace("\n", "\r\n").encode())
     project = Project(folder)
-    project.do(cords.move_point("top", 2, np.array([70.0, 1.0])))
+    project.apply(cords.move_point("top", 2, np.array([70.0, 1.0])))
     assert b"\r\n" in (folder / "device.toml").read_bytes()
     assert "\n" not in written(folder).replace("\r\n", "")
 
 
 def test_long_histories_are_trimmed(folder, monkeypatch):
-    monkeypatch.setattr(history, "_MOST", 10)
+    monkeypatch.setattr(history, "MAX_STEPS", 10)
     project = Project(folder)
     for k in range(25):
-        project.do(body.set_parameter("length", 160 + k))
+        project.apply(body.set_parameter("length", 160 + k))
     assert sum(project.undo() is not None for _ in range(30)) == 9
-    assert len(Project(folder)._history.steps) == 10
+    assert Project(folder).step_count == 10
 
 
-def test_a_row_that_was_cut_off_takes_no_other_along(folder):
+def test_a_truncated_row_loses_no_other_row(folder):
     project = Project(folder)
     for name in ("a", "b", "c"):
-        project.do(body.rename_device(name))
+        project.apply(body.rename_device(name))
     path = folder / history.FOLDER / history.FILE
     path.write_bytes(path.read_bytes()[:-9])
     again = Project(folder)  # `c` is what the file has
-    again.do(body.rename_device("d"))
+    again.apply(body.rename_device("d"))
     again.undo()
     text = again.text
     last = Project(folder)
     assert last.text == text
-    assert last.redoes == "rename the device to `d`"
+    assert last.redo_name == "rename the device to `d`"
     last.undo()
     assert last.device.name == "b"

@@ -1,9 +1,6 @@
-"""Nothing of a folder runs before a person has agreed."""
+"""No script of a folder runs before the user has agreed."""
 
 from __future__ import annotations
-
-import re
-import threading
 
 import pytest
 
@@ -12,9 +9,9 @@ from defsense_fab.geometry.bodies.script_source import read_script
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
-from defsense_fab.studio.workbench.build_work import BuildWork
-from defsense_fab.studio.workbench.script_question import question
-from tests.studio.devices import write_device
+from defsense_fab.studio.workbench.background_job import BackgroundJob
+from defsense_fab.studio.workbench.script_question import script_html
+from tests.studio.devices import set_by_user, write_device
 
 HOSTILE = """\
 import pathlib
@@ -22,12 +19,13 @@ pathlib.Path(__file__).with_name("ran").touch()  # </pre><script>alert(1)</scrip
 def body(length=150, width=30):
     pass
 """
+B_TEXT = "import a\n" + "y = 1\n" * 20_000
 LONG = 60.0
 
 
 @pytest.fixture
 def hostile(studio_server, tmp_path):
-    """The page of a folder that came from anybody."""
+    """The page of a folder from an unknown sender."""
     folder = write_device(tmp_path / "grip")
     (folder / "grip.py").write_text(HOSTILE)
     studio_server.gui.reset()
@@ -37,108 +35,99 @@ def hostile(studio_server, tmp_path):
     made.close()
 
 
-def click(page, label):
-    """A button of the question."""
-    handles = page.bench.server.gui._gui_input_handle_from_uuid.values()
-    found = [h for h in handles if getattr(h, "label", "") == label]
-    assert len(found) == 1
-    for told in found[0]._impl.update_cb:
-        told(None)
+@pytest.fixture
+def stages(monkeypatch):
+    """Stages of the builds that were started, which are not run."""
+    started = []
+    monkeypatch.setattr(
+        BackgroundJob, "start", lambda *arguments: started.append(arguments[-1]) or True
+    )
+    return started
 
 
-def test_no_way_of_the_page_builds_before_a_person_agrees(hostile, monkeypatch):
-    begun = []
-    monkeypatch.setattr(BuildWork, "start", lambda *given: begun.append(given[2:]) or True)
+def test_the_page_starts_no_build_before_the_user_agrees(hostile, stages):
     bench, mode = hostile.bench, hostile.modes["Device"]
     hostile.enter("Make")
     hostile.enter("Device")
     for stage in ("body", "mesh", "simulate", "report"):
         assert not bench.build(stage)
     mode.make_body()
-    mode._settled.give("parameter:length", 120.0)
+    set_by_user(mode.parameters.controls["length"], 120.0)
     mode.flush()
-    assert mode._states.wait(LONG)
-    assert "is not agreed to" in mode._body.content
-    hostile.look()
+    assert mode.wait(LONG)
+    assert mode.state == "not-agreed"
+    hostile.poll()
     assert bench.project.device.body.parameters["length"] == 120
-    assert begun == []
+    assert stages == []
     assert bench.question.open
-    click(hostile, "Do not run it")
+    bench.question.answer(run=False)
     assert not bench.question.open
-    assert "was not run" in bench._message.content
-    assert begun == []
+    assert bench.message_code == "script-refused"
+    assert stages == []
     bench.build("simulate")
-    click(hostile, "Run it: I know where it comes from")
-    assert begun == [("simulate",)]
+    bench.question.answer(run=True)
+    assert stages == ["simulate"]
     assert bench.build("mesh")
     assert not bench.question.open
     assert not (bench.project.folder / "ran").exists()
 
 
-def test_a_script_that_changes_after_it_was_shown_is_asked_for_again(hostile, monkeypatch):
-    begun = []
-    monkeypatch.setattr(BuildWork, "start", lambda *given: begun.append(given[2:]) or True)
+def test_the_user_is_asked_again_if_the_script_changes_while_it_is_shown(hostile, stages):
     hostile.bench.build("mesh")
     path = hostile.bench.project.folder / "grip.py"
     path.write_text(HOSTILE + "# and more\n")
-    click(hostile, "Run it: I know where it comes from")
-    assert begun == []
+    hostile.bench.question.answer(run=True)
+    assert stages == []
     assert hostile.bench.question.open
 
 
 def test_trusted_folders_and_meshes_are_not_asked_for(studio_page):
-    assert studio_page.bench.may_run(pytest.fail)
+    assert studio_page.bench.may_run_script(pytest.fail)
 
 
-def test_the_whole_text_is_shown_and_none_of_it_is_html(tmp_path):
+def test_the_whole_text_is_shown_and_escaped(tmp_path):
     (tmp_path / "a.py").write_text(HOSTILE + 'x = "\u202e\u2066 reversed"\n', encoding="utf-8")
-    (tmp_path / "b.py").write_text("import a\n" + "y = 1\n" * 20_000)
+    (tmp_path / "b.py").write_text(B_TEXT)
     (tmp_path / "c.so").write_bytes(b"\x7fELF<script>")
-    text = question(read_script(tmp_path / "a.py"))
+    text = script_html(read_script(tmp_path / "a.py"))
     assert "<script" not in text
     assert "&lt;script&gt;alert(1)" in text
     assert "\u202e" not in text
     assert "<mark>\\u202e</mark>" in text
-    assert "12 bytes of machine code" in text
-    assert "characters more" in text
+    assert "12 bytes" in text
+    assert f"{len(B_TEXT) - 100_000:,}" in text
     assert all(f"<b>{name}</b>" in text for name in ("a.py", "b.py", "c.so"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "code"),
     [
-        ("raise ValueError('no room')\n", r"grip\.py:1: the script raised ValueError: no room"),
-        ("while True: pass\n", "did not end within 2 s"),
-        ("import os; os._exit(3)\n", "ended early"),
+        ("raise ValueError('no room')\n", "script-raises"),
+        ("while True: pass\n", "time-limit-exceeded"),
+        ("import os; os._exit(3)\n", "process-ended-early"),
     ],
 )
-def test_scripts_that_raise_or_never_end_are_told_and_the_page_lives(
-    studio_server, tmp_path, text, said
-):
+def test_scripts_that_raise_or_never_end_leave_the_page_usable(studio_server, tmp_path, text, code):
     folder = write_device(tmp_path / "grip")
     (folder / "grip.py").write_text(text + "def body(length=150, width=30): pass\n")
     toml = (folder / "device.toml").read_text("utf-8")
     (folder / "device.toml").write_text(toml.replace("[body]\n", "[body]\ntime_limit = 2\n"))
     studio_server.gui.reset()
     page = StudioPage(studio_server, Project(folder), Agreement(trusted=True))
-    over = threading.Event()
     mode = page.modes["Device"]
-    mode.preview._failed = lambda problem: (mode._failed(problem), over.set())
     mode.make_body()
-    assert over.wait(LONG)
-    assert re.search(said, mode._body.content)
+    assert mode.preview.wait(LONG)
+    assert mode.state == "failed"
+    assert mode.error.code == code
     assert not mode.preview.running
     assert load_device(folder).name == "grip"
     page.close()
 
 
-def test_a_look_for_poses_asks_too(hostile):
-    poses = hostile.modes["Poses"]
-    part = next(p for p in vars(poses).values() if hasattr(p, "take_all"))
-    part._held.options = ("none", "base")
-    part._held.value = "base"
-    part._scene.body = object()
-    part.look()
+def test_the_user_is_asked_before_poses_are_proposed(hostile):
+    mode = hostile.modes["Poses"]
+    mode.scene.body = object()
+    mode.suggestions.search("base")
     assert hostile.bench.question.open
-    part._scene.body = None
+    mode.scene.body = None
