@@ -1,4 +1,4 @@
-"""Keys as terminals send them: some are several bytes, and none may be taken for others."""
+"""Keys of a terminal: some are several bytes, and none may be confused with another."""
 
 import os
 import pty
@@ -12,7 +12,7 @@ from defsense_fab.cli.terminal.keys import Keys
 
 @pytest.fixture
 def typed(monkeypatch):
-    """A terminal as standard input, and what types on it."""
+    """Replace standard input by a terminal, and return a function that types on it."""
     user, terminal = pty.openpty()
     with open(terminal, encoding="utf-8", closefd=True) as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
@@ -24,8 +24,8 @@ def pressed(keys, timeout=0.3):
     return keys.get(timeout)
 
 
-def test_an_arrow_is_one_key_that_means_nothing(typed):
-    """Its last byte is a letter: "down" ends with B, which goes back and drops a reading."""
+def test_arrow_is_one_key_without_meaning(typed):
+    """The last byte of "down" is B, which alone goes back and discards a reading."""
     with Keys() as keys:
         for arrow in (b"\x1b[A", b"\x1b[B", b"\x1bOB", b"\x1b[1;5B", b"\x1b[15~"):
             typed(arrow)
@@ -35,21 +35,21 @@ def test_an_arrow_is_one_key_that_means_nothing(typed):
         assert pressed(keys) == "b"
 
 
-def test_keys_that_come_together_come_one_by_one(typed):
+def test_keys_in_one_read_are_returned_one_by_one(typed):
     with Keys() as keys:
         typed("R\x1b[Bté\n".encode())
         assert [pressed(keys) for _ in range(5)] == ["r", None, "t", "é", "enter"]
         assert pressed(keys, 0.05) is None
 
 
-def test_the_waiting_keys_need_no_new_press(typed):
-    """select does not see what a buffer holds: the second key must come at once all the same."""
+def test_buffered_keys_are_returned_immediately(typed):
+    """select does not see buffered bytes, but the second key must be returned immediately."""
     with Keys() as keys:
         typed(b"st")
         assert pressed(keys) == "s"
-        begun = time.monotonic()
+        started_at = time.monotonic()
         assert pressed(keys, 5.0) == "t"
-        assert time.monotonic() - begun < 1.0
+        assert time.monotonic() - started_at < 1.0
 
 
 def test_escape_alone(typed):

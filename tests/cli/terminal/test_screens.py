@@ -1,4 +1,4 @@
-"""Guided work on terminals that are not high: what to do and the keys stay on the screen."""
+"""Displays on low terminals: the instruction and the keys stay visible."""
 
 import io
 from dataclasses import replace
@@ -18,7 +18,7 @@ from defsense_fab.workflow.cameras.live_views import BoardShown
 
 
 def shown(pages, height):
-    """The lines of a terminal of 80 characters."""
+    """Return the lines of a terminal 80 characters wide."""
     console = Console(file=io.StringIO(), width=80, height=height, color_system=None)
     page = fitting(console, pages)
     return ["".join(s.text for s in row) for row in console.render_lines(page, pad=False)]
@@ -71,7 +71,7 @@ def test_measurement(phase, height):
         assert there in text
 
 
-def test_a_window_of_a_few_rows_keeps_the_keys():
+def test_window_of_a_few_rows_shows_the_keys():
     rows = shown(guided_recording.pages(capture(3, 8), 80), 8)
     assert len(rows) <= 8
     assert rows[-1].startswith("Enter ")
@@ -92,7 +92,7 @@ def test_calibration_of_cameras(count):
 
 
 def test_lines_of_a_recording_without_a_terminal(capsys):
-    """One a step, and one every now and then in a long one."""
+    """One line per step, repeated at intervals in a long step."""
     lines = guided_recording.CaptureLines(interval=3600)
     view = replace(capture(), phase="showing")
     lines.show(view)
