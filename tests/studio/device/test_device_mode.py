@@ -198,7 +198,7 @@ def test_a_script_that_is_written_anew_has_other_controls(mode, studio_page):
     path.write_text("def body(length=100:\n")
     studio_page.poll()
     assert mode.parameters.controls == {}
-    assert f"{path.name}:1: is no Python" in mode._parameters._note.content
+    assert mode.parameters.error.code == "script-syntax"
 
 
 def test_a_preview_that_fails_says_why_where_the_body_is(mode):
