@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...report.pictures.sheet import COLORS
 from ...report.guide.assembly.steps import GuideStep, Joint
+from ...report.pictures.sheet import COLORS
 from ...runtime.view.cord_mesh import tube_faces, tube_vertices
 from .built_device import BuiltDevice
 
