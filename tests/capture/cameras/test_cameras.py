@@ -86,7 +86,7 @@ def test_intrinsics_are_found_and_odd_views_left_out():
     assert np.abs(got - true)[:4].max() < 2
 
 
-def test_views_that_do_not_tell_are_refused():
+def test_views_that_do_not_determine_the_camera_are_refused():
     rng = np.random.default_rng(1)
     with raises(CaptureError, "views-too-few", camera="left", count=7):
         calibrate_camera("left", (1280, 720), BOARD, alone(7, rng))
@@ -98,7 +98,7 @@ def test_views_that_do_not_tell_are_refused():
 
 
 @pytest.mark.parametrize(("count", "pairs"), [(2, None), (3, None), (3, [(0, 1), (1, 2)])])
-def test_cameras_are_where_they_are(count, pairs):
+def test_camera_poses_are_recovered(count, pairs):
     cameras = rig(count)
     rng = np.random.default_rng(2)
     free = [replace(c, rotation=np.eye(3), translation=np.zeros(3)) for c in cameras]
@@ -117,7 +117,7 @@ def test_cameras_are_where_they_are(count, pairs):
     assert check.corner_error < 0.1
 
 
-def test_intrinsics_may_change_as_far_as_they_are_open():
+def test_intrinsics_change_within_their_uncertainty():
     cameras = rig(2)
     rng = np.random.default_rng(3)
     off = cameras[1].matrix.copy()
@@ -148,7 +148,7 @@ def test_boards_that_move_between_the_shutters_do_not_bend_the_lenses():
     assert np.degrees(Rotation.from_matrix(turned).magnitude()) < 2
 
 
-def test_the_jacobian_is_that_of_finite_differences():
+def test_the_jacobian_matches_finite_differences():
     cameras = rig(3)
     cameras[2] = replace(cameras[2], distortions=np.array(
         [0.1, -0.05, 0.001, 0.002, 0.01, 0.05, -0.02, 0.01]))  # fmt: skip
@@ -184,7 +184,7 @@ def test_views_that_were_not_taken_together_are_refused():
         estimate_extrinsics(cameras, BOARD, mixed)
 
 
-def test_a_camera_that_moved_and_cameras_that_were_swapped_do_not_hold():
+def test_moved_or_swapped_cameras_fail_the_check():
     cameras, rng = rig(2), np.random.default_rng(7)
     assert check_rig(cameras, BOARD, together(cameras, 5, rng)).holds
     R = turn(y=np.radians(2))
@@ -212,7 +212,7 @@ def shuffled(views, order):
 
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("print_", [0.95, 0.97, 1.01])
-def test_a_board_printed_at_another_size_is_no_moved_camera(count, print_):
+def test_a_board_of_another_size_is_not_taken_for_a_moved_camera(count, print_):
     cameras, rng = rig(count), np.random.default_rng(9)
     stated = BOARD.measure(30.3)
     printed = replace(BOARD, square=30.3 * print_, marker=22.0)
@@ -226,7 +226,7 @@ def test_a_board_printed_at_another_size_is_no_moved_camera(count, print_):
 
 @pytest.mark.parametrize("order", [(1, 0), (1, 0, 2), (1, 2, 0), (2, 1, 0)])
 @pytest.mark.parametrize("alike", [True, False])
-def test_swapped_sources_are_told_from_lenses_and_moves(order, alike):
+def test_swapped_sources_are_distinguished_from_lenses_and_moves(order, alike):
     cameras, rng = rig(len(order)), np.random.default_rng(10)
     if not alike:
         cameras = [
@@ -242,7 +242,7 @@ def test_swapped_sources_are_told_from_lenses_and_moves(order, alike):
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_a_lens_and_a_move_keep_their_names(count):
+def test_a_lens_and_a_move_are_named(count):
     cameras, rng = rig(count), np.random.default_rng(11)
     for k in range(8):
         R = turn(*np.radians(rng.uniform(-2, 2, 3)))
@@ -261,7 +261,7 @@ def test_a_lens_and_a_move_keep_their_names(count):
     assert found.cause == Cause("lens")
 
 
-def test_cameras_side_by_side_that_are_swapped_see_no_board_and_say_so():
+def test_swapped_cameras_next_to_each_other_share_no_board():
     apart = [replace(LENSED, name=n, translation=np.array([x, 0.0, 0])) for n, x in
              (("left", 60.0), ("right", -60.0))]  # fmt: skip
     rng = np.random.default_rng(12)
@@ -274,7 +274,7 @@ def test_cameras_side_by_side_that_are_swapped_see_no_board_and_say_so():
     assert found.cause == Cause("order", None, (1, 0))
 
 
-def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():
+def test_chosen_views_differ_and_hints_state_what_is_missing():
     rng = np.random.default_rng(8)
     views = alone(30, rng)
     d = np.array([describe_view(v, BOARD, (1280, 720)) for v in views])
@@ -295,7 +295,7 @@ def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():
     assert np.abs(ways[0][3] - ways[1][3]) > 0.5
 
 
-def test_a_board_in_an_image_is_found_where_it_is_and_another_is_not():
+def test_only_the_described_board_is_found():
     board = CharucoBoard(square=27.0, marker=21.0)  # of whole cells, 3 mm wide
     pattern = board.charuco.generateImage((9 * 7, 9 * 5))
     axes = np.diag([1, -1, -1.0]) @ turn(0.4, 0.3, 0.2)

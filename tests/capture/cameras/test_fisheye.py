@@ -66,7 +66,7 @@ def test_projection_is_opencvs():
         assert np.allclose(J, np.array(sides).T / (2 * h), atol=1e-7)
 
 
-def test_pixels_beyond_the_model_are_none():
+def test_pixels_outside_of_the_lens_model_are_nan():
     folds = replace(wide(), distortions=np.array([-0.2, 0.0, 0.0, 0.0]))  # at 74 degrees
     plane = folds.to_plane(np.array([[643.0, 356], [900.0, 356], [1279.0, 356], [643.0, 2000]]))
     assert np.allclose(plane[0], 0)
@@ -90,7 +90,7 @@ def test_a_fisheye_is_calibrated_where_a_pinhole_does_not_fit():
     assert plain.error > 1.5 * found.error
 
 
-def test_a_fisheye_beside_a_pinhole_is_arranged_and_checked(tmp_path):
+def test_a_fisheye_and_a_pinhole_are_arranged_and_checked(tmp_path):
     rng = np.random.default_rng(2)
     plain = Camera("right", (1280, 720), np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]]),
                    np.zeros(5), np.eye(3), np.array([-120.0, 0, 0]))  # fmt: skip
@@ -116,7 +116,7 @@ def test_a_fisheye_beside_a_pinhole_is_arranged_and_checked(tmp_path):
     assert "fisheye = true" in (tmp_path / "c.toml").read_text("utf-8")  # as aniposelib has it
 
 
-def test_tags_in_a_fisheyes_picture_are_where_they_are():
+def test_tags_in_a_fisheye_image_are_located():
     family, camera = dictionary("4X4_50"), wide()
     facing = np.diag([1.0, -1, -1])
     places = [(-190.0, -60.0), (-80.0, 50.0), (0.0, 0.0), (120.0, -40.0), (200.0, 70.0)]

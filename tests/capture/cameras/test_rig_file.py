@@ -47,7 +47,7 @@ def test_a_file_of_aniposelib_is_read(tmp_path):
     assert b.size == (1280, 720)
 
 
-def test_what_is_written_is_read(tmp_path):
+def test_written_cameras_are_read_back(tmp_path):
     path, cameras = tmp_path / "cameras.toml", rig(3)
     metadata = {"error": 0.2, "note": 'a "b" \\ \t\n\x07\x7f ü', "views": [3, 4], "good": True}
     write_rig(path, cameras, metadata)
@@ -64,7 +64,7 @@ def test_what_is_written_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["GoPro 1", "käse", "cam.left", "clip (1)", "it's", "[a]=#"])
-def test_names_and_keys_made_of_them_are_read_again(tmp_path, name):
+def test_names_and_their_keys_are_read_back(tmp_path, name):
     path = tmp_path / "cameras.toml"
     sigma = {f"sigma_{name}": [1.0, 2e-7]}
     write_rig(path, [replace(rig(1)[0], name=name)], sigma)
@@ -94,7 +94,7 @@ def test_coefficients_of_all_lengths(tmp_path, count):
     assert not d[min(count, 8) :].any()
 
 
-def test_cameras_that_all_stand_at_one_place_are_not_placed(tmp_path):
+def test_cameras_all_at_one_place_have_no_poses(tmp_path):
     path = tmp_path / "cameras.toml"
     text = ANIPOSE.replace("1.5707963267948966", "0.0").replace("100.0, 2.0, 300.0", "0, 0, 0")
     path.write_text(text)
@@ -128,7 +128,7 @@ def test_cameras_that_all_stand_at_one_place_are_not_placed(tmp_path):
         ("[cam_", "[view_", "camera-table-missing"),
     ],
 )
-def test_bad_files_are_refused_in_one_line(tmp_path, old, new, code):
+def test_invalid_files_are_refused_in_one_line(tmp_path, old, new, code):
     path = tmp_path / "cameras.toml"
     assert old in ANIPOSE
     path.write_text(ANIPOSE.replace(old, new))
@@ -139,7 +139,7 @@ def test_bad_files_are_refused_in_one_line(tmp_path, old, new, code):
     assert str(path) in str(error.value)
 
 
-def test_what_is_no_text_or_not_there(tmp_path):
+def test_files_that_are_not_text_or_do_not_exist(tmp_path):
     (tmp_path / "a.toml").write_bytes(b"\xff\xfe\x00")
     for name in ("a.toml", "missing.toml", "."):
         with pytest.raises(CaptureError) as error:

@@ -37,7 +37,7 @@ def test_a_video_frame_by_frame(film):
     other.close()
 
 
-def test_a_video_that_ends_early(film):
+def test_a_truncated_video(film):
     data = film.read_bytes()
     film.write_bytes(data[: len(data) // 2])
     video = Video(film)
@@ -47,7 +47,7 @@ def test_a_video_that_ends_early(film):
 
 
 @pytest.mark.parametrize("content", [b"", b"this is a text\n" * 30, bytes(4096)])
-def test_what_is_no_video_is_refused(tmp_path, content):
+def test_files_that_are_not_videos_are_refused(tmp_path, content):
     path = tmp_path / "film.mkv"
     path.write_bytes(content)
     with raises(CaptureError, "video-unreadable") as error:
@@ -55,7 +55,7 @@ def test_what_is_no_video_is_refused(tmp_path, content):
     assert "\n" not in str(error.value)
 
 
-def test_missing_and_empty_places_are_refused(tmp_path):
+def test_missing_files_and_empty_folders_are_refused(tmp_path):
     with raises(CaptureError, "file-not-found"):
         Video(tmp_path / "none.mkv")
     with raises(CaptureError, "images-missing"):
@@ -78,7 +78,7 @@ def test_images_in_a_folder_and_by_number(tmp_path):
         assert (np.array([i for *_, i in got])[..., 0] == FRAMES[:11]).all()
 
 
-def test_images_without_leading_zeros_come_in_the_order_of_their_numbers(tmp_path):
+def test_images_without_leading_zeros_are_sorted_by_number(tmp_path):
     for k in range(11):
         cv2.imwrite(str(tmp_path / f"a{k}.png"), FRAMES[k])
     images = [i[..., 0] for *_, i in Video(tmp_path, 10.0).frames()]
@@ -93,7 +93,7 @@ def test_a_damaged_image_and_one_of_another_size(tmp_path):
         list(Video(tmp_path, 10.0).frames())
 
 
-def test_time_stamps_tell_drops_repeats_and_jumps_back():
+def test_time_stamps_show_drops_repeats_and_jumps_back():
     even = np.arange(50) / 30
     assert measure_timing(even) == Timing(pytest.approx(1 / 30), 0, 0, 0)
     assert measure_timing(np.delete(even, [10, 11, 30])).missing == 3

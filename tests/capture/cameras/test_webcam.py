@@ -48,7 +48,7 @@ def camera(monkeypatch, capture):
     return Webcam("0")
 
 
-def test_frames_come_until_it_is_closed(monkeypatch):
+def test_frames_arrive_until_the_camera_is_closed(monkeypatch):
     capture = Capture()
     source = camera(monkeypatch, capture)
     source.start()
@@ -81,7 +81,7 @@ def test_a_camera_is_not_released_under_its_thread(monkeypatch):
     ("capture", "code"), [(Capture(opened=False), "camera-unavailable"),
                           (Capture(image=False), "camera-gives-no-image")],
 )  # fmt: skip
-def test_a_camera_that_does_not_start_is_let_go(monkeypatch, capture, code):
+def test_a_camera_that_does_not_start_is_released(monkeypatch, capture, code):
     source = camera(monkeypatch, capture)
     with raises(CaptureError, code, camera="0"):
         source.start()

@@ -45,14 +45,14 @@ def test_an_led_is_found(radius, rise, level):
     assert trace.contrast > 8 * trace.noise
 
 
-def test_colour_and_any_pace():
+def test_color_images_and_any_pace():
     watch = LedDetector()
     for image in images(150, blinking(3, 120)):
         watch.add(np.dstack([image] * 3))
     assert watch.trace().place == pytest.approx([101.3, 44.8], abs=4)
 
 
-def test_it_is_followed_from_the_first_frame_kept():
+def test_the_led_is_traced_from_the_first_kept_frame():
     trace = watched(700, blinking(3, 120), size=(48, 160))
     assert len(trace.brightness) == 700
     assert np.isfinite(trace.brightness).all()
@@ -69,11 +69,11 @@ def test_it_is_followed_from_the_first_frame_kept():
         lambda k, x, y: 100.0 * (k > 100) * disc(x, y, (80, 40), 4),
     ],
 )
-def test_nothing_else_is_taken_for_it(draw):
+def test_other_changes_are_not_taken_for_the_led(draw):
     assert watched(200, draw) is None
 
 
-def test_images_that_cannot_be_watched():
+def test_unsuitable_images_are_refused():
     watch = LedDetector()
     assert watch.trace() is None
     watch.add(np.zeros((64, 64), np.uint8))

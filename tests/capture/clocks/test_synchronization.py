@@ -45,7 +45,7 @@ def worst(sync, device):
 
 
 @pytest.mark.parametrize(("rate", "conversion"), [(20, 0.0), (50, 0.006), (100, 0.0)])
-def test_by_the_led(rate, conversion):
+def test_synchronization_by_the_led(rate, conversion):
     rng = np.random.default_rng(rate)
     device, led, toggles = board(60, rate, rng, conversion)
     stamp, brightness = film(60, toggles, rng)
@@ -65,7 +65,7 @@ def walk(rng, time, fastest=0.8):
 
 
 @pytest.mark.parametrize("pause", [1.6, 5.3, 10.3, 17.9, 30.2])
-def test_samples_that_lack_for_a_while_are_no_jump_where_clocks_were_compared(pause):
+def test_missing_samples_are_not_a_jump_of_compared_clocks(pause):
     rng = np.random.default_rng(4)
     device, led, toggles = board(70, 50, rng)
     stamp, brightness = film(70, toggles, rng)
@@ -83,7 +83,7 @@ def test_samples_that_lack_for_a_while_are_no_jump_where_clocks_were_compared(pa
 
 
 @pytest.mark.parametrize("rate", [20, 100])
-def test_by_motion(rate):
+def test_synchronization_by_motion(rate):
     rng = np.random.default_rng(rate)
     stamp, time, _ = frames(60, rng)
     device = np.arange(0, 60, 1 / rate)
@@ -100,7 +100,7 @@ def test_by_motion(rate):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_motion_that_one_camera_saw_for_a_while(seed):
+def test_motion_that_one_camera_saw_for_some_time(seed):
     """Its depth is off for a second, so that a component of motion is of that second alone."""
     rng = np.random.default_rng(seed)
     stamp, time, _ = frames(15, rng, rate=25.0)
@@ -118,7 +118,7 @@ def test_motion_that_one_camera_saw_for_a_while(seed):
     assert worst(sync, device + START) < 0.03
 
 
-def test_what_cannot_be_synchronised():
+def test_inputs_that_cannot_be_synchronized():
     rng = np.random.default_rng(1)
     device, led, toggles = board(30, 50, rng)
     stamp, brightness = film(30, toggles, rng)
@@ -144,7 +144,7 @@ def test_what_cannot_be_synchronised():
     refused("length-differs", seen=brightness[:-1])
 
 
-def test_motion_that_tells_nothing():
+def test_uninformative_motion():
     rng = np.random.default_rng(2)
     stamp, time, _ = frames(30, rng)
     device = np.arange(0, 30, 0.02)
@@ -159,7 +159,7 @@ def test_motion_that_tells_nothing():
         synchronize_by_motion(stamp, beat[: len(time)], device + START, beat[len(time) :], 0.0)
 
 
-def test_toggles_by_their_grid():
+def test_toggles_lie_on_their_grid():
     rng = np.random.default_rng(0)
     device, led, true = board(40, 50, rng)
     toggles = find_schedule(device, led)
@@ -172,7 +172,7 @@ def test_toggles_by_their_grid():
     assert conversion_time(1, 16, 1) == pytest.approx(1 / 85, rel=0.05)
 
 
-def test_even_stamps():
+def test_even_frame_times_are_recovered():
     rng = np.random.default_rng(4)
     number, _, stamp, _ = Shutter(30.0, 2.0, 0.0, 0.004, 0.05, 0.0).schedule(30, rng)
     found = even_frame_times(stamp)
@@ -200,7 +200,7 @@ def test_a_camera_that_changes_its_rate_is_not_even(rate, part):
     assert np.abs(even_frame_times(stamp).time - true).max() < 5e-3
 
 
-def test_one_stamp_too_many_moves_no_frame():
+def test_an_extra_stamp_moves_no_frame():
     rng = np.random.default_rng(0)
     true = np.arange(1000) / 30
     true = np.insert(true, 985, true[985] - 0.01)

@@ -82,7 +82,7 @@ def test_every_format_has_the_same_frames_and_rate(tmp_path):
     assert c3d_format.parse((tmp_path / "a.c3d").read_bytes()).rate == pytest.approx(15)
 
 
-def test_times_of_no_rate_stay_as_they_are(tmp_path):
+def test_times_without_a_rate_are_unchanged(tmp_path):
     """As those of cameras that slow down in the dark, and of one wrong stamp far away."""
     slower = np.cumsum(np.random.default_rng(0).uniform(0.03, 0.07, 20))
     far = np.append(np.arange(19) / 10, 1e6)
@@ -100,7 +100,7 @@ def test_times_of_no_rate_stay_as_they_are(tmp_path):
             write_tracks(tmp_path / "a.c3d", tracks)
 
 
-def test_c3d_tells_by_how_much_times_were_moved(tmp_path):
+def test_c3d_reports_the_largest_time_shift(tmp_path):
     time = np.arange(50) / 50 + np.where(np.arange(50) % 2, 1e-3, -1e-3)
     points = np.ones((50, 1, 3))
     tracks = Tracks(time, np.array([1]), points, points, np.arange(50))
@@ -108,7 +108,7 @@ def test_c3d_tells_by_how_much_times_were_moved(tmp_path):
     assert write_tracks(tmp_path / "a.c3d", tracks).max_time_shift == pytest.approx(1e-3, rel=0.1)
 
 
-def test_npz_keeps_all(tmp_path):
+def test_npz_keeps_everything(tmp_path):
     """Also frames and markers that were never seen."""
     points = np.full((3, 2, 3), np.nan)
     tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, 7 + np.arange(3))
@@ -116,7 +116,7 @@ def test_npz_keeps_all(tmp_path):
     same(tracks, read_tracks(tmp_path / "a.npz"), places=0, times=0)
 
 
-def test_other_readers_find_the_same_in_our_c3d(tmp_path):
+def test_an_independent_reader_agrees_on_our_c3d(tmp_path):
     tracks = made(200, 5, seed=3)
     write_c3d(tmp_path / "a.c3d", tracks)
     found = c3d_format.parse((tmp_path / "a.c3d").read_bytes())
@@ -132,7 +132,7 @@ def test_other_readers_find_the_same_in_our_c3d(tmp_path):
     np.testing.assert_array_equal(found.points[seen], there.astype(np.float32).astype(float))
 
 
-def test_a_marker_at_the_origin_stays(tmp_path):
+def test_a_marker_at_the_origin_is_kept(tmp_path):
     points = np.zeros((2, 1, 3))
     write_c3d(
         tmp_path / "a.c3d", Tracks(np.arange(2.0), np.array([1]), points, points, np.arange(2))
@@ -162,7 +162,7 @@ def test_times_off_the_grid(tmp_path):
     ("time", "code"),
     [(np.array([1.0]), "times-without-rate"), (np.array([0, 0.01, 700]), "too-many-frames")],
 )
-def test_what_c3d_cannot_hold(tmp_path, time, code):
+def test_tracks_that_c3d_cannot_hold(tmp_path, time, code):
     points = np.ones((len(time), 1, 3))
     frame = np.arange(len(time))
     with raises(CaptureError, code):
@@ -190,7 +190,7 @@ def test_all_kinds_of_storage(tmp_path, processor, scale, unit, factor):
     np.testing.assert_array_equal(other.residual >= 0, seen)
 
 
-def test_zeros_of_others_are_missing(tmp_path):
+def test_zeros_in_foreign_files_are_missing_points(tmp_path):
     points = np.ones((3, 2, 3))
     points[1, 0] = 0
     (tmp_path / "a.c3d").write_bytes(c3d_format.build(points, ["a7", "b3"], 50.0))
@@ -242,7 +242,7 @@ TRC = (
 )
 
 
-def test_trc_of_others(tmp_path):
+def test_trc_of_other_programs(tmp_path):
     path = tmp_path / "walk.trc"
     for text in (TRC, TRC.replace("\n", "\r\n"), TRC.replace("\n\n", "\n")):
         path.write_text(text, newline="")
@@ -268,7 +268,7 @@ def test_trc_of_others(tmp_path):
         ("3\t0.03333", "3\t", "not-a-number", {"line": 9}),
     ],
 )
-def test_bad_trc(tmp_path, old, new, code, data):
+def test_invalid_trc(tmp_path, old, new, code, data):
     path = tmp_path / "bad.trc"
     path.write_text(TRC.replace(old, new))
     refused(path, code, **data)
@@ -304,7 +304,7 @@ def test_bad_files(tmp_path):
         write_tracks(tmp_path / "a", made(4, 3))
 
 
-def test_bad_c3d(tmp_path):
+def test_invalid_c3d(tmp_path):
     path = tmp_path / "a.c3d"
     points = np.ones((30, 2, 3))
     path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0)[:-512])
@@ -325,7 +325,7 @@ def test_bad_c3d(tmp_path):
             write_tracks(tmp_path / f"b{suffix}", none)
 
 
-def test_bad_npz_and_parquet(tmp_path):
+def test_invalid_npz_and_parquet(tmp_path):
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "a.parquet"
     parquet.write_table(arrow.table({"frame": [1]}), path)
@@ -351,7 +351,7 @@ def test_bad_npz_and_parquet(tmp_path):
     refused(path, "array-missing")
 
 
-def test_what_would_fill_the_memory_is_refused(tmp_path):
+def test_files_that_would_fill_the_memory_are_refused(tmp_path):
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "a.trc"
     labels = "\t\t\t".join(f"M{k}" for k in range(3000))
@@ -377,7 +377,7 @@ def test_what_would_fill_the_memory_is_refused(tmp_path):
     refused(path, "file-truncated", first=1, last=65535)
 
 
-def test_libraries_that_are_missing(tmp_path, monkeypatch):
+def test_missing_libraries(tmp_path, monkeypatch):
     for suffix, name in ((".parquet", "pyarrow"), (".c3d", "ezc3d")):
         monkeypatch.setitem(sys.modules, name, None)
         for call in (read_tracks, lambda path: write_tracks(path, made(3, 2))):

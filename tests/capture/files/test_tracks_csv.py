@@ -51,7 +51,7 @@ def test_round_trip(tmp_path_factory, t, m, seed, known):
     assert [p.name for p in path.parent.iterdir()] == ["tracks.csv"]
 
 
-def test_what_was_not_seen_has_no_place(tmp_path):
+def test_markers_that_are_not_visible_have_no_position(tmp_path):
     points = np.full((3, 2, 3), np.nan)
     points[[0, 2], 1] = [[1, 2, 3], [4, 5, 6]]
     tracks = Tracks(np.arange(3.0), np.array([4, 9]), points, points, np.arange(3))
@@ -78,7 +78,7 @@ def test_rows_in_any_order_and_as_spreadsheets_save_them(tmp_path):
     assert found.points[:, :, 0] == pytest.approx(np.array([[3, 2], [1, np.nan]]), nan_ok=True)
 
 
-def test_a_long_one_is_quick(tmp_path):
+def test_a_long_table_is_fast(tmp_path):
     tracks = made(5000, 20, missing=0.1)
     begun = time.perf_counter()
     write_csv(tmp_path / "a.csv", tracks)
@@ -124,14 +124,14 @@ def test_bad_files(tmp_path, text, code, data):
     assert "\n" not in str(error.value)
 
 
-def test_no_file_and_no_folder(tmp_path):
+def test_missing_file_and_folder(tmp_path):
     with raises(CaptureError, "file-unreadable"):
         read_csv(tmp_path / "none.csv")
     with pytest.raises(StorageError):
         write_csv(tmp_path / "none" / "a.csv", made(2, 2))
 
 
-def test_more_frames_and_markers_than_the_file_can_mean_are_refused_at_once(tmp_path):
+def test_implausibly_many_frames_and_markers_are_refused_at_once(tmp_path):
     """20,000 rows, each of another frame and another marker: 19 GB."""
     path = tmp_path / "a.csv"
     rows = (f"{k},{k}.5,{k},1,2,3,nan,nan,nan" for k in range(20_000))

@@ -151,7 +151,7 @@ def test_over_a_socket():
     assert len([i for i in items if isinstance(i, StampedSample)]) > 15
 
 
-def test_ports_that_are_absent_busy_or_strange(plug, tmp_path):
+def test_ports_that_are_absent_busy_or_unusable(plug, tmp_path):
     with raises(CaptureError, "port-not-found", port="/dev/ttyUSB77"):
         open_port("/dev/ttyUSB77")
     port = plug(board()).path
@@ -193,13 +193,13 @@ class Saying:
         (encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024)), "board-command-unanswered"),
     ],
 )
-def test_what_answers_is_something_else(monkeypatch, data, code):
+def test_another_device_or_a_wrong_board_answers(monkeypatch, data, code):
     monkeypatch.setattr("defsense_fab.capture.readout.reader.GREETING_TIMEOUT_S", 0.3)
     with raises(CaptureError, code):
         Reader(lambda: Saying(data), "port", ReadoutSettings(channels=5)).start()
 
 
-def test_freshness():
+def test_readings_are_fresh():
     with Reader(board, "twin", ReadoutSettings(rate=50)) as reader:
         gather(reader, 0.3)
         assert time.monotonic_ns() - reader.read_latest(0.2).host_ns < 0.2e9
@@ -208,7 +208,7 @@ def test_freshness():
         quiet.read_latest(1.0)
 
 
-def test_a_sink_gets_everything_at_once_and_its_error_is_told():
+def test_a_sink_receives_everything_and_its_error_is_raised():
     """A full disk must not end the thread in silence."""
     seen = []
 
@@ -227,7 +227,7 @@ def test_a_sink_gets_everything_at_once_and_its_error_is_told():
     assert got == seen[: len(got)]
 
 
-def test_read_latest_tells_what_ended_the_reader():
+def test_read_latest_raises_the_error_that_ended_the_reader():
     """A full disk is not an unplugged board."""
 
     def sink(item):
@@ -248,7 +248,7 @@ def samples(reader, numbers):
         reader._receive(Sample(n, 20_000 * n, False, False, 1, (1,)), n * 20_000_000)
 
 
-def test_what_nobody_drains_is_dropped_counted_and_told(monkeypatch):
+def test_items_that_are_not_drained_are_dropped_and_counted(monkeypatch):
     """Memory is bounded, and nothing is lost in silence; a sink gets everything all the same."""
     monkeypatch.setattr("defsense_fab.capture.readout.reader.MAX_WAITING_ITEMS", 10)
     reader, written = Reader(board, "twin"), []
@@ -307,7 +307,7 @@ def test_a_port_is_not_closed_under_a_command():
     reader.send("led 2")  # to nobody: no error
 
 
-def test_a_port_whose_driver_hangs_is_closed_by_its_own_thread(monkeypatch):
+def test_a_port_with_a_hanging_driver_is_closed_by_its_thread(monkeypatch):
     monkeypatch.setattr(
         "defsense_fab.capture.readout.reader.THREAD_JOIN_TIMEOUT_S", 0.1, raising=False
     )
@@ -323,7 +323,7 @@ def test_a_port_whose_driver_hangs_is_closed_by_its_own_thread(monkeypatch):
     assert not port.closed_under_it
 
 
-def test_a_clock_that_wraps():
+def test_a_wrapping_clock_continues():
     """micros() begins anew after 71 minutes; the device's time goes on."""
     reader = Reader(board, "twin")
     last = 2**32 - 30_000
@@ -387,7 +387,7 @@ class Answering(Saying):
         return data
 
 
-def test_a_silent_board_is_told_once(monkeypatch):
+def test_a_silent_board_is_reported_once(monkeypatch):
     """It answers whenever it is greeted: it has resumed only when samples come again."""
     for name, value in (("SILENCE_S", 0.4), ("SILENCE_SAMPLES", 1), ("REOPEN_INTERVAL_S", 0.01)):
         monkeypatch.setattr(f"defsense_fab.capture.readout.reader.{name}", value)
@@ -408,7 +408,7 @@ def test_a_silent_board_is_told_once(monkeypatch):
     assert all(isinstance(i, StampedSample) for i in again[1:])
 
 
-def test_a_sink_that_refuses_what_comes_after_a_gap_is_told():
+def test_the_error_of_a_sink_after_a_gap_is_raised():
     """As a recording does when the read-out board was given other channels meanwhile; the port is
     not opened again and again for it."""
 

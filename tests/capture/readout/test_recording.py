@@ -46,7 +46,7 @@ def test_round_trip(tmp_path):
 
 
 @pytest.mark.parametrize("cut", [1, 7, 25])
-def test_a_line_that_was_cut_is_left_out_for_good(tmp_path, cut):
+def test_a_cut_line_stays_left_out(tmp_path, cut):
     """Also where what is left of it would read like a line."""
     path = tmp_path / "r.csv"
     with Recorder(path, 3) as r:
@@ -62,7 +62,7 @@ def test_a_line_that_was_cut_is_left_out_for_good(tmp_path, cut):
     assert again.damaged_lines == 1
 
 
-def test_a_write_that_failed_part_way_costs_its_line_alone(tmp_path, monkeypatch):
+def test_a_partial_write_loses_only_its_line(tmp_path, monkeypatch):
     """A disk that was full for a while: what comes next is not glued to what is left of a line."""
     path, write, room = tmp_path / "r.csv", os.write, 10**6
 
@@ -90,7 +90,7 @@ def test_a_write_that_failed_part_way_costs_its_line_alone(tmp_path, monkeypatch
     assert found.damaged_lines == 1
 
 
-def test_a_file_system_without_locks_is_recorded_to(tmp_path, monkeypatch):
+def test_recording_works_without_file_locks(tmp_path, monkeypatch):
     def no_locks(file, operation):
         raise OSError(errno.ENOLCK, "No locks available")
 
@@ -100,7 +100,7 @@ def test_a_file_system_without_locks_is_recorded_to(tmp_path, monkeypatch):
     assert read_recording(tmp_path / "r.csv").counter.tolist() == [0]
 
 
-def test_a_recording_that_was_cut_in_its_head_is_begun_again(tmp_path):
+def test_a_recording_with_a_cut_header_is_started_again(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("# defsense recording 1\nhost_ns,dev")
     with Recorder(path, 3) as r:
@@ -108,7 +108,7 @@ def test_a_recording_that_was_cut_in_its_head_is_begun_again(tmp_path):
     assert read_recording(path).counter.tolist() == [0]
 
 
-def test_reading_takes_little_more_than_the_numbers(tmp_path):
+def test_reading_needs_little_more_memory_than_the_numbers(tmp_path):
     """An hour's recording is no matter of its text's size in memory."""
     path, count = tmp_path / "r.csv", 5000
     rows = [f"{10**15 + n},{n},{n},0,0,16,{n},{n + 1}\n" for n in range(count)]
@@ -123,7 +123,7 @@ def test_reading_takes_little_more_than_the_numbers(tmp_path):
     assert peak < 2 * 8 * (8 + 1) * count + 200_000  # as the array grows; and the full scale
 
 
-def test_what_has_frames(tmp_path):
+def test_recordings_with_frames_are_recognized(tmp_path):
     path = tmp_path / "r.csv"
     with Recorder(path, 3) as r:
         r.add(Event(5, "start", {"full_scale": 1024}))
@@ -187,7 +187,7 @@ _HEAD = f"# defsense recording 1\n{_COLUMNS},s1\n"
         (_HEAD + "1,2,3,4,5,0,7\n", "frame-without-conversions", 3),
     ],
 )
-def test_files_that_are_no_recordings(tmp_path, text, code, line):
+def test_files_that_are_not_recordings(tmp_path, text, code, line):
     path = tmp_path / "r.csv"
     path.write_text(text)
     with raises(CaptureError, code, line=line):
@@ -195,7 +195,7 @@ def test_files_that_are_no_recordings(tmp_path, text, code, line):
 
 
 @pytest.mark.parametrize("text", ["", "# defsense", "# defsense recording 1"])
-def test_a_recording_that_was_cut_in_its_first_line_has_no_frames(tmp_path, text):
+def test_a_recording_with_a_cut_first_line_has_no_frames(tmp_path, text):
     """So that a session whose first write failed can be resumed."""
     (tmp_path / "r.csv").write_text(text)
     assert len(read_recording(tmp_path / "r.csv").counter) == 0
@@ -236,7 +236,7 @@ def test_replay(tmp_path):
         source.drain()
 
 
-def test_what_cannot_be_played_says_why(tmp_path):
+def test_recordings_that_cannot_be_played(tmp_path):
     path = tmp_path / "r.csv"
     with Recorder(path, 3) as r:
         r.add(Event(0, "gap", {}))

@@ -24,7 +24,7 @@ def record(path, host_s, count, device_us):
             recorder.add(StampedSample(begin + 10_000_000 * k, device_us + 10_000 * k, sample))
 
 
-def test_runs_in_one_file_follow_each_other_within_a_second(tmp_path):
+def test_runs_in_one_file_are_joined_within_a_second(tmp_path):
     """The second was hours later, on another day's clock, and the board's began anew."""
     path = tmp_path / "board.csv"
     record(path, 50_000.0, 20, 7_000_000)

@@ -181,7 +181,9 @@ def record(
 
     def pictures(camera: Camera) -> Pictures:
         leaves = gone if camera.name == "cam_1" else float("inf")
-        return Pictures(camera, began, leaves, lambda: any("disconnected" in n for n in screen.notes))
+        return Pictures(
+            camera, began, leaves, lambda: any("disconnected" in n for n in screen.notes)
+        )
 
     openers = [lambda c=c: pictures(c) for c in session.rig.cameras]
     return GuidedRecording(session, openers, source, screen, levels, auto=True, video=video).run()

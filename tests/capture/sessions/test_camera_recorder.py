@@ -68,7 +68,7 @@ def test_a_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
         recorder._frames.line("late")
 
 
-def test_a_camera_that_comes_back_late_writes_to_no_other_file(tmp_path, monkeypatch):
+def test_a_camera_that_returns_late_writes_to_no_other_file(tmp_path, monkeypatch):
     """What its thread has to tell comes when the log is closed."""
     log, source = Log(tmp_path / LOG), Hanging()
     recorder = watcher(tmp_path, source, log)
@@ -88,7 +88,7 @@ def test_a_camera_that_comes_back_late_writes_to_no_other_file(tmp_path, monkeyp
     assert source.closed == 1
 
 
-def test_one_that_never_started_is_closed_at_once(tmp_path):
+def test_a_recorder_that_never_started_closes_at_once(tmp_path):
     log = Log(tmp_path / LOG)
     recorder = watcher(tmp_path, Hanging(), log)
     recorder.close()
@@ -97,7 +97,7 @@ def test_one_that_never_started_is_closed_at_once(tmp_path):
     log.close()
 
 
-def test_what_does_not_reach_the_disk_is_told_when_it_is_closed(tmp_path, monkeypatch):
+def test_data_that_do_not_reach_the_disk_raise_on_close(tmp_path, monkeypatch):
     log, source = Log(tmp_path / LOG), Hanging()
     recorder = watcher(tmp_path, source, log)
     recorder.start()

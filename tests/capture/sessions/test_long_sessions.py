@@ -36,7 +36,7 @@ def at_rest(result, run):
     return signals[np.isfinite(signals).all(axis=1)]
 
 
-def test_cords_that_drift_between_runs_are_at_zero_at_rest_in_both(tmp_path):
+def test_cords_that_drift_between_runs_are_zero_at_rest_in_both(tmp_path):
     session = recorded(tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1260.0})
     result = process_session(session.folder)
     for run in range(2):
@@ -50,7 +50,7 @@ def test_cords_that_drift_between_runs_are_at_zero_at_rest_in_both(tmp_path):
     assert not [w for w in result.quality["warnings"] if "R0" in w]
 
 
-def test_runs_of_different_rates_are_told(tmp_path, monkeypatch):
+def test_runs_of_different_rates_are_reported(tmp_path, monkeypatch):
     session = recorded(tmp_path / "s", {})
     monkeypatch.setattr(memory, "RATE", 25.0)
     memory.record(session, SECONDS, np.random.default_rng(1))
@@ -60,7 +60,7 @@ def test_runs_of_different_rates_are_told(tmp_path, monkeypatch):
     assert result.quality["rate"] is None
 
 
-def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
+def test_a_run_without_rest_uses_the_nearest_rest_with_a_warning(tmp_path):
     session = recorded(
         tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1230.0}, {"ohm": 1260.0, "rests": False}
     )
@@ -72,7 +72,7 @@ def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
     assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
 
 
-def test_all_samples_are_told_by_the_tracks_clock(tmp_path, monkeypatch):
+def test_all_samples_have_times_of_the_tracks_clock(tmp_path, monkeypatch):
     """Of runs whose read-out boards started at other times, the LED in view."""
     session = recorded(tmp_path / "s", {"led": True}, {"led": True, "ohm": 1260.0})
     for k, run in enumerate(session.runs):
@@ -132,7 +132,7 @@ def test_tags_of_another_size_are_noticed_by_two_cameras(tmp_path, monkeypatch, 
         assert "14.55 mm" in (session.folder / "report.html").read_text("utf-8")
 
 
-def test_one_camera_cannot_tell_the_size(tmp_path, monkeypatch):
+def test_one_camera_cannot_measure_the_size(tmp_path, monkeypatch):
     session = memory.create(tmp_path / "s", 1, 12)
     monkeypatch.setattr(memory, "SIDE", 0.97 * memory.SIDE)
     memory.record(session, SECONDS, np.random.default_rng(0))
@@ -182,7 +182,7 @@ def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the memory")
-def test_memory_grows_little_by_the_minute(tmp_path):
+def test_memory_grows_little_with_duration(tmp_path):
     """An hour of six cameras must fit in 1 GB (`tests/support/memory.py`), of which imports take
     190 MB and the work on any length 200 MB."""
     needed = []
@@ -195,7 +195,7 @@ def test_memory_grows_little_by_the_minute(tmp_path):
     assert needed[1] - needed[0] < 2 * MB_A_MINUTE
 
 
-def test_recorded_tags_are_those_of_their_frames(tmp_path, monkeypatch):
+def test_recorded_tags_belong_to_their_frames(tmp_path, monkeypatch):
     """In blocks of any size; also with a frame's number damaged, and with tags of no frame."""
     session = memory.create(tmp_path / "s", 1, 12)
     run = memory.record(session, 11.0, np.random.default_rng(1))

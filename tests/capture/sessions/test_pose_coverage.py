@@ -36,7 +36,7 @@ def held(points, seed):
     return moved
 
 
-def test_shapes_are_told_apart_however_they_are_held(levels):
+def test_shapes_are_distinguished_in_any_position(levels):
     for seed, level in enumerate((0.2, 0.41, 0.63)):
         levels.add(held(bent(level), seed))
     levels.add(held(twisted(0.98), 7))
@@ -47,7 +47,7 @@ def test_shapes_are_told_apart_however_they_are_held(levels):
     assert levels.least_covered() == "twist"
 
 
-def test_rest_and_other_shapes_are_no_pose(levels):
+def test_rest_and_other_shapes_are_not_poses(levels):
     levels.add(held(REST, 1))
     levels.add(held(REST * [1, 1.4, 1], 2))
     hidden = np.full(REST.shape, np.nan)
@@ -58,7 +58,7 @@ def test_rest_and_other_shapes_are_no_pose(levels):
     assert all(most == 0 for most, _ in levels.reached().values())
 
 
-def test_what_was_seen_before_is_not_new(levels):
+def test_parts_seen_before_are_not_new(levels):
     assert levels.add(held(bent(0.41), 1)) == ("bend", 1)
     assert levels.add(held(bent(0.4), 2)) is None
     levels.restore("twist", 3)

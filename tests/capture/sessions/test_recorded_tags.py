@@ -12,7 +12,7 @@ from defsense_fab.capture.tags.detection import TagView
 TAGS = np.arange(6)
 
 
-def test_tags_survive_their_file(tmp_path):
+def test_tags_are_read_back_from_their_file(tmp_path):
     rng = np.random.default_rng(0)
     corners = rng.uniform(0, 1000, (3, 4, 2)).round(4)
     root = rng.normal(size=(3, 5, 2, 2)) * 0.02
@@ -41,7 +41,7 @@ def test_tags_survive_their_file(tmp_path):
 
 @pytest.mark.parametrize("line", [0, 1, 2, 25, 47, 48, 49])
 @pytest.mark.parametrize("wrong", ["9{}", "{}0", "{:.5}", "-{}"])
-def test_a_damaged_time_costs_its_line_alone(tmp_path, line, wrong):
+def test_a_damaged_time_loses_only_its_line(tmp_path, line, wrong):
     """One with digits too many or too few, wherever it stands; a pause costs nothing."""
     times = [5_000_000_000_000 + 33_000_000 * k + 20_000_000_000 * (k > 30) for k in range(50)]
     written = list(map(str, times))
@@ -62,7 +62,7 @@ def test_a_damaged_time_costs_its_line_alone(tmp_path, line, wrong):
     assert found.time.tolist() == times[:line] + times[line + 1 :]
 
 
-def test_rows_that_were_cut_are_left_out(tmp_path):
+def test_cut_rows_are_left_out(tmp_path):
     """Also those that a writer marked, having gone on."""
     for name, columns in (("c", sessions.TAG_COLUMNS), ("c-frames", sessions.FRAME_COLUMNS)):
         (tmp_path / f"{name}.csv").write_text(",".join(columns) + "\n")

@@ -47,7 +47,7 @@ def errors(laid, true):
     return np.linalg.norm(laid.aligned.points - true, axis=2)
 
 
-def test_frames_without_the_anchor_are_laid_by_all_and_no_other():
+def test_only_frames_without_the_anchor_are_aligned_by_all_markers():
     hidden = np.zeros((FRAMES, 6), bool)
     hidden[FRAMES // 2 :, :2] = True  # two of four anchors: they do not tell a rotation
     seen, true, resting = tracks(hidden)
@@ -81,7 +81,7 @@ def test_corners_of_one_tag_of_the_anchor_are_enough(left, bound):
     assert 0.85 < within[half:, 4:].mean() < 0.999
 
 
-def test_tags_of_the_anchor_that_were_not_seen_at_rest_count_by_their_middles():
+def test_anchor_tags_not_seen_at_rest_count_by_their_centers():
     hidden = np.zeros((FRAMES, 6), bool)
     seen, true, resting = tracks(hidden)
     of = corners(np.ones((FRAMES, 4), bool))
@@ -91,7 +91,7 @@ def test_tags_of_the_anchor_that_were_not_seen_at_rest_count_by_their_middles():
     assert np.nanmax(errors(laid, true)) < 0.15
 
 
-def test_an_anchor_that_is_hardly_seen_is_not_used():
+def test_a_rarely_visible_anchor_is_not_used():
     hidden = np.zeros((FRAMES, 6), bool)
     hidden[5:, :2] = True
     seen, _, resting = tracks(hidden)

@@ -45,7 +45,7 @@ def recorded(tmp_path_factory):
     return sessions.load(folder), screen
 
 
-def test_what_was_recorded_is_there_and_consecutive(recorded):
+def test_recorded_data_are_complete_and_consecutive(recorded):
     session, screen = recorded
     run = session.runs[0]
     assert sessions.finished_steps(session) == [0, 1, 2]
@@ -95,7 +95,7 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
         process_session(session.folder, video=True)
 
 
-def test_markers_of_another_system_take_the_cameras_place(tmp_path):
+def test_markers_of_another_system_replace_the_cameras(tmp_path):
     session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
     rig.board_alone(session, 60)
     with pytest.raises(CaptureError):
@@ -123,7 +123,7 @@ def test_markers_of_another_system_take_the_cameras_place(tmp_path):
         process_session(session.folder, tracks=tmp_path / "wrong.trc")
 
 
-def test_videos_that_lack_frames_are_paired_by_their_times(tmp_path):
+def test_videos_with_missing_frames_are_paired_by_their_times(tmp_path):
     session = rig.begin(tmp_path / "s", [("rest", 1.0), ("out", 3.0)])
     assert rig.record(session, video=True)
     whole = process_session(session.folder, video=True)
@@ -153,7 +153,7 @@ def test_videos_that_lack_frames_are_paired_by_their_times(tmp_path):
         process_session(session.folder, video=True)
 
 
-def test_a_damaged_block_costs_its_lines_alone(recorded, tmp_path):
+def test_a_damaged_block_loses_only_its_lines(recorded, tmp_path):
     session, _ = recorded
     whole = process_session(session.folder)
     shutil.copytree(session.folder, tmp_path / "s")
@@ -177,7 +177,7 @@ def test_a_video_stops_before_the_disk_is_full(tmp_path, monkeypatch):
     assert sessions.run_ending(session.runs[0]).startswith("error: ")
 
 
-def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
+def test_a_board_that_restarts_is_synchronized_in_parts(tmp_path):
     session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
     rig.board_alone(session, 60)
     board = read_recording(session.folder / "run-1" / sessions.BOARD)
@@ -257,7 +257,7 @@ def test_each_part_of_a_run_has_its_boards_full_scale(tmp_path):
           for bad in ('"a"', "null", "0", "-3", "NaN", "true", "[1024]")),
     ],
 )  # fmt: skip
-def test_a_board_that_does_not_tell_its_full_scale(tmp_path, start, code):
+def test_a_board_without_a_full_scale(tmp_path, start, code):
     session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
     rig.board_alone(session, 1)
     path = session.folder / "run-1" / sessions.BOARD
@@ -279,7 +279,7 @@ def test_stopped_and_resumed(tmp_path):
         rig.begin(tmp_path / "s", [("rest", 1.0)])
 
 
-def test_coverage_begins_with_what_earlier_runs_showed(tmp_path):
+def test_coverage_includes_earlier_runs(tmp_path):
     session = rig.begin(tmp_path / "s", [("out", 40.0)])
     screen = rig.Silent({25: "q"})
     assert not rig.record(session, screen, levels=rig.coverage())
@@ -331,7 +331,7 @@ def test_killed_at_any_moment(tmp_path):
     assert all("cut off" in r["ended"] for r in result.quality["runs"])
 
 
-def test_bad_sessions_are_one_clear_line(tmp_path):
+def test_invalid_sessions_are_refused(tmp_path):
     with pytest.raises(CaptureError):
         sessions.load(tmp_path)
     session = rig.begin(tmp_path / "s", [("rest", 1.0)])
@@ -358,12 +358,12 @@ def test_bad_sessions_are_one_clear_line(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_one_line():
+def test_a_full_disk_is_an_error():
     with pytest.raises(StorageError):
         sessions.Stream(Path("/dev/full"), ("a",))
 
 
-def test_nothing_is_written_to_what_took_a_closed_streams_place(tmp_path):
+def test_a_closed_stream_does_not_write_to_another_file(tmp_path):
     """The system gives a closed file's descriptor to the next one that is opened."""
     stream = sessions.Stream(tmp_path / "x.csv", ("a",))
     stream.close()
@@ -375,7 +375,7 @@ def test_nothing_is_written_to_what_took_a_closed_streams_place(tmp_path):
     assert (tmp_path / "other").read_bytes() == b"mine"
 
 
-def test_only_what_is_empty_is_discarded(tmp_path):
+def test_only_empty_sessions_are_discarded(tmp_path):
     session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
     other = session.folder / "run-old"
     other.mkdir()
@@ -390,7 +390,7 @@ def test_only_what_is_empty_is_discarded(tmp_path):
     assert (other / "thesis.csv").exists()
 
 
-def test_what_one_camera_lacks_leaves_the_other(recorded, tmp_path):
+def test_a_camera_without_data_leaves_the_other(recorded, tmp_path):
     session, _ = recorded
     folder = tmp_path / "s"
     shutil.copytree(session.folder, folder)
@@ -411,12 +411,12 @@ def test_what_one_camera_lacks_leaves_the_other(recorded, tmp_path):
         process_session(folder)
 
 
-def test_the_rig_of_these_tests_is_what_it_says():
+def test_the_test_rig_is_rigid():
     there = align(rig.places(0.3)[None], rig.CENTERS, mask=np.arange(6) < 4)
     assert there.residual[0] < 1e-9
 
 
-def test_a_session_that_was_described_in_toml_is_read(tmp_path):
+def test_a_session_described_in_toml_is_read(tmp_path):
     """As sessions were written before they had the same format as those on the specimen."""
     session = rig.begin(tmp_path / "s", [("rest", 1.0), ("out", 1.5)])
     lines = ["schema = 1", f'device = "{session.device}"', 'begun = "2026-01-02T03:04:05+0000"',

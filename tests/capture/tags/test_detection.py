@@ -38,7 +38,7 @@ class Counted(TagFollower):
         self._detector.find = counted
 
 
-def test_what_is_followed_is_what_is_found_in_the_whole_image():
+def test_following_finds_the_same_as_whole_images():
     follower, whole = Counted(), Detector(VIEW, FAMILY)
     for k in range(20):
         shown = image((1, -30 + 1.5 * k, 40), (2, 25, -30 + k), (3, 0, 0))
@@ -74,7 +74,7 @@ def test_a_tag_that_was_hidden_is_found_where_it_was():
     assert follower.boxes.count(None) == whole
 
 
-def test_a_number_that_is_there_twice_is_found_twice():
+def test_a_repeated_number_is_found_twice():
     follower = Counted()
     twice = image((1, -100, 0), (1, 100, 40))
     for _ in range(12):

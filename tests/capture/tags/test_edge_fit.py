@@ -73,7 +73,7 @@ def test_corners_have_no_bias(name):
     [(20, 0.5, 2, 0.6), (20, 0.8, 1, 0.6), (30, 0.5, 4, 0.0), (30, 1.1, 2, 0.6), (30, 1.5, 2, 0.3),
      (30, 0.8, 2, 1.0), (60, 0.8, 1, 0.6), (60, 1.5, 4, 0.6)],
 )  # fmt: skip
-def test_the_stated_covariance_is_that_of_the_errors(px, blur, noise, tilt):
+def test_the_stated_covariance_matches_the_errors(px, blur, noise, tilt):
     squares = []
     for name in DETECTORS if px >= 30 else ("4X4_50",):
         for seed in range(2 if px < 60 else 3):
@@ -120,7 +120,7 @@ def test_a_finger_on_an_edge_moves_no_corner(level):
     assert bad.sum() <= max(1, len(bad) // 20)
 
 
-def test_at_the_border_of_the_image_a_tag_is_right_or_not_there():
+def test_tags_at_the_image_border_are_right_or_absent():
     family, found = dictionary("4X4_50"), 0
     for k, x in enumerate(np.arange(0, 44, 2.0)):
         center = 400 * np.append(VIEW.to_plane(np.array([[x, 200.0]]))[0], 1)
@@ -167,7 +167,7 @@ def test_all_of_a_large_tags_edge_counts(side):
     assert right.mean() == pytest.approx(high + (1 - part**2 / 3), abs=0.08)
 
 
-def test_an_edges_fit_goes_on_until_it_has_converged():
+def test_the_fit_of_an_edge_continues_until_it_converges():
     """A short edge that is out of focus, and begun too sharp: four steps are too few."""
     rng = np.random.default_rng(2)
     d, s = rng.uniform(-3, 3, 60), rng.uniform(-6, 6, 60)
@@ -194,7 +194,7 @@ def test_an_edges_fit_goes_on_until_it_has_converged():
     assert abs(early[0] - end[0]) > 2 * sigma
 
 
-def test_where_nothing_can_be_fitted_the_detectors_corners_stand_in():
+def test_detector_corners_replace_failed_fits():
     """Tags in noise, beyond the image's border, and folded to a line."""
     rng = np.random.default_rng(0)
     image = rng.integers(0, 256, (100, 120)).astype(np.uint8)

@@ -149,7 +149,7 @@ def test_tags_have_their_size(printed, name, paper, size, count, pages):
     assert drawn[0].shape == pytest.approx(np.array(PAPERS[paper])[::-1] * PX, abs=1)
 
 
-def test_a_sheet_that_was_scaled_is_caught(printed):
+def test_a_scaled_sheet_is_detected(printed):
     family = dictionary("4X4_50")
     (page,) = rasters(printed(family, [1, 2], 15.0, "a4"), shrunk=0.995)
     with pytest.raises(AssertionError):
@@ -158,7 +158,7 @@ def test_a_sheet_that_was_scaled_is_caught(printed):
         check_rulers(page)
 
 
-def test_neighbouring_cells_leave_no_hairlines(printed):
+def test_neighboring_cells_leave_no_hairlines(printed):
     family = dictionary("4X4_50")
     (page,) = rasters(printed(family, [7], 11.3, "a4"))
     ((number, corners),) = found(page, family).items()
@@ -209,7 +209,7 @@ def test_outlines_hold_the_black_cells(black):
     assert (inside == black).all()
 
 
-def test_a_board_comes_back(tmp_path):
+def test_a_board_is_read_back(tmp_path):
     board = CharucoBoard().measure(29.9)
     save_board(board, tmp_path / "board.json")
     assert load_board(tmp_path) == board
@@ -230,7 +230,7 @@ def test_a_board_comes_back(tmp_path):
         ({"dictionary": "9X9_7"}, "unknown-tag-dictionary"),
     ],
 )
-def test_boards_that_cannot_be(changed, code):
+def test_impossible_boards_are_refused(changed, code):
     with raises(CaptureError, code):
         replace(CharucoBoard(), **changed)
 
@@ -247,7 +247,7 @@ def test_boards_that_cannot_be(changed, code):
         ({"measured": "x"}, "value-invalid"),
     ],
 )
-def test_files_that_are_no_boards(tmp_path, text, code):
+def test_files_that_are_not_boards(tmp_path, text, code):
     path = tmp_path / "board.json"
     save_board(CharucoBoard(), path)
     if isinstance(text, dict):
@@ -260,7 +260,7 @@ def test_files_that_are_no_boards(tmp_path, text, code):
         load_board(tmp_path / "other.json")
 
 
-def test_what_does_not_fit_is_said(tmp_path, printed):
+def test_prints_that_do_not_fit_are_refused(tmp_path, printed):
     with raises(CaptureError, "print-too-large", square=30):
         write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf")
     write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf", "A3")

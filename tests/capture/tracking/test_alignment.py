@@ -70,7 +70,7 @@ def test_as_align_vectors_after_centring():
     np.testing.assert_allclose(back, ours.points, atol=1e-9)
 
 
-def test_weights_of_nothing_are_as_a_mask():
+def test_zero_weights_act_as_a_mask():
     rng = np.random.default_rng(1)
     points = moved(REST + rng.normal(0, 1, (20, 6, 3)), *motions(20, rng))
     mask = np.array([True, True, True, False, True, False])
@@ -83,7 +83,7 @@ def test_weights_of_nothing_are_as_a_mask():
     assert np.abs(firm.points[:, 1] - REST[1]).max() < 1e-6
 
 
-def test_a_mirrored_frame_is_turned_not_reflected():
+def test_a_mirrored_frame_is_rotated_not_reflected():
     rng = np.random.default_rng(2)
     mirrored = moved(np.broadcast_to(REST * [1, 1, -1], (5, 6, 3)), *motions(5, rng))
     out = align(mirrored, REST)
@@ -112,7 +112,7 @@ def test_frames_of_too_few_or_on_a_line_are_refused():
         assert np.isfinite(array[0]).all()
 
 
-def test_a_rest_pose_that_gives_no_rotation_is_told_with_its_markers():
+def test_a_rest_pose_without_a_rotation_is_refused():
     line = np.outer(np.arange(5.0), [10, 3, 0])
     line[4] += [0, 0, 30]
     points, ids = np.zeros((2, 5, 3)), np.array([4, 8, 15, 16, 23])
@@ -127,7 +127,7 @@ def test_a_rest_pose_that_gives_no_rotation_is_told_with_its_markers():
         align(points, line[:4])
 
 
-def test_what_was_not_seen_changes_nothing_and_stays_so():
+def test_missing_points_have_no_effect_and_stay_missing():
     rng = np.random.default_rng(3)
     points = moved(REST + rng.normal(0, 0.5, (10, 6, 3)), *motions(10, rng))
     points[:, 5] = np.nan
@@ -151,7 +151,7 @@ def test_residual_is_the_rms_distance():
     assert align(points * 1.1, points[0]).residual[0] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_covariances_are_those_of_sampled_errors():
+def test_covariances_match_sampled_errors():
     rng = np.random.default_rng(4)
     R, shift = (a[0] for a in motions(1, rng))
     A = rng.normal(0, 0.1, (6, 3, 3))
@@ -235,7 +235,7 @@ def test_better_frames_count_for_more():
     assert np.abs(find_rest_pose(points, None, REST).points - REST).max() > 0.05
 
 
-def test_places_of_one_camera_pull_the_rest_pose_little():
+def test_positions_of_one_camera_have_little_weight_in_the_rest_pose():
     """Their depth is off by as much as they say, in every frame alike."""
     rng = np.random.default_rng(12)
     seen = REST.copy()
@@ -253,7 +253,7 @@ def test_places_of_one_camera_pull_the_rest_pose_little():
     assert find_rest_pose(points, None, REST).is_misplaced.tolist() == [False] * 5 + [True]
 
 
-def test_markers_glued_elsewhere_are_told_and_pull_nothing():
+def test_misplaced_markers_are_reported_and_have_no_effect():
     rng = np.random.default_rng(8)
     glued = REST.copy()
     glued[1] += [0, 12, 0]
@@ -269,7 +269,7 @@ def test_markers_glued_elsewhere_are_told_and_pull_nothing():
     assert out.seen[6] == 0
 
 
-def test_several_markers_glued_elsewhere_are_told():
+def test_several_misplaced_markers_are_reported():
     rng = np.random.default_rng(10)
     design = rng.uniform(-40, 40, (9, 3))
     glued = design.copy()
@@ -289,7 +289,7 @@ def test_three_markers_take_up_what_alignment_takes_up():
     assert out.sigma[0, 3].max() > 0.1
 
 
-def test_a_rest_pose_that_cannot_be_found_is_refused():
+def test_an_undetermined_rest_pose_is_refused():
     rng = np.random.default_rng(9)
     points = resting(10, rng, missing=0)
     with raises(CaptureError, "markers-misplaced", total=6):
@@ -303,7 +303,7 @@ def test_a_rest_pose_that_cannot_be_found_is_refused():
         find_rest_pose(np.empty((0, 6, 3)))
 
 
-def test_places_of_markers_by_number():
+def test_design_positions_by_number():
     axes = np.tile(np.eye(3), (2, 1, 1))
     design = Markers("d", "4X4_50", 10, np.array([7, 3]), REST[:2], axes, np.array([True, False]))
     found = design_positions(design, np.array([3, 5, 7]))

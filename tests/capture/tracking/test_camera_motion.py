@@ -59,13 +59,13 @@ def test_a_turn_and_a_shift_are_found(count, axis):
 
 
 @pytest.mark.parametrize("lens", [0.0, 0.02])
-def test_nothing_is_found_where_nothing_moves(lens):
+def test_no_move_is_found_without_motion(lens):
     rng = np.random.default_rng(5)
     cameras = rig(2)
     assert find_camera_motion(cameras, film(cameras, 0, 1, cameras[1], rng, lens=lens), 1) == []
 
 
-def test_tags_of_one_camera_alone_tell_nothing():
+def test_tags_of_a_single_camera_show_no_move():
     cameras = rig(2)
     views = film(cameras, 0, 1, cameras[1], np.random.default_rng(0))
     none = np.zeros(0, int)
@@ -73,7 +73,7 @@ def test_tags_of_one_camera_alone_tell_nothing():
     assert find_camera_motion(cameras, few, 1) == []
 
 
-def test_what_one_of_two_did_is_the_inverse_of_what_the_other_did():
+def test_motions_of_two_cameras_are_inverse():
     one, two = rig(2)
     R = rotation_matrices(np.array([0.01, -0.02, 0.03]))
     motion = CameraMotion(1, 0, R, np.array([1.0, 2.0, 3.0]))
@@ -86,7 +86,7 @@ def test_what_one_of_two_did_is_the_inverse_of_what_the_other_did():
     assert at == pytest.approx(again)
 
 
-def test_the_picture_that_jumps_tells_which_of_two_moved():
+def test_the_image_that_jumps_shows_which_camera_moved():
     time = np.arange(300) / 30
     rng = np.random.default_rng(2)
     slow = 10 * np.sin(0.5 * time)[:, None, None] + rng.normal(0, 0.05, (300, 4, 2))

@@ -17,7 +17,7 @@ def view(*found):
     )
 
 
-def test_of_two_of_one_number_the_nearer_is_taken():
+def test_the_nearer_of_two_equal_numbers_is_chosen():
     views = [view((3, 300.0), (3, 10.0)), view((3, 12.0), (8, 50.0)), view((3, 290.0), (3, 14.0)),
              view(), view((3, 15.0), (99, 1.0))]  # fmt: skip
     seen = collect(np.arange(5) / 30, views, np.array([3, 8]))
@@ -66,7 +66,7 @@ def test_the_offset_is_found_from_moving_tags(late):
     assert found.after <= found.before + 1e-9
 
 
-def test_without_motion_or_in_reach_there_is_no_offset():
+def test_no_offset_without_motion_or_out_of_reach():
     cameras = rig(2)
     assert find_offset(cameras, *watched(cameras, 0.015, speed=0.0), 0.1) is None
     assert find_offset(cameras, *watched(cameras, 0.25), 0.1) is None

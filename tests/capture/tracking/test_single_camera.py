@@ -19,7 +19,7 @@ def trial(X, sigma, seed, **more):
     return found, error, view.rotation @ found.covariance @ view.rotation.T
 
 
-def test_without_noise_a_tag_is_where_it_is():
+def test_a_tag_without_noise_is_located_exactly():
     X = tags(30, np.random.default_rng(0), SIZE, 0.8)
     found, error, _ = trial(X, 1e-6, 0)
     assert np.abs(error).max() < 1e-3
@@ -28,7 +28,7 @@ def test_without_noise_a_tag_is_where_it_is():
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5, 0.9])
-def test_the_covariance_is_that_of_many_trials(tilt):
+def test_the_covariance_matches_many_trials(tilt):
     view = rig(1)[0]
     axes = view.rotation.T @ np.diag([1, -1, -1.0]) @ turn(tilt)
     X = np.repeat((tag_corners(SIZE) @ axes.T)[None], 600, axis=0)
@@ -40,7 +40,7 @@ def test_the_covariance_is_that_of_many_trials(tilt):
     assert (ratio < 1.3).all()
 
 
-def test_tags_of_all_tilts_are_off_by_what_is_said():
+def test_errors_at_all_tilts_match_the_stated_covariance():
     X = tags(600, np.random.default_rng(2), SIZE, 0.9)
     _, error, covariance = trial(X, 0.05, 2)
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -50,7 +50,7 @@ def test_tags_of_all_tilts_are_off_by_what_is_said():
     assert sigma[:, 2].mean() > 5 * sigma[:, :2].mean()
 
 
-def test_the_size_is_part_of_the_covariance_where_it_is_asked_for():
+def test_the_size_uncertainty_is_part_of_the_covariance():
     X = tags(4, np.random.default_rng(3), SIZE)
     plain, _, _ = trial(X, 0.05, 3)
     loose, _, _ = trial(X, 0.05, 3, size_sigma=0.01)
@@ -59,7 +59,7 @@ def test_the_size_is_part_of_the_covariance_where_it_is_asked_for():
     assert np.allclose(extra, 1e-4 * ray[:, :, None] * ray[:, None], rtol=1e-9, atol=1e-12)
 
 
-def test_what_is_no_square_is_not_located_and_missing_stays_missing():
+def test_only_squares_are_located():
     view = rig(1)[0]
     seen = flat(view, tags(3, np.random.default_rng(4), SIZE))
     seen[0, 2] += 25.0

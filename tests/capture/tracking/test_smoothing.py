@@ -20,7 +20,7 @@ def made(time, points, sigma=None):
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.floats(0.15, 1.0), st.booleans())
-def test_parabolas_come_through_and_gaps_stay(seed, window, known):
+def test_parabolas_and_gaps_are_unchanged(seed, window, known):
     rng = np.random.default_rng(seed)
     time = 1000 + np.cumsum(rng.uniform(0.005, 0.06, 80))
     t = time - 1001
@@ -39,7 +39,7 @@ def test_parabolas_come_through_and_gaps_stay(seed, window, known):
         assert ratio.min() < 0.9
 
 
-def test_noise_falls_as_sigma_says_and_bias_as_theory_says():
+def test_noise_and_bias_fall_as_predicted():
     rng = np.random.default_rng(1)
     n, dt, window, noise, omega = 3000, 0.01, 0.3, 0.2, 6.0
     time = dt * np.arange(n)
@@ -77,7 +77,7 @@ def test_precise_points_count_for_more():
     assert 0.0099 < out.sigma[10, 0, 1] <= 0.01
 
 
-def test_few_points_stay_as_they_were():
+def test_few_points_are_unchanged():
     time = np.arange(40) / 10
     points = np.full((40, 2, 3), np.nan)
     points[:, 0] = np.random.default_rng(2).normal(size=(40, 3))
@@ -89,7 +89,7 @@ def test_few_points_stay_as_they_were():
     assert (out.points[:, 0] != points[:, 0]).all()
 
 
-def test_what_is_wrong_is_told():
+def test_invalid_input_is_refused():
     time, points = np.arange(10) / 10, np.zeros((10, 1, 3))
     with raises(CaptureError, "window-too-short"):
         smooth(made(time, points), 0.1)

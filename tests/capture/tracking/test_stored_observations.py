@@ -27,7 +27,7 @@ def views(frames, rng):
 
 
 @pytest.mark.parametrize("in_memory", [0, 10**9])
-def test_what_was_added_is_read_in_any_order(tmp_path, monkeypatch, in_memory):
+def test_stored_tags_are_read_in_any_order(tmp_path, monkeypatch, in_memory):
     monkeypatch.setattr(observations, "MAX_MEMORY_BYTES", in_memory)
     rng = np.random.default_rng(0)
     shown = views(200, rng)
@@ -51,7 +51,7 @@ def test_what_was_added_is_read_in_any_order(tmp_path, monkeypatch, in_memory):
     assert not list(tmp_path.iterdir()) or in_memory == 0
 
 
-def test_parts_are_what_the_whole_is(monkeypatch):
+def test_parts_equal_the_whole(monkeypatch):
     """Also where what is read at once begins and ends between frames that show a tag twice."""
     rng = np.random.default_rng(1)
     shown, time, ids = views(300, rng), np.arange(300) / 30, np.array([5, 0, 3])
@@ -72,7 +72,7 @@ def test_parts_are_what_the_whole_is(monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
-def test_blocks_are_all_frames_once():
+def test_blocks_contain_each_frame_once():
     for frames, tags in ((0, 5), (1, 0), (5000, 20), (50_000, 1), (3, 10**6)):
         parts = list(frame_blocks(frames, tags))
         assert np.concatenate([np.zeros(0, int), *parts]).tolist() == list(range(frames))

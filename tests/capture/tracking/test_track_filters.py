@@ -39,7 +39,7 @@ def test_fast_but_possible_motion_is_kept():
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_swapped_numbers_are_taken_out(count):
+def test_swapped_numbers_are_removed(count):
     points = moving(apart=250.0)
     swapped = points.copy()
     swapped[30 : 30 + count] = points[30 : 30 + count, ::-1]
@@ -49,7 +49,7 @@ def test_swapped_numbers_are_taken_out(count):
     assert (keep == ~wrong).all()
 
 
-def test_a_flip_and_a_false_detection_are_taken_out():
+def test_a_flip_and_a_false_detection_are_removed():
     points = moving()
     points[20, 0] += [0, 0, 45.0]
     points[50, 1] += [400, 0, 0]
@@ -57,7 +57,7 @@ def test_a_flip_and_a_false_detection_are_taken_out():
     assert np.argwhere(~keep).tolist() == [[20, 0], [50, 1]]
 
 
-def test_a_wrong_beginning_does_not_throw_the_rest_away():
+def test_a_wrong_start_does_not_discard_the_rest():
     points = moving(1)
     points[0] += [0, 300.0, 0]
     assert np.flatnonzero(~gate(points)[:, 0]).tolist() == [0]
@@ -66,7 +66,7 @@ def test_a_wrong_beginning_does_not_throw_the_rest_away():
     assert np.flatnonzero(~gate(points)[:, 0]).tolist() == [0, 1, T - 1]
 
 
-def test_what_is_uncertain_may_jump():
+def test_uncertain_positions_may_jump():
     points = moving(1)
     points[20] += [0, 0, 60.0]
     assert gate(points, sigma=30.0).all()

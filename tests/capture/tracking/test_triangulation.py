@@ -8,7 +8,7 @@ from tests.capture.rigs import flat, rig, spread, tags
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_without_noise_tags_are_where_they_are(count):
+def test_tags_without_noise_are_located_exactly(count):
     cameras, X = rig(count), tags(20, np.random.default_rng(0))
     seen = np.stack([flat(c, X) for c in cameras], axis=1)
     found = triangulate(cameras, seen, spread(seen.shape[:2], 0.05))
@@ -18,7 +18,7 @@ def test_without_noise_tags_are_where_they_are(count):
     assert found.miss.max() < 1e-8
 
 
-def test_the_covariance_is_that_of_many_trials():
+def test_the_covariance_matches_many_trials():
     rng, sigma = np.random.default_rng(1), 0.05
     cameras, X = rig(3), np.repeat(tags(1, np.random.default_rng(3)), 1500, axis=0)
     seen = np.stack([flat(c, X) for c in cameras], axis=1)
@@ -50,7 +50,7 @@ def test_a_camera_that_disagrees_is_left_out_of_three_and_two_locate_nothing():
     assert not two.used.any()
 
 
-def test_what_meets_behind_a_camera_is_nowhere():
+def test_points_behind_a_camera_are_not_located():
     cameras, X = rig(2), tags(1, np.random.default_rng(2))
     eye = np.mean([c.center for c in cameras], axis=0)
     behind = 2 * eye - X  # the rays' lines meet there

@@ -72,7 +72,7 @@ def test_cameras_in_another_order_are_named(order):
 
 @pytest.mark.parametrize("by", [(8.0, 0, 0), (0, 2.5, 0), (1.0, 1.5, -2)])
 @pytest.mark.parametrize("moved", range(3))
-def test_one_of_three_that_was_moved_is_left_out(moved, by):
+def test_one_of_three_cameras_that_was_moved_is_left_out(moved, by):
     true = cameras()
     there = list(true)
     there[moved] = replace(true[moved], translation=true[moved].translation + np.array(by))
@@ -85,7 +85,7 @@ def test_one_of_three_that_was_moved_is_left_out(moved, by):
     assert [w[0] for w in left_out] == ["abc"[moved]]
 
 
-def test_one_of_three_that_stops_leaves_two():
+def test_one_of_three_cameras_that_stops_leaves_two():
     true = cameras()
     watched, corners = filmed(true, true, np.random.default_rng(3))
     late = np.arange(FRAMES) >= FRAMES // 2
@@ -98,7 +98,7 @@ def test_one_of_three_that_stops_leaves_two():
 
 
 @pytest.mark.parametrize(("count", "late"), [(3, 0.08), (3, 0.3), (2, 3.2)])
-def test_one_that_began_late_is_brought_in_step(count, late):
+def test_a_camera_that_started_late_is_synchronized(count, late):
     true = cameras()[:count]
     watched, corners = filmed(true, true, np.random.default_rng(4), late, frames=180)
     found = assemble(watched, Rig(true), SIZE, ["a", "b", "c"][:count])
@@ -111,7 +111,7 @@ def test_one_that_began_late_is_brought_in_step(count, late):
 
 
 @pytest.mark.parametrize("by", [(0, 3.0, 0), (1.0, 2.5, -1), (2.0, 0, 0)])
-def test_one_of_two_that_was_bumped_is_placed_anew(by):
+def test_one_of_two_cameras_that_was_bumped_gets_a_new_pose(by):
     true = cameras()[:2]
     bumped = replace(true[1], translation=true[1].translation + np.array(by))
     half = 60
@@ -136,7 +136,7 @@ def test_one_of_two_that_was_bumped_is_placed_anew(by):
 @pytest.mark.parametrize(
     ("late", "lost", "drift"), [(0.0, 0.0, 0.0), (3e-3, 0.0, 0.0), (10e-3, 0.15, 500e-6)]
 )
-def test_stamps_that_are_late_move_nothing(late, lost, drift):
+def test_late_stamps_do_not_move_positions(late, lost, drift):
     """Two cameras that run freely: half-normal delays of their stamps, frames that are lost."""
     left_out, lag, stated, error = trial(late, lost, drift, 15.0, seed=1)
     assert left_out <= 3 + 0.1 * (lost > 0) * 450

@@ -25,7 +25,7 @@ def test_a_size_that_differs_by_one_per_cent_is_reported(tags):
     assert "3.1%" in warning
 
 
-def test_the_standard_deviation_is_that_of_the_median():
+def test_the_standard_deviation_matches_the_scatter_of_the_median():
     found = [measure_size(sides(15.0, 12, apart=0.1, seed=k), 15.0) for k in range(100)]
     scatter = np.std([f.side for f in found])
     assert np.mean([f.sigma for f in found]) == pytest.approx(scatter, rel=0.35)

@@ -100,7 +100,7 @@ def test_calibrated_and_arranged_like_the_true_ones(camera, tmp_path):
     assert not again.placed
 
 
-def test_the_world_of_a_file_is_kept_when_asked(camera, tmp_path):
+def test_the_world_of_a_file_is_kept_on_request(camera, tmp_path):
     out = tmp_path / "cameras.toml"
     shifted = replace(RIGHT, translation=RIGHT.translation + np.array([4.0, 0, 0]))
     write_rig(out, [LEFT, shifted], {})
@@ -160,7 +160,7 @@ def test_a_check_finds_what_moved(camera, tmp_path):
     assert not camera("check", "left.mkv", "right.mkv")["holds"]
 
 
-def test_a_check_says_in_words_what_is_wrong(camera, boards, tmp_path, capsys):
+def test_a_check_explains_what_is_wrong(camera, boards, tmp_path, capsys):
     out = tmp_path / "cameras.toml"
     write_rig(out, [LEFT, RIGHT], {})
     # What is stated of a board that a printer fitted to the page.
@@ -198,7 +198,7 @@ def said(capsys, out, *sources, board="board.json"):
     return words
 
 
-def test_sizes_tell_that_sources_are_swapped():
+def test_sizes_show_that_sources_are_swapped():
     sizes = [(480, 360), (640, 480)]
     cameras = [replace(LEFT, size=(640, 480)), RIGHT]
     with raises(CaptureError, "image-size-differs", size=(480, 360)):
@@ -206,7 +206,7 @@ def test_sizes_tell_that_sources_are_swapped():
     recorded_views.check_sizes(cameras, sizes[::-1], ["a.mkv", "b.mkv"])
 
 
-def test_views_that_are_not_of_one_instant_are_told(camera, boards, tmp_path):
+def test_views_of_different_instants_are_reported(camera, boards, tmp_path):
     fourcc = cv2.VideoWriter.fourcc(*"FFV1")
     late = cv2.VideoWriter(str(boards / "other.mkv"), cv2.CAP_FFMPEG, fourcc, RATE, RIGHT.size)
     for image in images(boards / "right.mkv")[2:]:
@@ -217,7 +217,7 @@ def test_views_that_are_not_of_one_instant_are_told(camera, boards, tmp_path):
     assert "same time" in (said if isinstance(said, str) else said["warnings"][0])
 
 
-def test_odd_metadata_is_no_obstacle(camera, tmp_path):
+def test_unusual_metadata_are_accepted(camera, tmp_path):
     out = tmp_path / "cameras.toml"
     write_rig(out, [LEFT, RIGHT], {})
     lines = ['sigma_left = "no"', "sigma_right = [1, 2]", "day = 2026-01-01", "more = { a = 1 }"]
@@ -226,7 +226,7 @@ def test_odd_metadata_is_no_obstacle(camera, tmp_path):
     assert read_rig(out).metadata["adjusted"] is True
 
 
-def test_bad_input(camera, boards, tmp_path):
+def test_invalid_input_is_refused(camera, boards, tmp_path):
     assert "28 frames" in camera("calibrate", "left.mkv", board="other.json")
     shutil.copy(boards / "board.json", boards / "nan.json")
     text = (boards / "board.json").read_text("utf-8")

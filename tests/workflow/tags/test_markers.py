@@ -149,7 +149,7 @@ def test_pictures_together_show_every_tag_upright(make, box, undrawn):
 
 @settings(max_examples=2, deadline=None)
 @given(st.integers(1, 16), st.sampled_from(["4X4_50", "APRILTAG_36H11"]), st.integers(0, 99))
-def test_places_on_a_curved_body(count, family, seed):
+def test_tags_on_a_curved_body(count, family, seed):
     # An ellipsoid: no face of it is flat.
     from tests.conftest import box_surface
 
@@ -176,7 +176,7 @@ def test_places_on_a_curved_body(count, family, seed):
     check_places(markers, body, tags)
 
 
-def test_tags_keep_off_the_ends_of_cords(make, box):
+def test_tags_avoid_the_ends_of_cords(make, box):
     end = np.array([40.0, 0, 15])
     wanted = module.TagRequest(20, 8.0, 10.7, 0, lambda p: np.zeros(len(p), bool), end[None], [])
     places = module.place_tags(box, wanted)
@@ -186,7 +186,7 @@ def test_tags_keep_off_the_ends_of_cords(make, box):
         assert np.abs(local[:2]).max() > 5.3 or abs(local[2]) > 5
 
 
-def test_an_anchor_without_room_is_told(make, undrawn):
+def test_an_anchor_without_room_is_reported(make, undrawn):
     device = make()
     found = write_markers(device, size=20.0, count=8)
     assert found.markers.size == 20.0
@@ -201,7 +201,7 @@ def test_no_anchor(make, undrawn):
     assert "all tags in the rest pose" in found.notes[0]
 
 
-def test_seats_come_first(make, undrawn):
+def test_seats_have_priority(make, undrawn):
     device = make(seats="marker_seats = 2")
     with raises(CaptureError, "tag-seats-not-built"):
         write_markers(device)
@@ -245,7 +245,7 @@ def test_impossible_tags_are_refused(make, undrawn, options, code):
     assert not (device.source / "markers" / "markers.json").exists()
 
 
-def test_markers_come_back(tmp_path):
+def test_markers_are_read_back(tmp_path):
     axes = np.stack([np.eye(3), np.eye(3)[:, [1, 2, 0]]])
     m = Markers("d", "4X4_50", 12.0, np.array([3, 9]), np.eye(3)[:2], axes, np.array([True, False]))
     write_markers_file(m, tmp_path / "markers.json")
@@ -280,7 +280,7 @@ def test_markers_come_back(tmp_path):
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_many_tags_stand_upright_like_one(seed):
+def test_many_tags_are_upright_like_one(seed):
     normals = np.random.default_rng(seed).standard_normal((5, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     assert tag_placement.upright_axes_of(normals) == pytest.approx(
