@@ -102,7 +102,7 @@ def not_in_device(kind: str, name: str, names: Sequence[str]) -> DeviceError:
         code="not-in-device",
         where=DEVICE,
         action=f"Choose one of: {', '.join(names)}" if names else "",
-        kind=kind,
+        table=kind,
         name=name,
         names=tuple(names),
     )

@@ -159,7 +159,7 @@ def test_edits_of_missing_parts_raise(folder):
         (
             cords.move_point("left", 0, np.zeros(2)),
             "not-in-device",
-            {"kind": "sensor", "name": "left", "names": ("top", "side")},
+            {"table": "sensor", "name": "left", "names": ("top", "side")},
         ),
         (cords.delete_point("side", 4), "no-control-point", {"number": 5, "count": 4}),
         (
@@ -170,7 +170,7 @@ def test_edits_of_missing_parts_raise(folder):
         (
             poses.rename_region("mid", "x"),
             "not-in-device",
-            {"kind": "region", "name": "mid", "names": ("base", "tip")},
+            {"table": "region", "name": "mid", "names": ("base", "tip")},
         ),
         (poses.rename_region("tip", "base"), "name-not-unique", {"name": "base"}),
     ):

@@ -79,5 +79,5 @@ rod = { cylinder = { start = [0, 0, 0], end = [150, 0, 0], radius = 3 } }
     assert regions["rod"].start.tolist() == [1.5, 0, -2]
     assert regions["rod"].end.tolist() == [151.5, 0, -2]
     assert "# what the hand moves" in changed(shift_region("tip", by))
-    with raises(DeviceError, "not-in-device", kind="region", name="gone"):
+    with raises(DeviceError, "not-in-device", table="region", name="gone"):
         changed(shift_region("gone", by))
