@@ -1,7 +1,7 @@
 """Pages of the guide that come from the declarations of the files that users edit.
 
-A page has the keys of a file where it says ```{file-keys} device```. The JSON Schema of each file is
-written to `schemas/` next to the pages.
+A page shows the keys of a file where it says ```{file-keys} device```. The JSON Schema of each file
+is written to `schemas/` next to the pages.
 """
 
 import json

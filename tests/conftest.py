@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from tests.support.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
+from tests.support.grid import grid_of_tets
 
 # The same examples on every run: what fails once in twenty runs says nothing of the change at hand.
 # `--hypothesis-profile=random` looks for others.

@@ -13,8 +13,8 @@ from defsense_fab.runtime.view.page_server import close_page, serve_page
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
-from tests.support.places import BAR
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
+from tests.support.places import BAR
 from tests.twin.conftest import small_bar as small_bar_fixture
 
 small_bar, live_bar = small_bar_fixture, live_bar_fixture

@@ -127,7 +127,7 @@ class SuggestionPart:
         return self._write([pose], states=False)
 
     def take_all(self) -> str | None:
-        """Write all poses with their states, and return the name of the first, or None on failure."""
+        """Write all poses with their states. Return the first's name, or None on failure."""
         if self.search_result is None or not self.search_result.poses:
             self._bench.show_message("Propose poses first.", "no-pose-chosen")
             return None

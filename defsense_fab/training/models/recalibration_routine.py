@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...capture.readout.recording import read_recording
-from ...capture.sessions.run_steps import begun, resting
-from ...capture.sessions.session import BOARD, load, read_log
+from ...capture.sessions.session import BOARD, load, read_log, rest_frames, step_starts
 from ...capture.sessions.signals import resistances
 from ...core.arrays import Float
 from ...core.errors import TrainingError
@@ -79,7 +78,7 @@ def _load_runs(model: TrainedModel, folder: Path) -> list[Recording]:
         time, rows = np.unique((board.host_ns - start_ns) / 1e9, return_index=True)
         ohm = resistances(session, board)[rows][:, order]
         events = read_log(run)
-        rest = _median_rest(ohm[resting(events, time, start_ns)])
+        rest = _median_rest(ohm[rest_frames(events, time, start_ns)])
         if rest is None:
             raise TrainingError(
                 "has no rest, from which the cords' resistances at rest are measured",
@@ -98,7 +97,7 @@ def _load_runs(model: TrainedModel, folder: Path) -> list[Recording]:
                 time=np.zeros(0),
                 points=no_points,
                 sigma=no_points,
-                poses=tuple(begun(events, start_ns)),
+                poses=tuple(step_starts(events, start_ns)),
             )
         )
     if not recordings:

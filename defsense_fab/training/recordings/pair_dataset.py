@@ -10,8 +10,8 @@ import numpy as np
 
 from ...capture.clocks.synchronization import synchronize_by_motion
 from ...capture.files.formats import read_tracks
-from ...capture.sessions.rest_frame import lay_on_rest
-from ...capture.sessions.signals import motion
+from ...capture.sessions.rest_frame import align_with_rest
+from ...capture.sessions.signals import marker_distances
 from ...capture.tracking.rest_pose import MAX_DISTANCE_MM
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError, TrainingError
@@ -187,7 +187,7 @@ def align_to_design(
         return named, [f"in the device's frame as given: {subject} {distance:.2f} mm off"]
     corners = np.full((len(tracks.time), int(markers.anchor.sum()), 4, 3), np.nan, np.float32)
     try:
-        laid = lay_on_rest(markers, named, corners, is_initial, "auto")
+        laid = align_with_rest(markers, named, corners, is_initial, "auto")
     except CaptureError as error:
         raise TrainingError(
             f"is not in the device's frame ({subject} {distance:.1f} mm off), and cannot be aligned"
@@ -329,7 +329,7 @@ def _synchronize(
         return series.time + float(offset), None, f"{float(offset):g} s, as given"
     values = series.ohm if series.ohm is not None else _changes(series)
     try:
-        sync = synchronize_by_motion(tracks.time, motion(tracks), series.time, values)
+        sync = synchronize_by_motion(tracks.time, marker_distances(tracks), series.time, values)
     except CaptureError as error:
         raise TrainingError(
             f"no offset between {series.source} and {source} is found by motion ({error})",

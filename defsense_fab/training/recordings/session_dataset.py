@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...capture.files.formats import read_tracks
-from ...capture.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
+from ...capture.sessions.results import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ...capture.sessions.session import CaptureSession, load
 from ...core.arrays import Bool, Float
 from ...core.device.build_folder import build_folder
@@ -133,7 +133,7 @@ def _load_session(folder: Path, device: Device | None, layout: LayoutRecord | No
         "device": session.device,
         "unit": recordings[0].unit,
         "layout": session.layout,
-        "begun": session.begun,
+        "begun": session.started_at,
         "reference": dict(zip(session.channels, session.reference, strict=True)),
         "cameras": [camera.name for camera in session.rig.cameras],
         "version": quality.get("version"),

@@ -225,7 +225,7 @@ def _resume_session(
             where=folder,
             action="Start another session in another folder",
         )
-    if len(sessions.finished(session)) == len(session.steps):
+    if len(sessions.finished_steps(session)) == len(session.steps):
         raise CaptureError(
             "this session is finished",
             code="session-finished",
@@ -259,7 +259,7 @@ def _create_session(
         calibration = device.source / "twin-cameras.toml"
         write_true_cameras(twin, calibration)
     poses = [p.name for p in device.poses]
-    steps = sessions.plan(poses, options.rounds, options.seconds, options.free, options.rest)
+    steps = sessions.plan_steps(poses, options.rounds, options.seconds, options.free, options.rest)
     return sessions.create(
         folder,
         device=device.name,

@@ -10,9 +10,8 @@ from typing import Any
 import igl
 import numpy as np
 
-from ...capture.sessions.rest_resistance import rest_resistances
-from ...capture.sessions.sample_table import ClockPart
-from ...capture.sessions.signals import resistances_at
+from ...capture.sessions.results import ClockPart
+from ...capture.sessions.signals import resistances_at, rest_resistances
 from ...core.arrays import Bool, Float, Int
 from ...core.device.build_folder import finished_build
 from ...core.device.device import CONVERTERS, Device
@@ -36,7 +35,8 @@ from ..devices.pose_samples import add_grips, place_grips
 from ..devices.twin_traits import TwinTraits
 from ..electronics.readout_board import Converter
 from ..electronics.rubber_cords import RubberState
-from ..scenes.hand_walk import REST, Walk, plan_walk
+from ..scenes.device_motion import REST
+from ..scenes.hand_walk import Walk, plan_walk
 from ..scenes.marker_measurement import measure_markers
 
 DICTIONARY_SIZES = (50, 100, 250, 1000)  # of the dictionaries of 4 x 4 tags

@@ -17,22 +17,35 @@ from ...capture.clocks.synchronization import synchronize_by_motion
 from ...capture.files.formats import read_tracks, write_tracks
 from ...capture.files.track_conversion import frame_grid
 from ...capture.readout.recording import read_recording
-from ...capture.sessions.camera_recorder import FILM_RATE
-from ...capture.sessions.results import ProcessedSession
+from ...capture.sessions.camera_recorder import VIDEO_RATE_HZ
 from ...capture.sessions.recorded_tags import CameraRecording, read_camera_tags
-from ...capture.sessions.rest_frame import lay_on_rest
-from ...capture.sessions.signals import rest_resistances
-from ...capture.sessions.results import quantiles, REPORT, TRACKS, write_results
-from ...capture.sessions.session import begun, resting
-from ...capture.sessions.results import ClockPart
-from ...capture.sessions.session import BOARD, CAMERAS, CaptureSession, ending, load, read_log
+from ...capture.sessions.rest_frame import align_with_rest
+from ...capture.sessions.results import (
+    REPORT,
+    TRACKS,
+    ClockPart,
+    ProcessedSession,
+    quantiles,
+    write_results,
+)
+from ...capture.sessions.session import (
+    BOARD,
+    CAMERAS,
+    CaptureSession,
+    load,
+    read_log,
+    rest_frames,
+    run_ending,
+    step_starts,
+)
 from ...capture.sessions.signals import (
-    motion,
+    marker_distances,
     resistances,
     resistances_at,
+    rest_resistances,
     restarts,
-    signals_in_step,
-    told_of,
+    sync_record,
+    synchronize_signals,
 )
 from ...capture.tracking.observations import FrameTags
 from ...capture.videos.video_detection import VideoDetections, detect_markers
@@ -89,7 +102,7 @@ def process_session(
             else:
                 runs.append(_captured(session, run, tracks))
         except CaptureError as error:
-            skipped.append({"run": run.name, "why": str(error), "ended": ending(run)})
+            skipped.append({"run": run.name, "why": str(error), "ended": run_ending(run)})
     if not runs:
         why = "; ".join(f"{s['run']}: {s['why']}" for s in skipped)
         raise CaptureError(f"{folder}: no run can be used: {why}")
@@ -136,18 +149,18 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     told: dict[str, Any] = {"method": "none"}
     lost, clocks = list[str](), list[ClockPart]()
     if recording is not None:
-        ohm, told, clocks = signals_in_step(session, recording, cameras, start, shift, tracks)
+        ohm, told, clocks = synchronize_signals(session, recording, cameras, start, shift, tracks)
         if recording.damaged_lines:
             lost.append(f"lines of {run.name}/{BOARD}: {recording.damaged_lines}")
-    rest = resting(events, tracks.time, start)
+    rest = rest_frames(events, tracks.time, start)
     cut = sum(c.cut for c in cameras)
     lost += [f"lines of {n}'s files: {c.cut}" for n, c in zip(names, cameras, strict=True) if c.cut]
     if lost:
         processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
     processed.quality["warnings"] += _ends_early(names, watched)
     return _ProcessedRun(
-        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}, clocks,
-        begun(events, start),
+        processed, ohm, rest, told, {"run": run.name, "ended": run_ending(run), "cut": cut}, clocks,
+        step_starts(events, start),
     )  # fmt: skip
 
 
@@ -192,8 +205,8 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     recording = read_recording(run / BOARD)
     device = recording.device_us / 1e6
     ohm = resistances(session, recording)
-    sync = synchronize_by_motion(tracks.time, motion(tracks), device, ohm)
-    about_sync = told_of(sync, [])
+    sync = synchronize_by_motion(tracks.time, marker_distances(tracks), device, ohm)
+    about_sync = sync_record(sync, [])
     if restarts(recording):
         about_sync["error_ms"] = None
         about_sync["notes"] = [
@@ -207,11 +220,16 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     at = resistances_at(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, recording.host_ns / 1e9)
     events = read_log(run)
-    rest = resting(events, arrival.to_host(sync.to_device(tracks.time)))
-    shown = begun(events)
+    rest = rest_frames(events, arrival.to_host(sync.to_device(tracks.time)))
+    shown = step_starts(events)
     heard = (np.array([at for at, _ in shown]) - arrival.offset) / (1 + arrival.drift)
     steps = [(float(t), name) for t, (_, name) in zip(sync.to_camera(heard), shown, strict=True)]
-    about = {"run": run.name, "ended": ending(run), "cut": recording.damaged_lines, "tracks_of": str(path)}
+    about = {
+        "run": run.name,
+        "ended": run_ending(run),
+        "cut": recording.damaged_lines,
+        "tracks_of": str(path),
+    }
     clocks = [ClockPart(slice(0, len(device)), sync.offset, sync.drift)]
     return _ProcessedRun(processed, at, rest, about_sync, about, clocks, steps)
 
@@ -240,7 +258,7 @@ def _again(
     if not path.exists():
         raise CaptureError(f"{path}: there is no video; the session was recorded without --video")
     time, found = detect_markers(Video(path), camera, session.markers, progress)
-    number = np.round(time * FILM_RATE).astype(int)
+    number = np.round(time * VIDEO_RATE_HZ).astype(int)
     known = frame[(frame >= 0) & (frame < 2 * len(frame) + 100)]  # others are damaged
     count = max(int(known.max(initial=-1)) + 1, len(frame))
     there = (number >= 0) & (number < count)
@@ -263,8 +281,8 @@ def _join(
     anchor: str,
 ) -> ProcessedSession:
     ids = session.markers.ids
-    ohm, resting = [r.ohm for r in runs], np.concatenate([r.rest for r in runs])
-    count, time, begin, dropped = len(resting), list[Float](), 0.0, 0
+    ohm, is_resting = [r.ohm for r in runs], np.concatenate([r.rest for r in runs])
+    count, time, begin, dropped = len(is_resting), list[Float](), 0.0, 0
     clocks: dict[str, list[ClockPart]] = {}
     rates: list[float] = []
     spans: list[dict[str, Any]] = []
@@ -276,7 +294,7 @@ def _join(
             rates.append(1 / grid.period)
         time.append(own + begin - own[0])
         later = begin - float(own[0])
-        clocks[str(run.told["run"])] = [part.later(later) for part in run.clocks]
+        clocks[str(run.told["run"])] = [part.shifted(later) for part in run.clocks]
         ends = float(time[-1][0]), float(time[-1][-1])
         steps = [[at + later, name] for at, name in run.steps]
         spans.append({"begin": ends[0], "end": ends[1], "steps": steps})
@@ -290,7 +308,7 @@ def _join(
     # Files of tracks count the frames that were dropped, too; signals by frame must go with them.
     number = grid.index if grid is not None and even else np.arange(count)
     tracks = Tracks(T, ids, P, S, number)
-    laid = lay_on_rest(session.markers, tracks, corners, resting, anchor)
+    laid = align_with_rest(session.markers, tracks, corners, is_resting, anchor)
     aligned, warnings = laid.aligned, list(laid.warnings)
     names = [str(r.told["run"]) for r in runs]
     R0, told = rest_resistances(names, session.channels, ohm, [r.rest for r in runs])
@@ -301,7 +319,7 @@ def _join(
             f"the runs' cameras had different rates ({told_rates} Hz): the files' times are uneven,"
             " and frames that were dropped are not filled in"
         )
-    if not resting.any():
+    if not is_resting.any():
         warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
     back = Tracks(T, ids, aligned.points, aligned.sigma, number)
     with np.errstate(all="ignore"):
@@ -318,7 +336,9 @@ def _join(
             "by_all": laid.by_all, "by_all_off": laid.off,
             "residual": quantiles(aligned.residual),
             "sigma": quantiles(lengths(back.sigma)[back.visible]),
-            "seen": dict(zip(map(str, ids.tolist()), back.visible.mean(axis=0).tolist(), strict=True)),
+            "seen": dict(
+                zip(map(str, ids.tolist()), back.visible.mean(axis=0).tolist(), strict=True)
+            ),
             "glued": laid.glued, "warnings": warnings,
             "R0": {
                 n: [float(r) if np.isfinite(r) else None for r in of]

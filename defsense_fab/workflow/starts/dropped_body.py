@@ -104,7 +104,7 @@ class DroppedBody:
         return Surface(self.surface.vertices * self.scale(unit), self.surface.faces)
 
     def edge_length(self, unit: str) -> float:
-        """Return the default edge length, mm: a fifth of the thickness, or more for large bodies."""
+        """Return the default edge length, mm: a fifth of the thickness, more for large bodies."""
         surface = self.in_mm(unit)
         edge = min(
             estimate_thickness(surface) / EDGES_PER_THICKNESS,

@@ -53,8 +53,14 @@ def device():
 def guide(device):
     steps = guide_steps(device.device, device.manifest, device.parts)
     joint = next(s.joint for s in steps if s.joint)
-    found = face_template(joint, "Step 4: the face", device.device, layout_of(device), device.manifest,
-                 device.parts)  # fmt: skip
+    found = face_template(
+        joint,
+        "Step 4: the face",
+        device.device,
+        layout_of(device),
+        device.manifest,
+        device.parts,
+    )
     picture = image()
     return Guide(
         "blocks", "2 parts", (), picture, (GuideTable("Print", ("part",), (("1",),)),),

@@ -146,7 +146,7 @@ def test_unknown_values_are_not_shown(models, tmp_path):
     assert data["comparison"] is None
     assert data["models"][name]["camera_noise"] is None
     assert data["models"][name]["intervals"] is None
-    assert "nan" not in re.sub("base64,[^\"]*", "", page).lower()
+    assert "nan" not in re.sub('base64,[^"]*', "", page).lower()
     assert "1 markers were never visible" in page
     assert not (tmp_path / "out" / "coverage.svg").exists()
     assert not (tmp_path / "out" / "comparison.csv").exists()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.files.formats import read_tracks
-from defsense_fab.capture.sessions.session import finished, load
+from defsense_fab.capture.sessions.session import finished_steps, load
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.devices.twin_traits import FilmTraits
@@ -30,7 +30,7 @@ def filmed(small_bar, tmp_path_factory):
 def test_session_is_processed_like_a_recorded_one(filmed):
     session = load(filmed)
     assert (session.unit, session.channels) == ("twin-1", ("cord_1", "cord_2"))
-    assert len(finished(session)) == len(session.steps) == 5
+    assert len(finished_steps(session)) == len(session.steps) == 5
     quality = json.loads((filmed / "quality.json").read_text(encoding="utf-8"))
     assert quality["twin"]["seed"] == 1
     assert quality["runs"][0]["sync"]["method"] in ("led", "motion")

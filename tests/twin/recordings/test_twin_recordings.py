@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.files.formats import read_tracks
-from defsense_fab.capture.sessions.session import finished, load
+from defsense_fab.capture.sessions.session import finished_steps, load
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import CaptureError
@@ -168,7 +168,7 @@ def test_quality_contains_the_provenance_of_the_twin(written, runs):
     assert quality["twin"]["seed"] == 1
     session = load(written)
     assert [s.name for s in session.steps] == [name for _, name in run.poses]
-    assert finished(session) == list(range(len(session.steps)))
+    assert finished_steps(session) == list(range(len(session.steps)))
     with np.load(written / "truth.npz") as truth:
         assert truth["points"] == pytest.approx(runs.runs[0].truth.points, abs=1e-4)
         assert truth["signals"] == pytest.approx(runs.runs[0].truth.signals)
