@@ -23,11 +23,11 @@ from ...capture.cameras.view_selection import (
 from ...capture.tags.detection import BoardFinder, BoardView, Image
 from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float, Int
+from .board_videos import check_sizes
 from .recorded_views import (
     Calibrated,
     calibrate_views,
     check_new_names,
-    check_sizes,
     check_world,
     read_rig_for,
     solve_rig,
