@@ -118,7 +118,7 @@ def test_tracks_in_another_frame_are_aligned_to_the_rest_pose(tmp_path, r):
     assert "aligned by anchor" in " ".join(result.provenance["sessions"][0]["notes"])
     # Tracks with other rest positions do not match, however they are aligned.
     wrong = replace(markers(), centers=REST[[4, 2, 0, 1, 3]] * [1, 1, 2])
-    with raises(TrainingError, "markers-misplaced"):
+    with raises(TrainingError, "not-in-device-frame"):
         pair_dataset(signals, tmp_path / "take.trc", RecordingInfo(markers=wrong))
     meters = replace(take, points=r.points / 1000)
     write_tracks(tmp_path / "m.csv", meters)

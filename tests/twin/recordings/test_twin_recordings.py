@@ -213,10 +213,10 @@ def test_assumptions_are_listed_without_a_build(small_bar, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "value"),
     [
-        (["--minutes", "0.01"], "--minutes 0.01"),
+        (["--minutes", "0.01"], "--minutes: 0.01"),
         (["--off", "gravity"], "gravity"),
-        (["--sessions", "0"], "--sessions 0"),
-        (["--wrong", "0.9"], "--wrong 0.9"),
+        (["--sessions", "0"], "--sessions: 0"),
+        (["--wrong", "0.9"], "--wrong: 0.9"),
         (["--markers", "none.json"], "none.json"),
     ],
 )
