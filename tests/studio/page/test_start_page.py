@@ -17,6 +17,7 @@ from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.workflow.starts.dropped_body import DroppedBody
 from tests.conftest import box_surface
 from tests.studio.devices import TEXT, write_device
+from tests.support.errors import raises
 
 LONG = 60.0
 
@@ -69,7 +70,7 @@ def test_a_dropped_body_is_asked_its_unit_and_becomes_a_device(begin, tmp_path, 
     scale = 25.4
     surface = box_surface([0, 0, 0], [5, 1, 1])
     body = DroppedBody(b"content", "grip", ".stl", surface, "inch", True, ("closed 1 small holes",))
-    monkeypatch.setattr(start_page_module, "look_at_file", lambda name, content: body)
+    monkeypatch.setattr(start_page_module, "load_body_content", lambda name, content: body)
     studio = begin(tmp_path)
     page = studio.page
     page.receive("../grip.stl", b"content")
@@ -98,7 +99,7 @@ def test_what_is_refused_is_told_on_the_page_which_goes_on(begin, tmp_path):
     page.receive("photo.stl", b"\x89PNG")
     assert page.wait(LONG)
     assert "`photo`" not in page.message.content
-    assert "photo: is neither STEP nor a mesh" in page.message.content
+    assert "**photo: " in page.message.content
     upload = page.upload
     studio.refuse_upload(None, "<b>huge</b>.stl", "it has 2,048 MB, and 200 MB is the most")
     assert "it has 2,048 MB" in page.message.content
@@ -119,7 +120,7 @@ def test_a_folder_that_cannot_be_written_is_told_and_another_try_is_possible(
         raise StorageError("new: Read-only file system; check the path and permissions")
 
     with monkeypatch.context() as patch:
-        patch.setattr(start_page_module, "begin_with", refuse)
+        patch.setattr(start_page_module, "create_starting_device", refuse)
         click(page.buttons["bar"])
     assert "Read-only file system" in page.message.content
     assert studio.page is page
@@ -201,7 +202,7 @@ def test_links_that_lead_out_of_the_folder_are_not_written_through(begin, tmp_pa
 
 def test_a_file_is_no_folder(studio_server, tmp_path):
     (tmp_path / "x").touch()
-    with pytest.raises(StorageError, match="is no folder"):
+    with raises(StorageError, "not-a-folder"):
         Studio(studio_server, tmp_path / "x", Agreement())
 
 
