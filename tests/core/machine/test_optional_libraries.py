@@ -28,7 +28,7 @@ _GUARDED_ELSEWHERE = {
     "studio/measure/recording_screen.py": "drawn on a page that serve_page has opened",
     "studio/optimize/watched_search.py": "drawn on a page that serve_page has opened",
     "runtime/outputs/midi_ports.py": "describes itself which of two packages has it",
-    "workflow/study/runs/cluster.py": "called once `connected` has imported it",
+    "workflow/study/runs/cluster.py": "called once `connect` has imported it",
     "workflow/study/results/study_table.py": "writes CSV without it",
     "workflow/doctor/machine.py": "in another process, whose end is reported",
 }
@@ -107,9 +107,9 @@ def _page(path):
 
 
 def _cluster(path):
-    from defsense_fab.workflow.study.runs.cluster import connected
+    from defsense_fab.workflow.study.runs.cluster import connect
 
-    with connected("tcp://127.0.0.1:1"):
+    with connect("tcp://127.0.0.1:1"):
         pass
 
 

@@ -162,7 +162,7 @@ def test_an_edit_with_an_invalid_result_changes_nothing(folder):
     project = Project(folder)
     for edit, code in (
         (body.set_value("mesh", "edge_length", -1.0), "out-of-range"),
-        (cords.rename_cord("side", "top"), "name-not-unique"),
+        (cords.rename_cord("side", "top"), "duplicate-names"),
         (Edit("spoil", lambda d: d.add("name", 3)), "edit-not-possible"),
     ):
         with raises(DeviceError, code):
