@@ -138,9 +138,9 @@ def _poses(view: CaptureView) -> list[object]:
     if not view.reached:
         return []
     table = Table.grid(padding=(0, 1))
-    for name, (most, seen) in view.reached.items():
+    for name, (most, parts) in view.reached.items():
         bar = Text()
-        for part in seen:
+        for part in parts:
             bar.append("███ " if part else "░░░ ", "green" if part else "dim")
         table.add_row(Text(name), bar, Text(f"up to {most:.0%}", "dim"))
     return [Text("recorded so far, from rest to each pose:", "dim"), table]
@@ -169,7 +169,7 @@ class CaptureLines:
             name, seconds = view.steps[view.step]
             is_new = view.step != self._step
             self._step, self._last = view.step, now
-            covered = ", ".join(f"{n} {seen.mean():.0%}" for n, (_, seen) in view.reached.items())
+            covered = ", ".join(f"{n} {parts.mean():.0%}" for n, (_, parts) in view.reached.items())
             self._write(
                 f"step {view.step + 1}/{len(view.steps)}: {name},"
                 f" {f'{seconds:g} s' if is_new else f'{view.left:.0f} s left'};"

@@ -130,11 +130,11 @@ def sections(kind: type, path: tuple[str, ...] = (), is_list: bool = False) -> I
     """Yield the table `kind` and all tables in it, in the declared order."""
     yield Section(path, is_list, table_fields(kind))
     for declared in struct_type(kind).fields:
-        seen = []
+        visited = []
         for option in members(declared.type):
             names, inner = _inner_table(option)
-            if inner is not None and inner.cls not in seen:
-                seen.append(inner.cls)
+            if inner is not None and inner.cls not in visited:
+                visited.append(inner.cls)
                 in_list = item_types(option) is not None
                 yield from sections(inner.cls, (*path, declared.encode_name, *names), in_list)
 

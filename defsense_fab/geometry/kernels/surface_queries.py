@@ -261,9 +261,8 @@ class SignedDistance:
         if not len(points):
             return np.zeros(0, bool)
         step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        is_new_run = ~(
-            step < np.maximum(distance[1:], distance[:-1])
-        )  # also where one is no number
+        # The comparison is False for NaN, which therefore starts a new run.
+        is_new_run = ~(step < np.maximum(distance[1:], distance[:-1]))
         run = np.concatenate([[0], np.cumsum(is_new_run)])
         deepest = np.lexsort((-distance, run))[np.searchsorted(run, np.arange(run[-1] + 1))]
         return np.asarray(self.inside(points[deepest])[run])

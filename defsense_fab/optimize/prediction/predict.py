@@ -80,7 +80,7 @@ def predict(task: DesignTask, cords: Sequence[BuiltCord]) -> ScoredLayout:
     predicted = decoder(signals).reshape(n, k, 3)
     noisy = decoder.noise_variance(signals, noise).reshape(n, k, 3).sum(2)
     variance = noisy @ problem.marker_weights
-    seen = measure_errors(
+    fitted = measure_errors(
         predicted[is_designed], problem.markers[is_designed], problem.marker_weights
     )
     every = measure_errors(predicted, problem.markers, problem.marker_weights)
@@ -96,9 +96,9 @@ def predict(task: DesignTask, cords: Sequence[BuiltCord]) -> ScoredLayout:
         tested=len(unseen.tested),
         how=unseen.how,
         rmse=float(np.sqrt((expected[is_designed] ** 2).mean())),
-        rmse_noise_free=seen.rmse,
-        peak=seen.peak,
-        average_peak=seen.average_peak,
+        rmse_noise_free=fitted.rmse,
+        peak=fitted.peak,
+        average_peak=fitted.average_peak,
         floor=problem.floor(len(cords)),
         per_state={m: rmse[m] for m, h in zip(names, held, strict=True) if not h},
         held_out={m: rmse[m] for m, h in zip(names, held, strict=True) if h},

@@ -27,7 +27,7 @@ def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
     Args:
         layout: The layout.
         rng: Random generator.
-        tied: Keep cords that share a plane in one plane; otherwise each moves by itself.
+        tied: Keep cords that share a plane in one plane; otherwise each moves independently.
     """
     cords, spread = shared_parameters(layout) if tied else independent_parameters(layout)
     return _apply_parameters(cords, spread @ rng.normal(0, 1.5, spread.shape[1]), layout)

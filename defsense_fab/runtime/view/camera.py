@@ -77,11 +77,11 @@ def in_rectangle(points: Float, view: View, low: Float, high: Float) -> Bool:
         low: Upper left corner of the rectangle (2,), from 0 to 1 of the picture.
         high: Its lower right corner (2,).
     """
-    seen = (points - view.position) @ view.axes
-    is_ahead = seen[:, 2] > 0
-    half = np.tan(view.angle / 2) * np.where(is_ahead, seen[:, 2], 1.0)
-    across = (seen[:, 0] / (half * view.aspect) + 1) / 2
-    down = (seen[:, 1] / half + 1) / 2
+    in_view = (points - view.position) @ view.axes
+    is_ahead = in_view[:, 2] > 0
+    half = np.tan(view.angle / 2) * np.where(is_ahead, in_view[:, 2], 1.0)
+    across = (in_view[:, 0] / (half * view.aspect) + 1) / 2
+    down = (in_view[:, 1] / half + 1) / 2
     position = np.stack([across, down], axis=1)
     return np.asarray(is_ahead & ((position >= low) & (position <= high)).all(axis=1))
 

@@ -61,7 +61,7 @@ def measure_repeatability(frames: Frames, decoded: Float) -> Repeatability | Non
     Returns:
         The mean squares; None if too few shapes are shown again.
     """
-    shown, said = _project_shapes(frames, decoded)
+    shown, predicted = _project_shapes(frames, decoded)
     subset = np.unique(np.linspace(0, len(frames) - 1, _MAX_FRAMES).astype(int))
     variance = (frames.sigma**2).sum(axis=2)[frames.visible]
     variance = variance[np.isfinite(variance)]
@@ -71,7 +71,7 @@ def measure_repeatability(frames: Frames, decoded: Float) -> Repeatability | Non
     i, j = _find_pairs(frames, subset, shown[subset], tolerance)
     if len(i) < _MIN_PAIRS:
         return None
-    square = (((said[i] - said[j]) - (shown[i] - shown[j])) ** 2).sum(axis=1) / 2
+    square = (((predicted[i] - predicted[j]) - (shown[i] - shown[j])) ** 2).sum(axis=1) / 2
     partners = np.bincount(np.concatenate([i, j]), minlength=len(frames))
     weight = 1 / partners[i] + 1 / partners[j]  # so that all frames count alike
     at_once, drift = _split_by_lag(np.abs(frames.time[i] - frames.time[j]), square, weight)
@@ -86,7 +86,7 @@ def _project_shapes(frames: Frames, decoded: Float) -> tuple[Float, Float]:
     """
     displacements = frames.points - frames.dataset.rest_points
     measured = displacements.reshape(len(frames), -1)
-    said = decoded.reshape(len(frames), -1)
+    predicted = decoded.reshape(len(frames), -1)
     is_known = np.isfinite(measured)
     center = np.where(is_known, measured, 0).sum(0) / np.maximum(is_known.sum(0), 1)
     x = np.where(is_known, measured - center, 0.0)
@@ -95,7 +95,7 @@ def _project_shapes(frames: Frames, decoded: Float) -> tuple[Float, Float]:
         directions = np.linalg.eigh(x.T @ x)[1][:, -_MAX_DIRECTIONS:]
         x = np.where(is_known, x, x @ directions @ directions.T)
     scale = np.sqrt(displacements.shape[1])
-    return x @ directions / scale, (said - center) @ directions / scale
+    return x @ directions / scale, (predicted - center) @ directions / scale
 
 
 def _find_pairs(frames: Frames, subset: Int, shown: Float, tolerance: float) -> tuple[Int, Int]:

@@ -187,7 +187,7 @@ def align_to_design(
         return named, [f"in the device's frame as given: {subject} {distance:.2f} mm off"]
     corners = np.full((len(tracks.time), int(markers.anchor.sum()), 4, 3), np.nan, np.float32)
     try:
-        laid = align_with_rest(markers, named, corners, is_initial, "auto")
+        alignment = align_with_rest(markers, named, corners, is_initial, "auto")
     except CaptureError as error:
         raise TrainingError(
             f"is not in the device's frame ({subject} {distance:.1f} mm off), and cannot be aligned"
@@ -197,7 +197,7 @@ def align_to_design(
             action="Give tracks in mm that start at rest",
             distance_mm=distance,
         ) from None
-    aligned = laid.aligned.points
+    aligned = alignment.aligned.points
     remaining, subject = _rest_distance(aligned, markers, is_initial)
     if not remaining <= MAX_DISTANCE_MM:
         raise TrainingError(
@@ -211,10 +211,12 @@ def align_to_design(
             ),
             distance_mm=remaining,
         )
-    note = f"aligned by {laid.by}, from {distance:.1f} mm off: {subject} {remaining:.2f} mm off"
-    sigma = np.where(np.isfinite(named.sigma), laid.aligned.sigma, np.nan)
+    note = (
+        f"aligned by {alignment.by}, from {distance:.1f} mm off: {subject} {remaining:.2f} mm off"
+    )
+    sigma = np.where(np.isfinite(named.sigma), alignment.aligned.sigma, np.nan)
     moved = Tracks(tracks.time, markers.ids, aligned, sigma, tracks.frame)
-    return moved, [note, *laid.warnings]
+    return moved, [note, *alignment.warnings]
 
 
 def _select_markers(tracks: Tracks, markers: Markers, source: str) -> Tracks:

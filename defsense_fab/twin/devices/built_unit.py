@@ -1,4 +1,4 @@
-"""One built device of many: the cords as its maker laid them, and the pieces of cord."""
+"""One built device of many: the cords as its maker built them, and the pieces of cord."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class BuiltUnit:
     """A built device with c cords.
 
     Attributes:
-        cords: The cords as they were laid.
+        cords: The cords as they were built.
         readings: How each cord is read.
         displacements: For each cord, the displacements (s, p, 3) mm of its path in the states of
             the device's fields.
@@ -122,8 +122,8 @@ def build_unit(
     """
     rng, reading = np.random.default_rng([unit, UNIT_SEED]), CordReading.from_device(device)
     tolerances = building.tolerances
-    laid = [sample_built_cord(r.built, reading, rng, tolerances) for r in layout.by_channel()]
-    cords, readings = tuple(c for c, _ in laid), tuple(r for _, r in laid)
-    nominal = np.array([r.resistance(c) for c, r in laid])
+    built = [sample_built_cord(r.built, reading, rng, tolerances) for r in layout.by_channel()]
+    cords, readings = tuple(c for c, _ in built), tuple(r for _, r in built)
+    nominal = np.array([r.resistance(c) for c, r in built])
     pieces = RubberPieces.draw(rubber, nominal, rng)
     return BuiltUnit(cords, readings, tuple(fields.displacements(c.path) for c in cords), pieces)
