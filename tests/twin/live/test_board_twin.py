@@ -103,7 +103,7 @@ def test_invalid_twins_are_rejected(camera, tmp_path):
         (("twin", "twin"), "twin"),
         (("0", "twin"), "twin"),
         (("twin:speed=2",), "speed"),
-        (("twin:cameras=7",), "cameras 7"),
+        (("twin:cameras=7",), "cameras: 7"),
         (("twin:cameras=3", "--name", "a", "b"), "cam_0 cam_1 cam_2"),
     ):
         code, _, (error,) = camera("calibrate", *words)
