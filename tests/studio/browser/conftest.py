@@ -26,7 +26,7 @@ def opened(browser, studio_server, studio_page):
         page = context.new_page()
         page.set_default_timeout(WAIT)
         page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
-        page.get_by_text("expected on unseen states").wait_for()
+        page.get_by_text("Expected error in unseen states").wait_for()
         return page
 
     yield open_studio
