@@ -90,11 +90,12 @@ def collect_results(folder: Path, steps: tuple[str, ...] | list[str]) -> dict[st
         results["session"] = digests(filmed, ("*.csv", "*.npz"))
     if "model" in steps or "live" in steps:
         run("twin", bar, "--minutes", "3", "--seed", "3", "--out", folder / "twin")
-        run("train", folder / "twin", "--device", bar, "--out", folder / "model.json")
+        (folder / "model").mkdir()
+        run("train", folder / "twin", "--device", bar, "--out", folder / "model" / "model.json")
     if "model" in steps:
         text = run(
             "evaluate",
-            folder / "model.json",
+            folder / "model" / "model.json",
             folder / "twin",
             "--last-share",
             "0.3",
@@ -104,13 +105,15 @@ def collect_results(folder: Path, steps: tuple[str, ...] | list[str]) -> dict[st
         )
         results["model"] = {
             "recording": digests(folder / "twin", ("*.csv", "*.npz")),
-            "coefficients": digest(numbers(json.loads((folder / "model.json").read_text()))),
+            "coefficients": digest(
+                numbers(json.loads((folder / "model" / "model.json").read_text()))
+            ),
             "errors": round_numbers(json.loads(text)),
         }
     if "live" in steps:
         run(
             "run",
-            folder / "model.json",
+            folder / "model" / "model.json",
             "--device",
             bar,
             "--port",
@@ -120,8 +123,13 @@ def collect_results(folder: Path, steps: tuple[str, ...] | list[str]) -> dict[st
             "--no-record",
             "--json",
         )
+        # Frames are taken by the clock: the mesh of the surface is the same in each run, the times
+        # and positions are not. The decoded markers are compared in the order of the recording.
         with np.load(folder / "live.npz") as data:
-            results["live"] = {name: digest(data[name].tolist()) for name in sorted(data)}
+            results["live"] = {name: digest(data[name].tolist()) for name in ("faces", "rest")}
+        results["live"]["markers"] = decode_markers(
+            folder / "model" / "model.json", folder / "twin"
+        )
     return results
 
 
@@ -136,6 +144,22 @@ def run(*words: object) -> str:
             f"defsense {' '.join(map(str, words))}: exit {process.returncode}\n{process.stderr}"
         )
     return process.stdout
+
+
+def decode_markers(model: Path, session: Path) -> str:
+    """Return a digest of the markers that a model decodes from the samples of a session."""
+    program = (
+        "import sys, hashlib, defsense_fab as df\n"
+        "model, data = df.Model.load(sys.argv[1]), df.load_sessions(sys.argv[2])\n"
+        "r = data.recordings[0]\n"
+        "found = model.predict(r.sample_time, r.ohm, r.rest)\n"
+        "print(hashlib.sha256(found.tobytes()).hexdigest()[:16], *found.shape)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(model), str(session)],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return done.stdout.strip()
 
 
 def describe_build(build: Path) -> dict[str, Any]:
