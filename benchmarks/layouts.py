@@ -205,9 +205,9 @@ def refinement(problem: Problem) -> None:
     print("the whole search: proposal, selection, refinement; 8 seeds")
     times, errors = [], []
     for seed in range(8):
-        anew = replace(problem)
+        fresh_problem = replace(problem)
         begin = time.perf_counter()
-        result = optimize_layout(anew, (), np.random.default_rng(seed), quiet, extra=3)
+        result = optimize_layout(fresh_problem, (), np.random.default_rng(seed), quiet, extra=3)
         times.append(time.perf_counter() - begin)
         errors.append(result.rmse)
     print(

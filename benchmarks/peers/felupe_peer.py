@@ -97,7 +97,8 @@ def _linear_solver() -> Callable[[Any, np.ndarray], np.ndarray]:
         import pypardiso
     except ImportError:
         return spsolve
-    # Half the work of pypardiso.spsolve, which takes no symmetry and analyses each matrix anew.
+    # Half the work of pypardiso.spsolve, which uses no symmetry and repeats the analysis of each
+    # matrix.
     solver = pypardiso.PyPardisoSolver(mtype=-2)
     analysed = sp.csr_matrix((0, 0))
 
