@@ -84,7 +84,7 @@ def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
     """Read, mesh and build the body in `folder`; return the measurements."""
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.geometry.bodies.body import SIZE_RANGE_MM
-    from defsense_fab.geometry.bodies.mesh_repair import read_mesh
+    from defsense_fab.geometry.bodies.mesh_files import read_mesh
     from defsense_fab.workflow.build.build import build
 
     started_at = cpu()
@@ -121,9 +121,10 @@ def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
     """Mesh the surface as it was read by one mesher alone; return the measurements."""
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.geometry.bodies.body import SIZE_RANGE_MM
-    from defsense_fab.geometry.bodies.mesh_repair import read_mesh
+    from defsense_fab.geometry.bodies.mesh_files import read_mesh
+    from defsense_fab.geometry.bodies.meshing.child_work import RunMonitor
     from defsense_fab.geometry.bodies.meshing.mesh_quality import measure_quality
-    from defsense_fab.geometry.bodies.meshing.meshers import RunMonitor, run_mesher
+    from defsense_fab.geometry.bodies.meshing.meshers import run_mesher
 
     (file,) = folder.glob("body.*")
     surface, _, _ = read_mesh(file, scale, SIZE_RANGE_MM)

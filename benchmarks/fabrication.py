@@ -85,8 +85,8 @@ def load(name: str, cell: float | None):
 
 def parts(device, body, seed: int | None) -> dict:
     """Make the parts of a device; return the measurements."""
-    from defsense_fab.optimize.prediction.as_built import fabricate
-    from defsense_fab.optimize.prediction.design_task import layout_limits
+    from defsense_fab.optimization.prediction.as_built import fabricate
+    from defsense_fab.optimization.prediction.design_task import layout_limits
     from tests.geometry.parts.random_layouts import random_layout
 
     coarse = load(device.name, None)[0].surface

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from defsense_fab.core.device.device import Sensor
-from defsense_fab.optimize.limits.constraints import Constraints
-from defsense_fab.optimize.problem.cord_kinematics import place_cord
-from defsense_fab.optimize.problem.cord_parameters import CordParameters
-from defsense_fab.optimize.problem.objective import Objective
-from defsense_fab.optimize.problem.problem import Problem
+from defsense_fab.optimization.limits.constraints import Constraints
+from defsense_fab.optimization.problem.cord_kinematics import place_cord
+from defsense_fab.optimization.problem.cord_parameters import CordParameters
+from defsense_fab.optimization.problem.objective import Objective
+from defsense_fab.optimization.problem.problem import Problem
 
 
 def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # type: ignore[no-untyped-def]

@@ -24,22 +24,25 @@ from benchmarks import joint
 from defsense_fab.core.curve import sample_path
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.ridge import fit_ridge
-from defsense_fab.optimize.limits.constraints import Constraints
-from defsense_fab.optimize.limits.thin_parts import ThinParts
-from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.optimize.prediction.design_task import DesignTask, load_task
-from defsense_fab.optimize.prediction.predict import predict
-from defsense_fab.optimize.problem.cord_kinematics import place_cord
-from defsense_fab.optimize.problem.cord_parameters import CordParameters
-from defsense_fab.optimize.problem.cord_signals import SignalModel
-from defsense_fab.optimize.problem.objective import Objective
-from defsense_fab.optimize.problem.problem import Problem
-from defsense_fab.optimize.refinement.descent import descend
-from defsense_fab.optimize.refinement.refine import layout_error, optimize_layout
-from defsense_fab.optimize.search import baselines
-from defsense_fab.optimize.search.candidate_families import waves_through_body
-from defsense_fab.optimize.search.candidates import build_pool
-from defsense_fab.optimize.search.starting_layouts import candidate_choices, select_starts
+from defsense_fab.optimization.limits.constraints import Constraints
+from defsense_fab.optimization.limits.thin_parts import ThinParts
+from defsense_fab.optimization.limits.verification import verify
+from defsense_fab.optimization.prediction.design_task import DesignTask, load_task
+from defsense_fab.optimization.prediction.predict import predict
+from defsense_fab.optimization.problem.cord_kinematics import place_cord
+from defsense_fab.optimization.problem.cord_parameters import CordParameters
+from defsense_fab.optimization.problem.cord_signals import SignalModel
+from defsense_fab.optimization.problem.objective import Objective
+from defsense_fab.optimization.problem.problem import Problem
+from defsense_fab.optimization.refinement.refine import descend, layout_error, optimize_layout
+from defsense_fab.optimization.search import baselines
+from defsense_fab.optimization.search.candidate_families import waves_through_body
+from defsense_fab.optimization.search.candidates import build_pool
+from defsense_fab.optimization.search.starting_layouts import (
+    LayoutSearch,
+    candidate_choices,
+    select_starts,
+)
 from defsense_fab.sensing.built_cord import BuiltCord
 from defsense_fab.workflow.build.build import build
 
@@ -165,9 +168,9 @@ def refinement(problem: Problem) -> None:
     """Compare one descent with peers, and measure the whole search."""
     print("refinement of one selected layout, error and worst violation reached")
     slivers = ThinParts(problem)
-    rng = np.random.default_rng(0)
-    cords = candidate_choices(problem, (), 3, 6000, rng)
-    (start,) = select_starts(problem, cords, 1, None, slivers, rng, quiet)
+    rng, search = np.random.default_rng(0), LayoutSearch(extra=3, starts=1, candidates=6000)
+    cords = candidate_choices(problem, (), search, rng)
+    (start,) = select_starts(problem, cords, search, slivers, rng, quiet)
     print(f"  start                         {layout_error(problem, start):.3f} mm")
     descend(problem, start, 2, 1e-3, slivers, quiet)
 
@@ -207,7 +210,9 @@ def refinement(problem: Problem) -> None:
     for seed in range(8):
         fresh_problem = replace(problem)
         begin = time.perf_counter()
-        result = optimize_layout(fresh_problem, (), np.random.default_rng(seed), quiet, extra=3)
+        result = optimize_layout(
+            fresh_problem, (), np.random.default_rng(seed), quiet, LayoutSearch(extra=3)
+        )
         times.append(time.perf_counter() - begin)
         errors.append(result.rmse)
     print(
@@ -250,7 +255,9 @@ def table(task: DesignTask) -> None:
         rows["visual"] = [
             baselines.visual_layout(problem, 3, np.random.default_rng(s)) for s in range(21)
         ]
-        rows["full"] = [optimize_layout(problem, (), r, quiet, extra=3).sensors for r in rngs]
+        rows["full"] = [
+            optimize_layout(problem, (), r, quiet, LayoutSearch(extra=3)).sensors for r in rngs
+        ]
         best = 0.0
         for name in ("full", "visual", "manual"):
             result = [
@@ -271,7 +278,7 @@ def table(task: DesignTask) -> None:
 def noise(task: DesignTask) -> None:
     """Find the best decoder at each noise, on analytic mixtures, by errors on unseen mixtures."""
     from tests.conftest import structured_bar
-    from tests.optimize import exact
+    from tests.optimization import exact
 
     print("analytic bar, three cords designed on mixtures for each decoder and noise;")
     print("RMSE (mm) on unseen mixtures, noise included")
@@ -284,7 +291,9 @@ def noise(task: DesignTask) -> None:
                 exact.problem(surface, mesh, states, decoder=decoder, noise=sigma)
                 for states in (exact.MIXTURES, exact.UNSEEN)
             )
-            layout = optimize_layout(design, (), np.random.default_rng(0), quiet, extra=3).sensors
+            layout = optimize_layout(
+                design, (), np.random.default_rng(0), quiet, LayoutSearch(extra=3)
+            ).sensors
             S, T = (
                 np.stack([p.signals(sample_path(s)) for s in layout], axis=1)
                 for p in (design, unseen)
@@ -308,7 +317,9 @@ def growth(problem: Problem) -> None:
         f = Objective(problem, cords)
         x = np.random.default_rng(0).normal(0, 0.5, sum(c.size for c in cords))
         begin = time.perf_counter()
-        optimize_layout(problem, (), np.random.default_rng(0), quiet, extra=count, starts=4)
+        optimize_layout(
+            problem, (), np.random.default_rng(0), quiet, LayoutSearch(extra=count, starts=4)
+        )
         whole = time.perf_counter() - begin
         print(f"  {count} cords: {1e3 * median(lambda f=f, x=x: f(x), 50):7.3f} ms, {whole:6.2f} s")
     print("value and gradient (ms) by number of states")
@@ -323,7 +334,7 @@ def growth(problem: Problem) -> None:
         print(f"  {len(many) + 1:3d} states: {1e3 * median(lambda f=f, x=x: f(x), 50):7.3f} ms")
     print("value and gradient (ms) by tets")
     from tests.conftest import structured_bar
-    from tests.optimize import exact
+    from tests.optimization import exact
 
     for k in (1, 2, 3):
         mesh = structured_bar([0, -15, -15], [150, 15, 15], [15 * k, 3 * k, 3 * k])

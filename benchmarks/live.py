@@ -20,9 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.runtime.live.live_device import live_device
-from defsense_fab.runtime.live.live_run import RunOptions, live_run
-from defsense_fab.runtime.outputs.live_file import parse_output
+from defsense_fab.workflow.run.live_device import live_device
+from defsense_fab.workflow.run.options import RunOptions
+from defsense_fab.workflow.run.outputs import read_settings
+from defsense_fab.workflow.run.run import prepare_run
 
 _EVERY = 30.0  # s
 _EDGES = (0, 1, 2, 3, 5, 8, 12, 15, 20, 30, 50, 100, np.inf)  # ms
@@ -57,13 +58,14 @@ def main() -> None:
     parser.add_argument("--view", type=int, default=None)
     parser.add_argument("--output", action="append", default=[])
     options = parser.parse_args()
-    run = live_run(
+    run = prepare_run(
         live_device(options.model),
-        RunOptions(
-            options.port, rate=options.rate, view=options.view, keep=False,
-            outputs=tuple(parse_output(text) for text in options.output),
-        ),
-    )  # fmt: skip
+        options.port,
+        RunOptions(rate=options.rate),
+        settings=read_settings(None, outputs=options.output),
+        view=options.view,
+        keeps_readings=False,
+    )
     run.loop.start()
     print(f"{run.surface or 'no surface'}; view: {run.view.url if run.view else 'none'}")
     print("s, samples/s, surfaces/s, ms to outputs, ms to view, MB, cores")

@@ -36,7 +36,7 @@ class Peer:
         def both(a: Float) -> tuple[Float, Float]:
             total = np.zeros(u.shape)
             jacobian = np.empty((len(a), *u.shape))
-            add_poses(a, b.knots, b.counts, b.values, b.slopes, total, jacobian)
+            add_poses(a, b.packed, total, jacobian)
             return total, jacobian
 
         amplitudes = least_squares(

@@ -32,7 +32,7 @@ from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.loading.boundary_conditions import rest_state
 from defsense_fab.mechanics.solver.linear_solver import Pardiso, Rslab, SuperLU
-from defsense_fab.mechanics.solver.load_stepping import follow
+from defsense_fab.mechanics.solver.load_stepping import Stepping, follow
 from defsense_fab.mechanics.solver.newton import System
 from defsense_fab.store.layout import load_layout
 from defsense_fab.store.manifest import load_manifest
@@ -93,9 +93,12 @@ def equations(device: Path, repeat: int) -> None:
         def pose() -> object:
             fresh_system = System(mesh, law, goal)
             try:
-                return follow(fresh_system, rest_state(goal, len(mesh.nodes)), goal, check=False)[
-                    -1
-                ]
+                return follow(
+                    fresh_system,
+                    rest_state(goal, len(mesh.nodes)),
+                    goal,
+                    stepping=Stepping(check=False),
+                )[-1]
             finally:
                 fresh_system.close()
 

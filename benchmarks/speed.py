@@ -32,7 +32,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     rest_state,
 )
 from defsense_fab.mechanics.solver.interactive import InteractiveSolver
-from defsense_fab.mechanics.solver.load_stepping import follow
+from defsense_fab.mechanics.solver.load_stepping import Stepping, follow
 from defsense_fab.mechanics.solver.newton import System
 from defsense_fab.sensing.response import Response, cord_signals
 from defsense_fab.workflow.build.mesh_density import probing_lines
@@ -78,7 +78,9 @@ def from_rest(mesh, law, goal):
     """Solve from rest; return the result and the seconds, with set-up and analysis."""
     start = time.perf_counter()
     system = System(mesh, law, goal, count_cores())
-    result = follow(system, rest_state(goal, len(mesh.nodes)), goal, check=False)[-1]
+    result = follow(
+        system, rest_state(goal, len(mesh.nodes)), goal, stepping=Stepping(check=False)
+    )[-1]
     seconds = time.perf_counter() - start
     system.close()
     return result, seconds

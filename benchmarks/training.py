@@ -40,10 +40,12 @@ from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
 from defsense_fab.training.evaluation.predicted_error import design_prediction, predict_error
 from defsense_fab.training.fitting.pose_signals import list_pose_samples
+from defsense_fab.training.fitting.prepare import simulated_prior
 from defsense_fab.training.fitting.recalibration import recalibrate
-from defsense_fab.training.fitting.train_model import Training, TrainingOptions, train
-from defsense_fab.training.models.prepare import simulated_prior
+from defsense_fab.training.fitting.train_model import Training, train
+from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.regression.simulated_decoder import fit_simulated_model
+from defsense_fab.twin.options import TwinOptions
 from defsense_fab.twin.recordings.twin_recordings import simulate_runs
 from defsense_fab.workflow.build.build import build
 
@@ -86,10 +88,9 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
     band = layout.band
     print(f"{device.name}: predicted {promised:.2f} mm ({band.low:.2f}-{band.high:.2f})")
     for seed in range(1, options.seeds + 1):
-        runs = simulate_runs(
-            device, seconds=60 * options.minutes, sessions=2 if options.later else 1, seed=seed,
-            unit=seed,
-        )  # fmt: skip
+        sessions = 2 if options.later else 1
+        twin = TwinOptions(minutes=options.minutes, sessions=sessions, seed=seed, unit=seed)
+        runs = simulate_runs(device, twin)
         whole = replace(runs.dataset, recordings=runs.dataset.recordings[:1])
         prior = simulated_prior(device, whole.channels, whole.rest_points)
         result = train(whole, prior=prior)
@@ -135,7 +136,7 @@ def print_errors(
 
 def print_predictions(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
     """Print predicted and measured errors."""
-    plain = train(whole, TrainingOptions(decoder="quadratic", memory=False))
+    plain = train(whole, TrainOptions(decoder="quadratic", memory=False))
     for trained in (result, plain):
         if trained.repeatability is None:
             print(f"    {trained.selected}: no shape is shown twice")
@@ -173,7 +174,7 @@ def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: i
         for p in (None, prior):
             try:
                 model = train(
-                    select_frames(whole, part), TrainingOptions(test_share=0.0), prior=p
+                    select_frames(whole, part), TrainOptions(test_share=0.0), prior=p
                 ).model
                 text.append(f"{rmse(errors(model, r, after)[0]):.2f}")
             except TrainingError as error:
@@ -233,10 +234,14 @@ def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0
             at += seconds + 0.1
     none = np.zeros((0, *r.points.shape[1:]))
     return replace(
-        r, sample_time=np.concatenate([t for t, _ in parts]),
-        ohm=np.concatenate([o for _, o in parts]), time=np.zeros(0), points=none, sigma=none,
+        r,
+        sample_time=np.concatenate([t for t, _ in parts]),
+        ohm=np.concatenate([o for _, o in parts]),
+        time=np.zeros(0),
+        points=none,
+        sigma=none,
         poses=tuple(marks),
-    )  # fmt: skip
+    )
 
 
 def _reach(r: Recording, samples: slice) -> float:

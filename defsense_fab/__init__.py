@@ -3,9 +3,7 @@
 This is the Python interface (docs/python.md). Each name is imported when it is first used.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from .core.version import __version__ as __version__
@@ -13,16 +11,18 @@ from .core.version import __version__ as __version__
 if TYPE_CHECKING:
     from .core.errors import DefsenseError as DefsenseError
     from .core.mesh import Surface as Surface
-    from .core.prediction import Prediction as Prediction
+    from .core.response import ResponseSpec as ResponseSpec
     from .runtime.frames.live_frame import LiveFrame as LiveFrame
+    from .store.layout import Prediction as Prediction
     from .training.data.dataset import Dataset as Dataset
     from .training.data.dataset import Recording as Recording
+    from .training.evaluation.evaluate_models import SessionEvaluation as SessionEvaluation
     from .workflow.calibrate.fit_response import FittedResponse as FittedResponse
     from .workflow.device import Device as Device
     from .workflow.experiments import fit_response as fit_response
     from .workflow.experiments import load_experiment as load_experiment
-    from .workflow.experiments import record_specimen_twin as record_specimen_twin
     from .workflow.experiments import reproduce as reproduce
+    from .workflow.experiments import simulate_specimens as simulate_specimens
     from .workflow.layout import Layout as Layout
     from .workflow.layout import Parts as Parts
     from .workflow.layout import fabricate as fabricate
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from .workflow.live_session import live as live
     from .workflow.model import Model as Model
     from .workflow.model import MovingSurface as MovingSurface
+    from .workflow.model import evaluate as evaluate
+    from .workflow.model import recalibrate as recalibrate
     from .workflow.model import train as train
     from .workflow.poses import Drag as Drag
     from .workflow.poses import DrawnCord as DrawnCord
@@ -44,9 +46,12 @@ if TYPE_CHECKING:
     from .workflow.poses import half_space as half_space
     from .workflow.poses import sphere as sphere
     from .workflow.recordings import dataset as dataset
+    from .workflow.recordings import export_dataset as export_dataset
     from .workflow.recordings import load_sessions as load_sessions
+    from .workflow.recordings import process as process
+    from .workflow.recordings import record as record
     from .workflow.recordings import record_twin as record_twin
-    from .workflow.reproduce.experiments.experiment import Experiment as Experiment
+    from .workflow.reproduce.experiment import Experiment as Experiment
     from .workflow.simulation import Picture as Picture
     from .workflow.simulation import Simulation as Simulation
     from .workflow.simulation import simulate as simulate
@@ -54,20 +59,22 @@ if TYPE_CHECKING:
 _MODULES = {
     "core.errors": ("DefsenseError",),
     "core.mesh": ("Surface",),
-    "core.prediction": ("Prediction",),
+    "core.response": ("ResponseSpec",),
     "runtime.frames.live_frame": ("LiveFrame",),
+    "store.layout": ("Prediction",),
     "training.data.dataset": ("Dataset", "Recording"),
+    "training.evaluation.evaluate_models": ("SessionEvaluation",),
     "workflow.calibrate.fit_response": ("FittedResponse",),
     "workflow.device": ("Device",),
     "workflow.experiments": (
         "fit_response",
         "load_experiment",
-        "record_specimen_twin",
         "reproduce",
+        "simulate_specimens",
     ),
     "workflow.layout": ("Layout", "Parts", "fabricate", "optimize", "predict"),
     "workflow.live_session": ("Live", "live"),
-    "workflow.model": ("Model", "MovingSurface", "train"),
+    "workflow.model": ("Model", "MovingSurface", "evaluate", "recalibrate", "train"),
     "workflow.poses": (
         "Drag",
         "DrawnCord",
@@ -80,27 +87,18 @@ _MODULES = {
         "half_space",
         "sphere",
     ),
-    "workflow.recordings": ("dataset", "load_sessions", "record_twin"),
-    "workflow.reproduce.experiments.experiment": ("Experiment",),
+    "workflow.recordings": (
+        "dataset",
+        "export_dataset",
+        "load_sessions",
+        "process",
+        "record",
+        "record_twin",
+    ),
+    "workflow.reproduce.experiment": ("Experiment",),
     "workflow.simulation": ("Picture", "Simulation", "simulate"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
-
-
-class _Interface(ModuleType):
-    """The package; a subpackage does not replace a function of the same name.
-
-    Python assigns each imported subpackage to an attribute of its package, so that `optimize` would
-    become the subpackage `optimize`.
-    """
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _MODULE_OF and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Interface
-
 
 if not TYPE_CHECKING:  # type checkers must only see the names above
 

@@ -12,8 +12,8 @@ from sphinx.util.docutils import SphinxDirective
 from defsense_fab.core.device.device_file import DeviceFile
 from defsense_fab.core.schema.reference import json_schema, markdown
 from defsense_fab.runtime.outputs.live_file import LiveFile
-from defsense_fab.workflow.reproduce.experiments.experiment_file import ExperimentFile
-from defsense_fab.workflow.study.points.study_toml import StudyFile
+from defsense_fab.workflow.reproduce.experiment import ExperimentFile
+from defsense_fab.workflow.study.study_file import StudyFile
 
 FILES = {
     "device": DeviceFile,

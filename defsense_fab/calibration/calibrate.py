@@ -9,27 +9,27 @@ import numpy as np
 
 from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
+from ..core.progress import Notice
 from ..core.response import ResponseSpec
 from ..sensing.response import relative_change
 from .interval import DRAWS, Uncertainty, estimate_uncertainty
 from .model_selection import ModelTrial, choose_model, compare_models, similar_fits
+from .options import FitOptions
 from .reading_checks import (
     POLICIES,
     Drift,
-    Policy,
     check_readings,
     find_drift,
     require_no_drift,
 )
-from .readings import Notice, Piece, Readings
+from .readings import Piece, Readings
 from .response_fit import FitData, ResponseFit, fit_gains
 
-#: Assumed standard deviation between specimens until there are many, and between pieces of a cord.
-ASSUMED_SPREAD = 0.03
 _DRIFT_CODES = {"correct": "drift-corrected", "ignore": "drift-ignored"}
 _MIN_K_RES = 0.05  # below which the slope is not significant
 _WIDE_INTERVAL = 0.25  # relative half width
 _UNUSUAL_GAIN = 0.2  # difference from one
+_DEFAULT_FIT = FitOptions()
 _MAX_REST_RATIO = 1.1  # R0 of one piece at two times; beyond it there are two pieces
 
 
@@ -45,12 +45,10 @@ class Calibration:
         trials: All models, by name.
         data: Readings of the outer cords as they were fitted.
         readings: Readings of the outer cords.
-        pieces: Their pieces.
         gains: Gain of each piece (pieces,), NaN for pieces without readings.
         drift: Drift of the neutral cords.
         neutral_changes: Changes (m,) of the neutral cords.
         neutral_radius: Radii (m,) of their jigs, mm.
-        noise: Standard deviation of a reading.
         warnings: Doubts about the readings and the fit.
     """
 
@@ -61,86 +59,74 @@ class Calibration:
     trials: Mapping[str, ModelTrial]
     data: FitData
     readings: Readings
-    pieces: tuple[Piece, ...]
     gains: Float
     drift: Drift
     neutral_changes: Float
     neutral_radius: Float
-    noise: float
     warnings: tuple[Notice, ...]
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Pieces of the outer cords."""
+        return self.readings.pieces
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a reading."""
+        return self.trials[self.response.model].fit.noise
 
 
 def calibrate(
     readings: Readings,
+    options: FitOptions = _DEFAULT_FIT,
     *,
-    policy: Policy = "refuse",
-    model: str | None = None,
-    spread: float = ASSUMED_SPREAD,
     rng: np.random.Generator | None = None,
-    draws: int | None = None,
+    draws: int = DRAWS,
 ) -> Calibration:
     """Fit the response of the cord in specimens.
 
     Args:
         readings: Readings of all cords.
-        policy: What to do about a significant drift of the neutral cord.
-        model: Model to use instead of the chosen one.
-        spread: Assumed standard deviation between specimens.
+        options: Options of the fit.
         rng: Random generator of the bootstrap; by default one with seed 1.
-        draws: Number of bootstrap samples; by default `interval.DRAWS`.
+        draws: Number of bootstrap samples.
 
     Returns:
         The response with its uncertainty.
 
     Raises:
         CalibrationError: Readings are not possible, there are too few radii, or the neutral cord
-            drifts and `policy` is "refuse".
+            drifts and `options.neutral` is "refuse".
     """
+    spread = options.spread / 100
     warnings = check_readings(readings)
     changes = readings.changes()
     noise = _fit_chosen_model(*_select_outer(readings, changes), spread).noise
     drift = find_drift(readings, changes, noise)
-    if policy == "refuse":
-        require_no_drift(drift)
-    elif drift.is_significant and drift.largest is not None:
-        treatment = "subtracted from the other cords" if policy == "correct" else "ignored"
-        text = f"the neutral cord changes by {drift.largest:+.2%} ({drift.at}): {treatment}"
-        warnings.append(Notice(_DRIFT_CODES[policy], text))
-    used = POLICIES[policy](readings)
+    warnings += _drift_notices(drift, options)
+    used = POLICIES[options.neutral](readings)
     outer = used.only(~used.neutral)
     data, radius = _select_outer(used, used.changes())
-    # Flat readings have a memory, too: R0 is the resistance that the fit expects without memory.
-    rest = 1 + _fit_chosen_model(data, radius, spread).offset[data.piece]
-    data = replace(data, y=relative_change(1 + data.y, rest))
+    data = _relative_to_rest(data, radius, spread)
     trials = compare_models(data, radius, spread)
-    both = _has_both_signs(data)
-    chosen, reason = choose_model(trials, both)
-    if model is not None and model not in trials:
-        raise CalibrationError(
-            f"needs more radii than the {len(outer.radii)} that were measured",
-            code="too-few-radii",
-            where=f"model {model!r}",
-            action=f"Choose {' or '.join(trials)}, or measure on more jigs",
-            model=model,
-            count=len(outer.radii),
-        )
-    if model is not None:
-        chosen, reason = model, f"{model}, as requested; the default would be {reason}"
+    chosen, reason = _choose_model(trials, len(outer.radii), data, options)
     fit = trials[chosen].fit
     uncertainty = estimate_uncertainty(
         data,
         fit,
-        similar_fits(trials, chosen, both),
+        similar_fits(trials, chosen, _has_both_signs(data)),
         [(p.specimen, p.place) for p in outer.pieces],
         outer.turn,
         spread,
         rng or np.random.default_rng(1),
-        DRAWS if draws is None else draws,
+        draws,
     )
     strains = (float(data.strain.min()), float(data.strain.max()))
     gains = fit_gains(data, fit)
     k_res = fit.model.slope_at_rest(fit.theta)
     inside = readings.neutral & ~readings.flat
+    warnings += _slope_notices(k_res, uncertainty, data, fit)
+    warnings += _piece_notices(outer, gains, data)
     return Calibration(
         response=fit.model.spec(fit.theta, strains),
         k_res=k_res,
@@ -149,18 +135,44 @@ def calibrate(
         trials=trials,
         data=data,
         readings=outer,
-        pieces=outer.pieces,
         gains=gains,
         drift=drift,
         neutral_changes=changes[inside],
         neutral_radius=readings.radius[inside],
-        noise=fit.noise,
-        warnings=(
-            *warnings,
-            *_slope_notices(k_res, uncertainty, data, fit),
-            *_piece_notices(outer, gains, data),
-        ),
+        warnings=tuple(warnings),
     )
+
+
+def _drift_notices(drift: Drift, options: FitOptions) -> list[Notice]:
+    """Return a notice on a drift of the neutral cord that is treated, or refuse it."""
+    if options.neutral == "refuse":
+        require_no_drift(drift)
+    elif drift.is_significant and drift.largest is not None:
+        is_corrected = options.neutral == "correct"
+        treatment = "subtracted from the other cords" if is_corrected else "ignored"
+        text = f"the neutral cord changes by {drift.largest:+.2%} ({drift.at}): {treatment}"
+        return [Notice(_DRIFT_CODES[options.neutral], text)]
+    return []
+
+
+def _choose_model(
+    trials: dict[str, ModelTrial], count: int, data: FitData, options: FitOptions
+) -> tuple[str, str]:
+    """Return the requested model, or the one that readings on `count` radii support, and why."""
+    chosen, reason = choose_model(trials, _has_both_signs(data))
+    model = options.model
+    if model is None:
+        return chosen, reason
+    if model not in trials:
+        raise CalibrationError(
+            f"needs more radii than the {count} that were measured",
+            code="too-few-radii",
+            where=f"model {model!r}",
+            action=f"Choose {' or '.join(trials)}, or measure on more jigs",
+            model=model,
+            count=count,
+        )
+    return model, f"{model}, as requested; the default would be {reason}"
 
 
 def _select_outer(readings: Readings, changes: Float) -> tuple[FitData, Float]:
@@ -174,6 +186,15 @@ def _select_outer(readings: Readings, changes: Float) -> tuple[FitData, Float]:
         readings.memory[is_outer],
     )
     return data, readings.radius[is_outer]
+
+
+def _relative_to_rest(data: FitData, radius: Float, spread: float) -> FitData:
+    """Return changes from the resistances that a fit expects at rest and without memory.
+
+    Flat readings have a memory, too.
+    """
+    rest = 1 + _fit_chosen_model(data, radius, spread).offset[data.piece]
+    return replace(data, y=relative_change(1 + data.y, rest))
 
 
 def _fit_chosen_model(data: FitData, radius: Float, spread: float) -> ResponseFit:

@@ -61,7 +61,7 @@ def estimate_uncertainty(
     turn: Int,
     spread: float,
     rng: np.random.Generator,
-    draws: int = DRAWS,
+    draws: int,
 ) -> Uncertainty:
     """Estimate the uncertainty of a fit.
 
@@ -82,27 +82,20 @@ def estimate_uncertainty(
         CalibrationError: The cords do not respond to strain.
     """
     slope = fit.model.slope_at_rest(fit.theta)
-    if abs(slope) < _MIN_K_RES:
-        raise CalibrationError(
-            f"the cords do not respond to strain (k_res = {slope:.4f})",
-            code="no-strain-response",
-            where="readings",
-            action="Check that the cords are piezoresistive and the channels in the right order",
-            k_res=slope,
-        )
+    _require_response(slope)
     thetas = _bootstrap(data, fit, [specimen for specimen, _ in names], turn, spread, rng, draws)
     slopes = np.array([fit.model.slope_at_rest(theta) for theta in thetas])
     within = _NORMAL_QUANTILE * float(slopes.std(ddof=1)) / abs(slope)
     gains = fit_gains(data, fit)
-    known = [p for p in range(len(names)) if np.isfinite(gains[p])]
+    measured = [p for p in range(len(names)) if np.isfinite(gains[p])]
     # A piece that was measured in several sessions is still one piece.
     pieces = [
-        np.mean([gains[q] for q in known if names[q] == name])
-        for name in dict.fromkeys(names[p] for p in known)
+        np.mean([gains[q] for q in measured if names[q] == name])
+        for name in dict.fromkeys(names[p] for p in measured)
     ]
     specimens = [
-        np.mean([gains[q] for q in known if names[q][0] == specimen])
-        for specimen in dict.fromkeys(names[p][0] for p in known)
+        np.mean([gains[q] for q in measured if names[q][0] == specimen])
+        for specimen in dict.fromkeys(names[p][0] for p in measured)
     ]
     few = len(specimens) < _MANY_SPECIMENS
     assumed = _NORMAL_QUANTILE * spread / np.sqrt(len(specimens)) if few else 0.0
@@ -116,6 +109,17 @@ def estimate_uncertainty(
     half = float(np.hypot(max(between, float(np.hypot(assumed, within))), choice)) * abs(slope)
     errors = np.std(thetas, axis=0, ddof=1)
     return Uncertainty((slope - half, slope + half), within, between, assumed, choice, errors)
+
+
+def _require_response(slope: float) -> None:
+    if abs(slope) < _MIN_K_RES:
+        raise CalibrationError(
+            f"the cords do not respond to strain (k_res = {slope:.4f})",
+            code="no-strain-response",
+            where="readings",
+            action="Check that the cords are piezoresistive and the channels in the right order",
+            k_res=slope,
+        )
 
 
 def _bootstrap(

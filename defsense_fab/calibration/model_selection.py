@@ -85,7 +85,7 @@ def compare_models(data: FitData, radius: Float, spread: float) -> dict[str, Mod
     }
 
 
-def choose_model(trials: dict[str, ModelTrial], both: bool = True) -> tuple[str, str]:
+def choose_model(trials: dict[str, ModelTrial], both: bool) -> tuple[str, str]:
     """Choose a model.
 
     Args:
@@ -115,9 +115,7 @@ def choose_model(trials: dict[str, ModelTrial], both: bool = True) -> tuple[str,
     return chosen, f"{chosen}: {reason} (error of (R - R0)/R0 on excluded radii: {errors})"
 
 
-def similar_fits(
-    trials: dict[str, ModelTrial], chosen: str, both: bool = True
-) -> list[ResponseFit]:
+def similar_fits(trials: dict[str, ModelTrial], chosen: str, both: bool) -> list[ResponseFit]:
     """Return the fits of all models of about the same quality as the chosen one.
 
     Their deviance is greater by at most half of what a coefficient must save.

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ..core.arrays import Bool, Float
 from ..core.errors import CalibrationError
-from .readings import MIN_RADII, Notice, Readings
+from ..core.progress import Notice
+from .readings import MIN_RADII, Readings
 
 #: A cord on a jig changes by a tenth or two; beyond this it is broken or shorted.
 _MAX_CHANGE = 0.8
@@ -23,8 +23,6 @@ _KILO = 1000.0
 #: Pieces of 100 mm and more of any rubber cord have far more than this.
 _LOW_RESISTANCE_OHM = 20.0
 _REPAIR_ACTION = "Repair the cord and measure again, or delete the row"
-
-Policy = Literal["refuse", "correct", "ignore"]
 
 #: A drift is significant from this fraction of the outer cords' largest change,
 _MIN_DRIFT_SHARE = 0.05

@@ -8,7 +8,13 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import CalibrationError
-from ..core.response import bent_strain
+from ..core.response import (
+    CORD_OFFSET_MM,
+    JIG_RADII_MM,
+    SPECIMEN_LENGTH_MM,
+    SPECIMEN_THICKNESS_MM,
+    bent_strain,
+)
 from ..sensing.response import relative_change
 
 #: With fewer radii, neither a line and a curve nor an outlier and either can be distinguished.
@@ -67,22 +73,6 @@ def hysteresis_half_width(coefficients: Float) -> float:
 
 
 @dataclass(frozen=True)
-class Notice:
-    """A doubt about readings or their fit.
-
-    Attributes:
-        code: Stable identifier of the kind of doubt.
-        text: The doubt for people, with what to do about it.
-    """
-
-    code: str
-    text: str
-
-    def __str__(self) -> str:
-        return self.text
-
-
-@dataclass(frozen=True)
 class Geometry:
     """Geometry of a specimen.
 
@@ -94,8 +84,8 @@ class Geometry:
         CalibrationError: A length is not possible.
     """
 
-    thickness: float = 15.0
-    offset: float = 2.0
+    thickness: float = SPECIMEN_THICKNESS_MM
+    offset: float = CORD_OFFSET_MM
 
     def __post_init__(self) -> None:
         for name, value in (("thickness", self.thickness), ("offset", self.offset)):
@@ -128,6 +118,21 @@ class Geometry:
             return 0.0
         height = self.thickness / 2 + side * (self.thickness / 2 - self.offset)
         return bent_strain(radius, height, self.thickness)
+
+
+@dataclass(frozen=True)
+class BendingSpecimen:
+    """A specimen with its jigs; by default that of the paper.
+
+    Attributes:
+        length: Length, mm.
+        geometry: Thickness, and position of the cords.
+        radii: Radii of the jigs' surfaces, mm.
+    """
+
+    length: float = SPECIMEN_LENGTH_MM
+    geometry: Geometry = Geometry()
+    radii: tuple[float, ...] = JIG_RADII_MM
 
 
 @dataclass(frozen=True)

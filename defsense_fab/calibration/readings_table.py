@@ -19,9 +19,10 @@ from typing import NoReturn
 import numpy as np
 
 from ..core.errors import CalibrationError
+from ..core.progress import Notice
 from ..core.response import JIG_RADII_MM
 from ..core.storage.files import unreadable_code
-from .readings import MEMORY_TERMS, Geometry, Notice, Piece, Readings
+from .readings import MEMORY_TERMS, Geometry, Piece, Readings
 
 _REQUIRED_COLUMNS = ("specimen", "jig_radius", "channel", "resistance")
 _DECIMAL_COLUMNS = ("jig_radius", "resistance")
@@ -34,7 +35,7 @@ _OHM_ACTION = "Give ohm, or delete the row"
 
 
 def read_table(
-    path: Path, geometry: Geometry, radii: Sequence[float] | None = None
+    path: Path, geometry: Geometry, radii: Sequence[float] = JIG_RADII_MM
 ) -> tuple[Readings, list[Notice]]:
     """Read a table of readings.
 
@@ -50,7 +51,6 @@ def read_table(
         CalibrationError: A cell is invalid; the error names file, line and column.
     """
     rows, names = _read_rows(path)
-    jigs = tuple(JIG_RADII_MM if radii is None else radii)
     notices = []
     ignored = [n for n in names if n not in (*_REQUIRED_COLUMNS, "round", "face")]
     if ignored:
@@ -65,7 +65,7 @@ def read_table(
         piece = Piece(row["specimen"], place, place == "neutral")
         if piece not in pieces:
             pieces.append(piece)
-        radius = _read_radius(where, row["jig_radius"], jigs, geometry)
+        radius = _read_radius(where, row["jig_radius"], radii, geometry)
         face = _read_face(where, row)
         side = _SIDES[place] * (1 if face == "a" else -1)
         key = (piece, "flat" if np.isnan(radius) else radius, face)
@@ -133,7 +133,7 @@ def _read_rows(path: Path) -> tuple[list[tuple[int, dict[str, str]]], list[str]]
     if not names:
         raise CalibrationError(
             "is empty",
-            code="empty-file",
+            code="file-empty",
             where=path,
             action=f"Start with the header {','.join(_REQUIRED_COLUMNS)}",
         )
@@ -167,7 +167,7 @@ def _check_header(where: str, names: list[str]) -> None:
         given = ", ".join(filter(None, names)) or "none"
         raise CalibrationError(
             f"the columns {', '.join(missing)} are missing; the header has {given}",
-            code="missing-column",
+            code="column-missing",
             where=where,
             action=f"Name the columns {', '.join(_REQUIRED_COLUMNS)}",
             columns=missing,
@@ -176,7 +176,7 @@ def _check_header(where: str, names: list[str]) -> None:
     if repeated:
         raise CalibrationError(
             f"the column {repeated[0]} appears twice",
-            code="duplicate-column",
+            code="column-repeated",
             where=where,
             action="Rename or delete one of them",
             column=repeated[0],

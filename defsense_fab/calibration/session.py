@@ -7,16 +7,15 @@ events at which each hold started and ended. Readings are always computed from t
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..capture.readout.recording import Recording, has_frames, read_recording
 from ..core.arrays import Float
 from ..core.errors import CalibrationError
+from ..core.schema.options import options_of
 from ..core.storage import typed_json
 from ..core.storage.files import load_json, storage_errors
 from ..core.storage.session_manifest import (
@@ -27,17 +26,18 @@ from ..core.storage.session_manifest import (
     load_calibration,
     manifest_path,
 )
+from ..sensing.voltage_divider import reference_resistors
+from .options import BoardOptions, MeasureOptions
 from .protocol import FACES, JigStep, plan_readings
-from .readings import Geometry
+from .readings import MIN_RADII, BendingSpecimen, Geometry
 
 FRAMES = "frames.csv"
-DEFAULT_REFERENCE_OHM = 2200.0
-DEFAULT_ROUNDS, DEFAULT_RATE_HZ = 3, 20
 #: Cords of a specimen in the order of the read-out board's channels, and their side of the neutral
 #: plane with face a on the jig.
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
 _MAX_RADIUS_MM = 1e5
 _MAX_REFERENCE_OHM = 1e9
+_DEFAULT_READINGS, _DEFAULT_BOARD = MeasureOptions(), BoardOptions()
 
 
 @dataclass(frozen=True)
@@ -74,40 +74,24 @@ class CalibrationSession:
 
 def create_session(
     folder: Path,
-    *,
-    name: str,
-    geometry: Geometry,
-    length: float,
-    radii: Sequence[float],
-    rounds: int,
-    faces: Sequence[str],
-    seed: int,
-    reference: Sequence[float],
-    criterion: Criterion,
-    rate: int,
-    average: int | None,
+    specimen: BendingSpecimen,
+    options: MeasureOptions = _DEFAULT_READINGS,
+    board: BoardOptions = _DEFAULT_BOARD,
 ) -> CalibrationSession:
     """Create a session in a folder that has none.
 
     Args:
         folder: Folder, which need not exist.
-        name: Name of the specimen.
-        geometry: Geometry of the specimen.
-        length: Length of the specimen, mm.
-        radii: Radii of the jigs, mm.
-        rounds: Number of rounds.
-        faces: Faces of the specimen to measure.
-        seed: Seed of the order of the jigs.
-        reference: Reference resistors (c,), ohm.
-        criterion: When a reading has settled.
-        rate: Samples per second, Hz.
-        average: Conversions per sample; None for the read-out board's own number.
+        specimen: The specimen and its jigs.
+        options: Which readings are taken.
+        board: How the read-out board measures.
 
     Returns:
         The session.
 
     Raises:
-        CalibrationError: The folder has a session.
+        CalibrationError: The folder has a session, or the radii are not valid.
+        CaptureError: The reference resistors are neither one nor one per channel.
         StorageError: The folder cannot be written.
     """
     if (folder / FILE).exists():
@@ -116,77 +100,122 @@ def create_session(
             code="session-exists",
             where=folder,
             action="Choose another folder",
+            path=folder,
         )
-    steps = plan_readings(radii, rounds, faces, np.random.default_rng(seed))
+    radii = _choose_radii(specimen, options)
+    rng = np.random.default_rng(options.seed)
+    steps = plan_readings(radii, options.rounds, list(options.faces), rng)
+    geometry, name = specimen.geometry, options.name or f"{specimen.length:g}"
+    manifest = CalibrationManifest(
+        specimen=SpecimenRecord(name, specimen.length, geometry.thickness, geometry.offset),
+        channels=tuple(CHANNELS),
+        steps=tuple((s.turn, s.radius, s.face) for s in steps),
+        seed=options.seed,
+        reference=tuple(reference_resistors(board.reference, len(CHANNELS))),
+        criterion=options.criterion,
+        rate=board.rate,
+        average=board.average,
+        begun=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+    )
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        manifest = CalibrationManifest(
-            specimen=SpecimenRecord(name, length, geometry.thickness, geometry.offset),
-            channels=tuple(CHANNELS),
-            steps=tuple((s.turn, s.radius, s.face) for s in steps),
-            seed=seed,
-            reference=tuple(reference),
-            criterion=criterion,
-            rate=rate,
-            average=average,
-            begun=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-        )
         typed_json.save(folder / FILE, manifest)
     return load_session(folder)
 
 
-def require_same_settings(session: CalibrationSession, settings: Mapping[str, Any]) -> None:
-    """Check that a session that is resumed has the requested settings.
+def _choose_radii(specimen: BendingSpecimen, options: MeasureOptions) -> tuple[float, ...]:
+    """Return the radii of the jigs to use, mm."""
+    radii = specimen.radii if options.radii is None else options.radii
+    unknown = [r for r in radii if r not in specimen.radii]
+    if unknown:
+        available = ", ".join(f"{r:g}" for r in specimen.radii)
+        raise CalibrationError(
+            f"{unknown[0]:g} is not the radius of one of the specimen's jigs",
+            code="unknown-radius",
+            where="radii",
+            action=f"Choose from {available}",
+            radius=unknown[0],
+        )
+    count = len(set(radii))
+    if count < max(len(radii), MIN_RADII):
+        raise CalibrationError(
+            f"{count} different radii are too few",
+            code="too-few-radii",
+            where="radii",
+            action=f"Give {MIN_RADII} different radii or more",
+            count=count,
+        )
+    return radii
+
+
+def require_same_options(
+    session: CalibrationSession, options: MeasureOptions, board: BoardOptions
+) -> None:
+    """Check that a session that is resumed has the requested options.
+
+    Options with their default value are not compared.
 
     Args:
         session: The session.
-        settings: Requested settings by the names of `create_session`'s arguments.
+        options: Requested readings.
+        board: Requested settings of the read-out board.
 
     Raises:
-        CalibrationError: A setting differs.
+        CalibrationError: An option differs.
     """
     steps = session.steps
-    current = {
+    present = {
         "name": session.name,
-        "radii": sorted({s.radius for s in steps if s.radius is not None}),
         "rounds": 1 + max(s.turn for s in steps),
-        "faces": sorted({s.face for s in steps}),
+        "radii": tuple(sorted({s.radius for s in steps if s.radius is not None})),
+        "faces": "".join(sorted({s.face for s in steps})),
+        "tolerance": round(100 * session.criterion.tolerance, 9),
+        "longest": session.criterion.most,
         "seed": load_calibration(session.folder).seed,
-        "reference": list(session.reference),
-        "criterion": session.criterion,
+        "reference": session.reference,
         "rate": session.rate,
         "average": session.average,
     }
-    for name, value in settings.items():
-        if (sorted(value) if name in ("radii", "faces") else value) != current[name]:
-            raise CalibrationError(
-                f"this session was started with {name} = {current[name]}",
-                code="session-differs",
-                where=session.folder,
-                action=f"Omit {name} to resume it, or start another session in another folder",
-                setting=name,
-                value=current[name],
-            )
+    for record in (options, board):
+        kind: type = type(record)
+        for name, option in options_of(kind).items():
+            value = getattr(record, name)
+            if value == option.default:
+                continue
+            if name == "radii":
+                value = tuple(sorted(value))
+            elif name == "reference":
+                value = tuple(reference_resistors(value, len(CHANNELS)))
+            if value != present[name]:
+                raise CalibrationError(
+                    f"this session was started with {name} = {present[name]}",
+                    code="session-differs",
+                    where=session.folder,
+                    action=f"Omit {name} to resume it, or start another session in another folder",
+                    setting=name,
+                    value=present[name],
+                )
 
 
 def create_or_resume(
-    folder: Path, settings: Mapping[str, Any], named: Collection[str] = ()
+    folder: Path, specimen: BendingSpecimen, options: MeasureOptions, board: BoardOptions
 ) -> tuple[CalibrationSession, bool]:
     """Resume the session in a folder, or create one.
 
     Args:
         folder: Folder of the session.
-        settings: Settings of a new session, by the names of `create_session`'s arguments.
-        named: Names of settings that a resumed session must have, too.
+        specimen: The specimen and its jigs.
+        options: Which readings are taken.
+        board: How the read-out board measures.
 
     Returns:
         The session, and whether it is resumed.
 
     Raises:
-        CalibrationError: The session is finished or differs.
+        CalibrationError: The session is finished or differs, or the radii are not valid.
     """
     if manifest_path(folder) is None:
-        return create_session(folder, **settings), False
+        return create_session(folder, specimen, options, board), False
     session = load_session(folder)
     if not unfinished_steps(session):
         raise CalibrationError(
@@ -198,25 +227,8 @@ def create_or_resume(
                 " another folder"
             ),
         )
-    require_same_settings(session, {name: settings[name] for name in named})
+    require_same_options(session, options, board)
     return session, True
-
-
-def default_settings(specimen: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the default settings of a session on a specimen, as `read_specimen` returns it."""
-    return {
-        "name": f"{specimen['length']:g}",
-        "geometry": specimen["geometry"],
-        "length": specimen["length"],
-        "radii": specimen["radii"],
-        "rounds": DEFAULT_ROUNDS,
-        "faces": ["a", "b"],
-        "seed": 1,
-        "reference": [DEFAULT_REFERENCE_OHM] * len(CHANNELS),
-        "criterion": Criterion(),
-        "rate": DEFAULT_RATE_HZ,
-        "average": None,
-    }
 
 
 def discard_empty(session: CalibrationSession) -> None:
@@ -245,7 +257,7 @@ def load_session(folder: Path) -> CalibrationSession:
         if face not in FACES or not (radius is None or 0 < radius < _MAX_RADIUS_MM):
             raise CalibrationError(
                 f"the step with the radius {radius} and the face {face!r} is not valid",
-                code="bad-step",
+                code="step-invalid",
                 where=path,
                 action=f"Give a radius in mm or null, and a face of {', '.join(FACES)}",
             )
@@ -254,7 +266,7 @@ def load_session(folder: Path) -> CalibrationSession:
     ):
         raise CalibrationError(
             f"reference is {list(manifest.reference)}",
-            code="bad-reference",
+            code="reference-invalid",
             where=path,
             action=f"Give {len(CHANNELS)} resistances in ohm",
         )
@@ -358,14 +370,14 @@ def unfinished_steps(session: CalibrationSession) -> list[int]:
     return [n for n in range(len(session.steps)) if n not in done]
 
 
-def read_specimen(path: Path) -> dict[str, Any]:
+def read_specimen(path: Path) -> BendingSpecimen:
     """Read `specimen.json`.
 
     Args:
         path: The file, or the folder that holds it.
 
     Returns:
-        The specimen's "length" (mm), "geometry" and "radii" of its jigs (mm).
+        The specimen and its jigs.
 
     Raises:
         CalibrationError: The file cannot be read or is invalid.
@@ -374,19 +386,15 @@ def read_specimen(path: Path) -> dict[str, Any]:
     file = path / "specimen.json" if path.is_dir() else path
     data = load_json(file, CalibrationError, action)
     try:
-        radii = [float(j["radius"]) for j in data["jigs"] if j["radius"] is not None]
+        radii = tuple(float(j["radius"]) for j in data["jigs"] if j["radius"] is not None)
         if not all(0 < r < _MAX_RADIUS_MM for r in radii) or len(set(radii)) < len(radii):
             raise ValueError(f"radii {radii}")
-        inner = float(data["channels"]["inner"])
-        return {
-            "length": float(data["length"]),
-            "geometry": Geometry(float(data["thickness"]), inner),
-            "radii": radii,
-        }
+        geometry = Geometry(float(data["thickness"]), float(data["channels"]["inner"]))
+        return BendingSpecimen(float(data["length"]), geometry, radii)
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(
             f"does not describe a specimen ({error!r})",
-            code="bad-specimen-file",
+            code="specimen-file-invalid",
             where=file,
             action=action,
         ) from None

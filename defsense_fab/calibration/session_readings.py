@@ -25,12 +25,12 @@ class SessionReadings:
 
     Attributes:
         readings: The readings.
-        creeps: Creep of the outer cords in each hold, with the cord's position.
+        creeps: Creep of each outer cord in each hold.
         unsettled: Number of holds that had not settled when they were taken.
     """
 
     readings: Readings
-    creeps: tuple[tuple[str, Creep], ...]
+    creeps: tuple[Creep, ...]
     unsettled: int
 
 
@@ -83,7 +83,7 @@ def read_session(folder: Path) -> SessionReadings:
             thinned = slice(None, None, max(len(hold.time) // _MAX_CREEP_FRAMES, 1))
             for c, place in enumerate(CHANNELS):
                 if place != "neutral" and np.isfinite(hold.ohm[:, c]).all():
-                    creeps.append((place, fit_creep(hold.time[thinned], hold.ohm[thinned, c])))
+                    creeps.append(fit_creep(hold.time[thinned], hold.ohm[thinned, c]))
     return SessionReadings(_to_readings(pieces, rows), tuple(creeps), unsettled)
 
 

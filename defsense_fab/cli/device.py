@@ -2,37 +2,49 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from ..core.errors import DeviceError
-from .options import add_output_options
+from .completers import complete_device_folders
+
+if TYPE_CHECKING:
+    from cyclopts import Token
 
 
-def add_device_arguments(sub: argparse.ArgumentParser) -> None:
-    """Add the device folder, `--set`, `--json` and `--verbose` to a parser."""
-    sub.add_argument(
-        "folder", type=device_folder, metavar="DIR", help="Folder that contains device.toml"
-    )
-    sub.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="Override a parameter of the body's script from device.toml; may be repeated",
-    )
-    add_output_options(sub)
-
-
-def device_folder(text: str) -> Path:
+def device_folder(_: object, tokens: Sequence[Token]) -> Path:
     """Return the folder of a device, given the folder or its device.toml."""
     from ..core.device.device_file import DEVICE
 
-    path = Path(text)
+    path = Path(tokens[0].value)
     return path.parent if path.name == DEVICE and path.is_file() else path
+
+
+def _text(_: object, tokens: Sequence[Token]) -> tuple[str, ...]:
+    return tuple(token.value for token in tokens)
+
+
+#: Folder of a device; the path of its device.toml is accepted too.
+DeviceFolder = Annotated[
+    Path,
+    Parameter(converter=device_folder, completer=complete_device_folders),
+]
+#: Overrides of parameters of the body's script.
+Overrides = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        converter=_text,
+        n_tokens=1,
+        allow_repeating=True,
+        metavar="NAME=VALUE",
+        help="Override a parameter of the body's script from device.toml; may be repeated.",
+    ),
+]
 
 
 def parse_overrides(pairs: Sequence[str]) -> dict[str, Any]:

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import importlib
 import io
 import logging
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from inspect import BoundArguments
 from pathlib import Path
+from types import UnionType
+from typing import Union, get_args, get_origin
+
+from cyclopts import App, ArgumentCollection, CycloptsError
 
 from ..core.errors import CapacityError, DefsenseError, DeviceError, StorageError
 from ..core.machine.optional_libraries import CORE, optional
-from ..core.version import __version__
-from .command_parser import CommandParser
-from .commands import TASKS, module_of
-from .exit_codes import REFUSED, STOPPED
+from .app import make_app
+from .exit_codes import DONE, REFUSED, STOPPED
+from .output import OutputOptions, activity
+from .usage_errors import usage_error, wrong_count
 
 #: What to do when the memory is insufficient, by command.
 _MEMORY_ACTIONS = {
@@ -75,10 +78,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         One of the codes of `exit_codes`.
     """
     _prepare_streams()
-    if "_ARGCOMPLETE" in os.environ:  # the shell requests completions
-        from .help.completion import complete
-
-        complete(make_parser())
     words = sys.argv[1:] if arguments is None else arguments
     try:
         return run_command(words)
@@ -103,29 +102,116 @@ def run_command(words: Sequence[str]) -> int:
         One of the codes of `exit_codes`.
 
     Raises:
-        DefsenseError: The input or the machine does not allow the command. Errors of the operating
-            system are converted: a lack of memory (CapacityError, `memory-insufficient`), a file
-            that cannot be used (StorageError, `file-unusable`), a missing library (DeviceError,
-            `library-missing` or `library-broken`).
+        DefsenseError: The input or the machine does not allow the command. Wrong words are
+            converted (DeviceError, see `parse`), and so are errors of the operating system: a lack
+            of memory (CapacityError, `memory-insufficient`), a file that cannot be used
+            (StorageError, `file-unusable`), a missing library (DeviceError, `library-missing` or
+            `library-broken`).
         KeyboardInterrupt: Ctrl-C was pressed.
-        SystemExit: The arguments do not match the parser, or help was requested.
     """
-    options = argparse.Namespace(command=words[0] if words else "")
+    activity.start(words[:1])
     with _record_interrupts() as interrupts:
         try:
-            make_parser(options.command or None).parse_args(words, options)
-            _log_to_standard_error(options.verbose)
-            return int(options.run(options))
+            run, bound = parse(words)
+            _log_to_standard_error(_is_verbose(bound))
+            code = run(*bound.args, **bound.kwargs)
+            return code if isinstance(code, int) else DONE
         except DefsenseError as error:
             _add_flags(error, words)
             raise
         except Exception as error:
             if interrupts:
                 raise KeyboardInterrupt from error
-            if not isinstance(error, MemoryError | OSError) and not _is_foreign_import(error):
+            if not isinstance(error, MemoryError | OSError) and _import_failure(error) is None:
                 raise
             _log.debug("traceback of the error", exc_info=True)
-            raise _convert_system_error(error, options) from error
+            raise _convert_system_error(error) from error
+
+
+def parse(words: Sequence[str]) -> tuple[Callable[..., object], BoundArguments]:
+    """Return the function that a command line calls, and its arguments.
+
+    Args:
+        words: The command and its arguments. The items of a list may be separated by commas.
+
+    Raises:
+        DeviceError: A word is not a known command or option (`unknown-command`, `unknown-option`),
+            a value is missing, not valid or repeated (`argument-missing`, `argument-invalid`,
+            `argument-repeated`), or there are more arguments than the command accepts
+            (`argument-unexpected`).
+        DefsenseError: The values of an options record are not valid.
+    """
+    app = make_app()
+    try:
+        chain, apps, rest = app.parse_commands(words)
+        activity.start(chain)
+        if not _is_group(apps[-1]):
+            arguments = apps[-1].assemble_argument_collection(parse_docstring=False)
+            options = _split_lists(arguments, rest, " ".join(("defsense", *chain)))
+            words = [*words[: len(words) - len(rest)], *options]
+        run, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        raise usage_error(error, words) from None
+    return run, bound
+
+
+def _is_group(app: App) -> bool:
+    """Return whether a command only has further commands, or prints help or the version."""
+    run = app.default_command
+    return run is None or run.__name__ in ("help_print", "version_print")
+
+
+def _split_lists(arguments: ArgumentCollection, words: Sequence[str], command: str) -> list[str]:
+    """Separate the items of lists that are written with commas.
+
+    `--bed 220,220,250` becomes `--bed 220 220 250`, and `--radii 75,100`, with any number of items,
+    `--radii 75 --radii 100`. Options that may be repeated with any text, such as `--set`, are
+    declared with a converter of their own and not separated.
+
+    Args:
+        arguments: Arguments of the command.
+        words: Words after the command.
+        command: The command, such as `defsense build`, for errors.
+
+    Raises:
+        DeviceError: A list has too few or too many items (`argument-invalid`).
+    """
+    kinds = {
+        name: get_args(kind)
+        for argument in arguments
+        if argument.parameter.converter is None and (kind := _tuple_type(argument.hint))
+        for name in argument.names
+    }
+    separated: list[str] = []
+    waiting = iter(words)
+    for word in waiting:
+        name, equals, value = word.partition("=")
+        kind = kinds.get(name)
+        if kind is None:
+            separated.append(word)
+            continue
+        if not equals:
+            value = next(waiting, "")
+        items = [item for item in map(str.strip, value.split(",")) if item]
+        if ... in kind:
+            separated += [part for item in items for part in (name, item)] or [name]
+        elif len(items) > 1 and len(items) != len(kind):
+            raise wrong_count(name, len(kind), len(items), command)
+        else:
+            separated += [name, *items]
+    return separated
+
+
+def _tuple_type(hint: object) -> object | None:
+    """Return the type if it is a tuple, or the tuple of an optional one; otherwise None."""
+    options = (hint, *get_args(hint)) if get_origin(hint) in (Union, UnionType) else (hint,)
+    return next((option for option in options if get_origin(option) is tuple), None)
+
+
+def _is_verbose(bound: BoundArguments) -> bool:
+    return any(
+        isinstance(value, OutputOptions) and value.verbose for value in bound.arguments.values()
+    )
 
 
 def _add_flags(error: DefsenseError, words: Sequence[str]) -> None:
@@ -145,42 +231,43 @@ def _log_to_standard_error(verbose: bool) -> None:
         logging.getLogger(library).setLevel(logging.WARNING)
 
 
-def _is_foreign_import(error: Exception) -> bool:
-    """Return whether another package failed to import; in our own it is a programming error."""
-    package = __name__.partition(".")[0]
-    return isinstance(error, ImportError) and (error.name or "").partition(".")[0] != package
+def _import_failure(error: BaseException | None) -> ImportError | None:
+    """Return the failed import of another package; in our own it is a programming error."""
+    if isinstance(error, ImportError) and isinstance(error.__cause__, ImportError):
+        error = error.__cause__  # cyclopts replaces errors of a command's module
+    if not isinstance(error, ImportError) or "relative import" in str(error):
+        return None
+    is_own = (error.name or "").partition(".")[0] == __name__.partition(".")[0]
+    return None if is_own else error
 
 
-def _convert_system_error(error: Exception, options: argparse.Namespace) -> DefsenseError:
+def _convert_system_error(error: Exception) -> DefsenseError:
     """Return an error that names the file, or else the command and its current step."""
-    activity = " ".join(
-        ["defsense", options.command, *filter(None, [getattr(options, "step", "")])]
-    )
-    if "doing" in options:
-        activity += f", {options.doing}"
-    if isinstance(error, ImportError):
+    doing, command = str(activity), activity.command
+    failure = _import_failure(error)
+    if failure is not None:
         try:
-            with optional(DeviceError, activity, CORE):
-                raise error
+            with optional(DeviceError, doing, CORE):
+                raise failure
         except DeviceError as converted:
             return converted
     if isinstance(error, MemoryError):
         return CapacityError(
             "not enough memory",
             code="memory-insufficient",
-            where=activity,
-            action=_MEMORY_ACTIONS.get(options.command, _MEMORY_ACTIONS["build"]),
-            command=options.command,
+            where=doing,
+            action=_MEMORY_ACTIONS.get(command, _MEMORY_ACTIONS["build"]),
+            command=command,
         )
     assert isinstance(error, OSError)
     path = None if error.filename is None else os.fsdecode(error.filename)
     return StorageError(
         str(error.strerror or error),
         code="file-unusable",
-        where=activity if path is None else path,
+        where=doing if path is None else path,
         action="Check the path, its permissions and the disk",
         path=path,
-        command=options.command,
+        command=command,
     )
 
 
@@ -216,36 +303,6 @@ def _record_interrupts() -> Iterator[list[int]]:
 def _print_error_line(line: str) -> None:
     with contextlib.suppress(BrokenPipeError):
         sys.stderr.write(f"{line}\n")
-
-
-def make_parser(command: str | None = None) -> CommandParser:
-    """Return the parser of all commands.
-
-    Args:
-        command: Add only the commands of this command's module, which starts faster.
-    """
-    parser = CommandParser(
-        prog="defsense",
-        description="Design, build and run soft objects that sense their own deformation: from a"
-        " device folder to printable parts with a predicted accuracy.",
-        epilog="Exit codes: 0 success; 1 the answer is no; 2 an error, with one line that states"
-        " what to do; 130 interrupted by Ctrl-C, with one line that states what is kept"
-        " (docs/commands.md).",
-        examples=["defsense build fixtures/devices/bar"],
-        tasks={task: [c for m in modules for c in m.commands] for task, modules in TASKS.items()},
-    )
-    parser.add_argument(
-        "--version",
-        action="version",
-        version=f"defsense-fab {__version__}",
-        help="Show the version and exit",
-    )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    module = module_of(command) if command else None
-    names = [module] if module else [m.name for modules in TASKS.values() for m in modules]
-    for name in names:
-        importlib.import_module(f"{__package__}.{name}").add(commands)
-    return parser
 
 
 if __name__ == "__main__":

@@ -2,21 +2,62 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import os
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from cyclopts import Parameter
 
 from ..core.errors import StorageError
 from ..core.progress import Progress, silent
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class OutputOptions:
+    """How a command shows its result.
+
+    Attributes:
+        json: Print the result as JSON.
+        verbose: Show more detail while working.
+    """
+
+    json: bool = False
+    verbose: Annotated[bool, Parameter(alias="-v")] = False
+
+
+class Activity:
+    """What the command does now, for errors that do not name a file.
+
+    Attributes:
+        command: Name of the command.
+    """
+
+    def __init__(self) -> None:
+        self.start(())
+
+    def start(self, words: Sequence[str]) -> None:
+        """Start a command, given by its words, such as `capture record`."""
+        self._words = tuple(words)
+        self.command = words[0] if words else ""
+        self.step = ""
+
+    def __str__(self) -> str:
+        text = " ".join(["defsense", *self._words])
+        return f"{text}, {self.step}" if self.step else text
+
+
+#: The activity of the running command.
+activity = Activity()
 
 
 def console() -> Console:
@@ -88,25 +129,25 @@ def silent_stdout() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def progress_bars(options: argparse.Namespace) -> Iterator[Progress]:
-    """Show progress, and keep the last message in `options.doing` for errors."""
-    with _progress_display(options) as show:
+def progress_bars(output: OutputOptions) -> Iterator[Progress]:
+    """Show progress, and keep the last message in `activity` for errors."""
+    with _progress_display(output) as show:
 
         def report(stage: str, fraction: float, message: str) -> None:
-            options.doing = f"{stage}: {message}"
+            activity.step = f"{stage}: {message}"
             show(stage, fraction, message)
 
         yield report
 
 
 @contextlib.contextmanager
-def _progress_display(options: argparse.Namespace) -> Iterator[Progress]:
+def _progress_display(output: OutputOptions) -> Iterator[Progress]:
     """Show one bar per stage on standard error, or plain lines if it is not a terminal."""
-    if options.json and not options.verbose:
+    if output.json and not output.verbose:
         yield silent
         return
     if not sys.stderr.isatty():
-        with ProgressLines(options.verbose) as lines:
+        with ProgressLines(output.verbose) as lines:
             yield lines
         return
     from rich.console import Console

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +13,3 @@ Bool = NDArray[np.bool_]
 def format_point(point: Float) -> str:
     """Return a point (n,) in mm as text for messages, such as `(1.0, 2.5, 0.0)`."""
     return "(" + ", ".join(f"{x:.1f}" for x in np.round(point, 1) + 0.0) + ")"
-
-
-def parse_points(text: str) -> list[Float]:
-    """Return the points (3,) in mm that `format_point` has written into a text."""
-    matches = re.findall(r"\((-?\d+\.\d), (-?\d+\.\d), (-?\d+\.\d)\)", text)
-    return [np.array(numbers, float) for numbers in matches]

@@ -84,6 +84,17 @@ class Camera:
                 "Give 4, 5 or 8 coefficients; thin prism and tilted lenses are not supported",
                 count=count,
             )
+        self._check_finite()
+        self._check_matrix()
+        deviation = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
+        if deviation > 1e-6 or np.linalg.det(self.rotation) < 0:
+            self._fail(
+                "has a rotation that is not a rotation matrix",
+                "not-a-rotation",
+                "Give orthonormal, right-handed rows",
+            )
+
+    def _check_finite(self) -> None:
         arrays = (self.matrix, self.distortions, self.rotation, self.translation)
         if not all(np.isfinite(a).all() for a in arrays):
             self._fail(
@@ -97,6 +108,8 @@ class Camera:
                 "image-too-small",
                 "Give at least 1 pixel for the width and the height",
             )
+
+    def _check_matrix(self) -> None:
         if min(self.matrix[0, 0], self.matrix[1, 1]) <= 0:
             self._fail(
                 "has a focal length that is not positive",
@@ -114,13 +127,6 @@ class Camera:
                 "has a matrix of another form",
                 "not-a-camera-matrix",
                 "Give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
-            )
-        deviation = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
-        if deviation > 1e-6 or np.linalg.det(self.rotation) < 0:
-            self._fail(
-                "has a rotation that is not a rotation matrix",
-                "not-a-rotation",
-                "Give orthonormal, right-handed rows",
             )
 
     def _fail(self, problem: str, code: str, action: str, **data: object) -> NoReturn:
@@ -181,7 +187,7 @@ def check_name(name: str) -> None:
     if has_bad_character or not is_length_valid or name != name.strip().strip("."):
         raise CaptureError(
             "cannot be part of a file name",
-            code="bad-camera-name",
+            code="camera-name-invalid",
             where=f"camera {name!r}",
             action=(
                 f"Use 1 to {_MAX_NAME_LENGTH} characters, no control character, none of"
@@ -218,35 +224,12 @@ def check_names(names: Sequence[str]) -> None:
             if file in files:
                 raise CaptureError(
                     f"{files[file]!r} and {name!r} would write the same files",
-                    code="camera-names-clash",
+                    code="name-repeated",
                     where="camera names",
                     action="Choose names that differ by more than capitals or an ending -frames",
                     cameras=(files[file], name),
                 )
             files[file] = name
-
-
-def cross_matrices(vectors: Float) -> Float:
-    """Return the matrices (..., 3, 3) of the cross product with vectors (..., 3)."""
-    out = np.zeros((*vectors.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = (
-        -vectors[..., 2],
-        vectors[..., 1],
-        -vectors[..., 0],
-    )
-    return out - np.swapaxes(out, -1, -2)
-
-
-def rotation_matrices(vectors: Float) -> Float:
-    """Return the rotations (..., 3, 3) by rotation vectors (..., 3), rad.
-
-    A rotation vector points along the axis and is as long as the angle (Rodrigues).
-    """
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    K = cross_matrices(vectors)
-    s = np.sinc(angle / np.pi)
-    c = np.sinc(angle / (2 * np.pi)) ** 2 / 2
-    return np.asarray(np.eye(3) + s * K + c * K @ K)
 
 
 def distort(plane: Float, coefficients: Float, *, fisheye: bool = False) -> tuple[Float, Float]:

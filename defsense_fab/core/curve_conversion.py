@@ -13,7 +13,7 @@ _REPARAMETRIZATIONS = 3
 _MAX_BIARCS_PER_SPAN = 64
 
 
-def fit_curve(stroke: Float, tolerance: float, max_points: int = _MAX_CONTROL_POINTS) -> Hermite:
+def fit_curve(stroke: Float, tolerance: float) -> Hermite:
     """Fit a smooth curve with few control points to a stroke.
 
     The curve ends where the stroke ends, and its tangents follow from its points. Its points are a
@@ -22,7 +22,6 @@ def fit_curve(stroke: Float, tolerance: float, max_points: int = _MAX_CONTROL_PO
     Args:
         stroke: Points of the stroke (q, 2), mm.
         tolerance: Largest distance of the stroke from the curve, mm.
-        max_points: Largest number of control points.
 
     Returns:
         The curve with the fewest control points within the tolerance, or else the closest one.
@@ -37,7 +36,7 @@ def fit_curve(stroke: Float, tolerance: float, max_points: int = _MAX_CONTROL_PO
     if length <= 1e-6:
         raise ValueError("a stroke needs a length")
     best, best_deviation = None, np.inf
-    for count in range(_MIN_CONTROL_POINTS, max_points + 1):
+    for count in range(_MIN_CONTROL_POINTS, _MAX_CONTROL_POINTS + 1):
         curve = _fit_points(stroke, float(length), count)
         deviation = float(_project_on_curve(stroke, curve)[0].max())
         if deviation < best_deviation:

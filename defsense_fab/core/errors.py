@@ -31,7 +31,7 @@ class DefsenseError(Exception):
         self,
         problem: str,
         *,
-        code: str = "unspecified",
+        code: str,
         where: object = "",
         action: str = "",
         **data: object,

@@ -61,22 +61,24 @@ class Markers:
         if not 0 < self.size < 1000:
             raise CaptureError(
                 f"a size of {self.size:g} mm is not possible",
-                code="bad-marker-size",
+                code="marker-size-invalid",
                 where="markers",
                 action="Give the width of the black squares in mm",
                 size=self.size,
             )
         if len(np.unique(self.ids)) < m:
             raise CaptureError(
-                "two tags have the same number", code="duplicate-marker", where="markers"
+                "two tags have the same number", code="marker-repeated", where="markers"
             )
         if self.ids.min() < 0:
-            raise CaptureError("a tag has a negative number", code="bad-marker-id", where="markers")
+            raise CaptureError(
+                "a tag has a negative number", code="marker-id-invalid", where="markers"
+            )
         for number, a in zip(self.ids, self.axes, strict=True):
             if np.abs(a.T @ a - np.eye(3)).max() > 1e-6 or np.linalg.det(a) < 0:
                 raise CaptureError(
                     "its axes are not orthonormal and right-handed",
-                    code="bad-marker-axes",
+                    code="marker-axes-invalid",
                     where=f"markers: tag {number}",
                     marker=int(number),
                 )
@@ -128,7 +130,7 @@ class Tracks:
             )
         if len(np.unique(self.ids)) < m:
             raise CaptureError(
-                "two markers have the same number", code="duplicate-marker", where="tracks"
+                "two markers have the same number", code="marker-repeated", where="tracks"
             )
         if (np.isnan(self.points).any(-1) != np.isnan(self.points).all(-1)).any():
             raise CaptureError(
@@ -219,7 +221,7 @@ def read_markers(path: Path) -> Markers:
     except KeyError as error:
         raise CaptureError(
             f"{error.args[0]!r} is missing",
-            code="missing-key",
+            code="key-missing",
             where=path,
             action=_WRITE_ACTION,
             key=error.args[0],
@@ -227,7 +229,7 @@ def read_markers(path: Path) -> Markers:
     except (TypeError, ValueError, OverflowError) as error:
         raise CaptureError(
             f"is not a file of markers ({error})",
-            code="bad-marker-file",
+            code="marker-file-invalid",
             where=path,
             action=_WRITE_ACTION,
         ) from None
@@ -237,7 +239,7 @@ def _check_tag(tag: dict[str, object]) -> None:
     number = tag["id"]
     if not isinstance(number, int) or isinstance(number, bool):
         raise CaptureError(
-            "its id is not an integer", code="bad-marker-id", where=f"tag {number!r}"
+            "its id is not an integer", code="marker-id-invalid", where=f"tag {number!r}"
         )
     for key, shape in (("center", (3,)), ("axes", (3, 3))):
         if np.shape(np.asarray(tag[key], float)) != shape:
@@ -251,7 +253,7 @@ def _check_tag(tag: dict[str, object]) -> None:
     if not isinstance(tag["anchor"], bool):
         raise CaptureError(
             "anchor is not true or false",
-            code="not-a-boolean",
+            code="not-a-bool",
             where=f"tag {number}",
             marker=number,
         )

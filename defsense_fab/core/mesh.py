@@ -36,6 +36,24 @@ def facet_crosses(vertices: Float, faces: Int) -> Float:
     return np.asarray(np.cross(b - a, c - a))
 
 
+def triangle_edges(faces: Int) -> tuple[Int, Int, Int]:
+    """Return the edges of triangles.
+
+    Args:
+        faces: Triangles (m, 3).
+
+    Returns:
+        The edges (k, 2), sorted; how many triangles each has (k,); and the edge indices (3 m,) of
+        the three edges of each triangle, in a row.
+    """
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    base = int(faces.max(initial=0)) + 1
+    keys, index, count = np.unique(
+        ends.min(axis=1) * base + ends.max(axis=1), return_inverse=True, return_counts=True
+    )
+    return np.stack([keys // base, keys % base], axis=1), count, index.reshape(-1)
+
+
 @dataclass(frozen=True)
 class Surface:
     """Closed triangle surface.
@@ -68,6 +86,25 @@ class Surface:
         """Signed enclosed volume, mm^3 (divergence theorem)."""
         a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+    @property
+    def centroid(self) -> Float:
+        """Center of mass (3,), mm: each facet and the origin span a tetrahedron."""
+        corners = self.vertices[self.faces]
+        volume = np.linalg.det(corners)
+        return np.asarray(volume @ corners.sum(1) / (4 * volume.sum()))
+
+    @property
+    def area(self) -> float:
+        """Area, mm^2."""
+        return float(np.linalg.norm(facet_crosses(self.vertices, self.faces), axis=1).sum() / 2)
+
+    @property
+    def normals(self) -> Float:
+        """Unit normals (m, 3) of the triangles; zero for triangles without area."""
+        crosses = facet_crosses(self.vertices, self.faces)
+        lengths = np.linalg.norm(crosses, axis=1, keepdims=True)
+        return np.asarray(crosses / np.where(lengths > 0, lengths, 1.0))
 
     @property
     def bounds(self) -> Float:

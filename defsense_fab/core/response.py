@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -13,10 +13,16 @@ from .arrays import Float
 from .errors import CalibrationError
 from .storage.files import load_json
 
-#: Radii of the surfaces of the nine jigs in DefSense (CHI 2016, Fig. 3), mm.
+#: Sizes of the bending specimen in DefSense (CHI 2016, Fig. 3), mm.
+SPECIMEN_LENGTH_MM, SPECIMEN_THICKNESS_MM, SPECIMEN_WIDTH_MM = 150.0, 15.0, 20.0
+#: Distance of the outer cords from its bottom and top, mm.
+CORD_OFFSET_MM = 2.0
+#: Radii of the surfaces of its nine jigs, mm.
 JIG_RADII_MM = (75.0, 87.5, 100.0, 112.0, 150.0, 175.0, 200.0, 225.0, 250.0)
 
-#: Coefficients of each model of w(eps) = (R - R0)/R0; `sensing/response.py` evaluates them.
+#: Models of w(eps) = (R - R0)/R0.
+ModelName = Literal["line", "two-slopes", "quadratic", "cubic", "piecewise"]
+#: Coefficients of each model; `sensing/response.py` evaluates them.
 MODELS: dict[str, tuple[str, ...]] = {
     "line": ("k",),
     "two-slopes": ("tension", "compression"),
@@ -228,5 +234,8 @@ def read_response(path: Path) -> ResponseSpec:
 
 def _bad_file(path: Path, error: Exception) -> CalibrationError:
     return CalibrationError(
-        f"is not a response ({error!r})", code="bad-response-file", where=path, action=_FIT_ACTION
+        f"is not a response ({error!r})",
+        code="response-file-invalid",
+        where=path,
+        action=_FIT_ACTION,
     )

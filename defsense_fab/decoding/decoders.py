@@ -26,7 +26,7 @@ _ALPHAS = np.logspace(-6, 1, 8)  # weights of the ridge
 _DEFAULT_GAMMA, _DEFAULT_ALPHA = 0.1, 1e-3  # where there are too few states for a choice
 
 
-def contiguous_folds(count: int, folds: int = FOLDS) -> list[tuple[Int, Int]]:
+def contiguous_folds(count: int) -> list[tuple[Int, Int]]:
     """Divide samples into contiguous folds for cross-validation.
 
     Neighboring states are similar: with shuffled folds, a decoder would be tested on almost the
@@ -34,13 +34,12 @@ def contiguous_folds(count: int, folds: int = FOLDS) -> list[tuple[Int, Int]]:
 
     Args:
         count: Number of samples.
-        folds: Largest number of folds.
 
     Returns:
         Pairs of training and test indices; each test is a run of neighbors.
     """
     everything = np.arange(count)
-    tests = np.array_split(everything, min(folds, count))
+    tests = np.array_split(everything, min(FOLDS, count))
     return [(np.setdiff1d(everything, test), test) for test in tests]
 
 

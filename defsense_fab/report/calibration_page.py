@@ -10,8 +10,7 @@ import numpy as np
 from ..calibration.calibrate import Calibration
 from ..sensing.response import Response, build_response
 from .html import as_image, render
-
-_COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057")
+from .pictures.sheet import COLORS
 
 
 def page(calibration: Calibration, data: Mapping[str, Any]) -> str:
@@ -60,7 +59,7 @@ def response_figure(calibration: Calibration, truth: Response | None = None) -> 
     figure, axes = _figure(9, 5.6)
     readings, data = calibration.readings, calibration.data
     for n, name in enumerate(dict.fromkeys(p.specimen for p in calibration.pieces)):
-        color = _COLORS[n % len(_COLORS)]
+        color = COLORS[n % len(COLORS)]
         for place, marker in (("top", "^"), ("bottom", "v")):
             pieces = [
                 i
@@ -120,7 +119,7 @@ def _residuals(calibration: Calibration) -> str:
                 ".",
                 ms=5,
                 alpha=0.6,
-                color=_COLORS[p % len(_COLORS)],
+                color=COLORS[p % len(COLORS)],
                 label=piece.name,
             )
     axes.axhspan(-100 * calibration.noise, 100 * calibration.noise, color="k", alpha=0.08, lw=0)

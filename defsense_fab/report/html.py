@@ -14,10 +14,11 @@ from ..core.storage.files import storage_errors, write_text
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
+    """Return the environment of this folder's templates; it escapes values in HTML only."""
     return jinja2.Environment(
         loader=jinja2.PackageLoader("defsense_fab", "report"),
-        autoescape=True,
+        autoescape=jinja2.select_autoescape(),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )
@@ -36,7 +37,7 @@ def render(template: str, **values: Any) -> str:
     Raises:
         jinja2.UndefinedError: A value that the template uses is missing.
     """
-    return _environment().get_template(f"{template}.html").render(**values)
+    return environment().get_template(f"{template}.html").render(**values)
 
 
 def write_page(path: Path, template: str, **values: Any) -> None:

@@ -69,11 +69,15 @@ def _rows(session: CaptureSession, quality: dict[str, Any]) -> list[tuple[str, s
         ("recorded", session.started_at),
         ("length", _length(quality)),
         ("aligned by", f"{quality['aligned_by']}, {quality['aligned_frames']:.0%} of the frames"),
-        ("alignment residual",
-         f"{mm(quality['residual']['median'])}, 95 % below {mm(quality['residual']['95 %'])}"),
-        ("standard deviation of a marker's position",
-         f"{mm(quality['sigma']['median'])}, 95 % below {mm(quality['sigma']['95 %'])}"),
-    ]  # fmt: skip
+        (
+            "alignment residual",
+            f"{mm(quality['residual']['median'])}, 95 % below {mm(quality['residual']['95 %'])}",
+        ),
+        (
+            "standard deviation of a marker's position",
+            f"{mm(quality['sigma']['median'])}, 95 % below {mm(quality['sigma']['95 %'])}",
+        ),
+    ]
     for run in quality["runs"]:
         sync = run["sync"]
         error = "unknown" if sync.get("error_ms") is None else f"{sync['error_ms']:.1f} ms"
@@ -102,8 +106,11 @@ def _length(quality: dict[str, Any]) -> str:
     return out + f" at {quality['rate']:.4g} Hz, {quality['dropped']} more dropped"
 
 
-def _draw(draw: Callable[[Any, CaptureSession, ProcessedSession], None], session: CaptureSession,
-          result: ProcessedSession) -> str:  # fmt: skip
+def _draw(
+    draw: Callable[[Any, CaptureSession, ProcessedSession], None],
+    session: CaptureSession,
+    result: ProcessedSession,
+) -> str:
     from matplotlib.figure import Figure
 
     figure = Figure((9.6, 4.2), dpi=100, layout="constrained")
@@ -120,9 +127,14 @@ def _draw_visibility(figure: Any, session: CaptureSession, result: ProcessedSess
     edges = np.linspace(0, len(t.time), bins + 1).astype(int)
     visible_share = np.array([t.visible[a : max(b, a + 1)].mean(0) for a, b in pairwise(edges)])
     image = axes.imshow(
-        visible_share.T, aspect="auto", cmap="Greens", vmin=0, vmax=1, interpolation="nearest",
+        visible_share.T,
+        aspect="auto",
+        cmap="Greens",
+        vmin=0,
+        vmax=1,
+        interpolation="nearest",
         extent=(t.time[0], t.time[-1], len(t.ids) - 0.5, -0.5),
-    )  # fmt: skip
+    )
     names = [
         f"{i}{' (anchor)' if a else ''}" for i, a in zip(t.ids, session.markers.anchor, strict=True)
     ]

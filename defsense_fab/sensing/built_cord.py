@@ -178,25 +178,25 @@ def scale_response(response: Response, factor: float, compression: float) -> Res
     """Return a response times `factor`, and times `compression` below zero strain."""
     if compression == 1:
         return replace(response, pieces=factor * response.pieces)
-    split = _insert_break(response, 0.0)
+    split = _break_at_rest(response)
     below = np.append(split.breaks, np.inf) <= 0
     return replace(split, pieces=factor * np.where(below[:, None], compression, 1.0) * split.pieces)
 
 
-def _insert_break(response: Response, strain: float) -> Response:
-    """Return an equal response with a break at a strain."""
-    if strain in response.breaks:
+def _break_at_rest(response: Response) -> Response:
+    """Return an equal response with a break at zero strain."""
+    if 0.0 in response.breaks:
         return response
-    i = int(np.searchsorted(response.breaks, strain))
+    i = int(np.searchsorted(response.breaks, 0.0))
     return Response(
-        np.insert(response.breaks, i, strain),
+        np.insert(response.breaks, i, 0.0),
         np.insert(response.origins, i, response.origins[i]),
         np.insert(response.pieces, i, response.pieces[i], axis=0),
     )
 
 
 def _zero_below_rest(response: Response) -> Response:
-    split = _insert_break(response, 0.0)
+    split = _break_at_rest(response)
     below = np.append(split.breaks, np.inf) <= 0
     return replace(split, pieces=np.where(below[:, None], 0.0, split.pieces))
 
@@ -205,7 +205,7 @@ def _extend_below_rest(response: Response) -> Response:
     """Return a response that follows its tangent at zero strain below that."""
     if response.linear_slope is not None:
         return response
-    split = _insert_break(response, 0.0)
+    split = _break_at_rest(response)
     i = int(np.searchsorted(split.breaks, 0.0)) + 1
     shift = -split.origins[i]
     _, b, c, d = split.pieces[i]

@@ -6,13 +6,20 @@ counts at the supply's voltage, a cord of R ohm gives c = N R / (R + Rref) count
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from ..core.arrays import Bool, Float
 from ..core.errors import CaptureError
 
+#: Reference resistors of voltage dividers whose resistors are not known, ohm.
+REFERENCE_OHM = 2200.0
+#: A resistance in an options record, ohm.
+Resistance = Annotated[float, Meta(ge=1e-3, le=1e9)]
 #: Share of the converter's range, at either end, in which a circuit is shorted or open.
 _SATURATION_MARGIN = 0.002
 #: Preferred values of a decade (IEC 60063, E24).
@@ -78,6 +85,33 @@ class Dividers:
         """Return the ohms per count (..., c) at resistances (..., c): (R + Rref)^2 / (N Rref)."""
         total = np.asarray(resistance) + self.reference
         return np.asarray(total**2 / (self.full_scale * self.reference))
+
+
+def reference_resistors(
+    values: Sequence[float], channels: int, where: str = "reference"
+) -> list[float]:
+    """Return one resistance per channel.
+
+    Args:
+        values: One resistance for all channels, or one for each, ohm.
+        channels: Number of channels.
+        where: Name of the argument in an error.
+
+    Returns:
+        Resistances (c,), ohm.
+
+    Raises:
+        CaptureError: There are neither one nor `channels` values (`resistance-count-differs`).
+    """
+    if len(values) not in (1, channels):
+        raise CaptureError(
+            f"{len(values)} resistances are given for {channels} channels",
+            code="resistance-count-differs",
+            where=where,
+            action=f"Give one resistance, or {channels}",
+            count=len(values),
+        )
+    return list(values) * channels if len(values) == 1 else list(values)
 
 
 def is_saturated(counts: Float, full_scale: Float | float) -> Bool:

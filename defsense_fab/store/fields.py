@@ -16,7 +16,7 @@ from ..core.storage import typed_json
 from ..core.storage.files import digest
 from ..mechanics.elements.tet10 import QuadraticMesh
 from ..mechanics.solver import fields
-from .vtu_file import read_vtu
+from .mesh import read_vtu
 
 FOLDER, INDEX = "fields", "fields/index.json"
 # Decimals of displacements in mm: the last digits of a solution depend on the number of threads,
@@ -181,8 +181,3 @@ def load_levels(folder: Path, pose: str) -> dict[float, Float]:
         for s in load_index(folder).states
         if set(s.weights) == {pose}
     }
-
-
-def load_strain(folder: Path, state: str) -> Float:
-    """Return the largest principal strain (n,) of a state."""
-    return np.asarray(read_vtu(field_path(folder, state)).point_data["strain"], float)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,13 +12,48 @@ from ..core.curve import Hermite, Plane
 from ..core.device.build_folder import BUILD_AGAIN
 from ..core.device.device import Sensor
 from ..core.errors import DefsenseError, StorageError
-from ..core.prediction import Prediction
 from ..core.response import MeasuredResponse
 from ..core.storage import typed_json
 from ..core.storage.files import digest, load_json, write_json
 from ..sensing.built_cord import BuiltCord
 
 LAYOUT, PREDICTION, LAYOUTS = "layout.json", "prediction.json", "layouts.json"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Predicted marker errors of a layout, as in `layout.json`.
+
+    Attributes:
+        decoder: Kind of the decoder.
+        noise: Standard deviation of (R - R0)/R0 of each cord.
+        unseen: RMSE on states that the decoder was not trained on, mm.
+        unseen_noise_free: The same without the noise of the readings, mm.
+        tested: Number of those states.
+        how: How those states were chosen; see `decoding/expected_errors.py`.
+        rmse: RMSE on the states that the decoder was trained on, mm.
+        rmse_noise_free: The same without the noise of the readings, mm.
+        peak: Largest error on those states, mm.
+        average_peak: Mean over those states of the largest error, mm.
+        floor: Lowest noise-free RMSE over all states that any layout with as many cords can reach
+            with an affine map, mm.
+        per_state: RMSE of each trained state, noise included, mm.
+        held_out: RMSE of each held-out state, noise included, mm.
+    """
+
+    decoder: str
+    noise: tuple[float, ...]
+    unseen: float
+    unseen_noise_free: float
+    tested: int
+    how: str
+    rmse: float
+    rmse_noise_free: float
+    peak: float
+    average_peak: float
+    floor: float
+    per_state: Mapping[str, float]
+    held_out: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -147,7 +182,7 @@ class LimitsRecord:
 class BandRecord:
     """The errors of built devices on unseen states, with the tolerances they were drawn with.
 
-    `optimize/studies/tolerance_monte_carlo.py` describes the tolerances.
+    `optimization/studies/tolerance_monte_carlo.py` describes the tolerances.
 
     Attributes:
         median: Median RMSE, mm.
@@ -224,6 +259,7 @@ class LayoutRecord:
         proposed: Whether the search started from paths that it proposed itself.
         starts: RMSE of the searches' starting layouts, mm.
         seed: Seed of the searches.
+        warned_cords: Name of the cord that a warning is about, by the warning.
     """
 
     SCHEMA: ClassVar[int] = 5
@@ -245,6 +281,12 @@ class LayoutRecord:
     proposed: bool
     starts: tuple[float, ...]
     seed: int
+    warned_cords: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def middles(self) -> dict[str, Float]:
+        """Point (3,) mm in the middle of each cord, by its name."""
+        return {s.name: s.points[len(s.points) // 2] for s in self.sensors}
 
     def by_channel(self) -> list[CordRecord]:
         """Return the cords in the order of their channels."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -14,9 +14,9 @@ from ..core.arrays import Float
 from ..core.device.build_folder import BUILD_AGAIN
 from ..core.errors import DefsenseError, StorageError
 from ..core.mesh import Surface
-from ..core.prediction import Prediction
 from ..core.storage import typed_json
 from ..geometry.parts.records import Check
+from .layout import Prediction
 
 FOLDER, MANIFEST = "parts", "parts/manifest.json"
 
@@ -403,6 +403,7 @@ class Manifest:
         least_plates: Smallest possible number of plates.
         moulds: Moulds, for cast parts: then these are printed, and a part's `print` is its `stl`.
         casting: The silicone, for cast parts.
+        places: Point (3,) mm that a warning is about, by the warning; none for the whole device.
     """
 
     SCHEMA: ClassVar[int] = 4
@@ -427,6 +428,7 @@ class Manifest:
     least_plates: int = 1
     moulds: tuple[MouldRecord, ...] = ()
     casting: Casting | None = None
+    places: Mapping[str, Float] = field(default_factory=dict)
 
 
 def save_manifest(folder: Path, manifest: Manifest) -> None:

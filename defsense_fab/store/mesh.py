@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import meshio
 import numpy as np
+from meshio import vtu
 
 from ..core.arrays import Bool
 from ..core.device.build_folder import BUILD_AGAIN
@@ -16,7 +17,6 @@ from ..core.mesh import TetMesh
 from ..core.storage import typed_json
 from ..geometry.bodies.meshing.meshers import FTETWILD
 from ..geometry.bodies.meshing.tetrahedra import MeshedSurface
-from .vtu_file import read_vtu
 
 FILE, RECORD = "mesh.vtu", "mesh.json"
 _REGION = "region:"
@@ -100,6 +100,30 @@ def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: Mes
         ),
     )
     typed_json.save(folder / RECORD, record)
+
+
+def read_vtu(path: Path) -> Any:
+    """Return the meshio.Mesh in a file.
+
+    `meshio.read` is not used, as it ends the process on damaged files.
+
+    Raises:
+        StorageError: The file is missing or damaged.
+    """
+    try:
+        return vtu.read(str(path))
+    except OSError as error:
+        raise StorageError(
+            f"cannot be read: {error.strerror or error}",
+            code="file-unreadable",
+            where=path,
+            action=BUILD_AGAIN,
+        ) from None
+    except Exception as error:  # meshio's parsers raise errors of many classes
+        reason = " ".join(str(error).split()) or "truncated"
+        raise StorageError(
+            f"is damaged ({reason})", code="file-damaged", where=path, action=BUILD_AGAIN
+        ) from None
 
 
 def load_mesh(folder: Path) -> TetMesh:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ..calibration import session as sessions
+from ..calibration.options import BoardOptions, MeasureOptions
 from ..calibration.protocol import check_settling
-from ..calibration.readings import Geometry
-from ..calibration.session import CalibrationSession
+from ..calibration.readings import BendingSpecimen
+from ..calibration.session import CHANNELS, CalibrationSession, create_session
 from ..capture.readout.recording import Recorder
 from ..capture.readout.source import Event, StampedSample
 from ..core.arrays import Float
-from ..core.response import JIG_RADII_MM
-from ..core.storage.session_manifest import Criterion
 from ..sensing.serial_frames import PROTOCOL, Info, Sample
 from ..sensing.voltage_divider import Dividers
 from .electronics.cords import CordTraits, SpecimenTwin
@@ -23,62 +20,46 @@ from .electronics.readout_board import ReadoutTwin
 
 AVERAGES = 64  # of a ten-bit converter, whose steps would show in single readings
 CHECK_INTERVAL_S = 1.0  # between checks whether the readings have settled
-REFERENCE_OHM = 2200.0
+RATE_HZ = 10
+_DEFAULT_READINGS, _PAPER_SPECIMEN = MeasureOptions(), BendingSpecimen()
 
 
 def record_twin(
     folder: Path,
     traits: CordTraits,
+    options: MeasureOptions = _DEFAULT_READINGS,
+    specimen: BendingSpecimen = _PAPER_SPECIMEN,
     *,
-    seed: int,
-    length: float = 150.0,
-    geometry: Geometry | None = None,
-    radii: Sequence[float] = JIG_RADII_MM,
-    rounds: int = 3,
-    faces: Sequence[str] = ("a", "b"),
-    rate: int = 10,
     misplaced: float = 0.0,
-    criterion: Criterion | None = None,
 ) -> CalibrationSession:
     """Record a whole calibration session on a simulated specimen.
 
     Args:
         folder: Folder of the session.
         traits: Properties of the cord.
-        seed: Seed of the pieces of cord and their noise.
-        length: Length of the specimen, mm.
-        geometry: Geometry of the specimen.
-        radii: Surface radii of the jigs, mm.
-        rounds: Number of rounds through the jigs.
-        faces: Faces of the specimen that are placed down.
-        rate: Sample rate, Hz.
+        options: Which readings are taken. The seed is that of the pieces of cord and their noise,
+            too.
+        specimen: The specimen and its jigs.
         misplaced: Standard deviation of the cords' heights, mm.
-        criterion: When readings have settled.
 
     Returns:
         The session.
+
+    Raises:
+        CalibrationError: The folder has a session, or the radii are not valid.
+        StorageError: The session cannot be written.
     """
-    geometry = geometry or Geometry()
-    rng = np.random.default_rng(seed)
-    twin = SpecimenTwin(traits, rng, length, geometry.thickness, geometry.offset, misplaced)
-    session = sessions.create_session(
-        folder,
-        name=f"{length:g}",
-        geometry=geometry,
-        length=length,
-        radii=radii,
-        rounds=rounds,
-        faces=faces,
-        seed=seed,
-        reference=[REFERENCE_OHM] * 3,
-        criterion=criterion or Criterion(),
-        rate=rate,
-        average=AVERAGES,
+    rng, geometry = np.random.default_rng(options.seed), specimen.geometry
+    twin = SpecimenTwin(
+        traits, rng, specimen.length, geometry.thickness, geometry.offset, misplaced
     )
+    board_options = BoardOptions(rate=RATE_HZ, average=AVERAGES)
+    session = create_session(folder, specimen, options, board_options)
     dividers = Dividers(np.array(session.reference), ReadoutTwin.full_scale)
-    with Recorder(session.frames, 3) as recorder:
-        board = _Board(twin, dividers, recorder, rate)
-        info = Info(PROTOCOL, (1, 0), 0, 3, AVERAGES, rate, 0, 3, ReadoutTwin.full_scale)
+    count = len(CHANNELS)
+    with Recorder(session.frames, count) as recorder:
+        board = _Board(twin, dividers, recorder)
+        info = Info(PROTOCOL, (1, 0), 0, count, AVERAGES, RATE_HZ, 0, count, ReadoutTwin.full_scale)
         board.note("start", **vars(info))
         for n, step in enumerate(session.steps):
             twin.place(step.radius, step.face)
@@ -97,11 +78,9 @@ def record_twin(
 class _Board:
     """Records the readings of a specimen's cords by their own time."""
 
-    def __init__(
-        self, specimen: SpecimenTwin, dividers: Dividers, recorder: Recorder, rate: int
-    ) -> None:
+    def __init__(self, specimen: SpecimenTwin, dividers: Dividers, recorder: Recorder) -> None:
         self._cords, self._dividers, self._recorder = specimen.cords, dividers, recorder
-        self._rate, self._counter = rate, 0
+        self._counter = 0
 
     def note(self, kind: str, **data: object) -> None:
         """Record an event."""
@@ -110,7 +89,7 @@ class _Board:
     def measure(self, duration: float) -> tuple[Float, Float]:
         """Record samples for a duration, s; return times (t,) s and resistances (t, 3) ohm."""
         start = self._cords.time
-        time, ohm = self._cords.measure(duration, self._rate)
+        time, ohm = self._cords.measure(duration, RATE_HZ)
         times = start + time
         sums = np.round(self._dividers.counts(ohm) * AVERAGES).astype(int)
         for t, row in zip(times, sums, strict=True):

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar, cast, get_type_hints
 
+import msgspec
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.errors import DefsenseError, DeviceError
+from ..core.errors import DefsenseError, DeviceError, StorageError
+from ..core.schema.options import options_of
 
 T = TypeVar("T")
 Error = type[DefsenseError]
@@ -59,6 +61,21 @@ def listed(values: object, name: str, error: Error = DeviceError) -> Sequence[An
     _refuse(name, f"must be a list, not {shown(values)}", "not-a-list", action, error)
 
 
+def one_of(
+    value: object,
+    name: str,
+    choices: Collection[str],
+    noun: str,
+    error: Error = DeviceError,
+) -> str:
+    """Return a text that is one of the choices; errors call it by its noun, such as "state"."""
+    text = of_kind(value, name, str, error)
+    if text not in choices:
+        action = f"Use one of {', '.join(choices)}"
+        _refuse(name, f"unknown {noun} {text!r}", f"unknown-{noun}", action, error)
+    return text
+
+
 def truth(value: object, name: str, error: Error = DeviceError) -> bool:
     """Return True or False, given as a bool of Python or NumPy."""
     if isinstance(value, bool | np.bool_):
@@ -66,35 +83,26 @@ def truth(value: object, name: str, error: Error = DeviceError) -> bool:
     _refuse(name, f"must be True or False, not {shown(value)}", "not-a-bool", "", error)
 
 
-def number(
-    value: object,
-    name: str,
-    error: Error = DeviceError,
-    above: float = -math.inf,
-    most: float = math.inf,
-) -> float:
-    """Return a finite number greater than `above` and up to `most`, of Python or NumPy."""
+def number(value: object, name: str, error: Error = DeviceError, above: float = -math.inf) -> float:
+    """Return a finite number greater than `above`, of Python or NumPy."""
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             converted = float(value)
         except OverflowError:
             converted = math.inf
-        if math.isfinite(converted) and above < converted <= most:
+        if math.isfinite(converted) and above < converted:
             return converted
     limits = "" if above == -math.inf else f" above {above:g}"
-    limits += "" if most == math.inf else f" and up to {most:g}"
     _refuse(name, f"must be a number{limits}, not {shown(value)}", "not-a-number", "", error)
 
 
-def whole(
-    value: object, name: str, error: Error = DeviceError, least: int = 1, most: int | None = None
-) -> int:
-    """Return a whole number from `least` to `most`, of Python or NumPy."""
+def whole(value: object, name: str, error: Error = DeviceError, most: int | None = None) -> int:
+    """Return a whole number from 1 to `most`, of Python or NumPy."""
     if isinstance(value, Integral) and not isinstance(value, bool):
         converted = int(value)
-        if converted >= least and (most is None or converted <= most):
+        if converted >= 1 and (most is None or converted <= most):
             return converted
-    limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+    limits = "of at least 1" if most is None else f"from 1 to {most}"
     problem = f"must be a whole number {limits}, not {shown(value)}"
     _refuse(name, problem, "not-a-whole-number", "", error)
 
@@ -120,6 +128,16 @@ def path(value: object, name: str, error: Error = DeviceError) -> Path:
     _refuse(name, f"must be a path, not {shown(value)}", "not-a-path", action, error)
 
 
+def file_path(value: object, suffix: str, error: Error = DeviceError) -> Path:
+    """Return the argument `path` with the name of a file that ends in `suffix`, such as ".json"."""
+    file = path(value, "path", StorageError)
+    if file.suffix.lower() != suffix:
+        raise error(
+            f"the name must end in {suffix}", code="wrong-suffix", where=file, suffix=file.suffix
+        )
+    return file
+
+
 def _can_name_a_file(text: str) -> bool:
     try:
         os.fsencode(text)
@@ -133,6 +151,41 @@ def called(progress: object, error: Error = DeviceError) -> None:
     if not callable(progress):
         problem = f"must be a function of (stage, fraction, message), not {shown(progress)}"
         _refuse("progress", problem, "not-callable", "Omit it to disable progress reports", error)
+
+
+def options(values: Mapping[str, object], kind: type[T], error: Error = DeviceError) -> T:
+    """Return an options record, given the values of its fields.
+
+    Args:
+        values: Values by the names of the fields. Numbers may be NumPy's, and lists of any kind.
+        kind: Class of the record.
+        error: Class of the error to raise.
+
+    Raises:
+        DefsenseError: There is no such field (`argument-unknown`), or a value is of another kind
+            than the field (`wrong-kind`) or not allowed there.
+    """
+    hints = get_type_hints(kind)
+    declared = options_of(cast("type", kind))
+    converted = {}
+    for name, value in values.items():
+        if name not in hints:
+            names = ", ".join(hints)
+            _refuse(name, "is not an argument", "argument-unknown", f"Use one of {names}", error)
+        try:
+            if value is not None:
+                value = plain(_as_text(value), name)
+            if not (isinstance(value, str) and declared[name].choices):
+                value = msgspec.convert(value, hints[name], dec_hook=lambda _, text: Path(text))
+        except (DeviceError, msgspec.ValidationError) as problem:
+            reason = f"is of another kind: {shown(values[name])} ({problem})"
+            _refuse(name, reason, "wrong-kind", "", error)
+        converted[name] = value
+    return kind(**converted)
+
+
+def _as_text(value: object) -> object:
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 def shown(value: Any) -> str:

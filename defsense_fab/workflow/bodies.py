@@ -14,9 +14,15 @@ from ..core.mesh import Surface
 from ..core.storage.files import storage_errors
 from ..geometry.printing.export import write_stl
 from .arguments import array, number, of_kind, path, shown
-from .starts.dropped_body import DroppedBody, choose_unit, load_body_file, notable_repairs
+from .starts.body_file import (
+    BodyFile,
+    choose_unit,
+    describe_unusual_size,
+    load_body_file,
+    notable_repairs,
+)
 from .starts.first_device import check_edge_length
-from .starts.units import describe_unusual_size, parse_unit
+from .starts.options import parse_unit
 
 
 def write_body(
@@ -55,7 +61,7 @@ def write_body(
     return file.table(name, unit), (*notes, *([size] if size else []))
 
 
-def _load(body: object) -> DroppedBody:
+def _load(body: object) -> BodyFile:
     if isinstance(body, str | os.PathLike):
         return load_body_file(path(body, "body", BodyError))
     with tempfile.TemporaryDirectory(prefix="defsense-") as name, storage_errors(Path(name)):
@@ -90,7 +96,7 @@ def _surface(body: Any) -> Surface:
     if not ((faces >= 0) & (faces < len(vertices)) & (faces % 1 == 0)).all():
         raise BodyError(
             f"must be whole numbers from 0 to {len(vertices) - 1}, the numbers of the vertices",
-            code="vertex-unknown",
+            code="unknown-vertex",
             where="body.faces",
             argument="body.faces",
         )

@@ -22,14 +22,16 @@ from ..core.progress import Progress, silent
 from ..core.schema.document import Document, parse_document
 from ..core.storage.files import storage_errors
 from ..store.build import Build
-from .arguments import called, each_of, path, plain_table, whole
+from .arguments import called, each_of, one_of, path, plain_table, whole
+from .arguments import options as build_options
 from .bodies import write_body
 from .build.build import build
+from .build.options import BuildOptions
 from .build.stages import STAGES
+from .changed_values import changed_text, changed_values
 from .poses import DrawnCord, Pose, region_tables
-from .starts.defaults import MAX_CORDS
+from .starts.options import MAX_CORDS
 from .starts.starting_devices import write_device
-from .study.points.studied_device import changed_values, studied_text
 
 _BUILD = "build"
 
@@ -159,7 +161,7 @@ class Device:
             StudyError: A key does not exist.
         """
         changes = plain_table(values)
-        text = studied_text(self._text, changes) if self._text else ""
+        text = changed_text(self._text, changes) if self._text else ""
         folder = _copy_of(self._folder)
         try:
             return Device(folder, changed_values(self.values, changes), text, notes=self.notes)
@@ -213,30 +215,25 @@ class Device:
         write_device(path(folder, "folder", StorageError), files, self.text)
         return Device.load(folder)
 
-    def build(self, until: str = "report", progress: Progress = silent) -> Path:
+    def build(self, until: str = "report", progress: Progress = silent, **options: Any) -> Path:
         """Build in the folder that the device was loaded from, as `defsense build` does.
 
         Args:
             until: Name of the last stage.
             progress: Receives each stage's name, completed fraction and a message.
+            **options: Fields of `BuildOptions`, such as `copies=2`.
 
         Returns:
             The folder of the build.
 
         Raises:
-            DeviceError: The device has no folder, or its `device.toml` has changed since it was
-                loaded.
+            DeviceError: The device has no folder, its `device.toml` has changed since it was
+                loaded, or an option is invalid.
             DefsenseError: A stage failed.
         """
         called(progress)
-        stages = [s.name for s in STAGES]
-        if until not in stages:
-            raise DeviceError(
-                f"unknown stage {until!r}",
-                code="stage-unknown",
-                where="until",
-                action=f"Use one of {', '.join(stages)}",
-            )
+        one_of(until, "until", [s.name for s in STAGES], "stage")
+        overrides = build_options(options, BuildOptions)
         if self._source is None:
             raise DeviceError(
                 f"device {self.name!r} has no folder",
@@ -251,7 +248,7 @@ class Device:
                 where=self._source / DEVICE,
                 action="Load it again",
             )
-        return build(record, until, progress).folder
+        return build(record, until, progress, options=overrides).folder
 
     def __repr__(self) -> str:
         r = self.record

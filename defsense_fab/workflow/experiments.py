@@ -8,15 +8,16 @@ from typing import Any
 
 from ..core.errors import CalibrationError, ExperimentError
 from ..core.progress import Progress, silent
-from ..twin.calibration_session import record_twin
-from ..twin.electronics.cords import CordTraits
-from .arguments import called, listed, number, of_kind, path, truth, whole
+from ..core.response import ResponseSpec
+from . import arguments
+from .arguments import called, listed, of_kind, path, truth, whole
+from .calibrate import simulated_specimens
 from .calibrate.fit_response import FittedResponse
 from .calibrate.fit_response import fit_response as fit_sources
-from .reproduce import run
-from .reproduce.cord_experiment import make_true_response
-from .reproduce.experiments import experiment_file
-from .reproduce.experiments.experiment import Experiment
+from .calibrate.options import FitOptions, SimulatedSpecimenOptions
+from .reproduce import experiment_file, run
+from .reproduce.experiment import Experiment
+from .reproduce.options import ReproduceOptions
 
 
 def load_experiment(
@@ -39,7 +40,9 @@ def load_experiment(
     source = path(folder, "folder", ExperimentError)
     is_quick = truth(quick, "quick", ExperimentError)
     count = None if units is None else whole(units, "units", ExperimentError)
-    return experiment_file.load_experiment(source).at_size(quick=is_quick, units=count)
+    options = ReproduceOptions(quick=is_quick, units=count)
+    experiment = experiment_file.load_experiment(source)
+    return experiment.at_size(quick=options.quick, units=options.units)
 
 
 def reproduce(
@@ -70,37 +73,35 @@ def reproduce(
     return results
 
 
-def record_specimen_twin(
-    folder: str | Path, *, k_res: float, length: float = 150.0, seed: int = 1
-) -> Path:
-    """Record a calibration session on a simulated bending specimen with its cords.
-
-    The response of the cords has the slope `k_res` at rest and bends off exponentially, unlike all
-    models that are fitted.
+def simulate_specimens(
+    folder: str | Path, response: ResponseSpec | None = None, **options: Any
+) -> list[Path]:
+    """Simulate calibration sessions on bending specimens, as `defsense calibrate twin` does.
 
     Args:
-        folder: New folder of the session.
-        k_res: Slope of (R - R0)/R0 over strain at rest.
-        length: Length of the specimen, mm.
-        seed: Seed of the pieces of cord and of their noise.
+        folder: Folder of the sessions.
+        response: Response of the cord; None for that of the options `k` and `q`.
+        **options: Fields of `SimulatedSpecimenOptions`, such as `k=2.5` and `lengths=(150, 200)`.
 
     Returns:
-        The folder, for `fit_response`.
+        The folders of the sessions, for `fit_response`.
 
     Raises:
-        CalibrationError: An argument is invalid, or the folder has a session.
-        StorageError: The session cannot be written.
+        CalibrationError: An argument is invalid, or a session exists already.
+        StorageError: A session cannot be written.
     """
-    session = path(folder, "folder", CalibrationError)
-    slope = number(k_res, "k_res", CalibrationError, above=0)
-    length_mm = number(length, "length", CalibrationError, above=0)
-    start = whole(seed, "seed", CalibrationError)
-    record_twin(session, CordTraits(make_true_response(slope)), seed=start, length=length_mm)
-    return session
+    parent = path(folder, "folder", CalibrationError)
+    if response is not None:
+        of_kind(response, "response", ResponseSpec, CalibrationError)
+    record = arguments.options(options, SimulatedSpecimenOptions, CalibrationError)
+    return simulated_specimens.simulate_specimens(parent, record, response=response)
 
 
 def fit_response(
-    sources: Sequence[str | Path], out: str | Path | None = None, progress: Progress = silent
+    sources: Sequence[str | Path],
+    out: str | Path | None = None,
+    progress: Progress = silent,
+    **options: Any,
 ) -> FittedResponse:
     """Fit the response of a cord to calibration sessions, as `defsense calibrate fit` does.
 
@@ -108,6 +109,7 @@ def fit_response(
         sources: Folders of sessions, and CSV tables of readings (docs/calibration.md).
         out: File to write, such as `response.json`; its report is written next to it.
         progress: Receives each step's name, completed fraction and a message.
+        **options: Fields of `FitOptions`, such as `model="line"`.
 
     Returns:
         The response: `data` is the content of `response.json` with `k_res`, its 95 % `interval`
@@ -121,4 +123,5 @@ def fit_response(
     files = [path(item, f"sources[{k}]", CalibrationError) for k, item in enumerate(items)]
     target = None if out is None else path(out, "out", CalibrationError)
     called(progress, CalibrationError)
-    return fit_sources(files, out=target, progress=progress)
+    record = arguments.options(options, FitOptions, CalibrationError)
+    return fit_sources(files, target, options=record, progress=progress)

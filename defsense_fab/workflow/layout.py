@@ -13,15 +13,14 @@ from ..core.arrays import Float
 from ..core.device.device import DECODERS
 from ..core.errors import FabricationError, LayoutError, StorageError
 from ..core.mesh import Surface
-from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
 from ..core.storage.files import replace_folder
-from ..optimize.prediction import predict as design
-from ..optimize.prediction.design_task import load_task
+from ..optimization.prediction import predict as design
+from ..optimization.prediction.design_task import load_task
 from ..store.build import Build
-from ..store.layout import CordRecord, LayoutRecord
+from ..store.layout import CordRecord, LayoutRecord, Prediction
 from ..store.manifest import FOLDER, Manifest
-from .arguments import number, of_kind, path
+from .arguments import number, of_kind, one_of, path
 from .device import table_html
 from .simulation import Picture, Simulation
 
@@ -135,15 +134,7 @@ def predict(
         states = of_kind(simulation, "simulation", Simulation, LayoutError)
     kind = layout.prediction.decoder
     if decoder is not None:
-        kind = of_kind(decoder, "decoder", str, LayoutError)
-    if kind not in DECODERS:
-        raise LayoutError(
-            f"unknown decoder {kind!r}",
-            code="decoder-unknown",
-            where="decoder",
-            action=f"Use one of {', '.join(DECODERS)}",
-            argument="decoder",
-        )
+        kind = one_of(decoder, "decoder", DECODERS, "decoder", LayoutError)
     if not np.array_equal(states.surface.vertices, layout.simulation.surface.vertices):
         raise LayoutError(
             f"the states of {states.device.name!r} are of another body than the cords",

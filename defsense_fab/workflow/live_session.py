@@ -5,26 +5,26 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Iterator
-from pathlib import Path
+from dataclasses import replace
 from types import TracebackType
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..capture.readout.source import RecordingEnd
-from ..core.arrays import Float, Int
+from ..core.arrays import Int
 from ..core.errors import LiveError
 from ..core.progress import Progress, silent
 from ..runtime.frames.live_frame import LiveFrame
-from ..runtime.live.live_run import LiveRun, RunOptions, live_run
-from ..runtime.live.run_choices import TWIN
-from ..runtime.surface.live_surface import Mode
-from .arguments import array, called, of_kind, path, whole
+from .arguments import called, of_kind
+from .arguments import options as convert_options
 from .layout import Layout
-from .model import MODES, Model, fitting_device, unknown_mode
+from .model import Model, fitting_device
+from .run.options import RunOptions
+from .run.run import LiveRun, prepare_run
+from .run.sources import Port
 
 _POLL_INTERVAL_S = 0.1  # between checks for the end of the run; Ctrl-C is handled at each
-_RATE_RANGE_HZ = 10, 500
 
 
 class Live:
@@ -119,17 +119,13 @@ def live(
     layout: Layout | None = None,
     *,
     port: str,
-    rate: int = 100,
-    rest_resistances: ArrayLike | None = None,
-    divider_resistances: ArrayLike | None = None,
-    surface: Mode | None = "default",
-    record: str | Path | None = None,
     progress: Progress = silent,
+    **options: Any,
 ) -> Live:
     """Start to run a model on a device, as `defsense run` does (docs/live.md).
 
-    The channels of both arrays of resistances are in the order of the layout's cords, or without a
-    layout of the model's channels.
+    Resistances of the options are in the order of the layout's cords, or without a layout of the
+    model's channels.
 
     Args:
         model: The model.
@@ -137,13 +133,9 @@ def live(
         port: Port of the read-out board ("/dev/ttyUSB0", "COM3", "socket://host:port"), "twin" for
             a simulated device ("twin:unit=1,seed=7,minutes=5,cut=left@20-30"), or "replay:FILE" for
             a recording.
-        rate: Samples per second of the board, from 10 to 500.
-        rest_resistances: Resistances at rest (c,) ohm; None: measured at the start, while the
-            device must not move.
-        divider_resistances: Resistors of the dividers (c,) ohm; None: those of the training.
-        surface: As `mode` of `Model.surface`; None: without a surface.
-        record: Folder for a recording of the readings; None: they are not recorded.
         progress: Receives each stage's name, completed fraction and a message.
+        **options: Fields of `RunOptions`, such as `rate=50`, `rest=[1500, 900]` or `surface="arap"`
+            (None: without a surface). Readings are recorded only into a given folder, `record`.
 
     Raises:
         LiveError: An argument is invalid, or the layout does not fit the model.
@@ -161,55 +153,33 @@ def live(
             action="Write it as '/dev/ttyUSB0', 'COM3' or 'twin'",
             argument="port",
         )
-    if layout is None and port.partition(":")[0] == TWIN:
-        raise LiveError(
-            f"{port!r} simulates a device, which needs its layout",
-            code="layout-missing",
-            where="port",
-            action="Give the layout",
-            argument="layout",
-        )
-    rate = whole(rate, "rate", LiveError, *_RATE_RANGE_HZ)
-    if surface is not None and of_kind(surface, "surface", str, LiveError) not in MODES:
-        raise unknown_mode("surface", surface, None)
+    record = convert_options(options, RunOptions, LiveError)
+    if layout is None:
+        if Port(port).is_twin:
+            raise LiveError(
+                f"{port!r} simulates a device, which needs its layout",
+                code="layout-missing",
+                where="port",
+                action="Give the layout",
+                argument="layout",
+            )
+        record = replace(record, surface=None)
     newest = _NewestFrame()
-    options = RunOptions(
-        port,
-        rate,
-        _resistances("divider_resistances", divider_resistances, device.board_channels),
-        _resistances("rest_resistances", rest_resistances, device.board_channels),
-        surface=None if layout is None else surface,
-        keep=record is not None,
-        record=None if record is None else path(record, "record", LiveError),
-        views=(newest,),
+    keeps = record.record is not None
+    run = prepare_run(
+        device, port, record, receivers=(newest,), keeps_readings=keeps, progress=progress
     )
-    run = live_run(device, options, progress)
     try:
         run.loop.start()
     except BaseException:  # also KeyboardInterrupt
         run.close()
         raise
-    rest = device.rest if options.surface is not None else None
+    rest = device.rest if record.surface is not None else None
     return Live(run, newest, None if rest is None else np.asarray(rest.faces, np.int64), layout)
 
 
-def _resistances(name: str, values: ArrayLike | None, channels: tuple[str, ...]) -> Float | None:
-    if values is None:
-        return None
-    ohm = array(values, name, LiveError)
-    if ohm.shape != (len(channels),) or not (np.isfinite(ohm).all() and (ohm > 0).all()):
-        raise LiveError(
-            f"must be {len(channels)} numbers above 0, in ohm, of {', '.join(channels)}",
-            code="not-resistances",
-            where=name,
-            argument=name,
-            channels=channels,
-        )
-    return ohm
-
-
 class _NewestFrame:
-    """A receiver of frames that keeps the newest one until it is taken."""
+    """A receiver that keeps the newest frame until it is taken."""
 
     name, trouble, news = "Python", None, None
 

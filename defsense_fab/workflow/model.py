@@ -1,36 +1,43 @@
-"""Train models that decode positions from resistances, and use them."""
+"""Train, evaluate and recalibrate models that decode positions from resistances, and use them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arrays import Float, Int
-from ..core.errors import LiveError, StorageError, TrainingError
-from ..core.machine.processes import one_blas_thread
+from ..core.device.device import Device
+from ..core.errors import LiveError, TrainingError
 from ..core.progress import Progress, silent
 from ..decoding.trained_model import TrainedModel
-from ..runtime.live.live_device import LiveDevice, device_surface, with_build, without_build
-from ..runtime.live.run_choices import Misfit, misfit
 from ..runtime.surface.live_surface import Mode
 from ..sensing.response import relative_change
 from ..training.data.dataset import Dataset
 from ..training.data.problems import raise_fatal
 from ..training.data.unit_checks import check_resistance_unit
-from ..training.fitting.train_model import TrainingOptions
-from ..training.models.model_file import load_model, write_model
-from ..training.models.prepare import NO, YES, prepare
-from ..training.models.train_device import train_dataset
-from ..training.recordings.pair_dataset import Offset
+from ..training.evaluation.evaluate_models import SessionEvaluation
+from ..training.fitting.model_file import load_model, write_model
 from . import arguments
-from .arguments import array, of_kind
+from .arguments import array, each_of, of_kind, one_of
 from .layout import Layout
-from .recordings import UNNAMED, validate_rest_resistances
+from .recordings import UNNAMED, session_paths, validate_rest_resistances
+from .run.live_device import (
+    LiveDevice,
+    Misfit,
+    device_surface,
+    misfit,
+    with_build,
+    without_build,
+)
+from .train.evaluation import evaluate_recordings
+from .train.options import ClockShift, DataFiles, EvaluateOptions, TrainOptions
+from .train.recalibration import recalibrate_model
+from .train.training import train_recordings
 
 MODES: tuple[Mode, ...] = ("default", "basis", "arap")
 
@@ -94,14 +101,7 @@ class Model:
             TrainingError: The suffix is not .json.
             StorageError: The file cannot be written.
         """
-        file = arguments.path(path, "path", StorageError)
-        if file.suffix != ".json":
-            raise TrainingError(
-                "the name of a model must end in .json",
-                code="wrong-suffix",
-                where=file,
-                suffix=file.suffix,
-            )
+        file = arguments.file_path(path, ".json", TrainingError)
         write_model(file, self.record)
         return file
 
@@ -175,8 +175,7 @@ class Model:
         Raises:
             LiveError: The shape does not fit, or the model was trained on another device.
         """
-        if of_kind(mode, "mode", str, LiveError) not in MODES:
-            raise unknown_mode("mode", mode)
+        one_of(mode, "mode", MODES, "mode", LiveError)
         points = _validate_positions(positions, len(self.record.ids))
         live = fitting_device(self.record, of_kind(layout, "layout", Layout, LiveError))
         solve = device_surface(live, mode, frame=np.inf)
@@ -223,18 +222,6 @@ def fitting_device(model: TrainedModel, layout: Layout | None) -> LiveDevice:
     return with_build(model, device)
 
 
-def unknown_mode(name: str, mode: object, *further: object) -> LiveError:
-    """Return the error for an unknown mode of the surface, given as the argument `name`."""
-    modes = (*MODES, *map(str, further))
-    return LiveError(
-        f"unknown mode {mode!r}",
-        code="mode-unknown",
-        where=name,
-        action=f"Use one of {', '.join(modes)}",
-        argument=name,
-    )
-
-
 def _validate_positions(positions: ArrayLike, count: int) -> Float:
     points = array(positions, "positions", LiveError)
     if points.ndim != 3 or points.shape[1:] != (count, 3):
@@ -256,69 +243,130 @@ def _validate_positions(positions: ArrayLike, count: int) -> Float:
     return points
 
 
-@one_blas_thread()
 def train(
     data: Dataset,
     layout: Layout | None = None,
     *,
-    decoder: str = "auto",
-    test_share: float = TrainingOptions.test_share,
-    excluded_markers: Sequence[int] = (),
-    time_shift: float | Literal["auto"] = 0.0,
+    time_shift: ClockShift = DataFiles.shift,
     is_synchronized: bool = False,
     progress: Progress = silent,
+    **options: Any,
 ) -> Model:
     """Train a model, the same one as `defsense train` does.
 
     Args:
         data: The dataset.
         layout: Layout of the device, whose simulation then supports the training.
-        decoder: Name of a decoder, or "auto" for the best one.
-        test_share: Share of the frames, at the end, that are held out for the test.
-        excluded_markers: Numbers of markers to leave out.
         time_shift: Added to the times of the resistances, s; "auto": estimated from the data.
         is_synchronized: Whether signals and markers are known to be synchronous, as a twin's are.
         progress: Receives each stage's name, completed fraction and a message.
+        **options: Fields of `TrainOptions`, such as `decoder="affine"`.
 
     Raises:
-        TrainingError: The data are unsuitable, or of another device than the layout.
+        TrainingError: The data are unsuitable, or of another device than the layout, or an option
+            is invalid.
     """
-    of_kind(data, "data", Dataset, TrainingError)
-    if layout is not None:
-        of_kind(layout, "layout", Layout, TrainingError)
-    of_kind(decoder, "decoder", str, TrainingError)
     arguments.called(progress, TrainingError)
-    share = arguments.number(test_share, "test_share", TrainingError)
-    if not 0 <= share < 1:
-        raise TrainingError(
-            f"must be at least 0 and below 1, not {share:g}",
-            code="out-of-range",
-            where="test_share",
-            argument="test_share",
-        )
-    markers = [
-        arguments.whole(number, "excluded_markers", TrainingError, least=0)
-        for number in arguments.listed(excluded_markers, "excluded_markers", TrainingError)
-    ]
     synchronized = arguments.truth(is_synchronized, "is_synchronized", TrainingError)
-    automatic = isinstance(time_shift, str) and time_shift == "auto"
-    shift: Offset = (
-        "auto" if automatic else arguments.number(time_shift, "time_shift", TrainingError)
-    )
-    device = None if layout is None else layout.simulation.device.record
-    if device is not None and data.device == UNNAMED:
-        data = replace(data, device=device.name)
-    data, prior, notes = prepare(
-        data,
+    dataset, device = _recorded(data, layout)
+    training, notes = train_recordings(
+        dataset,
         device,
-        prior_mode=NO if device is None else YES,
-        excluded_markers=markers,
+        arguments.options(options, TrainOptions, TrainingError),
         is_synchronized=synchronized,
-        shift=shift,
+        shift=_clock_shift(time_shift),
         progress=progress,
     )
-    options = TrainingOptions(decoder=decoder, test_share=share)
-    training = train_dataset(data, options, prior, progress)
     tests = {a.name: a.test for a in training.candidates}
     test = tests[training.selected]
-    return Model(training.model, None if test is None else test.rmse, tuple(notes))
+    return Model(training.model, None if test is None else test.rmse, notes)
+
+
+def evaluate(
+    model: Model,
+    data: Dataset,
+    layout: Layout | None = None,
+    *,
+    against: Sequence[Model] = (),
+    time_shift: ClockShift = DataFiles.shift,
+    last_share: float | None = EvaluateOptions.last_share,
+    progress: Progress = silent,
+) -> SessionEvaluation:
+    """Measure the errors of a model, as `defsense evaluate` does; no report is written.
+
+    Args:
+        model: The model.
+        data: The dataset to test on.
+        layout: Layout of the device, to predict the errors and check the data.
+        against: Models to compare with, tested on the same data.
+        time_shift: Added to the times of the resistances, s; "auto": estimated from the data.
+        last_share: Share of the frames to test on, at the end of all runs; None: all frames that
+            the models were not trained on.
+        progress: Receives each stage's name, completed fraction and a message.
+
+    Returns:
+        The evaluation. Its `models` have errors (`evaluation`, whose `total.rmse` is in mm) and
+        their causes (`budget`), the first one those of `model`.
+
+    Raises:
+        TrainingError: Models and data do not match, or an argument is invalid.
+    """
+    first = of_kind(model, "model", Model, TrainingError)
+    others = each_of(against, "against", Model, TrainingError)
+    arguments.called(progress, TrainingError)
+    options = arguments.options({"last_share": last_share}, EvaluateOptions, TrainingError)
+    dataset, device = _recorded(data, layout)
+    if dataset.device == UNNAMED:
+        dataset = replace(dataset, device=first.record.device)
+    names = ["model", *(f"against[{k}]" for k in range(len(others)))]
+    return evaluate_recordings(
+        [(name, m.record) for name, m in zip(names, (first, *others), strict=True)],
+        dataset,
+        device,
+        options.last_share,
+        shift=_clock_shift(time_shift),
+        progress=progress,
+    )
+
+
+def recalibrate(model: Model, *sessions: str | Path) -> Model:
+    """Correct the gains of a model after a cord was replaced, as `defsense recalibrate` does.
+
+    Args:
+        model: The model.
+        sessions: Folders of recorded sessions with rest and a few poses; cameras are not needed.
+
+    Returns:
+        The corrected model.
+
+    Raises:
+        TrainingError: Correcting the gains is not sufficient (`gains-insufficient`), or a session
+            is of another device or other channels, or has no rest or poses.
+    """
+    of_kind(model, "model", Model, TrainingError)
+    folders = session_paths(sessions)
+    result = recalibrate_model(model.record, folders)
+    if result.problems:
+        raise TrainingError(
+            f"correcting the gains is not sufficient: {'; '.join(result.problems)}",
+            code="gains-insufficient",
+            where="sessions",
+            action="Record sessions with cameras, and train again",
+            problems=result.problems,
+        )
+    return Model(result.model, notes=result.notes)
+
+
+def _recorded(data: Dataset, layout: Layout | None) -> tuple[Dataset, Device | None]:
+    """Return a dataset, with the device's name if it has none, and the device of the layout."""
+    of_kind(data, "data", Dataset, TrainingError)
+    if layout is None:
+        return data, None
+    device = of_kind(layout, "layout", Layout, TrainingError).simulation.device.record
+    return (replace(data, device=device.name) if data.device == UNNAMED else data), device
+
+
+def _clock_shift(time_shift: object) -> ClockShift:
+    if isinstance(time_shift, str) and time_shift == "auto":
+        return "auto"
+    return arguments.number(time_shift, "time_shift", TrainingError)

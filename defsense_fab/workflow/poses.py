@@ -1,4 +1,9 @@
-"""Regions, poses and drawn cords as Python values, and their tables in `device.toml`."""
+"""Regions, poses and drawn cords as Python values, and their tables in `device.toml`.
+
+A `Pose` here holds the keys of `[[poses]]` as a user writes them, with degrees, defaults and
+"free". Its table is read like a file, so that values from Python get the same checks and messages.
+The result is `core.device.device.Pose`, which the solver takes: vectors in rad and mm.
+"""
 
 from __future__ import annotations
 
@@ -136,8 +141,26 @@ def _point(name: str, values: ArrayLike) -> Float:
 Free = Literal["free"]
 
 
+class _Row:
+    """Values of a row of `device.toml`, with the names of its keys."""
+
+    def __post_init__(self) -> None:
+        """Check the name of the row, or of its region."""
+        for key in ("name", "region"):
+            if hasattr(self, key):
+                of_kind(getattr(self, key), key, str)
+
+    def table(self) -> dict[str, Any]:
+        """Return the row as in `device.toml`.
+
+        Raises:
+            DeviceError: A value has no form in `device.toml`.
+        """
+        return {key: plain(value, key) for key, value in vars(self).items()}
+
+
 @dataclass(frozen=True)
-class Handle:
+class Handle(_Row):
     """A region that is moved as a rigid body.
 
     Components that are "free" take the value at which nothing acts against them: `degrees` of a
@@ -157,9 +180,6 @@ class Handle:
     degrees: float | Free = 0.0
     translate: ArrayLike | Free | Sequence[float | Free] = (0.0, 0.0, 0.0)
     about: ArrayLike | None = None
-
-    def __post_init__(self) -> None:
-        of_kind(self.region, "region", str)
 
     def table(self) -> dict[str, Any]:
         """Return the handle as in `[[poses.handles]]`.
@@ -192,7 +212,7 @@ class Handle:
 
 
 @dataclass(frozen=True)
-class Symmetry:
+class Symmetry(_Row):
     """A flat region whose points stay in its plane.
 
     Attributes:
@@ -203,16 +223,9 @@ class Symmetry:
     region: str
     normal: ArrayLike
 
-    def __post_init__(self) -> None:
-        of_kind(self.region, "region", str)
-
-    def table(self) -> dict[str, Any]:
-        """Return the plane of symmetry as in `symmetry`."""
-        return {"region": self.region, "normal": plain(self.normal, "normal")}
-
 
 @dataclass(frozen=True)
-class Drag:
+class Drag(_Row):
     """A spring that pulls a point of the body.
 
     Attributes:
@@ -225,13 +238,9 @@ class Drag:
     by: ArrayLike
     stiffness: float = 1.0
 
-    def table(self) -> dict[str, Any]:
-        """Return the drag as in `drags`."""
-        return {k: plain(getattr(self, k), k) for k in ("at", "by", "stiffness")}
-
 
 @dataclass(frozen=True)
-class Pressure:
+class Pressure(_Row):
     """A pressure on the surface in a region, perpendicular to the deformed surface.
 
     Attributes:
@@ -242,16 +251,9 @@ class Pressure:
     region: str
     value: float
 
-    def __post_init__(self) -> None:
-        of_kind(self.region, "region", str)
-
-    def table(self) -> dict[str, Any]:
-        """Return the pressure as in `pressures`."""
-        return {"region": self.region, "value": plain(self.value, "value")}
-
 
 @dataclass(frozen=True)
-class Pose:
+class Pose(_Row):
     """A deformation that the device must sense.
 
     Attributes:
@@ -273,7 +275,7 @@ class Pose:
     gravity: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        of_kind(self.name, "name", str)
+        super().__post_init__()
         each_of(self.fixed, "fixed", str)
         each_of(self.handles, "handles", Handle)
         each_of(self.symmetry, "symmetry", Symmetry)
@@ -295,7 +297,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class DrawnCord:
+class DrawnCord(_Row):
     """The path of a cord as it is drawn in a plane.
 
     Attributes:
@@ -318,7 +320,7 @@ class DrawnCord:
     tangents: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        of_kind(self.name, "name", str)
+        super().__post_init__()
         each_of(self.free, "free", str)
 
     def table(self) -> dict[str, Any]:

@@ -1,24 +1,116 @@
-"""Datasets from sessions, arrays and simulated devices."""
+"""Record and process sessions, and get datasets from sessions, arrays and simulated devices."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arrays import Float
-from ..core.errors import TrainingError
+from ..core.device.device_file import load_device
+from ..core.errors import CaptureError, TrainingError
+from ..core.guided_run import GuidedView, Screen
+from ..core.markers import read_markers
 from ..core.progress import Progress, silent
 from ..training.data.dataset import Dataset, Recording
-from ..training.recordings.datasets import DataFiles
-from ..twin.recordings.twin_recordings import simulate_recordings
-from .arguments import array, called, each_of, number, of_kind, path, whole
+from ..training.recordings.datasets import load_dataset
+from ..twin.recordings.twin_recordings import simulate_runs
+from . import arguments
+from .arguments import array, called, each_of, of_kind, path
 from .layout import Layout
+from .sessions.options import ProcessOptions, RecordOptions
+from .train import export
+from .train.export import ExportedDataset
+from .train.options import DataFiles, ExportOptions, TwinOptions
 
-_MAX_TWIN_SESSION_S = 86400.0  # a day
+if TYPE_CHECKING:
+    from .sessions.processing import ProcessedSession
+    from .sessions.recording import RecordedSession
+
 UNNAMED = "device"  # name of a device without a name
+
+
+def record(
+    device: str | Path,
+    cameras: Sequence[str],
+    port: str,
+    *,
+    screen: Screen | None = None,
+    **options: Any,
+) -> RecordedSession:
+    """Record a session step by step, or resume it, as `defsense capture record` does.
+
+    Args:
+        device: Folder of the built device, in which the session is recorded.
+        cameras: Addresses of the cameras in the order of the calibration, `["none"]`, or one
+            address of simulated cameras, such as `["twin:webcam"]`.
+        port: Port of the read-out board, "none" or "twin".
+        screen: Shows what to do and returns the keys of the user. Without one, each step starts
+            automatically.
+        **options: Fields of `RecordOptions`, such as `rounds=3` and `out="session-2"`.
+
+    Returns:
+        The session, for `process`, as `session.folder`, and whether it `is_complete`.
+
+    Raises:
+        DeviceError: The device or an argument is invalid.
+        CaptureError: The session cannot be resumed, or a camera or the board fails.
+        StorageError: Files cannot be written.
+    """
+    from .sessions.recording import record_session
+
+    folder = path(device, "device")
+    addresses = each_of(cameras, "cameras", str)
+    of_kind(port, "port", str)
+    record_options = arguments.options(options, RecordOptions, CaptureError)
+    return record_session(
+        load_device(folder),
+        addresses,
+        port,
+        record_options,
+        open_screen=lambda _: nullcontext(_NoScreen() if screen is None else screen),
+        auto=screen is None,
+    )
+
+
+class _NoScreen:
+    """Shows nothing, and has no keys."""
+
+    def show(self, view: GuidedView) -> None:
+        """Ignore the state of the run."""
+
+    def key(self, timeout: float) -> None:
+        """Wait, as if no key were pressed."""
+        time.sleep(timeout)
+
+
+def process(session: str | Path, progress: Progress = silent, **options: Any) -> ProcessedSession:
+    """Compute the tracks and signals of a recorded session, as `defsense capture process` does.
+
+    Args:
+        session: Folder of the session, which receives the results; `load_sessions` loads them.
+        progress: Receives each stage's name, completed fraction and a message.
+        **options: Fields of `ProcessOptions`, such as `from_video=True`.
+
+    Returns:
+        The tracks and signals; `quality` has the values of `quality.json`.
+
+    Raises:
+        CaptureError: Nothing was recorded, no run can be used, or an argument is invalid.
+        StorageError: A file cannot be written.
+    """
+    from .sessions.processing import process_session
+
+    folder = path(session, "session", CaptureError)
+    called(progress, CaptureError)
+    return process_session(
+        folder, arguments.options(options, ProcessOptions, CaptureError), progress
+    )
 
 
 def load_sessions(*sessions: str | Path) -> Dataset:
@@ -30,16 +122,24 @@ def load_sessions(*sessions: str | Path) -> Dataset:
     Raises:
         TrainingError: A path is not a recording, or the recordings do not go together.
     """
+    return load_dataset(DataFiles(session_paths(sessions)))
+
+
+def session_paths(sessions: Sequence[object]) -> tuple[Path, ...]:
+    """Return the paths of sessions that are given as arguments, at least one.
+
+    Raises:
+        TrainingError: There is none, or one is not a path.
+    """
     if not sessions:
         raise TrainingError(
             "must not be empty",
             code="sessions-missing",
             where="sessions",
-            action="Give at least one folder of a processed session",
+            action="Give at least one folder of a session",
             argument="sessions",
         )
-    folders = tuple(path(s, f"sessions[{k}]", TrainingError) for k, s in enumerate(sessions))
-    return DataFiles(folders).load()
+    return tuple(path(s, f"sessions[{k}]", TrainingError) for k, s in enumerate(sessions))
 
 
 def dataset(
@@ -110,40 +210,60 @@ def validate_rest_resistances(rest: Float) -> Float:
     )
 
 
-def record_twin(
-    layout: Layout,
-    *,
-    seconds: float = 300.0,
-    sessions: int = 1,
-    seed: int = 1,
-    unit: int = 1,
-    progress: Progress = silent,
-) -> Dataset:
+def record_twin(layout: Layout, *, progress: Progress = silent, **options: Any) -> Dataset:
     """Record training sessions of a simulated device as built (docs/twin.md).
 
     Args:
         layout: Layout of the device.
-        seconds: Duration of each session, s; at most a day.
-        sessions: Number of sessions.
-        seed: Selects how the device is moved, from 0.
-        unit: Selects one of the units of the device, from 0; units differ by tolerances of their
-            fabrication.
         progress: Receives each stage's name, completed fraction and a message.
+        **options: Fields of `TwinOptions`, such as `minutes=2` and `seed=3`; no cameras, whose
+            pictures are files.
 
     Raises:
-        TrainingError: An argument is invalid.
-        CaptureError: The device cannot be simulated.
+        CaptureError: The device cannot be simulated, or an option is invalid.
     """
-    of_kind(layout, "layout", Layout, TrainingError)
+    of_kind(layout, "layout", Layout, CaptureError)
+    called(progress, CaptureError)
+    record = arguments.options(options, TwinOptions, CaptureError)
+    if record.cameras is not None:
+        raise CaptureError(
+            "rendered cameras write files",
+            code="options-conflict",
+            where="cameras",
+            action="Use 'defsense twin' and load_sessions",
+            argument="cameras",
+        )
+    markers = None if record.markers is None else read_markers(record.markers)
+    device = layout.simulation.device.record
+    return simulate_runs(device, record, markers=markers, progress=progress).dataset
+
+
+def export_dataset(
+    data: Dataset, layout: Layout | None = None, *, progress: Progress = silent, **options: Any
+) -> ExportedDataset:
+    """Write a dataset into folders for other programs, as `defsense dataset` does.
+
+    Args:
+        data: The dataset.
+        layout: Layout of the device, to check the data against.
+        progress: Receives each stage's name, completed fraction and a message.
+        **options: Fields of `ExportOptions`: `out="data"` for Parquet, `lerobot="data-lerobot"` for
+            LeRobot's format, or both.
+
+    Returns:
+        The dataset, its `problems` and `notes`.
+
+    Raises:
+        TrainingError: A folder exists and is not a dataset, or an argument is invalid.
+        StorageError: A folder cannot be written.
+    """
+    of_kind(data, "data", Dataset, TrainingError)
     called(progress, TrainingError)
-    return simulate_recordings(
-        layout.simulation.device.record,
-        seconds=number(seconds, "seconds", TrainingError, above=0, most=_MAX_TWIN_SESSION_S),
-        sessions=whole(sessions, "sessions", TrainingError),
-        seed=whole(seed, "seed", TrainingError, least=0),
-        unit=whole(unit, "unit", TrainingError, least=0),
-        progress=progress,
-    )
+    device = None
+    if layout is not None:
+        device = of_kind(layout, "layout", Layout, TrainingError).simulation.device.record
+    record_options = arguments.options(options, ExportOptions, TrainingError)
+    return export.export_dataset(data, device, record_options, progress=progress)
 
 
 def _array(name: str, values: ArrayLike, dimensions: int) -> Float:

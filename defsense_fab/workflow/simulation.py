@@ -21,7 +21,7 @@ from ..mechanics.elements.tet10 import QuadraticMesh
 from ..runtime.surface.rotation import nearest_rotations
 from ..store.build import Build
 from . import arguments
-from .arguments import array, of_kind
+from .arguments import array, of_kind, one_of
 from .device import Device, table_html
 
 #: Largest distance of points outside of the body, as a share of the diagonal of the body.
@@ -55,14 +55,7 @@ class Picture:
         Raises:
             StorageError: The suffix is not .png, or the file cannot be written.
         """
-        file = arguments.path(path, "path", StorageError)
-        if file.suffix.lower() != ".png":
-            raise StorageError(
-                "the name of a picture must end in .png",
-                code="wrong-suffix",
-                where=file,
-                suffix=file.suffix,
-            )
+        file = arguments.file_path(path, ".png", StorageError)
         with replace_file(file) as temporary:
             temporary.write_bytes(self.png)
         return file
@@ -163,16 +156,7 @@ class Simulation:
         Raises:
             DeviceError: There is no such state.
         """
-        of_kind(state, "state", str)
-        if state not in self.names:
-            raise DeviceError(
-                f"unknown state {state!r}",
-                code="state-unknown",
-                where="state",
-                action=f"Use one of {', '.join(self.names)}",
-                argument="state",
-            )
-        return self.names.index(state)
+        return self.names.index(one_of(state, "state", self.names, "state"))
 
     def displaced(self, points: ArrayLike) -> Float:
         """Return where points are in each state.

@@ -6,9 +6,6 @@
 The Armadillo is available from the Stanford 3D Scanning Repository. Any figure with arms and legs
 that stands along y or z, with its arms along x, is possible. It is scaled to a height of 150 mm.
 Hands, feet and trunk are located relative to the bounding box.
-
-This example imports an internal module: the file must be read in any format, and scaled, before
-there is a device.
 """
 
 import argparse
@@ -16,8 +13,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-
-from defsense_fab.geometry.bodies.body_file import read_body_file
+import trimesh
 
 HEIGHT = 150.0  # mm
 #: Of the half width, from which on there are hands; of the height, the feet, and the trunk.
@@ -74,9 +70,11 @@ def regions(points, up):
 
     return {
         "trunk": box((-0.2, 0.2), TRUNK),
-        "left_hand": box((HANDS, 1.1), (0.4, 1.1)), "right_hand": box((-1.1, -HANDS), (0.4, 1.1)),
-        "left_foot": box((0, 1.1), (-0.1, FEET)), "right_foot": box((-1.1, 0), (-0.1, FEET)),
-    }  # fmt: skip
+        "left_hand": box((HANDS, 1.1), (0.4, 1.1)),
+        "right_hand": box((-1.1, -HANDS), (0.4, 1.1)),
+        "left_foot": box((0, 1.1), (-0.1, FEET)),
+        "right_foot": box((-1.1, 0), (-0.1, FEET)),
+    }
 
 
 def poses(up):
@@ -85,9 +83,11 @@ def poses(up):
     upright = np.eye(3, dtype=int)[up].tolist()
     depth = np.cross(side, upright).tolist()  # the axis of turns in the figure's plane
     return [
-        ("left_arm_up", "left_hand", depth, ARM), ("right_arm_out", "right_hand", upright, ARM),
-        ("left_leg_out", "left_foot", depth, LEG), ("right_leg_out", "right_foot", side, LEG),
-    ]  # fmt: skip
+        ("left_arm_up", "left_hand", depth, ARM),
+        ("right_arm_out", "right_hand", upright, ARM),
+        ("left_leg_out", "left_foot", depth, LEG),
+        ("right_leg_out", "right_foot", side, LEG),
+    ]
 
 
 def main():
@@ -98,7 +98,7 @@ def main():
     parser.add_argument("file", type=Path)
     parser.add_argument("folder", type=Path)
     options = parser.parse_args()
-    points = read_body_file(options.file).surface.vertices
+    points = np.asarray(trimesh.load_mesh(options.file).vertices)
     size = np.ptp(points, axis=0)
     up = 1 + int(size[2] > size[1])
     scale = HEIGHT / size[up]
@@ -113,9 +113,14 @@ def main():
     options.folder.mkdir(parents=True)
     shutil.copy(options.file, options.folder / options.file.name)
     (options.folder / "device.toml").write_text(
-        TEXT.format(name=options.folder.name, file=options.file.name, scale=scale, regions=places,
-                    poses="\n" + moves)
-    )  # fmt: skip
+        TEXT.format(
+            name=options.folder.name,
+            file=options.file.name,
+            scale=scale,
+            regions=places,
+            poses="\n" + moves,
+        )
+    )
     print(f"{options.folder / 'device.toml'}: a body {HEIGHT:g} mm tall; next: defsense build")
 
 

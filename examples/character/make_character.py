@@ -4,13 +4,12 @@ The surface is the level set of a smooth minimum of capsules: round limbs that b
 other. The figure looks towards low y, and its left arm is at high x. Run it again with:
 
     python make_character.py
-
-This example imports internal modules, to write the mesh exactly as the package does.
 """
 
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 #: Ends (mm) and radii of trunk, neck, head; of an arm, a leg and a foot at high x.
 MIDDLE = [
@@ -58,11 +57,7 @@ def character():
 
 
 if __name__ == "__main__":
-    from defsense_fab.core.mesh import Surface
-    from defsense_fab.geometry.printing.export import write_stl
-
-    vertices, faces = character()
-    surface = Surface(vertices.astype(float), faces.astype(np.int64))
-    if surface.volume < 0:
-        surface = Surface(surface.vertices, surface.faces[:, ::-1])
-    write_stl(surface, Path(__file__).with_name("character.stl"))
+    mesh = trimesh.Trimesh(*character(), process=False)
+    if mesh.volume < 0:
+        mesh.invert()
+    mesh.export(Path(__file__).with_name("character.stl"))

@@ -7,6 +7,7 @@ import pytest
 
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.model_selection import compare_models
+from defsense_fab.calibration.options import FitOptions
 from defsense_fab.calibration.reading_checks import find_drift
 from defsense_fab.calibration.readings import (
     PLAY_HALF_WIDTHS,
@@ -149,11 +150,11 @@ def test_drift_of_the_neutral_cord():
     with raises(CalibrationError, "neutral-cord-drifts") as caught:
         calibrate(r)
     assert 0.04 < caught.value.data["change"] < 0.05
-    corrected = calibrate(r, policy="correct", draws=3)
+    corrected = calibrate(r, FitOptions(neutral="correct"), draws=3)
     assert corrected.k_res == pytest.approx(2.0, rel=0.02)
     assert corrected.response.model == "line"
     assert corrected.warnings[0].code == "drift-corrected"
-    ignored = calibrate(r, policy="ignore", draws=3)
+    ignored = calibrate(r, FitOptions(neutral="ignore"), draws=3)
     assert ignored.drift.is_significant
     assert ignored.warnings[0].code == "drift-ignored"
 
@@ -183,7 +184,7 @@ def test_each_source_has_its_own_rest_resistance():
 def test_different_pieces_widen_the_interval():
     narrow, wide = (
         calibrate(make_readings(lambda e, t=t: (2 + t * np.sign(e)) * e, 3, specimens=("a",)),
-                  model="line", draws=10).uncertainty
+                  FitOptions(model="line"), draws=10).uncertainty
         for t in (0.0, 0.2)
     )  # fmt: skip
     assert np.ptp(wide.interval) > 1.3 * np.ptp(narrow.interval)
@@ -194,7 +195,7 @@ def test_readings_that_cannot_be_fitted_are_refused():
         calibrate(make_readings(lambda e: 0 * e, noise=0))
     few = make_readings(LINE[0], radii=(75.0, 112.0, 200.0))
     with raises(CalibrationError, "too-few-radii", model="piecewise", count=3):
-        calibrate(few, model="piecewise")
+        calibrate(few, FitOptions(model="piecewise"))
 
 
 def test_response_that_is_not_monotone_is_reported():

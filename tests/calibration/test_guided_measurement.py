@@ -20,6 +20,7 @@ from defsense_fab.capture.readout.recording import read_recording
 from defsense_fab.capture.readout.source import Event, ReadoutStatistics, StampedSample
 from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.core.errors import CalibrationError, CaptureError
+from defsense_fab.core.guided_parts import Plot
 from defsense_fab.core.storage.session_manifest import Criterion
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Info, Sample
@@ -39,7 +40,7 @@ class ScriptedScreen:
         self.views.append(view)
 
     def key(self, timeout):
-        keys = self._keys.get(self.views[-1].phase, [])
+        keys = self._keys.get(self.views[-1].state.phase, [])
         return keys.pop(0) if keys else None
 
 
@@ -119,28 +120,25 @@ def test_guided_session(tmp_path):
     assert result.unsettled == 0
     assert calibrate(result.readings, draws=5).k_res == pytest.approx(2.0, rel=0.05)
     last = screen.views[-1]
-    assert (last.phase, last.done) == ("done", len(session.steps))
-    assert len(last.points) == 3 * len(session.steps)
+    assert (last.state.phase, len(last.state.done)) == ("done", len(session.steps))
+    (plot,) = [part for part in last.parts if isinstance(part, Plot)]
+    assert sum(len(curve.x) for curve in plot.curves) == 3 * len(session.steps)
     # Each step waits until it has settled, and at least for the shortest time.
-    elapsed = [
-        v.elapsed
-        for v in screen.views
-        if v.phase == "settling" and v.settling and v.settling.is_settled
-    ]
-    assert min(elapsed) >= Criterion().least - 0.6
+    holds = sessions.find_holds(session, read_recording(session.frames))
+    assert min(hold.time[-1] for hold in holds.values()) >= Criterion().least - 0.6
 
 
 def test_session_is_resumed_without_losing_a_frame(tmp_path):
     session = create_session(tmp_path / "s")
     counts = []
     source = SimulatedSource()
-    screen = ScriptedScreen(place=["enter", "enter", "enter", "q"])
+    screen = ScriptedScreen(ready=["enter", "enter", "enter", "q"])
     assert not run_guided_measurement(session, source, screen, source.place)
     counts.append(source.count)
     assert len(sessions.unfinished_steps(session)) == len(session.steps) - 3
     source = SimulatedSource(seed=1)
     assert not run_guided_measurement(
-        session, source, ScriptedScreen(place=["enter"], settling=[None] * 5 + ["q"]), source.place
+        session, source, ScriptedScreen(ready=["enter"], active=[None] * 5 + ["q"]), source.place
     )
     counts.append(source.count)
     assert len(sessions.unfinished_steps(session)) == len(session.steps) - 3
@@ -156,8 +154,10 @@ def test_session_is_resumed_without_losing_a_frame(tmp_path):
 
 def test_keys_back_skip_repeat_and_take(tmp_path):
     session, source = create_session(tmp_path / "s"), SimulatedSource()
-    keys = ScriptedScreen(place=["enter", "enter", "b", "enter", "s", "enter", "q"],
-                settling=[None] * 40 + ["r"] + [None] * 13 + ["t"])  # fmt: skip
+    keys = ScriptedScreen(
+        ready=["enter", "enter", "b", "enter", "s", "enter", "q"],
+        active=[None] * 40 + ["r"] + [None] * 13 + ["t"],
+    )
     assert not run_guided_measurement(session, source, keys, source.place)
     events = [e for _, e in read_recording(session.frames).events]
     events_by_step = [(e["event"], e["step"]) for e in events if "step" in e]
@@ -184,7 +184,7 @@ def test_board_is_unplugged_during_a_hold(tmp_path):
 def test_open_cord_is_reported_and_never_taken(tmp_path):
     session, source = create_session(tmp_path / "s"), SimulatedSource()
     source.open = True
-    screen = ScriptedScreen(place=["enter", "q"], settling=[None] * 300 + ["t", "q"])
+    screen = ScriptedScreen(ready=["enter", "q"], active=[None] * 300 + ["t", "q"])
     assert not run_guided_measurement(session, source, screen, source.place)
     assert "cord-open" in [n.code for n in screen.views[-1].notes]
     assert len(sessions.unfinished_steps(session)) == len(session.steps)
@@ -195,7 +195,7 @@ def test_open_cord_is_reported_and_never_taken(tmp_path):
 def test_skipped_steps_are_measured_in_the_next_run(tmp_path):
     session, source = create_session(tmp_path / "s"), SimulatedSource()
     assert not run_guided_measurement(
-        session, source, ScriptedScreen(place=["s"] * len(session.steps)), source.place
+        session, source, ScriptedScreen(ready=["s"] * len(session.steps)), source.place
     )
     assert len(sessions.unfinished_steps(session)) == len(session.steps)
     with raises(CalibrationError, "no-step-finished"):
@@ -248,12 +248,12 @@ class Terminal:
 def test_guided_measurement_in_a_terminal(tmp_path):
     """It is controlled by keys, stopped halfway, resumed and finished."""
     (tmp_path / "specimen.json").write_text(json.dumps(SPECIMEN))
-    command = ("calibrate", "record", "--port", "twin:speed=40", "--specimen", str(tmp_path),
-               "--rounds", "1", "--faces", "a")  # fmt: skip
+    options = ("--specimen", str(tmp_path), "--rounds", "1", "--faces", "a")
+    command = ("calibrate", "record", "--port", "twin:speed=40", *options)
     screen = Terminal(*command)
     screen.wait_for("(?s)0 of 5 readings.*the flat jig")
     screen.press("\n")
-    screen.wait_for("(?s)1 of 5 readings.*its BOTTOM side on the jig.*Enter measure")
+    screen.wait_for("(?s)1 of 5 readings.*its bottom side on the jig.*Enter measure")
     screen.press("\n")
     screen.wait_for("2 of 5 readings")
     screen.press("q")

@@ -111,16 +111,16 @@ def test_invalid_table_is_refused(tmp_path, change, code, facts):
 @pytest.mark.parametrize(
     ("text", "code", "facts"),
     [
-        ("", "empty-file", {}),
+        ("", "file-empty", {}),
         ("specimen,jig_radius,channel,resistance\n", "no-rows", {}),
         (
             "specimen,radius,channel,ohm\ns,75,top,1\n",
-            "missing-column",
+            "column-missing",
             {"columns": ["jig_radius", "resistance"]},
         ),
         (
             "specimen,jig_radius,channel,resistance,resistance\n",
-            "duplicate-column",
+            "column-repeated",
             {"column": "resistance"},
         ),
     ],

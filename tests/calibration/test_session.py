@@ -9,10 +9,10 @@ import pytest
 
 from defsense_fab.calibration import session as sessions
 from defsense_fab.calibration.calibrate import calibrate
+from defsense_fab.calibration.options import BoardOptions, MeasureOptions
 from defsense_fab.calibration.protocol import check_settling, fit_creep
-from defsense_fab.calibration.readings import join_readings
+from defsense_fab.calibration.readings import BendingSpecimen, join_readings
 from defsense_fab.calibration.session_readings import read_session
-from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.storage.session_manifest import Criterion
@@ -20,7 +20,7 @@ from defsense_fab.sensing.response import Response, build_response
 from defsense_fab.twin.calibration_session import record_twin
 from defsense_fab.twin.electronics.cords import CordTraits, CordTwins
 from defsense_fab.workflow.calibrate.fit_response import fit_response
-from tests.calibration.new_session import SPECIMEN, create_session
+from tests.calibration.new_session import create_session
 from tests.support.errors import raises
 
 #: Sessions of the coverage test.
@@ -75,9 +75,8 @@ def calibrate_twins(tmp_path, seed, k=2.0, q=0.0, **traits):
     parts = []
     for n, length in enumerate((150.0, 200.0)):
         folder = tmp_path / f"{seed}-{length:g}"
-        record_twin(
-            folder, CordTraits(build_response(spec), **traits), seed=10 * seed + n, length=length
-        )
+        options, specimen = MeasureOptions(seed=10 * seed + n), BendingSpecimen(length)
+        record_twin(folder, CordTraits(build_response(spec), **traits), options, specimen)
         parts.append(read_session(folder).readings)
     return calibrate(join_readings(parts), draws=60)
 
@@ -105,7 +104,7 @@ def test_curved_response_is_recognized(tmp_path):
 def test_session_in_two_runs_fits_like_one(tmp_path):
     """The clock restarts in the second run, which must not affect the memory terms."""
     folder = tmp_path / "whole"
-    record_twin(folder, CordTraits(Response.line(2.0)), seed=1, rounds=2)
+    record_twin(folder, CordTraits(Response.line(2.0)), MeasureOptions(rounds=2))
     shutil.copytree(folder, tmp_path / "split")
     lines = (folder / "frames.csv").read_text("utf-8").splitlines()
     points = [n for n, line in enumerate(lines) if '"point"' in line]
@@ -160,9 +159,8 @@ def test_event_of_another_session_is_refused(tmp_path, event):
 
 def test_session_without_start_event_is_refused(tmp_path):
     """Its readings are not silently skipped."""
-    session = record_twin(
-        tmp_path / "s", CordTraits(Response.line(2.0)), seed=1, radii=(75.0, 112.0, 200.0), rounds=1
-    )
+    options = MeasureOptions(radii=(75.0, 112.0, 200.0), rounds=1)
+    session = record_twin(tmp_path / "s", CordTraits(Response.line(2.0)), options)
     lines = session.frames.read_text("utf-8").splitlines()
     start = next(n for n, line in enumerate(lines) if '"start"' in line)
     session.frames.write_text("\n".join(lines[:start] + lines[start + 1 :]) + "\n")
@@ -201,63 +199,36 @@ def test_damaged_session_is_refused(tmp_path, name, text, code):
         read_session(tmp_path / "s")
 
 
-def test_commands(tmp_path, capsys):
-    """Simulated sessions, their fit, and options that are refused."""
-    assert main(["calibrate", "twin", str(tmp_path), "--rounds", "1", "--seed", "3"]) == 0
-    folders = [str(tmp_path / f"session-{n}") for n in (150, 200)]
-    assert " ".join(folders) in capsys.readouterr().out
-    out = tmp_path / "response.json"
-    assert main(["calibrate", "fit", *folders, "--out", str(out), "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert data["k_res"] == pytest.approx(2, rel=0.06)
-    assert data["hysteresis"] == pytest.approx(0.003, abs=0.002)
-    assert 4 < data["creep"]["time"] < 16
-    assert data["raw_hash"]
-    (tmp_path / "specimen.json").write_text(json.dumps(SPECIMEN))
-    record = ["calibrate", "record", "--port", "twin", "--specimen", str(tmp_path)]
-    assert main([*record, "--out", folders[0], "--auto"]) == 2
-    assert f"defsense calibrate fit {folders[0]}" in capsys.readouterr().err
-    again = [*record, "--out", str(tmp_path / "new")]
-    assert main([*again, "--auto", "--average", "1000"]) == 2
-    assert "'average 1000'" in capsys.readouterr().err
-    assert not (tmp_path / "new" / "session.json").exists()
-    assert main([*record, "--radii", "75,112", "--auto"]) == 2
-    assert "--radii" in capsys.readouterr().err
-    started = create_session(tmp_path / "started", rounds=1)
-    assert main([*record, "--out", str(tmp_path / "started"), "--auto", "--rounds", "2"]) == 2
-    assert "rounds = 1" in capsys.readouterr().err
+def test_resumed_session_has_the_requested_options(tmp_path):
+    """Options with their default are not compared: they continue whatever was started."""
+    session = create_session(tmp_path / "s", rounds=1)
+    requested = MeasureOptions(name="s", radii=(200.0, 75.0, 112.0))
+    sessions.require_same_options(session, requested, BoardOptions(reference=(2200.0,) * 3))
     with raises(CalibrationError, "session-differs", setting="rounds", value=1):
-        sessions.require_same_settings(started, {"rounds": 2})
-    for bad in (["--seed", "-1"], ["--reference", "nan"], ["--longest", "inf"]):
-        assert main([*again, "--auto", *bad]) == 2
-        assert bad[0] in capsys.readouterr().err
-    assert main(["calibrate", "twin", str(tmp_path / "t"), "--lengths", "150,-20"]) == 2
-    assert main(["calibrate", "twin", str(tmp_path), "--rounds", "1"]) == 2
-    assert folders[0] in capsys.readouterr().err
-    assert main([*record, "--radii", "80", "--auto"]) == 2
-    assert "80" in capsys.readouterr().err
-    assert main(record) == 2
-    assert "--auto" in capsys.readouterr().err
-    assert main(["calibrate", "ports", "--port", "twin", "--seconds", "0.5", "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["ohm"]) == 3
-    assert main(["calibrate", "reference", "--port", "twin", "--known", "2500", "--json"]) == 0
-    assert 1500 < min(json.loads(capsys.readouterr().out)["reference"]) < 3500
-    assert main(["calibrate", "ports", "--port", "twin:pace=3"]) == 2
-    assert "twin:speed=" in capsys.readouterr().err
+        sessions.require_same_options(session, MeasureOptions(rounds=2), BoardOptions())
+    with raises(CalibrationError, "session-differs", setting="reference"):
+        sessions.require_same_options(session, MeasureOptions(), BoardOptions(reference=(1500.0,)))
+    fine = MeasureOptions(tolerance=0.07, longest=60)
+    other = sessions.create_session(tmp_path / "fine", BendingSpecimen(), fine)
+    sessions.require_same_options(other, fine, BoardOptions())
+
+
+@pytest.mark.parametrize(
+    ("radii", "code"), [((75.0, 112.0), "too-few-radii"), ((80.0,), "unknown-radius")]
+)
+def test_session_with_impossible_radii_is_refused(tmp_path, radii, code):
+    with raises(CalibrationError, code):
+        sessions.create_session(tmp_path / "s", BendingSpecimen(), MeasureOptions(radii=radii))
+    assert not (tmp_path / "s").exists()
 
 
 def test_source_that_is_given_twice_is_refused(tmp_path):
     """Its readings would count twice, by whatever path, and the interval would be too narrow."""
     folder = tmp_path / "s"
-    record_twin(folder, CordTraits(Response.line(2.0)), seed=1, radii=(75, 100, 250), rounds=1)
+    options = MeasureOptions(radii=(75.0, 100.0, 250.0), rounds=1)
+    record_twin(folder, CordTraits(Response.line(2.0)), options)
     (tmp_path / "link").symlink_to(folder)
     out = tmp_path / "r.json"
-    with raises(CalibrationError, "duplicate-source"):
-        fit_response([folder, tmp_path / "link"], out=out)
+    with raises(CalibrationError, "source-repeated"):
+        fit_response([folder, tmp_path / "link"], out)
     assert not out.exists()
-
-
-@pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
-def test_invalid_duration_is_refused(capsys, seconds):
-    assert main(["calibrate", "ports", "--port", "twin", "--seconds", seconds]) == 2
-    assert "--seconds" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Cameras around a place, tags there, and what the cameras see of them, without images."""
+"""Cameras, tags in front of them, and the tags' corners in pixels, without images."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def rig(count=2):
 
 
 def tags(n, rng, size=15.0, tilt=0.5):
-    """Corners (n, 4, 3) mm of tags that face the cameras, more or less."""
+    """Return corners (n, 4, 3), mm, of tags that roughly face the cameras."""
     out = []
     for _ in range(n):
         axes = turn(*rng.uniform(-tilt, tilt, 3)) @ turn(np.pi / 2)
@@ -26,7 +26,7 @@ def tags(n, rng, size=15.0, tilt=0.5):
 
 
 def flat(view, corners):
-    """Corners (..., 4, 2) px as the camera sees them without distortion."""
+    """Return corners (..., 4, 2), px, as the camera sees them without distortion."""
     at = view.to_camera(corners)
     return at[..., :2] / at[..., 2:] * view.focal + view.matrix[:2, 2]
 
@@ -38,5 +38,5 @@ def spread(shape, sigma):
 
 
 def collect(time, views, ids):
-    """What a few frames show of the tags `ids`, all of it in memory."""
+    """Return observations of the tags `ids` in a few frames, in memory."""
     return observe(time, store_views(views), ids).part(np.arange(len(views)))

@@ -1,74 +1,80 @@
-"""Help of all commands: examples are complete commands, and texts start with a capital."""
+"""Help of all commands: examples are complete commands, and texts start with a verb."""
 
-import argparse
 import shlex
 import subprocess
 import sys
 
 import pytest
 
-from defsense_fab.cli.main import make_parser
+from defsense_fab.cli.app import make_app
+from defsense_fab.cli.main import main, parse
+from tests.support.commands import all_commands, is_group
+
+COMMANDS = {" ".join(words): app for words, app in all_commands()}
+GROUPS = [name for name, app in COMMANDS.items() if is_group(app)]
+LEAVES = [name for name in COMMANDS if name not in GROUPS]
 
 
-def parsers(parser):
-    """Yield a parser and all parsers of its subcommands."""
-    yield parser
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for subparser in action.choices.values():
-                yield from parsers(subparser)
-
-
-ALL = {p.prog: p for p in parsers(make_parser())}
-COMMANDS = [name for name, p in ALL.items() if p.get_default("run")]
+def help_of(name, capsys):
+    assert main([*name.split(), "--help"]) == 0
+    return capsys.readouterr().out
 
 
 def test_all_commands_exist():
-    assert {"defsense build", "defsense capture camera check"} <= set(COMMANDS)
-    assert len(COMMANDS) > 15
+    assert {"build", "capture camera check"} <= set(LEAVES)
+    assert len(LEAVES) > 15
+    assert set(GROUPS) == {"calibrate", "capture", "capture camera"}
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", LEAVES)
 def test_examples_are_complete_commands(name, monkeypatch, capsys):
-    """Also in a narrow terminal, where argparse wraps all other texts."""
+    """Also in a narrow terminal, where all other texts are wrapped."""
     monkeypatch.setenv("COLUMNS", "40")
-    with pytest.raises(SystemExit, match="0"):
-        make_parser().parse_args([*name.split()[1:], "--help"])
-    _, title, rest = capsys.readouterr().out.rpartition("\nexample")
+    _, title, rest = help_of(name, capsys).rpartition("\nExample")
     assert title
-    examples = rest.splitlines()[1:]
+    examples = [line for line in rest.splitlines()[1:] if line.strip()]
     assert examples
     for line in examples:
-        assert line.startswith(f"  {name} ") or line == f"  {name}"
-        options = make_parser().parse_args(shlex.split(line)[1:])
-        assert options.run.__module__.startswith("defsense_fab.cli.")
+        words = shlex.split(line)
+        assert words[: 1 + len(name.split())] == ["defsense", *name.split()]
+        run, _ = parse(words[1:])
+        assert run.__module__.startswith("defsense_fab.cli.")
 
 
-def test_groups_have_no_examples():
-    """A group of commands has no examples, except for the whole program."""
-    groups = set(ALL) - set(COMMANDS)
-    assert groups == {
-        "defsense",
-        "defsense calibrate",
-        "defsense capture",
-        "defsense capture camera",
-    }
-    assert "\nexample:\n  defsense build " in ALL["defsense"].format_help()
+@pytest.mark.parametrize("name", LEAVES)
+def test_every_argument_has_a_help_text_that_starts_with_a_capital_letter(name):
+    app = COMMANDS[name]
+    arguments = app.assemble_argument_collection(parse_docstring=True)
+    for argument in arguments.filter_by(show=True):
+        assert argument.parameter.help, f"{name} {argument.name}"
+        assert argument.parameter.help[0].isupper(), f"{name} {argument.name}"
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_help_texts_start_with_a_capital_and_have_no_final_stop(name):
-    for action in ALL[name]._actions:
-        assert (
-            action.help is None
-            or action.help == argparse.SUPPRESS
-            or (action.help[0].isupper() and not action.help.endswith("."))
-        ), f"{name} {action.dest}: {action.help}"
-        if isinstance(action, argparse._SubParsersAction):
-            assert all(choice.help[0].isupper() for choice in action._choices_actions)
+def test_descriptions_in_the_list_of_commands_start_with_a_capital_letter():
+    for name, app in COMMANDS.items():
+        assert app.help, name
+        assert app.help[0].isupper(), name
+
+
+def test_program_without_a_command_prints_its_help(capsys):
+    assert main([]) == 0
+    text = capsys.readouterr().out
+    for name in (n for n in make_app() if not n.startswith("-")):
+        assert f" {name} " in text
+    assert "Example:\n  defsense build " in text
 
 
 def test_program_runs_as_a_module():
     words = [sys.executable, "-m", "defsense_fab", "--version"]
     run = subprocess.run(words, capture_output=True, text=True, check=True)
     assert run.stdout.startswith("defsense-fab ")
+
+
+@pytest.mark.parametrize("words", [["--help"], ["build", "--help"]])
+def test_help_imports_no_numerical_library(words):
+    code = (
+        "import sys; from defsense_fab.cli.main import main; main(sys.argv[1:]);"
+        "sys.stderr.write(' '.join({'numpy', 'scipy', 'cv2'} & set(sys.modules)))"
+    )
+    run = subprocess.run([sys.executable, "-c", code, *words], capture_output=True)
+    assert (run.returncode, run.stderr) == (0, b"")

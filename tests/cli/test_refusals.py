@@ -133,6 +133,20 @@ def test_lack_of_memory_in_a_stage(device, monkeypatch):
         run_command(["build", str(device)])
 
 
+def test_missing_library_is_named(monkeypatch):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "packaging"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "packaging", None)
+    with raises(DefsenseError, "library-missing", package="packaging"):
+        run_command(["licences"])
+
+
+def test_programming_errors_keep_their_traceback(monkeypatch):
+    monkeypatch.setitem(sys.modules, "defsense_fab.workflow.doctor.libraries", None)
+    with pytest.raises(ModuleNotFoundError):
+        run_command(["licences"])
+
+
 @pytest.mark.parametrize(
     ("closed", "code"),
     [("<&-", 0), ("<&- >&-", 0), ("2>&-", 0), (">/dev/full", 2)],

@@ -98,7 +98,7 @@ def test_invalid_camera_is_refused(change, code):
 @pytest.mark.parametrize(
     ("name", "code"),
     [
-        *((n, "bad-camera-name") for n in (
+        *((n, "camera-name-invalid") for n in (
             "", "../left", "/tmp/left", "a\\b", "C:left", "..", ".left", "left ", "left.", "a\nb",
             "cam%d", "left?", "\x7f", "\ud800", "x" * 61)),
         *((n, "reserved-camera-name") for n in ("frames", "Log", "session", "NUL", "com1.left")),
@@ -120,7 +120,7 @@ def test_name_that_is_no_file_name_is_refused(name, code):
 def test_cameras_with_the_same_files_are_refused(names):
     for name in names:
         check_names([name])
-    with raises(CaptureError, "camera-names-clash"):
+    with raises(CaptureError, "name-repeated"):
         check_names(names)
     check_names(["left", "left 2", "left.2", "left-frame"])
 
@@ -139,7 +139,7 @@ def test_invalid_tracks_are_refused():
     for bad, code in (
         ({"time": np.array([0, 2.0, 1])}, "times-not-increasing"),
         ({"time": np.array([0, 1, np.nan])}, "times-not-increasing"),
-        ({"ids": np.array([1, 1])}, "duplicate-marker"),
+        ({"ids": np.array([1, 1])}, "marker-repeated"),
         ({"points": partly_nan}, "point-partly-nan"),
         ({"sigma": np.zeros((3, 2))}, "wrong-shape"),
     ):

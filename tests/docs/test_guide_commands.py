@@ -1,16 +1,18 @@
-"""The guide's first page, typed as it stands in an empty folder, a twin in place of hardware; then
-what other pages say to type, with what the first page has made."""
+"""Run the commands of the guide's first page in an empty folder, with a twin instead of hardware.
+
+Then run those of other pages, with the files that the first page has created.
+"""
 
 import os
 import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.support.places import ROOT
+
 PAGE = ROOT / "docs/guide/first-device.md"
 _BLOCK = re.compile(
     r"(?:<!-- tested as: (?P<instead>[^>]*?) -->\n)?```sh\n(?P<typed>.*?)```"

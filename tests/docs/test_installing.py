@@ -1,12 +1,11 @@
 """Installing as the guide says: the lock is installed with --no-deps, so nothing else checks it."""
 
 from importlib.metadata import distribution
-from pathlib import Path
 
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-ROOT = Path(__file__).parents[2]
+from tests.support.places import ROOT
 
 
 def test_every_locked_package_takes_the_first_release_of_python_311():

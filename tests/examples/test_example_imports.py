@@ -9,11 +9,6 @@ from tests.support.places import ROOT
 
 PACKAGE = "defsense_fab"
 EXAMPLES = ROOT / "examples"
-#: Examples that may import modules of the package, and the reasons.
-EXCEPTIONS = {
-    "character/armadillo.py": "reads any mesh file before there is a device",
-    "character/make_character.py": "writes the mesh of a body",
-}
 FILES = sorted(
     path.relative_to(EXAMPLES).as_posix()
     for suffix in ("py", "ipynb")
@@ -41,14 +36,9 @@ def internal_imports(code):
     return [m for m in modules if m.startswith(f"{PACKAGE}.")]
 
 
-@pytest.mark.parametrize("name", [n for n in FILES if n not in EXCEPTIONS])
+@pytest.mark.parametrize("name", FILES)
 def test_example_imports_the_public_interface_only(name):
     assert internal_imports(read_code(name)) == []
-
-
-@pytest.mark.parametrize("name", EXCEPTIONS)
-def test_exception_is_still_needed(name):
-    assert internal_imports(read_code(name))
 
 
 def test_internal_imports_are_found():

@@ -2,11 +2,12 @@
 
 import importlib.util
 import json
-from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "examples" / "notebook"
+from tests.support.places import ROOT
+
+FOLDER = ROOT / "examples" / "notebook"
 NOTEBOOK = FOLDER / "first-device.ipynb"
 
 

@@ -1,4 +1,4 @@
-"""A bar between a fixed base and a rigid tip, and the models under test."""
+"""Provide a bar between a fixed base and a rigid tip, and the models under test."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def mesh(bar_mesh):
 
 @pytest.fixture(scope="session")
 def clamp():
-    """Boundary conditions of a long body along x: base held, tip moved."""
+    """Return a function for conditions of a long body along x: base held, tip moved."""
 
     def make(mesh, rotation=(0, 0, 0), translation=FREE, free_axes=None, **more):
         x = mesh.nodes

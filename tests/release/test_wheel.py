@@ -74,14 +74,17 @@ import defsense_fab
 assert defsense_fab.__file__.startswith({here!r}), defsense_fab.__file__
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.storage.package_data import package_data, read_rows
-from defsense_fab.report.viewer import page
-from defsense_fab.workflow.reproduce.experiments.examples import example_names, find_experiments
+from defsense_fab.report.html import environment
+from defsense_fab.workflow.reproduce.experiment_file import example_names, find_experiments
 from defsense_fab.workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
 for start in STARTING_DEVICES:
     create_starting_device(start, Path(start.name), "grip")
     assert load_device(Path(start.name)).poses and start.picture
 for experiment in find_experiments(example_names()):
-    assert experiment.cords or load_device(experiment.folder).body.path.is_file()
+    device = experiment.folder / "device.toml"
+    assert not device.exists() or load_device(experiment.folder).body.path.is_file()
+templates = environment().list_templates()
+assert {{"report.html", "guide/instructions.jinja", "viewer/page/view.html"}} <= set(templates)
 assert (package_data("firmware") / "DefSense" / "src" / "DefSense.cpp").is_file()
 """
 

@@ -1,4 +1,4 @@
-"""What the 3D view is given, read back without its own script."""
+"""The data of the 3D view, decoded without its script."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.report.viewer.page import in_script, view3d
-from defsense_fab.report.viewer.simplified import decimate_faces, simplify_parts
+from defsense_fab.report.viewer.compact_data import decimate_faces, simplify_parts
+from defsense_fab.report.viewer.scene import in_script, view3d
 from tests.report.twisted_bar import BACK, FRONT, TOP, displaced, twisted_bar
 
 
@@ -28,7 +28,7 @@ def scene(bar):
 
 
 class Reader:
-    """Arrays of a scene, by their places."""
+    """Reads the arrays of a scene by their indices."""
 
     def __init__(self, scene):
         self.content, self._bytes = scene.content, zlib.decompress(base64.b64decode(scene.numbers))
@@ -51,16 +51,17 @@ def middle_of(bar):
     return (bounds[:, 0].min(0) + bounds[:, 1].max(0)) / 2
 
 
-def test_parts_are_there_as_they_lie_in_the_device(bar, scene):
+def test_parts_have_their_places_in_the_device(bar, scene):
     read = Reader(scene)
     assert [p["name"] for p in read.content["parts"]] == [FRONT, BACK, TOP]
-    for told, part in zip(read.content["parts"], bar.parts.values(), strict=True):
-        found = Surface(read.points(told["places"])[0] + middle_of(bar), read.faces(told["faces"]))
-        assert found.volume == pytest.approx(part.volume, rel=2e-3)
-        assert found.bounds == pytest.approx(part.bounds, abs=0.04)
+    for record, part in zip(read.content["parts"], bar.parts.values(), strict=True):
+        vertices = read.points(record["places"])[0] + middle_of(bar)
+        surface = Surface(vertices, read.faces(record["faces"]))
+        assert surface.volume == pytest.approx(part.volume, rel=2e-3)
+        assert surface.bounds == pytest.approx(part.bounds, abs=0.04)
 
 
-def test_joints_open_along_their_normals_and_cords_go_with_the_parts_beside_them(scene):
+def test_joints_open_along_their_normals_and_cords_follow_their_parts(scene):
     read = Reader(scene)
     ways = np.array([j["ways"] for j in read.content["joints"]])
     reach = 0.1 * read.content["size"]
@@ -78,7 +79,7 @@ def test_joints_open_along_their_normals_and_cords_go_with_the_parts_beside_them
     assert seat[1] == pytest.approx(np.tile([0, 0, reach], (4, 1)), abs=0.02)
 
 
-def test_all_that_moves_is_where_the_poses_take_it(bar, scene):
+def test_surface_and_cords_move_as_the_poses_prescribe(bar, scene):
     read = Reader(scene)
     names = [s["name"] for s in read.content["states"]]
     surface = read.content["surface"]
@@ -87,7 +88,7 @@ def test_all_that_moves_is_where_the_poses_take_it(bar, scene):
     cord = next(t for t in read.content["followers"] if t["kind"] == "cord")
     path = read.points(cord["places"])[0] + middle_of(bar)
     carried = read.points(cord["moved"], len(names))
-    weights = dict(zip(bar.found.names, bar.found.weights, strict=True))
+    weights = dict(zip(bar.errors.names, bar.errors.weights, strict=True))
     for k, name in enumerate(names):
         assert moved[k] == pytest.approx(displaced(rest, weights[name]), abs=0.02)
         assert carried[k] == pytest.approx(displaced(path, weights[name]), abs=0.1)
@@ -97,31 +98,31 @@ def test_all_that_moves_is_where_the_poses_take_it(bar, scene):
     )
 
 
-def test_poses_pass_through_the_states_on_their_way(scene):
-    told = scene.content
-    names = [s["name"] for s in told["states"]]
-    poses = {p["name"]: ([names[s] for s in p["states"]], p["at"]) for p in told["poses"]}
+def test_poses_pass_through_the_states_on_their_path(scene):
+    content = scene.content
+    names = [s["name"] for s in content["states"]]
+    poses = {p["name"]: ([names[s] for s in p["states"]], p["at"]) for p in content["poses"]}
     assert poses == {
         "twist": (["twist@0.5", "twist@1"], [0.5, 1]),
         "twist + bend": (["1*twist+1*bend"], [1]),
         "twist 50 % + bend": (["0.5*twist+1*bend"], [1]),
     }
-    assert [p["held_out"] for p in told["poses"]] == [False, False, True]
+    assert [p["held_out"] for p in content["poses"]] == [False, False, True]
 
 
 def test_a_device_of_one_part_has_nothing_to_open(bar):
     whole = replace(bar, manifest=replace(bar.manifest, assembly=(), pins=()))
-    told = whole.scene().content
-    assert told["joints"] == []
-    assert {t["kind"] for t in told["followers"]} == {"cord", "wire", "seat"}
+    content = whole.scene().content
+    assert content["joints"] == []
+    assert {t["kind"] for t in content["followers"]} == {"cord", "wire", "seat"}
 
 
-def test_names_stay_words_whatever_they_are(scene, bar):
+def test_names_cannot_become_html(scene, bar):
     page = str(view3d(scene))
     scripts = re.findall(r"<script[^>]*>(.*?)</script>", page, re.DOTALL)
-    told = json.loads(scripts[0])
-    assert told["parts"][1]["name"] == BACK
-    assert told["device"] == bar.device.name
+    content = json.loads(scripts[0])
+    assert content["parts"][1]["name"] == BACK
+    assert content["device"] == bar.device.name
     assert page.count("<script") == page.count("</script>") == 4
     assert "<!--" not in page
     assert "&" not in scripts[0]
@@ -132,14 +133,14 @@ def test_the_same_build_gives_the_same_bytes(bar, scene, tmp_path):
     assert view3d(twisted_bar(tmp_path).scene()) == view3d(scene)
 
 
-def test_nothing_in_the_page_asks_the_network(scene):
+def test_the_page_needs_no_network(scene):
     page = str(view3d(scene))
     assert not re.findall(r"""(?:src|href)\s*=\s*["']""", page.split("<script>")[0])
     assert not re.findall(r"\bimport\s*\(|XMLHttpRequest\(\)\.open|navigator\.sendBeacon", page)
 
 
 def ball(radius, around, along):
-    """A closed ball of facets."""
+    """Return a closed ball."""
     a = np.linspace(0, 2 * np.pi, around, endpoint=False)
     b = np.linspace(0, np.pi, along + 2)[1:-1]
     ring = np.stack([np.cos(a), np.sin(a)], 1)
@@ -155,18 +156,20 @@ def ball(radius, around, along):
     return Surface(vertices, np.concatenate(faces))
 
 
-def test_a_body_of_many_triangles_is_light_and_keeps_its_shape():
+def test_a_body_of_many_triangles_is_simplified_within_a_tolerance():
     body = ball(50.0, 400, 130)  # 104,000 triangles
-    (light,) = simplify_parts({"ball": body}, 100.0).values()
-    assert len(light.faces) < 60_000
-    assert light.volume == pytest.approx(body.volume, rel=5e-3)
-    assert np.linalg.norm(light.vertices, axis=1) == pytest.approx(50.0, abs=0.4)
+    (simplified,) = simplify_parts({"ball": body}, 100.0).values()
+    assert len(simplified.faces) < 60_000
+    assert simplified.volume == pytest.approx(body.volume, rel=5e-3)
+    assert np.linalg.norm(simplified.vertices, axis=1) == pytest.approx(50.0, abs=0.4)
 
 
-def test_a_part_that_is_not_closed_is_shown_as_it_is():
-    open_one = Surface(np.eye(3), np.array([[0, 1, 2]]))
-    (shown,) = simplify_parts({"open": open_one}, 1.0).values()
-    assert shown.vertices[shown.faces] == pytest.approx(open_one.vertices[open_one.faces])
+def test_an_open_part_is_not_simplified():
+    open_part = Surface(np.eye(3), np.array([[0, 1, 2]]))
+    (simplified,) = simplify_parts({"open": open_part}, 1.0).values()
+    assert simplified.vertices[simplified.faces] == pytest.approx(
+        open_part.vertices[open_part.faces]
+    )
 
 
 def test_a_surface_with_many_states_keeps_some_of_its_vertices():

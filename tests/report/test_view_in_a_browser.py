@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from defsense_fab.report.viewer.page import view3d
+from defsense_fab.report.viewer.scene import view3d
 from tests.report.twisted_bar import BACK, FRONT, MISS, displaced, twisted_bar
 
 WAIT = 60_000.0  # ms that a loaded machine may take
@@ -14,20 +14,20 @@ PICTURE = "data:image/gif;base64,R0lGODlhAQABAAAAACwAAAAAAQABAAA="
 
 
 class Page:
-    """A page with the view and a picture, and all that it said and asked for."""
+    """A page with the view and a picture; records its errors and requests."""
 
     def __init__(self, browser, path, **settings):
         self.context = browser.new_context(viewport=SIZE, offline=True, **settings)
         self.page = self.context.new_page()
         self.page.set_default_timeout(WAIT)
-        self.said, self.asked = [], []
-        self.page.on("console", lambda m: self.said.append(m.text) if m.type == "error" else None)
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.errors, self.requests = [], []
+        self.page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(path.as_uri())
         self.path = path
 
-    def started(self):
+    def wait_until_ready(self):
         self.page.locator("[data-ready]").wait_for()
         return self
 
@@ -36,16 +36,15 @@ class Page:
 
     def slide(self, name, value):
         self.page.locator(f"[data-{name}]").evaluate(
-            "(it, value) => { it.value = value; it.dispatchEvent(new Event('input')); }",
-            value,
+            "(it, value) => { it.value = value; it.dispatchEvent(new Event('input')); }", value
         )
 
-    def places(self):
-        """Of the parts, in mm."""
+    def part_shifts(self):
+        """Return the displacements of the parts, mm."""
         return np.array(self.js("defsenseView.stage.parts.map(p => p.mesh.position.toArray())"))
 
     def surface(self, mesh="mesh"):
-        """Vertices (n, 3) mm of the body that is shown."""
+        """Return the vertices (n, 3) of the visible body, mm."""
         array = f"defsenseView.stage.body.{mesh}.geometry.getAttribute('position').array"
         return np.array(self.js(f"Array.from({array})")).reshape(-1, 3)
 
@@ -55,8 +54,8 @@ class Page:
     def text(self, name):
         return self.page.locator(f"[data-{name}]").inner_text()
 
-    def quiet(self):
-        return not self.said and self.asked == [self.path.as_uri()]
+    def is_quiet(self):
+        return not self.errors and self.requests == [self.path.as_uri()]
 
 
 @pytest.fixture(scope="module")
@@ -77,41 +76,41 @@ def file(bar):
 
 
 @pytest.fixture(scope="module")
-def shown(browser, file):
+def open_page(browser, file):
     """The page with its view, opened once."""
-    made = Page(browser, file, reduced_motion="reduce").started()
-    yield made
-    made.context.close()
+    page = Page(browser, file, reduced_motion="reduce").wait_until_ready()
+    yield page
+    page.context.close()
 
 
 @pytest.fixture
-def page(shown):
-    shown.page.get_by_role("button", name="Reset").click()
-    shown.js("defsenseView.panel.pick(null)")
-    yield shown
-    assert shown.quiet()
+def page(open_page):
+    open_page.page.get_by_role("button", name="Reset").click()
+    open_page.js("defsenseView.panel.pick(null)")
+    yield open_page
+    assert open_page.is_quiet()
 
 
-def test_the_slider_opens_the_joints_in_the_reverse_of_their_order(page):
-    size = page.js("defsenseView.stage.told.size")
-    assert (page.places() == 0).all()
+def test_the_slider_opens_the_joint_that_is_closed_last_first(page):
+    size = page.js("defsenseView.stage.content.size")
+    assert (page.part_shifts() == 0).all()
     page.slide("open", 0.5)
     second = 0.1 * size * np.array([[0, 0, -1], [0, 0, -1], [0, 0, 1]])
-    assert page.places() == pytest.approx(second, abs=0.01)
+    assert page.part_shifts() == pytest.approx(second, abs=0.01)
     assert "Joint 2 of 2" in page.text("joint")
     page.slide("open", 1)
     first = 0.1 * size * np.array([[0, -1, 0], [0, 1, 0], [0, 0, 0]])
-    assert page.places() == pytest.approx(first + second, abs=0.01)
+    assert page.part_shifts() == pytest.approx(first + second, abs=0.01)
     assert f"{FRONT} and {BACK}" in page.text("joint")
-    assert page.page.locator("b").count() == 0  # a part's name has become no element
+    assert page.page.locator("b").count() == 0  # names are text, not elements
     page.page.get_by_role("button", name="Reset").click()
-    assert (page.places() == 0).all()
+    assert (page.part_shifts() == 0).all()
 
 
-def test_shapes_between_the_simulated_ones_are_close_to_the_true_ones(page):
+def test_interpolated_shapes_are_close_to_the_true_ones(page):
     page.page.locator("[data-pose]").select_option("twist")
     rest = page.rest()
-    at = rest + np.array([60.0, 0, 0])  # the page's middle is the body's
+    at = rest + np.array([60.0, 0, 0])  # the page's origin is the middle of the body
     for amount in (1.0, 0.75, 0.5, 0.25):
         page.slide("amount", amount)
         off = page.surface() - rest - displaced(at, {"twist": amount})
@@ -132,22 +131,22 @@ def test_a_pose_plays_and_stops(page):
     assert page.js("defsenseView.stage.state.amount") == stopped
 
 
-def test_what_is_read_stands_over_or_beside_the_true_shape(page):
+def test_the_predicted_shape_is_over_or_next_to_the_simulated_one(page):
     page.page.locator("[data-pose]").select_option("twist")
-    page.page.locator("[data-read]").select_option("over the true one")
+    page.page.locator("[data-read]").select_option("over")
     off = page.surface("read") - page.surface()
     assert off == pytest.approx(np.tile([0, MISS, 0], (len(off), 1)), abs=0.01)
-    assert "read 0.80 mm off" in page.text("state")
-    page.page.locator("[data-read]").select_option("beside the true one")
+    assert "0.80 mm" in page.text("state")
+    page.page.locator("[data-read]").select_option("beside")
     place = page.js("defsenseView.stage.body.read.position.toArray()")
-    assert place[2] < -24  # below a body that lies
+    assert place[2] < -24  # below a wide body
     reds = "Array.from(defsenseView.stage.body.mesh.geometry.getAttribute('color').array)"
     error = page.js(reds)
     page.page.locator("[data-colors]").select_option("strain")
     assert page.js(reds) != error
 
 
-def test_a_click_tells_of_the_part_and_a_button_of_the_cord(page):
+def test_a_click_selects_a_part_and_a_button_selects_a_cord(page):
     page.page.get_by_role("button", name="Top", exact=True).click()
     box = page.page.locator("canvas").bounding_box()
     middle = box["y"] + 0.5 * box["height"]
@@ -157,9 +156,9 @@ def test_a_click_tells_of_the_part_and_a_button_of_the_cord(page):
     assert page.text("picked").startswith("top (part)")
     assert "120.0 × 24.0 × 12.0 mm" in page.text("picked")
     page.page.get_by_role("button", name="level").click()
-    told = page.text("picked")
-    assert "1.0 to 10.0 %" in told
-    assert "1600 Ω" in told
+    details = page.text("picked")
+    assert "1.0 to 10.0 %" in details
+    assert "1600 Ω" in details
     page.page.locator("[data-pose]").select_option("twist")
     assert "1760 Ω" in page.text("picked")  # 10 % more in the full twist
 
@@ -193,7 +192,7 @@ def test_kinds_are_shown_and_hidden(page):
     page.page.get_by_label("marker seats").check()
 
 
-def test_few_calls_are_drawn_and_nothing_while_nothing_changes(page):
+def test_drawing_takes_few_calls_and_pauses_without_changes(page):
     page.page.wait_for_timeout(300)
     frames = page.js("defsenseView.frames")
     page.page.wait_for_timeout(300)
@@ -208,18 +207,18 @@ def test_paper_shows_the_picture_and_no_empty_canvas(page):
     page.page.emulate_media(media="screen")
 
 
-def test_without_webgl_a_sentence_stands_where_the_view_would_be(launch_browser, file):
+def test_without_webgl_a_sentence_replaces_the_view(launch_browser, file):
     plain = launch_browser("--disable-gpu", "--disable-3d-apis")
     page = Page(plain, file)
-    page.page.get_by_text("The 3D view is not shown: this browser has no WebGL").wait_for()
+    page.page.locator("[data-v3-note]").get_by_text("WebGL").wait_for()
     assert not page.page.locator("[data-v3]").is_visible()
     assert page.page.get_by_alt_text("picture").is_visible()
-    assert page.quiet()
+    assert page.is_quiet()
     plain.close()
 
 
-def test_without_scripts_a_sentence_says_so(browser, file):
+def test_without_scripts_a_sentence_replaces_the_view(browser, file):
     page = Page(browser, file, java_script_enabled=False)
-    assert page.page.get_by_text("The 3D view is not shown: it needs JavaScript").is_visible()
+    assert page.page.locator("[data-v3-note]").is_visible()
     assert not page.page.locator("[data-v3]").is_visible()
     page.context.close()

@@ -32,8 +32,8 @@ from tests.conftest import box_surface
 from tests.support.grid import grid_of_tets
 
 LENGTH, HALF = 120.0, 12.0  # mm
-TURN = np.radians(60)  # of the end, in the full twist
-#: name, weights, held out; the miss of what is read is MISS mm along y times the weight.
+TURN = np.radians(60)  # of the end, at the full twist
+#: Name, weights, held out; the error of the predicted surface is MISS mm along y times the weight.
 STATES = (
     ("twist@0.5", {"twist": 0.5}, False),
     ("twist@1", {"twist": 1.0}, False),
@@ -46,7 +46,7 @@ FRONT, BACK, TOP = "front", "back</script><b>", "top"
 
 
 def displaced(points, weights):
-    """Displacements (n, 3) mm: sections turn about x and sink with the square of x."""
+    """Return displacements (n, 3), mm: sections turn about x, and sink with the square of x."""
     x, y, z = np.asarray(points, float).T
     angle = TURN * weights.get("twist", 0.0) * x / LENGTH
     sink = 20 * weights.get("bend", 0.0) * (x / LENGTH) ** 2
@@ -61,16 +61,16 @@ class TwistedBar:
     manifest: Manifest
     layout: SimpleNamespace
     device: SimpleNamespace
-    found: SurfaceErrors
+    errors: SurfaceErrors
 
     def scene(self) -> Scene:
         build = Build(self.folder)
         build.layout, build.manifest, build.parts = self.layout, self.manifest, self.parts
-        return scene(self.device, build, self.found, FRAME)
+        return scene(self.device, build, self.errors, FRAME)
 
 
 def twisted_bar(folder: Path, cells: tuple[int, int, int] = (12, 4, 4)) -> TwistedBar:
-    """In a build's folder that has no more than the view reads."""
+    """Write the files that the view reads to a build's folder, and return the bar."""
     low, high = [0, -HALF, -HALF], [LENGTH, HALF, HALF]
     mesh = grid_of_tets(
         [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, cells, strict=True)]
@@ -99,15 +99,20 @@ def twisted_bar(folder: Path, cells: tuple[int, int, int] = (12, 4, 4)) -> Twist
         SimpleNamespace(
             name="bar <!-- & </script>", fabrication=SimpleNamespace(wire_diameter=0.8)
         ),
-        _found(mesh),
+        _surface_errors(mesh),
     )
 
 
 def _record(name, path):
     return SimpleNamespace(
-        name=name, points=path, cord_diameter=2.0, length=116.0, prestretch=0.06,
-        least_strain=0.01, peak_strain=0.1,
-    )  # fmt: skip
+        name=name,
+        points=path,
+        cord_diameter=2.0,
+        length=116.0,
+        prestretch=0.06,
+        least_strain=0.01,
+        peak_strain=0.1,
+    )
 
 
 def _manifest(parts, paths):
@@ -117,25 +122,52 @@ def _manifest(parts, paths):
         for path in (wire, None)
     )
     cords = [
-        CutCord(name, 118.0, 5.0, 116.0, 110.0, 104.0, 0.06, 110.0, ends, 2.2, 1500.0, 1600.0,
-                (1500.0, 1800.0), 1600.0)
+        CutCord(
+            name,
+            118.0,
+            5.0,
+            116.0,
+            110.0,
+            104.0,
+            0.06,
+            110.0,
+            ends,
+            2.2,
+            1500.0,
+            1600.0,
+            (1500.0, 1800.0),
+            1600.0,
+        )
         for name in paths
-    ]  # fmt: skip
+    ]
     pin = JoinedPin("pin-4x10", np.array([60.0, 0, -8]), 4.2, 5.2, (FRONT, BACK))
     level = np.array([0, 0, 1.0])
     return Manifest(
-        "bar", "mm",
-        tuple(PartRecord(n, k, f"{n}.stl", "", None, s.volume, s.bounds, ())
-              for k, (n, s) in enumerate(parts.items())),
-        (PinRecord("pin-4x10", "", 1, 4.0, 10.0),), (), tuple(cords), "held", (),
-        (JoinStep(((FRONT,), (BACK,)), ("upright",), (), np.array([0, 1.0, 0]), (pin,)),
-         JoinStep(((FRONT, BACK), (TOP,)), ("level",), (), level, ())),
+        "bar",
+        "mm",
+        tuple(
+            PartRecord(n, k, f"{n}.stl", "", None, s.volume, s.bounds, ())
+            for k, (n, s) in enumerate(parts.items())
+        ),
+        (PinRecord("pin-4x10", "", 1, 4.0, 10.0),),
+        (),
+        tuple(cords),
+        "held",
+        (),
+        (
+            JoinStep(((FRONT,), (BACK,)), ("upright",), (), np.array([0, 1.0, 0]), (pin,)),
+            JoinStep(((FRONT, BACK), (TOP,)), ("level",), (), level, ()),
+        ),
         (TagSeat(3, np.array([60.0, 0, HALF]), np.array([1.0, 0, 0]), level, 10.0),),
-        (), None, 0.0, 1.0, (),
-    )  # fmt: skip
+        (),
+        None,
+        0.0,
+        1.0,
+        (),
+    )
 
 
-def _found(mesh):
+def _surface_errors(mesh):
     boundary, used = mesh.boundary().compact()
     nodes = QuadraticMesh.from_linear(mesh).nodes
     names, weights, held_out = zip(*STATES, strict=True)
@@ -146,12 +178,19 @@ def _found(mesh):
         np.array([displaced(nodes, w) for w in weights]),
         np.array([sum(w.values()) * nodes[:, 0] / LENGTH / 10 for w in weights]),
     )
-    missed = np.array(
-        [np.tile([0, MISS * sum(w.values()), 0], (len(used), 1)) for w in weights]
-    )  # fmt: skip
+    missed = np.array([np.tile([0, MISS * sum(w.values()), 0], (len(used), 1)) for w in weights])
     error = np.linalg.norm(missed, axis=2)
     return SurfaceErrors(
-        names, weights, fields.held_out, boundary.vertices, boundary.faces,
-        fields.displacements[:, used], fields.strains[:, used], missed, error, (1, 2, 3),
-        float(error.max()), fields,
-    )  # fmt: skip
+        names,
+        weights,
+        fields.held_out,
+        boundary.vertices,
+        boundary.faces,
+        fields.displacements[:, used],
+        fields.strains[:, used],
+        missed,
+        error,
+        (1, 2, 3),
+        float(error.max()),
+        fields,
+    )

@@ -225,9 +225,9 @@ def test_response_files(tmp_path):
     unknown = '{"schema": 1, "model": "x", "coefficients": {}, "strain_range": [0, 1]}'
     for text, code in (
         ("{", "not-json"),
-        ("[]", "bad-response-file"),
+        ("[]", "response-file-invalid"),
         ('{"schema": 2}', "wrong-schema"),
-        ('{"schema": 1, "model": "line"}', "bad-response-file"),
+        ('{"schema": 1, "model": "line"}', "response-file-invalid"),
         (unknown, "unknown-model"),
     ):
         path.write_text(text)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.sensing.voltage_divider import Dividers, choose_reference, measure_reference
+from defsense_fab.sensing.voltage_divider import (
+    Dividers,
+    choose_reference,
+    measure_reference,
+    reference_resistors,
+)
 from tests.support.errors import raises
 from tests.support.places import FIRMWARE
 
@@ -68,3 +73,10 @@ def test_references_are_measured_with_a_known_resistor():
         measure_reference(counts, 2000, 1024)
     with raises(CaptureError, "not-positive", field="reference"):
         Dividers(np.array([0.0]), 1024)
+
+
+def test_one_reference_resistor_is_that_of_all_channels():
+    assert reference_resistors((1500.0,), 3) == [1500.0] * 3
+    assert reference_resistors((1.0, 2.0), 2) == [1.0, 2.0]
+    with raises(CaptureError, "resistance-count-differs", count=2):
+        reference_resistors((1.0, 2.0), 3)

@@ -44,8 +44,9 @@ def defsense(command, folder):
     """Run a command of the command line on a device's folder."""
     subprocess.run(
         [sys.executable, "-m", "defsense_fab.cli.main", command, str(folder)],
-        check=True, capture_output=True,
-    )  # fmt: skip
+        check=True,
+        capture_output=True,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -66,14 +67,14 @@ def made_bar(tmp_path_factory):
     down, twist = text.index('[[poses]]\nname = "bend_down"'), text.index('[[poses]]\nname = "twi')
     text = text[:down] + text[twist:]
     (folder / "device.toml").write_text(text[: text.rindex("[[sensors]]")], encoding="utf-8")
-    # The page is compared with the results of the command, in a process of its own.
+    # In another process: the page is compared with the results of the command.
     defsense("build", folder)
     return folder
 
 
 @pytest.fixture
 def made_page(studio_server, made_bar, tmp_path):
-    """Open the page of a copy of that bar."""
+    """Open the page of a copy of the built bar."""
     yield from page_of(studio_server, made_bar, tmp_path / "bar")
 
 

@@ -1,9 +1,8 @@
-"""A device's file in a user's style: comments, spaces, tables in one line and in many.
-
-Also the controls of a page as a browser uses them.
-"""
+"""A device's file as a user writes it, and a page as a browser and its jobs use it."""
 
 from types import SimpleNamespace
+
+from defsense_fab.core.errors import DefsenseError
 
 TEXT = """\
 # A grip that knows how it is held.
@@ -66,7 +65,7 @@ control_points = [[2, 0], [10, 0], [140, 0], [148, 0]]
 
 
 def write_device(folder):
-    """Write the file, and a script that is not run, to the folder, and return the folder."""
+    """Write the file and a script, which is not run, and return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "device.toml").write_text(TEXT, encoding="utf-8")
     (folder / "grip.py").write_text(
@@ -86,3 +85,26 @@ def click(button):
     """Click a button of the page, as a browser does."""
     for callback in button._impl.update_cb:
         callback(None)
+
+
+class InlineProcess:
+    """A background job that runs in this process."""
+
+    is_running = False
+
+    def __init__(self, on_end):
+        self._on_end = on_end
+
+    def start(self, _run, task):
+        try:
+            result = task(progress=lambda *_: None)
+        except DefsenseError as error:
+            self._on_end(error, None)
+        else:
+            self._on_end(None, result)
+        return True
+
+    def cancel(self):
+        pass
+
+    close = cancel

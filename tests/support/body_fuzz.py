@@ -272,7 +272,7 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
 def dropped(name: str, content: bytes) -> str:
     """Return the result of dropping the file on the studio: `ok`, or the message."""
     from defsense_fab.core.errors import DefsenseError
-    from defsense_fab.workflow.starts.dropped_body import load_body_content
+    from defsense_fab.workflow.starts.body_file import load_body_content
 
     try:
         load_body_content(name, content)
@@ -288,12 +288,12 @@ def _line(messages: str) -> str:
 
 
 def outcome(messages: str) -> str:
-    """Return the kind of a message: `ok`, `refused`, `crash told`, or `fault`."""
+    """Return the kind of a message: `ok`, `refused`, `crash reported`, or `fault`."""
     if messages == "ok":
         return messages
     if messages.startswith("FAULT") or "did not end within" in messages:
         return "fault"
-    return "crash told" if "ended early" in messages else "refused"
+    return "crash reported" if "ended early" in messages else "refused"
 
 
 def main() -> None:

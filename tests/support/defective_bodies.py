@@ -1,13 +1,10 @@
 """Organic bodies with the usual defects of meshes, each with the intended body.
 
-`python -m tests.support.defective_bodies [--detail 4]` repairs each body and compares the result
-with the intended body, by methods that the repair does not use.
+Repaired bodies are measured by methods that the repair does not use.
 """
 
 from __future__ import annotations
 
-import argparse
-import resource
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -278,45 +275,3 @@ def sampled_distance(a: tuple, b: tuple, count: int = 20000) -> float:
     found = vtk.vtkDoubleArray()
     distance.FunctionValue(numpy_to_vtk(points, deep=True), found)
     return float(np.abs(vtk_to_numpy(found)).max())
-
-
-def main() -> None:
-    from defsense_fab.geometry.bodies.mesh_repair import repair_mesh
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--detail", type=int, default=4)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only")
-    options = parser.parse_args()
-    for name, make in BODIES.items():
-        if options.only and name != options.only:
-            continue
-        body = make(options.detail, options.seed)
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_utime
-        try:
-            v, f, done = repair_mesh(body.vertices, body.faces, name, fill_cavities=True)
-        except Exception as error:
-            print(f"{name}: {len(body.faces)} triangles: REFUSED {type(error).__name__}: {error}")
-            continue
-        seconds = resource.getrusage(resource.RUSAGE_SELF).ru_utime - before
-        edges = np.unique(np.sort(f[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0,
-                          return_counts=True)[1]  # fmt: skip
-        rng = np.random.default_rng(0)
-        points = rng.uniform(v.min(0), v.max(0), (200, 3))
-        winding = exact_winding(v, f, points)
-        off = np.abs(winding - np.round(winding)).max()
-        whole = sorted({int(w) for w in np.round(winding)})
-        print(f"{name}: {len(body.faces)} -> {len(f)} triangles, {seconds:.1f} CPU s, closed"
-              f" {bool((edges == 2).all())}, winding numbers {whole} within {off:.1g}, volume"
-              f" {100 * (volume_of(v, f) / body.volume - 1):+.3f} %, from what came"
-              f" {sampled_distance((v, f), (body.vertices, body.faces)):.3g} mm")  # fmt: skip
-        if body.meant is not None:
-            print(f"    from what was meant {sampled_distance((v, f), body.meant):.3g} mm, back"
-                  f" {sampled_distance(body.meant, (v, f)):.3g} mm")  # fmt: skip
-        for line in done:
-            print("   ", line)
-    print(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB")
-
-
-if __name__ == "__main__":
-    main()

@@ -39,10 +39,18 @@ def recorded() -> Maker:
     """Return a function that makes datasets of the same device."""
 
     def make(
-        seconds: float = 60.0, seed: int = 0, *, noise: float = 5e-4, tear: float = 0.0,
-        sigma: float = 0.05, gaps: float = 0.0, rate: float = 30.0, markers: int = 6,
-        gain: float | list[float] = 1.0, name: str = "run-1",
-    ) -> Dataset:  # fmt: skip
+        seconds: float = 60.0,
+        seed: int = 0,
+        *,
+        noise: float = 5e-4,
+        tear: float = 0.0,
+        sigma: float = 0.05,
+        gaps: float = 0.0,
+        rate: float = 30.0,
+        markers: int = 6,
+        gain: float | list[float] = 1.0,
+        name: str = "run-1",
+    ) -> Dataset:
         body, rng = np.random.default_rng(7), np.random.default_rng(seed)
         c = len(CHANNELS)
         bend, more = 0.06 * np.eye(c) + 0.02 * body.normal(size=(c, c)), body.normal(size=(6, c))

@@ -72,9 +72,18 @@ def recording(
     points = points + sigma * rng.normal(size=points.shape)
     points[rng.random(points.shape[:2]) < gaps] = np.nan
     return Recording(
-        name, "session-1", "unit-1", ts, R0 * (1 + s), R0, time, points,
-        np.full(points.shape, sigma or np.nan), 0.004, poses,
-    )  # fmt: skip
+        name,
+        "session-1",
+        "unit-1",
+        ts,
+        R0 * (1 + s),
+        R0,
+        time,
+        points,
+        np.full(points.shape, sigma or np.nan),
+        0.004,
+        poses,
+    )
 
 
 def dataset(*recordings):
@@ -102,9 +111,16 @@ def trained(data, features=affine_features, past=None, noise=1e-4):
     m = len(data.ids)
     intervals = Intervals(0.9, np.ones(m), np.nanquantile(miss, 0.9, axis=0), np.zeros(m))
     return TrainedModel(
-        "bar", "abc", "affine", data.channels, data.ids, data.rest_points, np.ones(3), np.zeros(3),
+        "bar",
+        "abc",
+        "affine",
+        data.channels,
+        data.ids,
+        data.rest_points,
+        np.ones(3),
+        np.zeros(3),
         Branch((0, 1, 2), past, decoder, within, intervals),
-    )  # fmt: skip
+    )
 
 
 __all__ = ["affine_features", "quadratic_features"]

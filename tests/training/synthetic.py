@@ -47,10 +47,17 @@ def signals(time: np.ndarray, seed: int) -> np.ndarray:
 
 
 def recording(
-    seed: int = 1, seconds: float = 40.0, *, rate: float = 60.0, frames: float = 30.0,
-    late: float = 0.0, noise: float = 1e-3, rest: np.ndarray = R0, session: str | None = None,
+    seed: int = 1,
+    seconds: float = 40.0,
+    *,
+    rate: float = 60.0,
+    frames: float = 30.0,
+    late: float = 0.0,
+    noise: float = 1e-3,
+    rest: np.ndarray = R0,
+    session: str | None = None,
     unit: str = "unit-1",
-) -> Recording:  # fmt: skip
+) -> Recording:
     """Return one run, with signals that are `late` seconds late."""
     rng = np.random.default_rng(100 + seed)
     t, f = np.arange(0, seconds, 1 / rate), np.arange(0, seconds, 1 / frames)
@@ -77,6 +84,13 @@ def recording(
 def dataset(*recordings: Recording, **changed) -> Dataset:
     """Return a dataset of these recordings, or of two of 40 s."""
     whole = recordings or (recording(1), recording(2))
-    given = {"device": "bar", "layout": "abc", "channels": CHANNELS, "ids": IDS,
-             "rest_points": REST, "recordings": whole, "provenance": {"sessions": []}}  # fmt: skip
+    given = {
+        "device": "bar",
+        "layout": "abc",
+        "channels": CHANNELS,
+        "ids": IDS,
+        "rest_points": REST,
+        "recordings": whole,
+        "provenance": {"sessions": []},
+    }
     return Dataset(**(given | changed))

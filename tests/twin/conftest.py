@@ -7,7 +7,6 @@ import pytest
 
 from defsense_fab.core.curve import arc_lengths
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform_to_regions
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.store.body import BodyRecord, save_body
@@ -17,6 +16,7 @@ from defsense_fab.store.layout import (
     LayoutRecord,
     LimitsRecord,
     PlaneRecord,
+    Prediction,
     PredictionRecord,
     save_layout,
 )

@@ -6,8 +6,7 @@ it (`.csv`: frame, time), as programs that record cameras write them; the truth 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -16,14 +15,10 @@ import numpy as np
 
 from defsense_fab.core.arrays import Bool, Float, Int
 from defsense_fab.core.camera import Camera
-from defsense_fab.core.errors import CaptureError, StorageError
-from defsense_fab.core.storage.files import replace_file, write_text
 from defsense_fab.twin.filming.camera_optics import Optics
-from defsense_fab.twin.filming.exposure import expose
+from defsense_fab.twin.filming.cameras import expose
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Scene
-
-CODECS = ("FFV1", "MJPG")  # the first is lossless
 
 
 @dataclass(frozen=True)
@@ -45,16 +40,6 @@ class Shutter:
     jitter: float = 0.0
     dropped: float = 0.0
     repeated: float = 0.0
-
-    def __post_init__(self) -> None:
-        shares = (self.dropped, self.repeated)
-        if not (self.rate > 0 and self.jitter >= 0 and all(0 <= p < 1 for p in shares)):
-            raise CaptureError(
-                "the rate must be positive, the jitter at least 0, and shares from 0 to below 1",
-                code="setting-out-of-range",
-                where="shutter",
-                record="shutter",
-            )
 
     def schedule(self, duration: float, rng: np.random.Generator) -> tuple[Int, Float, Float, Bool]:
         """Return the frames (f) of a film of `duration` s.
@@ -116,70 +101,31 @@ def record_film(
     rng: np.random.Generator,
     codec: str = "FFV1",
 ) -> FilmTruth:
-    """Write a film of `scene_at(s)` to `path`, its time stamps and its truth next to it."""
-    if codec not in CODECS:
-        raise CaptureError(
-            f"codec {codec!r} is not supported",
-            code="unknown-codec",
-            where=path.name,
-            action=f"Use one of {', '.join(CODECS)}",
-            codec=codec,
-        )
+    """Write a film of `scene_at(s)` to `path`, its time stamps and its truth next to it.
+
+    The codec FFV1 is lossless. All frames have the same patches, at least one.
+    """
     number, times, stamp, repeats = shutter.schedule(duration, rng)
-    if not len(number):
-        raise CaptureError(
-            f"a film of {duration} s at {shutter.rate} frames/s has no frames",
-            code="no-frames",
-            where=path.name,
-            action="Choose a longer duration or a higher rate",
-        )
     fourcc = cv2.VideoWriter.fourcc(*codec)
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, shutter.rate, camera.size, False)
+    assert writer.isOpened(), path
     renderer = Renderer(camera, optics, rng)
     scenes: list[Scene] = []
     shown: list[tuple[Float, Float]] = []
-    with (
-        replace_file(path) as part,
-        _writer(path, part, fourcc, shutter.rate, camera.size) as writer,
-    ):
-        for time, is_repeated in zip(times, repeats, strict=True):
-            if not is_repeated:
-                scene, instants = expose(scene_at, camera, float(time), optics)
-                rendered = renderer.shoot(scene, instants, float(time))
-            writer.write(rendered.image)
-            scenes.append(scene.replace(body=None))  # bodies would fill the memory
-            shown.append((rendered.corners, rendered.visible))
-            if len(scene.patches) != len(scenes[0].patches) or not scene.patches:
-                raise CaptureError(
-                    f"the scene has {len(scene.patches)} patches at {time:g} s, and"
-                    f" {len(scenes[0].patches)} in the first frame; a film needs the same patches"
-                    " in all frames, at least one",
-                    code="patches-differ",
-                    where=path.name,
-                )
+    for time, is_repeated in zip(times, repeats, strict=True):
+        if not is_repeated:
+            scene, instants = expose(scene_at, camera, float(time), optics)
+            rendered = renderer.shoot(scene, instants, float(time))
+        writer.write(rendered.image)
+        scenes.append(scene.replace(body=None))  # bodies would fill the memory
+        shown.append((rendered.corners, rendered.visible))
+    writer.release()
     lines = (f"{k},{t:.9f}" for k, t in enumerate(stamp))
-    write_text(path.with_suffix(".csv"), "\n".join(["frame,time", *lines]) + "\n")
+    path.with_suffix(".csv").write_text("\n".join(["frame,time", *lines]) + "\n")
     truth = _collect_truth(scenes, shown, (number, times, stamp, repeats))
-    save_truth(path.with_suffix(".npz"), truth)
+    arrays = {f.name: getattr(truth, f.name) for f in fields(FilmTruth)}
+    np.savez_compressed(path.with_suffix(".npz"), **arrays)
     return truth
-
-
-@contextmanager
-def _writer(
-    path: Path, part: Path, fourcc: int, rate: float, size: tuple[int, int]
-) -> Iterator[cv2.VideoWriter]:
-    """Open a video that is written to `part`, and close it in any case."""
-    writer = cv2.VideoWriter(str(part), cv2.CAP_FFMPEG, fourcc, rate, size, False)
-    try:
-        if not writer.isOpened():
-            raise StorageError(
-                "the video cannot be written",
-                code="file-not-writable",
-                where=path,
-                action="Check that the folder exists and that the file name ends in .mkv",
-            )
-        yield writer
-    finally:
-        writer.release()
 
 
 def _collect_truth(
@@ -199,13 +145,7 @@ def _collect_truth(
     )
 
 
-def save_truth(path: Path, truth: FilmTruth) -> None:
-    """Write the truth about a film as NPZ."""
-    with replace_file(path) as part:
-        np.savez_compressed(part, **{f.name: getattr(truth, f.name) for f in fields(FilmTruth)})
-
-
 def load_truth(path: Path) -> FilmTruth:
-    """Read what `save_truth` wrote."""
+    """Read the truth that `record_film` wrote."""
     with np.load(path, allow_pickle=False) as data:
         return FilmTruth(**{f.name: data[f.name] for f in fields(FilmTruth)})

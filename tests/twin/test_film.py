@@ -4,16 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.twin.filming.camera_optics import Optics
-from defsense_fab.twin.filming.exposure import expose
+from defsense_fab.twin.filming.cameras import expose
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Led, Patch, Scene
-from tests.support.errors import raises
 from tests.twin.film import Shutter, load_truth, record_film
-from tests.twin.views import camera, tag
+from tests.twin.views import UPRIGHT, camera, tag
 
-UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
 VIEW = camera((0, -150, 0), size=(160, 120), focal=160.0)
 
 
@@ -80,12 +77,3 @@ def test_repeated_frames_are_identical(tmp_path):
     same = (shown[1:] == shown[:-1]).all((1, 2, 3))
     assert (same == truth.repeats[1:]).all()
     assert truth.repeats.any()
-
-
-def test_films_without_frames_or_folder_are_rejected(tmp_path):
-    rng = np.random.default_rng(0)
-    with raises(CaptureError, "no-frames"):
-        record_film(tmp_path / "a.mkv", VIEW, scene_at, 0.0, Shutter(), Optics(), rng)
-    with raises(StorageError, "file-not-writable"):
-        record_film(tmp_path / "none" / "a.mkv", VIEW, scene_at, 0.1, Shutter(), Optics(), rng)
-    assert list(tmp_path.iterdir()) == []

@@ -6,6 +6,9 @@ from defsense_fab.core.camera import Camera
 
 STRONG_DISTORTION = (-0.35, 0.15, 0.004, -0.003, -0.02)
 
+#: Axes of a patch that a camera on the negative y axis sees upright.
+UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
+
 
 def camera(
     eye, target=(0, 0, 0), focal=320.0, size=(320, 240), lens=STRONG_DISTORTION, name="left"

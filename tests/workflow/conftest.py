@@ -1,5 +1,7 @@
 """Fixtures: a small bar created in Python, its simulation, layout, sessions and model."""
 
+from dataclasses import replace
+
 import pytest
 import trimesh
 
@@ -29,6 +31,11 @@ def small_bar(**changes):
         "values": {"states.ramp": [0.5, 1.0], "outputs.markers": 10, "design.decoder": "affine"},
     }
     return df.Device.create(**(values | changes))
+
+
+def with_record(model, **changes):
+    """Return the model with changes of its record."""
+    return replace(model, record=replace(model.record, **changes))
 
 
 @pytest.fixture(scope="session")
@@ -66,7 +73,7 @@ def sessions(saved):
 @pytest.fixture(scope="session")
 def twin(layout):
     """Return a recording of a minute of the simulated device."""
-    return df.record_twin(layout, seconds=60.0, seed=3)
+    return df.record_twin(layout, minutes=1, seed=3)
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """Test that invalid arguments are refused with a code, and that NumPy's numbers are accepted."""
 
+import threading
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -9,7 +10,7 @@ import pytest
 import defsense_fab as df
 from defsense_fab.workflow.arguments import plain
 from tests.support.errors import raises
-from tests.workflow.conftest import small_bar
+from tests.workflow.conftest import small_bar, with_record
 
 
 def mesh(faces):
@@ -35,18 +36,27 @@ RECURSIVE_TABLE["a"] = RECURSIVE_TABLE
         (lambda la: df.predict(la.simulation), "wrong-kind", "layout"),
         (lambda la: df.predict(la, la), "wrong-kind", "simulation"),
         (lambda la: df.predict(la, decoder=np.zeros(2)), "wrong-kind", "decoder"),
-        (lambda la: df.predict(la, decoder="best"), "decoder-unknown", "decoder"),
+        (lambda la: df.predict(la, decoder="best"), "unknown-decoder", "decoder"),
         (lambda la: df.predict(la, noise="x"), "not-a-number", "noise"),
         (lambda la: df.predict(la, noise=-1.0), "not-a-number", "noise"),
         (lambda la: df.record_twin(la.simulation), "wrong-kind", "layout"),
-        (lambda la: df.record_twin(la, seconds="1"), "not-a-number", "seconds"),
-        (lambda la: df.record_twin(la, seconds=1e12), "not-a-number", "seconds"),
-        (lambda la: df.record_twin(la, sessions=1.5), "not-a-whole-number", "sessions"),
-        (lambda la: df.record_twin(la, seed=-1), "not-a-whole-number", "seed"),
+        (lambda la: df.record_twin(la, minutes="1"), "wrong-kind", "minutes"),
+        (lambda la: df.record_twin(la, sessions=1.5), "wrong-kind", "sessions"),
+        (lambda la: df.record_twin(la, seconds=20), "argument-unknown", "seconds"),
+        (lambda la: df.record_twin(la, cameras="webcam"), "options-conflict", "cameras"),
         (lambda la: df.load_sessions(), "sessions-missing", "sessions"),
         (lambda la: df.load_sessions(["a"]), "not-a-path", "sessions[0]"),
         (lambda la: df.load_sessions(None), "not-a-path", "sessions[0]"),
         (lambda la: df.train(la), "wrong-kind", "data"),
+        (lambda la: df.evaluate(la, la), "wrong-kind", "model"),
+        (lambda la: df.recalibrate(la, "session"), "wrong-kind", "model"),
+        (lambda la: df.export_dataset(la), "wrong-kind", "data"),
+        (lambda la: df.record(None, ["none"], "none"), "not-a-path", "device"),
+        (lambda la: df.record("bar", "twin", "twin"), "not-a-list", "cameras"),
+        (lambda la: df.record("bar", ["twin"], 3), "wrong-kind", "port"),
+        (lambda la: df.record("bar", ["twin"], "twin", side=1), "argument-unknown", "side"),
+        (lambda la: df.process(3), "not-a-path", "session"),
+        (lambda la: df.process("session", align=3), "wrong-kind", "align"),
         (lambda la: df.Device.load(None), "not-a-path", "folder"),
         (lambda la: df.Device.load("\ud800"), "not-a-path", "folder"),
         (lambda la: df.Device.load(""), "not-a-path", "folder"),
@@ -67,7 +77,7 @@ RECURSIVE_TABLE["a"] = RECURSIVE_TABLE
             "cord.noise",
         ),
         (lambda la: la.simulation.index(0), "wrong-kind", "state"),
-        (lambda la: la.simulation.index("bent"), "state-unknown", "state"),
+        (lambda la: la.simulation.index("bent"), "unknown-state", "state"),
         (lambda la: la.simulation.displaced(None), "not-an-array", "points"),
         (lambda la: la.simulation.displaced(np.zeros((6, 2), complex)), "not-an-array", "points"),
         (lambda la: la.simulation.displaced(np.zeros((1, 3), bool)), "not-an-array", "points"),
@@ -115,8 +125,8 @@ def test_invalid_argument_is_refused(layout, call, code, argument):
         ({"edge_length": float("nan")}, "not-a-number", "edge_length"),
         ({"sensors": 99}, "not-a-whole-number", "sensors"),
         ({"body": 3}, "not-a-body", "body"),
-        ({"body": mesh([[0, 1, 2.5]])}, "vertex-unknown", "body.faces"),
-        ({"body": mesh([[0, 1, 4]])}, "vertex-unknown", "body.faces"),
+        ({"body": mesh([[0, 1, 2.5]])}, "unknown-vertex", "body.faces"),
+        ({"body": mesh([[0, 1, 4]])}, "unknown-vertex", "body.faces"),
         ({"body": mesh([])}, "mesh-empty", "body"),
         ({"units": 5}, "wrong-kind", "units"),
     ],
@@ -164,6 +174,7 @@ def test_invalid_value_of_a_device_is_refused(changes, code, key):
         (lambda m, la: m.save("none/model.json"), "file-not-found", {}),
         (lambda m, la: m.save(None), "not-a-path", {"argument": "path"}),
         (lambda m, la: m.save("model.txt"), "wrong-suffix", {"suffix": ".txt"}),
+        (lambda m, la: df.recalibrate(m), "sessions-missing", {"argument": "sessions"}),
         (lambda m, la: m.surface(None, la), "not-an-array", {"argument": "positions"}),
         (
             lambda m, la: m.surface(np.zeros((1, 10, 3)), None),
@@ -184,20 +195,77 @@ def test_invalid_value_of_a_device_is_refused(changes, code, key):
         (lambda m, la: la.picture().save("none.jpg"), "wrong-suffix", {"suffix": ".jpg"}),
         (lambda m, la: la.picture().save("none/a.png"), "file-not-found", {}),
         (lambda m, la: la.picture().save(None), "not-a-path", {"argument": "path"}),
-        (lambda m, la: df.live(m, la, port="twin", record=3), "not-a-path", {"argument": "record"}),
+        (lambda m, la: df.live(m, la, port="twin", record=3), "wrong-kind", {"argument": "record"}),
+        (lambda m, la: df.live(m, la, port="twin", rate=50.5), "wrong-kind", {"argument": "rate"}),
         (
             lambda m, la: df.live(m, la, port="twin", progress=3),
             "not-callable",
             {"argument": "progress"},
         ),
+        (
+            lambda m, la: m.surface(np.zeros((10, 3)), la),
+            "wrong-shape",
+            {"argument": "positions", "shape": (10, 3)},
+        ),
+        (lambda m, la: m.surface([["a"]], la), "not-an-array", {"argument": "positions"}),
+        (
+            lambda m, la: m.surface(np.full((1, 10, 3), np.inf), la),
+            "not-finite",
+            {"argument": "positions"},
+        ),
+        (
+            lambda m, la: m.surface(np.zeros((1, 10, 3)), la, "soft"),
+            "unknown-mode",
+            {"argument": "mode"},
+        ),
+        (
+            lambda m, la: m.surface(np.zeros((1, 10, 3)), la.simulation),
+            "wrong-kind",
+            {"argument": "layout"},
+        ),
+        (
+            lambda m, la: df.live(with_record(m, device="cube"), la, port="twin"),
+            "model-misfit",
+            {"reason": "device"},
+        ),
+        (
+            lambda m, la: df.live(with_record(m, layout="0"), la, port="twin"),
+            "model-misfit",
+            {"reason": "cords"},
+        ),
+        (lambda m, la: df.live("model.json", la, port="twin"), "wrong-kind", {"argument": "model"}),
+        (lambda m, la: df.live(m, port="twin"), "layout-missing", {"argument": "layout"}),
+        (lambda m, la: df.live(m, la, port="twin:speed=2"), "unknown-twin-option", {}),
+        (lambda m, la: df.live(m, la, port="/dev/none"), "port-not-found", {}),
+        (lambda m, la: df.live(m, la, port="replay:none.csv"), "file-not-found", {}),
+        (lambda m, la: df.live(m, la, port=3), "not-a-port", {"argument": "port"}),
+        (
+            lambda m, la: df.live(m, la, port="twin", rate=5),
+            "out-of-range",
+            {"value": 5},
+        ),
+        (
+            lambda m, la: df.live(m, la, port="twin", surface="soft"),
+            "unknown-choice",
+            {"value": "soft"},
+        ),
+        (
+            lambda m, la: df.live(m, la, port="twin:minutes=1", rest=[1, 2]),
+            "resistance-count-differs",
+            {"count": 2},
+        ),
+        (lambda m, la: df.train(3, la), "wrong-kind", {"argument": "data"}),
+        (lambda m, la: df.load_sessions("none"), "file-not-found", {}),
     ],
 )
-def test_invalid_call_of_a_model_is_refused_and_leaves_no_file(
+def test_invalid_call_of_a_model_is_refused_and_leaves_no_file_and_no_thread(
     layout, model, call, code, data, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
+    before = threading.active_count()
     with raises(df.DefsenseError, code, **data):
         call(model, layout)
+    assert threading.active_count() == before
     assert not list(tmp_path.iterdir())
 
 
@@ -206,17 +274,33 @@ def test_invalid_call_of_a_model_is_refused_and_leaves_no_file(
     [
         ({"layout": 3}, "wrong-kind", "layout"),
         ({"decoder": None}, "wrong-kind", "decoder"),
-        ({"test_share": "a"}, "not-a-number", "test_share"),
-        ({"test_share": 1.0}, "out-of-range", "test_share"),
+        ({"test_share": "a"}, "wrong-kind", "test_share"),
         ({"is_synchronized": "no"}, "not-a-bool", "is_synchronized"),
         ({"time_shift": "soon"}, "not-a-number", "time_shift"),
-        ({"excluded_markers": 3}, "not-a-list", "excluded_markers"),
-        ({"excluded_markers": ["a"]}, "not-a-whole-number", "excluded_markers"),
+        ({"without_markers": 3}, "wrong-kind", "without_markers"),
+        ({"without_markers": ["a"]}, "wrong-kind", "without_markers"),
+        ({"marker": 3}, "argument-unknown", "marker"),
     ],
 )
 def test_invalid_option_of_training_is_refused(twin, options, code, argument):
     with raises(df.DefsenseError, code, argument=argument):
         df.train(twin, **options)
+
+
+@pytest.mark.parametrize(
+    ("function", "options"),
+    [
+        (df.train, {"test_share": 1.0}),
+        (df.train, {"folds": 1}),
+        (df.train, {"level": np.float32("nan")}),
+        (df.record_twin, {"minutes": 1e12}),
+        (df.record_twin, {"seed": -1}),
+    ],
+)
+def test_option_out_of_range_is_refused(twin, layout, function, options):
+    with raises(df.DefsenseError, "out-of-range") as caught:
+        function(twin if function is df.train else layout, **options)
+    assert [caught.value.where] == list(options)
 
 
 @pytest.mark.parametrize(
@@ -280,8 +364,8 @@ def test_functions_accept_numbers_of_numpy(layout, twin):
         is_synchronized=np.bool_(True),
         time_shift=np.float32(0.0),
         test_share=np.float32(0.25),
-        excluded_markers=np.array([0]),
+        without_markers=np.array([0]),
     )
     assert model.rest_positions.shape == (9, 3)
-    short = df.record_twin(layout, seconds=np.int64(20), seed=np.int32(3), sessions=np.int8(1))
+    short = df.record_twin(layout, minutes=np.float32(0.25), seed=np.int32(3), sessions=np.int8(1))
     assert len(short.recordings) == 1

@@ -33,19 +33,31 @@ def test_experiment_must_be_loaded(tmp_path):
         df.reproduce("examples/bar", tmp_path)
 
 
-def test_specimen_twin_is_recorded_and_fitted(tmp_path):
-    session = df.record_specimen_twin(tmp_path / "specimen", k_res=2.0, length=150, seed=150)
-    fitted = df.fit_response([session], tmp_path / "response.json")
+def test_simulated_specimen_is_fitted(tmp_path):
+    sessions = df.simulate_specimens(tmp_path / "twin", k=2.0, lengths=[150], seed=2)
+    fitted = df.fit_response(sessions, tmp_path / "response.json")
     assert isinstance(fitted, df.FittedResponse)
     assert fitted.data["k_res"] == pytest.approx(2.0, abs=0.15)
     low, high = fitted.data["interval"]
     assert low < fitted.data["k_res"] < high
     assert (tmp_path / "response.html").is_file()
+    assert df.fit_response(sessions, model="quadratic").data["model"] == "quadratic"
+    with raises(CalibrationError, "out-of-range"):
+        df.fit_response(sessions, spread=51)
 
 
-def test_invalid_slope_is_refused(tmp_path):
-    with raises(CalibrationError, "not-a-number", argument="k_res"):
-        df.record_specimen_twin(tmp_path / "specimen", k_res=-1)
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"k": 1e3}, "out-of-range"),
+        ({"response": "line"}, "wrong-kind"),
+        ({"k_res": 2.0}, "argument-unknown"),
+    ],
+)
+def test_invalid_specimen_is_refused(tmp_path, options, code):
+    with raises(CalibrationError, code):
+        df.simulate_specimens(tmp_path / "twin", **options)
+    assert not (tmp_path / "twin").exists()
 
 
 def test_sources_must_be_a_list():

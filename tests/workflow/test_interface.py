@@ -1,5 +1,6 @@
 """Test the Python interface from values to a live run, and compare it with the command line."""
 
+import ast
 import os
 import re
 import signal
@@ -24,10 +25,10 @@ from defsense_fab.store.fields import load_fields
 from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
 from defsense_fab.store.manifest import load_manifest
 from defsense_fab.store.mesh import load_mesh
-from defsense_fab.training.models import train_device
+from defsense_fab.workflow.train import training
 from tests.support.errors import raises
 from tests.support.places import ROOT
-from tests.workflow.conftest import small_bar
+from tests.workflow.conftest import small_bar, with_record
 
 
 def test_results_equal_those_of_the_command_line(device, simulation, layout, saved):
@@ -54,7 +55,7 @@ def test_only_build_writes_into_the_device_folder(device, tmp_path):
     assert loaded.build("mesh") == tmp_path / "small" / "build"
     surface, mesh = load_surface(loaded.build("mesh")), load_mesh(loaded.build("mesh"))
     assert sum(mesh.volumes) == pytest.approx(surface.volume, rel=1e-3)
-    with raises(df.DefsenseError, "stage-unknown"):
+    with raises(df.DefsenseError, "unknown-stage"):
         loaded.build("meshes")
     del loaded
     assert not folder.exists()
@@ -102,6 +103,26 @@ def test_model_of_a_twin_decodes_its_recording(twin, model):
         model.predict(run.sample_time, run.ohm[:, [0, 0]], run.rest)
 
 
+def test_model_is_evaluated_on_frames_that_it_was_not_trained_on(twin, model, layout):
+    result = df.evaluate(model, twin, layout, against=[with_record(model, kind="other")])
+    assert isinstance(result, df.SessionEvaluation)
+    assert [m.name for m in result.models] == ["model", "against[0]"]
+    total = result.models[0].evaluation.total
+    assert total.rmse == pytest.approx(model.test_rmse, rel=0.05)
+    assert total.frames < twin.frame_count
+    all_frames = df.evaluate(model, twin, last_share=1.0)
+    assert all_frames.models[0].evaluation.total.frames > total.frames
+
+
+def test_exported_dataset_is_loaded_again(twin, layout, tmp_path):
+    exported = df.export_dataset(twin, layout, out=tmp_path / "data")
+    assert exported.dataset.frame_count == twin.frame_count
+    loaded = df.load_sessions(tmp_path / "data")
+    np.testing.assert_array_equal(loaded.recordings[0].ohm, twin.recordings[0].ohm)
+    with raises(df.DefsenseError, "output-missing"):
+        df.export_dataset(twin)
+
+
 def test_model_of_sessions_equals_that_of_the_command(
     layout, saved, sessions, tmp_path, monkeypatch
 ):
@@ -112,7 +133,7 @@ def test_model_of_sessions_equals_that_of_the_command(
         def now(zone):
             return datetime(2026, 1, 1, tzinfo=zone)
 
-    monkeypatch.setattr(train_device, "datetime", Clock)
+    monkeypatch.setattr(training, "datetime", Clock)
     command, python = tmp_path / "command.json", tmp_path / "python.json"
     arguments = ["train", *map(str, sessions), "--device", str(saved), "--decoder", "quadratic"]
     assert main([*arguments, "--shift", "auto", "--out", str(command)]) == 0
@@ -200,89 +221,6 @@ def test_script_is_saved_with_its_imports(tmp_path):
     assert device.record.body.kind == "script"
 
 
-def test_times_of_a_dataset_must_increase():
-    with raises(df.DefsenseError, "times-not-increasing"):
-        df.dataset(
-            [0, 0],
-            [[1.0], [1]],
-            np.zeros((2, 1, 3)),
-            rest_resistances=[1.0],
-            rest_positions=np.zeros((1, 3)),
-            channels=["a"],
-        )
-
-
-@pytest.mark.parametrize(
-    ("call", "code", "data"),
-    [
-        (
-            lambda m, la: m.surface(np.zeros((10, 3)), la),
-            "wrong-shape",
-            {"argument": "positions", "shape": (10, 3)},
-        ),
-        (lambda m, la: m.surface([["a"]], la), "not-an-array", {"argument": "positions"}),
-        (
-            lambda m, la: m.surface(np.full((1, 10, 3), np.inf), la),
-            "not-finite",
-            {"argument": "positions"},
-        ),
-        (
-            lambda m, la: m.surface(np.zeros((1, 10, 3)), la, "soft"),
-            "mode-unknown",
-            {"argument": "mode"},
-        ),
-        (
-            lambda m, la: m.surface(np.zeros((1, 10, 3)), la.simulation),
-            "wrong-kind",
-            {"argument": "layout"},
-        ),
-        (
-            lambda m, la: df.live(with_record(m, device="cube"), la, port="twin"),
-            "model-misfit",
-            {"reason": "device"},
-        ),
-        (
-            lambda m, la: df.live(with_record(m, layout="0"), la, port="twin"),
-            "model-misfit",
-            {"reason": "cords"},
-        ),
-        (lambda m, la: df.live("model.json", la, port="twin"), "wrong-kind", {"argument": "model"}),
-        (lambda m, la: df.live(m, port="twin"), "layout-missing", {"argument": "layout"}),
-        (lambda m, la: df.live(m, la, port="twin:speed=2"), "twin-option-unknown", {}),
-        (lambda m, la: df.live(m, la, port="/dev/none"), "port-not-found", {}),
-        (lambda m, la: df.live(m, la, port="replay:none.csv"), "file-not-found", {}),
-        (lambda m, la: df.live(m, la, port=3), "not-a-port", {"argument": "port"}),
-        (
-            lambda m, la: df.live(m, la, port="twin", rate=5),
-            "not-a-whole-number",
-            {"argument": "rate"},
-        ),
-        (
-            lambda m, la: df.live(m, la, port="twin", surface="soft"),
-            "mode-unknown",
-            {"argument": "surface"},
-        ),
-        (
-            lambda m, la: df.live(m, la, port="twin", rest_resistances=[1, 2]),
-            "not-resistances",
-            {"argument": "rest_resistances", "channels": ("top",)},
-        ),
-        (lambda m, la: df.train(3, la), "wrong-kind", {"argument": "data"}),
-        (lambda m, la: df.load_sessions("none"), "file-not-found", {}),
-    ],
-)
-def test_invalid_call_of_a_model_is_refused_and_leaves_no_thread(layout, model, call, code, data):
-    before = threading.active_count()
-    with raises(df.DefsenseError, code, **data):
-        call(model, layout)
-    assert threading.active_count() == before
-
-
-def with_record(model, **changes):
-    """Return the model with changes of its record."""
-    return replace(model, record=replace(model.record, **changes))
-
-
 def test_code_blocks_of_the_page_run_in_order(twin, saved, sessions, tmp_path, monkeypatch):
     """A small device replaces the bar, and a minute of its twin replaces two."""
     page = (ROOT / "docs/python.md").read_text(encoding="utf-8")
@@ -300,7 +238,7 @@ def test_code_blocks_of_the_page_run_in_order(twin, saved, sessions, tmp_path, m
     np.savez("taken.npz", time=run.time, ohm=ohm, positions=places)
     names = {"__name__": "page"}
     for block in blocks:
-        exec(block.replace("seconds=120", "seconds=60"), names)
+        exec(block.replace("minutes=2", "minutes=1"), names)
     assert {p.name for p in tmp_path.iterdir()} >= {"parts", "block", "model.json"}
     assert names["skin"].vertices.shape == (36, 87, 3)
     assert names["live"].closed
@@ -317,9 +255,17 @@ def test_import_of_the_package_is_light():
     assert {"Device", "simulate", "optimize", "predict"} <= set(dir(df))
 
 
-def test_subpackage_does_not_replace_the_function_of_its_name(simulation):
-    assert sys.modules["defsense_fab.optimize"] is not df.optimize
-    assert callable(df.optimize)
+def test_all_names_of_the_interface_can_be_loaded_and_have_types():
+    tree = ast.parse((ROOT / "defsense_fab" / "__init__.py").read_text(encoding="utf-8"))
+    (typed,) = [n for n in tree.body if ast.unparse(n).startswith("if TYPE_CHECKING")]
+    names = {alias.asname for node in typed.body for alias in node.names}
+    assert names <= set(dir(df))
+    assert names == {name for name in dir(df) if public_object(getattr(df, name))}
+
+
+def public_object(value):
+    """Return whether a value is a class or function of the package."""
+    return getattr(value, "__module__", "").startswith("defsense_fab.")
 
 
 def test_results_are_of_public_types(simulation, layout, twin):

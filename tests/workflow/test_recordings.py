@@ -52,3 +52,15 @@ def test_unlikely_units_are_noted(twin, factors, unit):
     model = df.train(scaled_dataset(twin, **factors), decoder="affine", is_synchronized=True)
     assert any(unit in note for note in model.notes)
     assert f"{len(model.notes)} notes" in repr(model)
+
+
+def test_times_of_a_dataset_must_increase():
+    with raises(df.DefsenseError, "times-not-increasing"):
+        df.dataset(
+            [0, 0],
+            [[1.0], [1]],
+            np.zeros((2, 1, 3)),
+            rest_resistances=[1.0],
+            rest_positions=np.zeros((1, 3)),
+            channels=["a"],
+        )

@@ -16,8 +16,9 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.camera import Camera, cross_matrices, distort
+from ...core.camera import Camera, distort
 from ...core.errors import CaptureError
+from ...core.rotations import cross_matrices
 from ..tags.detection import BoardView
 from ..tags.tag_patterns import CharucoBoard
 from .intrinsics import find_board_pose
@@ -124,7 +125,7 @@ def _chain_poses(
         if count < MIN_VIEWS:
             raise CaptureError(
                 f"they saw the board together {count} times, but {MIN_VIEWS} views are needed",
-                code="views-too-few",
+                code="too-few-views",
                 where=f"cameras {cameras[a].name} and {cameras[b].name}",
                 action="Hold the board where both see it",
                 cameras=(cameras[a].name, cameras[b].name),
@@ -266,8 +267,8 @@ class BundleAdjustment:
     def camera_residuals(self, x: Float) -> list[Float]:
         """Return corners minus projected points (n, 2), px, for each camera."""
         out: list[list[Float]] = [[] for _ in self._cameras]
-        for c, k, points, seen in self._rows:
-            out[c].append(seen - self._project(x, c, k, points)[0])
+        for c, k, points, pixels in self._rows:
+            out[c].append(pixels - self._project(x, c, k, points)[0])
         return [np.concatenate(m) if m else np.zeros((0, 2)) for m in out]
 
     def common_error(self, x: Float) -> float:
@@ -287,7 +288,7 @@ class BundleAdjustment:
         """Return the variances, px^2, of the errors that a view's corners share and do not share,
         and the mean number of corners.
         """
-        views = [seen - self._project(x, c, k, points)[0] for c, k, points, seen in self._rows]
+        views = [pixels - self._project(x, c, k, points)[0] for c, k, points, pixels in self._rows]
         count = float(np.mean([len(v) for v in views]))
         single = float(np.mean(np.concatenate([v - v.mean(axis=0) for v in views]) ** 2))
         means = float(np.mean(np.array([v.mean(axis=0) for v in views]) ** 2))

@@ -77,14 +77,10 @@ class Webcam:
     Args:
         address: Index (`0`) or device (`/dev/video0`) of the camera.
         size: Requested width and height, px; 1280 x 720 by default.
-        rate: Requested frames per second.
     """
 
-    def __init__(
-        self, address: str, size: tuple[int, int] | None = None, rate: float | None = None
-    ) -> None:
+    def __init__(self, address: str, size: tuple[int, int] | None = None) -> None:
         self.name, self.size = address, size or (1280, 720)
-        self._rate = rate
         self._capture: cv2.VideoCapture | None = None
         self._frames: deque[tuple[Image, int]] = deque(maxlen=MAX_WAITING_FRAMES)
         self._frame_arrived, self._stop = threading.Condition(), threading.Event()
@@ -109,8 +105,6 @@ class Webcam:
             )
         self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.size[0])
         self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self.size[1])
-        if self._rate:
-            self._capture.set(cv2.CAP_PROP_FPS, self._rate)
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         has_image, image = self._capture.read()
         if not has_image:

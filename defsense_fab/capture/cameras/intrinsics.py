@@ -19,8 +19,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ...core.arrays import Bool, Float
-from ...core.camera import Camera, distort, rotation_matrices
+from ...core.camera import Camera, distort
 from ...core.errors import CaptureError
+from ...core.rotations import rotation_matrices
 from ..tags.detection import BoardView
 from ..tags.tag_patterns import CharucoBoard
 
@@ -196,7 +197,7 @@ def calibrate_camera(
     if len(views) < MIN_VIEWS:
         raise CaptureError(
             f"the board was found in {len(views)} views, but {MIN_VIEWS} are needed",
-            code="views-too-few",
+            code="too-few-views",
             where=f"camera {name}",
             action="Hold the board still and well lit, at more positions and tilts",
             camera=name,

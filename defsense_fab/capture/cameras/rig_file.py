@@ -72,7 +72,7 @@ def read_rig(path: Path) -> Rig:
             action="Choose the file of a calibration",
         )
     ordered = sorted(tables.items(), key=lambda kv: int(kv[0][4:]))
-    cameras = tuple(_parse_camera(path, key, table) for key, table in ordered)
+    cameras = tuple(_CameraTable(path, key, table).camera() for key, table in ordered)
     try:
         check_names([c.name for c in cameras])
     except CaptureError as error:
@@ -84,100 +84,90 @@ def read_rig(path: Path) -> Rig:
     return Rig(cameras, placed, metadata if isinstance(metadata, dict) else {})
 
 
-def _parse_camera(path: Path, key: str, table: Any) -> Camera:
-    """Return the camera of a table `[key]`."""
-    where = f"{path}: [{key}]"
+class _CameraTable:
+    """A table `[key]` of a file, with errors that name it."""
 
-    def read_numbers(name: str, shape: tuple[int, ...]) -> Any:
+    def __init__(self, path: Path, key: str, table: Any) -> None:
+        self._where, self._key = f"{path}: [{key}]", key
+        if not isinstance(table, dict):
+            raise CaptureError(
+                "must be a table",
+                code="not-a-table",
+                where=self._where,
+                action="Calibrate again",
+                key=key,
+            )
+        self._table = table
+
+    def error(
+        self, problem: str, code: str, action: str = "Calibrate again", **data: Any
+    ) -> CaptureError:
+        """Return an error about the table."""
+        data = {**data, "table": self._key}
+        return CaptureError(problem, code=code, where=self._where, action=action, **data)
+
+    def numbers(self, name: str, shape: tuple[int, ...] | None = None) -> Any:
+        """Return numbers of a shape, or of any."""
         try:
-            values = np.array(table[name], float)
+            values = np.array(self._table[name], float)
         except KeyError:
-            raise CaptureError(
-                f"{name} is missing",
-                code="key-missing",
-                where=where,
-                action="Calibrate again",
-                table=key,
-                key=name,
-            ) from None
+            raise self.error(f"{name} is missing", "key-missing", key=name) from None
         except (TypeError, ValueError):
-            raise CaptureError(
-                f"{name} must be numbers",
-                code="not-a-number",
-                where=where,
-                action="Calibrate again",
-                table=key,
-                key=name,
-            ) from None
-        if shape and values.shape != shape:
-            raise CaptureError(
+            raise self.error(f"{name} must be numbers", "not-a-number", key=name) from None
+        if shape is not None and values.shape != shape:
+            raise self.error(
                 f"{name} must have the shape {' x '.join(map(str, shape))}, but has"
                 f" {' x '.join(map(str, values.shape)) or 'one number'}",
-                code="shape-wrong",
-                where=where,
-                action="Calibrate again",
-                table=key,
+                "wrong-shape",
                 key=name,
             )
         return values
 
-    if not isinstance(table, dict):
-        raise CaptureError(
-            "must be a table",
-            code="not-a-table",
-            where=where,
-            action="Calibrate again",
-            key=key,
-        )
-    fisheye = table.get("fisheye", False)
-    if not isinstance(fisheye, bool):
-        raise CaptureError(
-            "fisheye must be true or false",
-            code="not-a-boolean",
-            where=where,
-            action="Write true or false",
-            table=key,
-            key="fisheye",
-        )
-    size = read_numbers("size", (2,))
-    distortions = read_numbers("distortions", ()).ravel()
-    rotation, translation = read_numbers("rotation", (3,)), read_numbers("translation", (3,))
-    matrix = read_numbers("matrix", (3, 3))
-    is_finite = np.isfinite(rotation).all() and np.isfinite(size).all()
-    if not is_finite or (size != np.round(size)).any():
-        raise CaptureError(
-            "size must be whole numbers and rotation finite numbers",
-            code="not-a-number",
-            where=where,
-            action="Calibrate again",
-            table=key,
-        )
-    if not ((size >= 1) & (size <= MAX_IMAGE_PX)).all():
-        raise CaptureError(
-            f"size must be the width and height in pixels, 1 to {MAX_IMAGE_PX} each",
-            code="image-size-invalid",
-            where=where,
-            action="Calibrate again",
-            table=key,
-        )
-    try:
-        return Camera(
-            str(table.get("name", key)),
-            (int(size[0]), int(size[1])),
-            matrix,
-            distortions if fisheye else _trim_distortions(distortions),
-            Rotation.from_rotvec(rotation).as_matrix(),
-            translation,
-            fisheye,
-        )
-    except CaptureError as error:
-        raise CaptureError(
-            error.problem,
-            code=error.code,
-            where=where,
-            action=error.action,
-            **{**error.data, "table": key},
-        ) from None
+    def size(self) -> tuple[int, int]:
+        """Return the width and height of the images, px."""
+        size = self.numbers("size", (2,))
+        if not np.isfinite(size).all() or (size != np.round(size)).any():
+            raise self.error("size must be whole numbers", "not-a-number", key="size")
+        if not ((size >= 1) & (size <= MAX_IMAGE_PX)).all():
+            raise self.error(
+                f"size must be the width and height in pixels, 1 to {MAX_IMAGE_PX} each",
+                "image-size-invalid",
+                key="size",
+            )
+        return int(size[0]), int(size[1])
+
+    def is_fisheye(self) -> bool:
+        """Return whether the lens is a fisheye."""
+        fisheye = self._table.get("fisheye", False)
+        if not isinstance(fisheye, bool):
+            raise self.error(
+                "fisheye must be true or false",
+                "not-a-bool",
+                "Write true or false",
+                key="fisheye",
+            )
+        return fisheye
+
+    def camera(self) -> Camera:
+        """Return the camera."""
+        is_fisheye, size = self.is_fisheye(), self.size()
+        distortions = self.numbers("distortions").ravel()
+        rotation = self.numbers("rotation", (3,))
+        if not np.isfinite(rotation).all():
+            raise self.error("rotation must be finite numbers", "not-a-number", key="rotation")
+        matrix, translation = self.numbers("matrix", (3, 3)), self.numbers("translation", (3,))
+        try:
+            return Camera(
+                str(self._table.get("name", self._key)),
+                size,
+                matrix,
+                distortions if is_fisheye else _trim_distortions(distortions),
+                Rotation.from_rotvec(rotation).as_matrix(),
+                translation,
+                is_fisheye,
+            )
+        except CaptureError as error:
+            raise self.error(error.problem, error.code, error.action, **error.data) from None
 
 
 def _trim_distortions(distortions: Any) -> Any:

@@ -38,16 +38,40 @@ class Clocks:
     Attributes:
         offset: Host time at device time zero, s.
         drift: Relative rate difference.
-        delay: Median time by which frames arrived later than the earliest ones, s.
     """
 
     offset: float
     drift: float
-    delay: float
 
     def to_host(self, device: Float) -> Float:
         """Return the host's times, s, of device times, s."""
         return np.asarray(self.offset + (1 + self.drift) * np.asarray(device))
+
+
+@dataclass(frozen=True)
+class ClockMatch:
+    """Fitted relation: camera - middle = (1 + drift) (device - device_middle), s.
+
+    Attributes:
+        drift: Relative rate difference.
+        sigma: Standard deviation of the offset at the middle, s.
+        drift_sigma: Standard deviation of `drift`.
+        middle: Camera time, s.
+        device_middle: Device time, s.
+        span: Time that was compared, s.
+    """
+
+    drift: float
+    sigma: float
+    drift_sigma: float
+    middle: float
+    device_middle: float
+    span: float
+
+    @property
+    def end_sigma(self) -> float:
+        """Standard deviation of the offset at the ends of the span, s."""
+        return float(np.hypot(self.sigma, self.drift_sigma * self.span / 2))
 
 
 def fit_clocks(device: Float, host: Float) -> Clocks:
@@ -71,8 +95,7 @@ def fit_clocks(device: Float, host: Float) -> Clocks:
     # Subtracted before the fit, so that the drift keeps its digits.
     x, y = device - device_start, host - host_start - (device - device_start)
     if np.ptp(x) <= 0:
-        offset = float((host - device).min())
-        return Clocks(offset, 0.0, float(np.median(host - device) - offset))
+        return Clocks(float((host - device).min()), 0.0)
     hull: list[int] = []
     for i in np.lexsort((y, x)):
         while len(hull) > 1 and _turns_right(x, y, hull[-2], hull[-1], int(i)):
@@ -83,8 +106,7 @@ def fit_clocks(device: Float, host: Float) -> Clocks:
     a, b = hull[k - 1], hull[k]
     drift = float((y[b] - y[a]) / (x[b] - x[a]))
     offset = float(y[a] - drift * x[a])
-    delay = y - (offset + drift * x)
-    return Clocks(host_start + offset - (1 + drift) * device_start, drift, float(np.median(delay)))
+    return Clocks(host_start + offset - (1 + drift) * device_start, drift)
 
 
 def _turns_right(x: Float, y: Float, a: int, b: int, c: int) -> bool:
@@ -98,12 +120,10 @@ class FrameTimes:
     Attributes:
         time: Times (t,), s.
         is_even: Whether the frames have one rate; if not, `time` holds the stamps.
-        delay: Median delay of the stamps, s.
     """
 
     time: Float
     is_even: bool
-    delay: float
 
 
 def even_frame_times(stamp: Float) -> FrameTimes:
@@ -115,7 +135,7 @@ def even_frame_times(stamp: Float) -> FrameTimes:
     Returns:
         Times on an even grid, or the stamps themselves if the frames do not have one rate.
     """
-    unchanged = FrameTimes(stamp, False, 0.0)
+    unchanged = FrameTimes(stamp, False)
     step = np.diff(stamp)
     if len(stamp) < BLOCK_FRAMES or not (step > 0).any():
         return unchanged
@@ -140,10 +160,8 @@ def even_frame_times(stamp: Float) -> FrameTimes:
             break
         count = min(2 * count, len(stamp))
         tolerance = 1 / count  # by which the last of them would be a frame off
-    delay = stamp - line
-    if not _has_one_rate(stamp, delay, period):
-        return unchanged
-    return FrameTimes(line, True, float(np.median(delay)))
+    is_even = _has_one_rate(stamp, stamp - line, period)
+    return FrameTimes(line, True) if is_even else unchanged
 
 
 def _has_one_rate(stamp: Float, delay: Float, period: float) -> bool:

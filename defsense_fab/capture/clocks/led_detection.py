@@ -1,15 +1,13 @@
 """Find the read-out board's LED in a camera's images by how it blinks.
 
 Images are reduced to means of blocks, and the newest ones are kept. The LED is where a block's
-brightness has two levels and nothing between, and stays on each as long as the LED does. From then
-on only the blocks around that place are kept. Moving tags, flickering lamps and noise have other
-levels or other times.
+brightness has two levels and nothing between, and stays on each for the same time. Moving tags,
+flickering lamps and noise have other levels or irregular times.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -29,63 +27,29 @@ MAX_CANDIDATES = 100
 MIN_CONTRAST_SIGMAS = 8.0
 MAX_BETWEEN_SHARE = 0.12  # of the frames that are between the levels
 MIN_SWITCHES = 6
-MIN_REGULAR_SHARE = 0.7  # of the time that is spent in stays as long as the LED's
+MIN_REGULAR_SHARE = 0.7  # of the time that is spent in stays of the usual length
 MIN_STAY_FRAMES = 3  # of an LED that can be followed
 
 _Blocks = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class LedTrace:
-    """Brightness of the LED in t frames, all since the first.
-
-    Attributes:
-        place: Position of the LED in the image (2,), px.
-        brightness: Brightness (t,), grey levels of a block; NaN in early frames that were not kept.
-        contrast: Difference between lit and dark, grey levels.
-        noise: Standard deviation of either, grey levels.
-    """
-
-    place: Float
-    brightness: Float
-    contrast: float
-    noise: float
-
-
 class LedDetector:
-    """Finds an LED that switches at a regular pace.
+    """Finds an LED that switches at a regular pace."""
 
-    Args:
-        stay: Frames between two switches: the LED's period times the camera's rate. None accepts
-            any regular pace.
-
-    Raises:
-        CaptureError: If `stay` is too short to be seen.
-    """
-
-    def __init__(self, stay: float | None = None) -> None:
-        if stay is not None and not stay >= MIN_STAY_FRAMES:
-            raise CaptureError(
-                f"an LED that switches every {stay:.1f} frames cannot be followed; at least"
-                f" {MIN_STAY_FRAMES} frames are needed",
-                code="led-too-fast",
-                where="LED",
-                action="Choose a longer period",
-            )
-        self._stay = stay
+    def __init__(self) -> None:
         self._recent: deque[_Blocks] = deque(maxlen=RECENT_FRAMES)
         self._count = 0
         self._size: tuple[int, int] | None = None
         self._next_search = FIRST_SEARCH_FRAMES
-        self._location: tuple[int, int] | None = None  # row and column of the block
-        self._neighborhoods: list[_Blocks] = []  # blocks around it, from frame `_first_frame` on
-        self._first_frame = 0
 
-    def add(self, image: NDArray[np.uint8]) -> None:
-        """Add the next frame.
+    def add(self, image: NDArray[np.uint8]) -> Float | None:
+        """Add the next frame, and search the newest frames from time to time.
 
         Args:
             image: Grey (h, w) or color (h, w, 3) image.
+
+        Returns:
+            Position of the LED in the image (2,), px; None until it is found.
 
         Raises:
             CaptureError: If the image is too small, or its size differs from the first.
@@ -110,69 +74,39 @@ class LedDetector:
                 frame=self._count,
                 size=size,
             )
-        blocks = _block_means(image)
         self._count += 1
-        if self._location is not None:
-            self._neighborhoods.append(blocks[_neighborhood(self._location)].copy())
-            return
-        self._recent.append(blocks)
-        if self._count >= self._next_search:
-            # A search takes as long as several frames, so searches get rarer while none succeeds.
-            self._next_search += min(self._count, MAX_SEARCH_INTERVAL_FRAMES)
-            self._search()
-
-    @property
-    def is_located(self) -> bool:
-        """Whether the LED has been found."""
-        return self._location is not None
-
-    def trace(self) -> LedTrace | None:
-        """Return the LED's position and brightness; None if nothing blinks as it does."""
-        if self._location is None:
-            self._search()
-        if self._location is None:
+        self._recent.append(_block_means(image))
+        if self._count < self._next_search:
             return None
-        blocks = np.array(self._neighborhoods, float)
-        flat = blocks.reshape(len(blocks), -1)
-        row, column = self._location
-        corner = max(row - NEIGHBOR_BLOCKS, 0), max(column - NEIGHBOR_BLOCKS, 0)
-        center = flat[:, (row - corner[0]) * blocks.shape[2] + column - corner[1]]
-        levels = _two_levels(center)
-        is_lit = center > levels.mean()
-        if is_lit.all() or not is_lit.any():
-            return None
-        dark, bright = flat[~is_lit], flat[is_lit]
-        rise = np.median(bright, 0) - np.median(dark, 0)
-        weight = rise * (rise > 0.1 * rise.max())
-        brightness = flat @ weight / weight.sum()
-        steps = np.abs(np.diff(brightness))
-        y, x = np.mgrid[: blocks.shape[1], : blocks.shape[2]]
-        place = np.array(
-            [
-                corner[1] + x.ravel() @ weight / weight.sum(),
-                corner[0] + y.ravel() @ weight / weight.sum(),
-            ]
-        )
-        contrast = float(np.median(brightness[is_lit]) - np.median(brightness[~is_lit]))
-        unknown = np.full(self._first_frame, np.nan)
-        return LedTrace(
-            (place + 0.5) * BLOCK_PX - 0.5,
-            np.concatenate([unknown, brightness]),
-            contrast,
-            float(np.median(steps) / 0.954),
-        )
+        # A search takes as long as several frames, so searches get rarer while none succeeds.
+        self._next_search += min(self._count, MAX_SEARCH_INTERVAL_FRAMES)
+        return _find_led(np.array(self._recent))
 
-    def _search(self) -> None:
-        """Choose the block that blinks most clearly."""
-        if len(self._recent) < 10 * MIN_STAY_FRAMES:
-            return
-        recent = np.array(self._recent)
-        location = _find_blinking_block(recent, self._stay)
-        if location is None:
-            return
-        self._location, self._first_frame = location, self._count - len(recent)
-        self._neighborhoods = list(recent[(slice(None), *_neighborhood(location))].copy())
-        self._recent.clear()
+
+def _find_led(recent: _Blocks) -> Float | None:
+    """Return the position (2,), px, of an LED in blocks (t, rows, columns); None if there is none.
+
+    The position is the mean of the blocks around the one that blinks most clearly, weighted by
+    their contrast.
+    """
+    location = _find_blinking_block(recent)
+    if location is None:
+        return None
+    row, column = (slice(max(k - NEIGHBOR_BLOCKS, 0), k + NEIGHBOR_BLOCKS + 1) for k in location)
+    blocks = recent[:, row, column].astype(float)
+    flat = blocks.reshape(len(blocks), -1)
+    center = blocks[:, location[0] - row.start, location[1] - column.start]
+    is_lit = center > _two_levels(center).mean()
+    rise = np.median(flat[is_lit], 0) - np.median(flat[~is_lit], 0)
+    weight = rise * (rise > 0.1 * rise.max())
+    y, x = np.mgrid[: blocks.shape[1], : blocks.shape[2]]
+    place = np.array(
+        [
+            column.start + x.ravel() @ weight / weight.sum(),
+            row.start + y.ravel() @ weight / weight.sum(),
+        ]
+    )
+    return np.asarray((place + 0.5) * BLOCK_PX - 0.5)
 
 
 def _block_means(image: NDArray[np.uint8]) -> _Blocks:
@@ -192,11 +126,6 @@ def _block_means(image: NDArray[np.uint8]) -> _Blocks:
     )
 
 
-def _neighborhood(location: tuple[int, int]) -> tuple[slice, slice]:
-    row, column = (slice(max(k - NEIGHBOR_BLOCKS, 0), k + NEIGHBOR_BLOCKS + 1) for k in location)
-    return row, column
-
-
 def _two_levels(values: Float) -> Float:
     """Return the two levels (2,) of values (t,), by two means."""
     levels = np.quantile(values, [0.1, 0.9])
@@ -208,7 +137,7 @@ def _two_levels(values: Float) -> Float:
     return np.asarray(levels)
 
 
-def _find_blinking_block(recent: _Blocks, stay: float | None) -> tuple[int, int] | None:
+def _find_blinking_block(recent: _Blocks) -> tuple[int, int] | None:
     """Return row and column of the block that blinks most clearly in blocks (t, rows, columns)."""
     flat = recent.reshape(len(recent), -1)
     spread = flat[::3].std(0)
@@ -218,7 +147,7 @@ def _find_blinking_block(recent: _Blocks, stay: float | None) -> tuple[int, int]
     for k in order:
         if spread[k] < 1.5 * step[k]:
             break
-        clarity = _blinking_clarity(flat[:, k].astype(float), stay)
+        clarity = _blinking_clarity(flat[:, k].astype(float))
         if clarity > 0 and (best is None or clarity > best[0]):
             best = clarity, int(k)
     if best is None:
@@ -227,8 +156,8 @@ def _find_blinking_block(recent: _Blocks, stay: float | None) -> tuple[int, int]
     return row, column
 
 
-def _blinking_clarity(values: Float, stay: float | None) -> float:
-    """Return contrast over noise of values (t,) that blink as the LED does; 0 for others."""
+def _blinking_clarity(values: Float) -> float:
+    """Return contrast over noise of values (t,) that blink regularly; 0 for others."""
     levels = _two_levels(values)
     rise = float(levels[1] - levels[0])
     part = (values - levels[0]) / max(rise, 1e-6)
@@ -248,7 +177,7 @@ def _blinking_clarity(values: Float, stay: float | None) -> float:
     if len(switches) < MIN_SWITCHES:
         return 0.0
     stays = np.diff(switches)
-    expected = stay if stay is not None else float(np.median(stays))
+    expected = float(np.median(stays))
     is_regular = np.abs(stays - expected) <= max(1.5, 0.08 * expected)
     if (
         expected < MIN_STAY_FRAMES

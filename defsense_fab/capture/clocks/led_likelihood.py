@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...core.arrays import Float
-from .clock_fit import Clocks
+from .clock_fit import ClockMatch, Clocks
 from .led_schedule import LedSchedule
 
 SEARCH_STEP_S = 5e-3
@@ -67,31 +67,15 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class LedFit:
-    """Relation: camera - middle = shift + (1 + drift) (device - device_middle), s.
+class LedMatch(ClockMatch):
+    """Relation of the clocks by the LED.
 
     Attributes:
-        shift: Offset at the middle, s.
-        drift: Relative rate difference.
-        shift_sigma: Standard deviation of `shift`, s.
-        drift_sigma: Standard deviation of `drift`.
-        middle: Camera time, s.
-        device_middle: Device time, s.
-        span: Time between the first and last frame, s.
         toggles: Number of toggles between frames.
-        exposure: Most likely time for which the LED was seen in a frame, s.
         jitter: Most likely standard deviation of the frames' times, s.
     """
 
-    shift: float
-    drift: float
-    shift_sigma: float
-    drift_sigma: float
-    middle: float
-    device_middle: float
-    span: float
     toggles: int
-    exposure: float
     jitter: float
 
 
@@ -183,13 +167,7 @@ def find_shift(
     return Shift(float(shift[k]), float(start[k] + (middle - t[0])), float(score[k]))
 
 
-def refine_shift(
-    states: LedStates,
-    schedule: LedSchedule,
-    start: Shift,
-    exposure: float | None,
-    drift: float,
-) -> LedFit:
+def refine_shift(states: LedStates, schedule: LedSchedule, start: Shift, drift: float) -> LedMatch:
     """Find shift and drift and their standard deviations from a first shift.
 
     The posterior is evaluated on grids over ever longer spans of time.
@@ -198,11 +176,9 @@ def refine_shift(
         states: Levels of the LED in frames.
         schedule: Toggles of the LED on the device's clock.
         start: First estimate of the shift.
-        exposure: Exposure of a frame, s; None if not known.
         drift: First estimate of the drift.
     """
-    exposures = np.array([0.0, exposure]) if exposure is not None else EXPOSURES_S
-    exposures = exposures[exposures <= 1.05 * states.period]
+    exposures = EXPOSURES_S[1.05 * states.period >= EXPOSURES_S]
     hypotheses = [(float(e), float(j)) for e in exposures for j in JITTERS_S]
     middle = start.shift + start.device
     half = SEARCH_WINDOW_S / 2
@@ -239,34 +215,34 @@ def refine_shift(
     k = k[(k > 0) & (k < len(states.time))]
     toggles = int((states.time[k] - states.time[k - 1] < 3 * states.period).sum())
     span = float(states.time[-1] - states.time[0])
-    return LedFit(0.0, slope, a, d, center, device, span, toggles, *hypotheses[0])
+    return LedMatch(slope, a, d, center, device, span, toggles, jitter=hypotheses[0][1])
 
 
 def find_other_shift(
     states: LedStates,
     schedule: LedSchedule,
-    fit: LedFit,
+    match: LedMatch,
     expected: Clocks,
     within: float | None,
 ) -> float | None:
-    """Find another offset that explains the frames as well as a fit does.
+    """Find another offset that explains the frames as well as a match does.
 
     Args:
         states: Levels of the LED in frames.
         schedule: Toggles of the LED on the device's clock.
-        fit: The best fit.
+        match: The best match.
         expected: Relation that is known beforehand.
         within: Largest difference from the expected offset, s; None for any.
 
     Returns:
-        Difference of the other offset from the fit's, s; None if there is no other.
+        Difference of the other offset from the match's, s; None if there is no other.
     """
-    device = fit.device_middle + (states.time - fit.middle - fit.shift) / (1 + fit.drift)
+    device = match.device_middle + (states.time - match.middle) / (1 + match.drift)
     interval = float(np.median(np.diff(schedule.time))) if len(schedule.time) > 1 else 0.5
     length = max(np.ptp(device), schedule.end - schedule.start)
     moves = np.arange(-length, length, MATCH_STEP_S)
     if within is not None:
-        now = float(fit.middle - expected.offset - (1 + expected.drift) * fit.device_middle)
+        now = float(match.middle - expected.offset - (1 + expected.drift) * match.device_middle)
         # Moves of the device's time are opposite to those of the offset.
         moves = moves[np.abs(now - moves) <= within]
     moves = moves[np.abs(moves) > interval / 2]

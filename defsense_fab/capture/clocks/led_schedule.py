@@ -34,7 +34,6 @@ class LedSchedule:
         time: Times of the toggles (k,) on the device's clock, s, increasing.
         on: Whether the LED is on (k,) after each toggle.
         slack: Half the width of the interval within which all toggles may be moved together, s.
-        period: Period of the grid, s; 0 if there is no grid.
         start: Time of the first sample, s.
         end: Time of the last sample, s.
     """
@@ -42,7 +41,6 @@ class LedSchedule:
     time: Float
     on: Bool
     slack: float
-    period: float
     start: float
     end: float
 
@@ -108,21 +106,18 @@ def check_clock(name: str, time: Float, max_gap: float | None = None) -> None:
         )
 
 
-def find_schedule(
-    time: Float, led: Bool, conversion: float = 0.0, max_gap: float | None = MAX_SAMPLE_GAP_S
-) -> LedSchedule:
+def find_schedule(time: Float, led: Bool, conversion: float = 0.0) -> LedSchedule:
     """Find the toggles of the LED from n samples.
 
     Args:
         time: Times (n,) of the samples, half-way through their conversions, s.
         led: Whether the LED was on (n,).
         conversion: Time that the conversions of a sample take, s.
-        max_gap: Longest gap between samples that is not a jump of the clock, s; None for no limit.
 
     Raises:
-        CaptureError: If the clock jumps, or the LED never switches.
+        CaptureError: If the clock goes back, or the LED never switches.
     """
-    check_clock("read-out board", time, max_gap)
+    check_clock("read-out board", time)
     flag_time = time - conversion / 2
     switches = np.flatnonzero(led[1:] != led[:-1]) + 1
     if not len(switches):
@@ -141,7 +136,7 @@ def find_schedule(
     states: list[Bool] = []
     slacks: list[float] = []
     counts: list[int] = []
-    longest, period, first = 0, 0.0, 0
+    first = 0
     while first < len(switches):
         n, grid, phase, slack = _longest_run(low[first:], high[first:], on[first:])
         end = float(high[first + n - 1])
@@ -150,8 +145,6 @@ def find_schedule(
         states.append((k % 2 == 0) == on[first])
         slacks.append(slack)
         counts.append(n)
-        if n > longest:
-            longest, period = n, grid if n > 2 else 0.0
         first += n
     toggles = np.concatenate(times)
     order = np.argsort(toggles, kind="stable")
@@ -159,7 +152,6 @@ def find_schedule(
         toggles[order],
         np.concatenate(states)[order],
         float(np.average(slacks, weights=counts)),
-        period,
         float(flag_time[0]),
         float(flag_time[-1]),
     )

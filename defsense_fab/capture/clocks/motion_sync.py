@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
-from .clock_fit import Clocks
+from .clock_fit import ClockMatch, Clocks
 
 GRID_STEP_S = 0.02
 SEARCH_STEPS = 4  # grid steps between lags of the search
@@ -47,27 +47,13 @@ EXPLAINED_BY_COMPONENTS = 0.999
 
 
 @dataclass(frozen=True)
-class Lag:
-    """Relation: camera - middle = shift + (1 + drift) (device - device_middle), s.
+class MotionMatch(ClockMatch):
+    """Relation of the clocks by motion.
 
     Attributes:
-        shift: Offset at the middle, s.
-        drift: Relative rate difference.
-        shift_sigma: Standard deviation of `shift`, s.
-        drift_sigma: Standard deviation of `drift`.
-        middle: Camera time, s.
-        device_middle: Device time, s.
-        span: Time that motion and signals have in common, s.
-        disagreement: Difference of the shifts of slow and fast motion, s; 0 if they agree.
+        disagreement: Difference of the offsets of slow and fast motion, s; 0 if they agree.
     """
 
-    shift: float
-    drift: float
-    shift_sigma: float
-    drift_sigma: float
-    middle: float
-    device_middle: float
-    span: float
     disagreement: float
 
 
@@ -99,7 +85,7 @@ def find_lag(
     signals: Float,
     expected: Clocks,
     within: float | None,
-) -> Lag:
+) -> MotionMatch:
     """Find the lag and drift between motion and signals.
 
     Args:
@@ -128,10 +114,9 @@ def find_lag(
     difference = abs(ends[0].lag - ends[1].lag)
     differs = difference > 2 * float(np.hypot(ends[0].lag_sigma, ends[1].lag_sigma))
     device_middle = (fit.middle - fit.lag - expected.offset) / (1 + expected.drift)
-    return Lag(
-        shift=0.0,
+    return MotionMatch(
         drift=(1 + expected.drift) / (1 - fit.drift) - 1,
-        shift_sigma=fit.lag_sigma,
+        sigma=fit.lag_sigma,
         drift_sigma=fit.drift_sigma,
         middle=fit.middle,
         device_middle=float(device_middle),
@@ -293,7 +278,7 @@ def _search(x: _Rows, y: _Rows, within: float | None) -> int:
     if within is not None and k in (0, len(lags) - 1):
         raise CaptureError(
             f"motion and signals agree best {within:g} s or more from the expected offset",
-            code="offset-out-of-range",
+            code="out-of-range",
             where="synchronization",
             action="Search within a longer time",
         )

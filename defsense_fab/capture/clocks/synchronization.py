@@ -6,15 +6,15 @@ and its stamp, and for a rolling shutter the LED's position in the image.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
-from .clock_fit import Clocks, even_frame_times
+from .clock_fit import ClockMatch, Clocks, even_frame_times
 from .led_likelihood import (
-    LedFit,
+    LedMatch,
     LedStates,
     find_other_shift,
     find_shift,
@@ -29,6 +29,8 @@ MIN_TOGGLES = 6
 MIN_AGREEMENT = 0.6  # share of the frames that agree with the LED, less those that do not
 LOOP_SIGMA_S = 0.3e-3  # standard deviation of where the board's loop puts all toggles
 MAX_MOTION_ERROR_S = 0.05
+#: Largest errors of an offset that is known beforehand, such as from times of arrival.
+MAX_ROUGH_LED_ERROR_S, MAX_ROUGH_MOTION_ERROR_S = 0.35, 1.0
 
 
 @dataclass(frozen=True)
@@ -69,39 +71,34 @@ class Sync:
 def synchronize_by_led(
     frame_time: Float,
     brightness: Float,
-    exposure: float | None,
     device_time: Float,
     led: Bool,
     rough: Clocks | float | None = None,
-    within: float = 0.35,
     conversion: float = 0.0,
-    max_gap: float | None = MAX_SAMPLE_GAP_S,
 ) -> Sync:
     """Relate the clocks by the board's LED.
+
+    The clock of the samples must not jump; samples may be missing.
 
     Args:
         frame_time: Stamps of the frames (t,), s.
         brightness: Brightness of the LED in the frames (t,), NaN where not known.
-        exposure: Exposure of a frame, s; None finds it from frames in which the LED switched.
         device_time: Times of the samples (n,), s, as `micros` states them.
         led: Whether the LED was on (n,).
-        rough: Clocks or an offset, s, known beforehand; None if nothing is known. Then blinking
-            that never changes is refused.
-        within: Largest error of `rough`, s.
+        rough: Clocks or an offset, s, known beforehand to 0.35 s; None if nothing is
+            known. Then blinking that never changes is refused.
         conversion: Time that the conversions of a sample take, s (see
             `voltage_divider.conversion_time`). A sample's flag is older than its time by half.
-        max_gap: Longest gap between samples that is not a jump of the clock, s. None accepts any,
-            for clocks that were compared with another.
 
     Raises:
-        CaptureError: If a clock jumps, a recording is too short, the LED is not seen to switch, or
-            several offsets explain the same frames.
+        CaptureError: If a clock goes back, a recording is too short, the LED is not seen to switch,
+            or several offsets explain the same frames.
     """
     _check_lengths("frames", frame_time, brightness)
     _check_lengths("samples", device_time, led)
     check_clock("camera", frame_time)
-    schedule = find_schedule(device_time, led, conversion, max_gap)
-    expected, limit = _expected(rough), within if rough is not None else None
+    schedule = find_schedule(device_time, led, conversion)
+    expected, limit = _expected(rough), MAX_ROUGH_LED_ERROR_S if rough is not None else None
     _check_durations(frame_time, device_time)
     frames = even_frame_times(frame_time)
     states = normalize_brightness(frames.time, brightness)
@@ -114,30 +111,21 @@ def synchronize_by_led(
         )
     start = find_shift(states, schedule, expected, limit)
     if start is None or start.score < MIN_AGREEMENT:
-        range_ = f" at an offset within {within:g} s of the expected one" if rough else ""
+        range_ = f" at an offset within {limit:g} s of the expected one" if limit else ""
         raise CaptureError(
             f"the light that blinks in the images is not the read-out board's LED{range_}",
             code="led-unrelated",
             where="synchronization",
             action="Check that both files are of one recording, or synchronize by motion",
         )
-    fit = refine_shift(states, schedule, start, exposure, expected.drift)
-    _check_fit(states, schedule, fit, expected, limit)
-    spread = float(np.hypot(fit.shift_sigma, fit.drift_sigma * (fit.span / 2)))
+    match = refine_shift(states, schedule, start, expected.drift)
+    _check_match(states, schedule, match, expected, limit)
     # All toggles may be moved together: by a uniform distribution, and by the loop's delay.
     common = float(np.hypot(schedule.slack / np.sqrt(3), LOOP_SIGMA_S))
-    spread = float(np.hypot(spread, common))
-    lateness = 0.0 if frames.is_even else 3 * fit.jitter  # late stamps are all late
-    return Sync(
-        offset=fit.middle + fit.shift - (1 + fit.drift) * fit.device_middle,
-        drift=fit.drift,
-        offset_sigma=float(np.hypot(fit.shift_sigma, common)),
-        drift_sigma=fit.drift_sigma,
-        middle=fit.device_middle,
-        error=2 * spread + lateness,
-        method="led",
-        evidence=float(fit.toggles),
-    )
+    lateness = 0.0 if frames.is_even else 3 * match.jitter  # late stamps are all late
+    error = 2 * float(np.hypot(match.end_sigma, common)) + lateness
+    match = replace(match, sigma=float(np.hypot(match.sigma, common)))
+    return _sync(match, "led", error, float(match.toggles))
 
 
 def synchronize_by_motion(
@@ -146,15 +134,14 @@ def synchronize_by_motion(
     device_time: Float,
     signals: Float,
     rough: Clocks | float | None = None,
-    within: float = 1.0,
     max_gap: float | None = MAX_SAMPLE_GAP_S,
 ) -> Sync:
     """Relate the clocks by motion, without an LED.
 
     The offset and drift are those at which motion and signals have most in common. The time by
-    which the cords lag behind the body cannot be told from the offset and is not in `error`: a lag
-    of 0.1 s in a third of the signal moves the offset by about 30 ms. With cords that lag, only the
-    LED gives the offset.
+    which the cords lag behind the body cannot be separated from the offset and is not in `error`: a
+    lag of 0.1 s in a third of the signal moves the offset by about 30 ms. With cords that lag, only
+    the LED gives the offset.
 
     Args:
         frame_time: Stamps of the frames (t,), s.
@@ -162,10 +149,10 @@ def synchronize_by_motion(
             markers; NaN where not known.
         device_time: Times of the samples (n,), s.
         signals: Signals of the samples (n, c), NaN where not known.
-        rough: Clocks or an offset, s, known beforehand. None searches all offsets at which half of
-            the shorter recording is in both.
-        within: Largest error of `rough`, s.
-        max_gap: As in `synchronize_by_led`.
+        rough: Clocks or an offset, s, known beforehand to 1 s. None searches all
+            offsets at which half of the shorter recording is in both.
+        max_gap: Longest gap between samples that is not a jump of the clock, s. None accepts any,
+            for clocks that were compared with another.
 
     Raises:
         CaptureError: If a clock jumps, a recording is too short, nothing moves, motion and signals
@@ -178,10 +165,9 @@ def synchronize_by_motion(
     _check_durations(frame_time, device_time)
     frames = even_frame_times(frame_time)
     motion, signals = (np.asarray(a, float).reshape(len(a), -1) for a in (motion, signals))
-    limit = within if rough is not None else None
-    lag = find_lag(frames.time, motion, device_time, signals, _expected(rough), limit)
-    spread = float(np.hypot(lag.shift_sigma, lag.drift_sigma * lag.span / 2))
-    error = 2 * spread + abs(lag.disagreement)
+    limit = MAX_ROUGH_MOTION_ERROR_S if rough is not None else None
+    match = find_lag(frames.time, motion, device_time, signals, _expected(rough), limit)
+    error = 2 * match.end_sigma + abs(match.disagreement)
     if error > MAX_MOTION_ERROR_S:
         raise CaptureError(
             f"motion and signals determine the offset only to {1e3 * error:.0f} ms",
@@ -190,39 +176,43 @@ def synchronize_by_motion(
             action="Move the device faster and for longer, or put the LED in view",
             error=error,
         )
+    return _sync(match, "motion", error, match.span)
+
+
+def _sync(match: ClockMatch, method: str, error: float, evidence: float) -> Sync:
     return Sync(
-        offset=lag.middle + lag.shift - (1 + lag.drift) * lag.device_middle,
-        drift=lag.drift,
-        offset_sigma=lag.shift_sigma,
-        drift_sigma=lag.drift_sigma,
-        middle=lag.device_middle,
+        offset=match.middle - (1 + match.drift) * match.device_middle,
+        drift=match.drift,
+        offset_sigma=match.sigma,
+        drift_sigma=match.drift_sigma,
+        middle=match.device_middle,
         error=error,
-        method="motion",
-        evidence=lag.span,
+        method=method,
+        evidence=evidence,
     )
 
 
 def _expected(rough: Clocks | float | None) -> Clocks:
-    return rough if isinstance(rough, Clocks) else Clocks(float(rough or 0.0), 0.0, 0.0)
+    return rough if isinstance(rough, Clocks) else Clocks(float(rough or 0.0), 0.0)
 
 
-def _check_fit(
+def _check_match(
     states: LedStates,
     schedule: LedSchedule,
-    fit: LedFit,
+    match: LedMatch,
     expected: Clocks,
     within: float | None,
 ) -> None:
-    """Raise CaptureError for a fit by few toggles, or if another offset fits as well."""
-    if fit.toggles < MIN_TOGGLES:
+    """Raise CaptureError for a match by few toggles, or if another offset matches as well."""
+    if match.toggles < MIN_TOGGLES:
         raise CaptureError(
-            f"{fit.toggles} toggles of the LED were seen, at least {MIN_TOGGLES} are needed",
-            code="toggles-too-few",
+            f"{match.toggles} toggles of the LED were seen, at least {MIN_TOGGLES} are needed",
+            code="too-few-toggles",
             where="synchronization",
             action="Record longer",
-            count=fit.toggles,
+            count=match.toggles,
         )
-    other = find_other_shift(states, schedule, fit, expected, within)
+    other = find_other_shift(states, schedule, match, expected, within)
     if other is not None:
         raise CaptureError(
             f"an offset {abs(other):.2f} s {'later' if other > 0 else 'earlier'} explains the"

@@ -27,11 +27,11 @@ from ...core.storage.files import replace_file
 from .track_conversion import (
     MAX_JITTER,
     FrameGrid,
-    LabeledTracks,
     frame_grid,
     marker_labels,
     marker_numbers,
 )
+from .tracks_csv import unreadable_error
 
 BLOCK_BYTES = 512
 MAX_PARAMETER_BLOCKS = 256
@@ -94,7 +94,7 @@ def write_c3d(path: Path, tracks: Tracks) -> None:
         file.write(str(temporary))
 
 
-def read_c3d(path: Path) -> LabeledTracks:
+def read_c3d(path: Path) -> Tracks:
     """Read all points that are positions, in mm, without standard deviations.
 
     A point is missing where its residual is negative, and in files of other programs also where it
@@ -137,10 +137,9 @@ def read_c3d(path: Path) -> LabeledTracks:
     points[is_missing] = np.nan
     period, offset = _clock(own_group, rate)
     frame = int(file["header"]["points"]["first_frame"]) + np.arange(len(points))
-    names = tuple(labels[i] for i in columns)
+    ids = marker_numbers([labels[i] for i in columns])
     time = np.asarray(offset + period * frame, float)
-    tracks = Tracks(time, marker_numbers(names), points, np.full_like(points, np.nan), frame)
-    return LabeledTracks(tracks, names)
+    return Tracks(time, ids, points, np.full_like(points, np.nan), frame)
 
 
 def _scale(path: Path, group: dict[str, Any]) -> float:
@@ -276,12 +275,7 @@ def _read_header(path: Path) -> tuple[bytes, bytes, int]:
             parameters = file.read(BLOCK_BYTES * MAX_PARAMETER_BLOCKS)
             return head, parameters, file.seek(0, 2)
     except OSError as error:
-        raise CaptureError(
-            f"cannot be read: {error.strerror}",
-            code="file-unreadable",
-            where=path,
-            action="Check the file's name",
-        ) from None
+        raise unreadable_error(path, error) from None
 
 
 def _has_sound_parameters(data: bytes, order: str) -> bool:

@@ -16,7 +16,15 @@ from ...core.markers import Tracks
 from ...core.storage.files import replace_file
 from .c3d import read_c3d, write_c3d
 from .track_conversion import WrittenFrames, frame_grid, on_even_frames
-from .tracks_csv import COLUMNS, check_size, from_rows, read_csv, to_rows, write_csv
+from .tracks_csv import (
+    COLUMNS,
+    check_size,
+    from_rows,
+    read_csv,
+    to_rows,
+    unreadable_error,
+    write_csv,
+)
 from .trc import read_trc, write_trc
 
 _ARRAYS = {"time": float, "ids": np.int64, "points": float, "sigma": float, "frame": np.int64}
@@ -90,7 +98,7 @@ def read_npz(path: Path) -> Tracks:
             name=error.args[0],
         ) from None
     except FileNotFoundError as error:
-        raise _unreadable(path, error) from None
+        raise unreadable_error(path, error) from None
     except (OSError, EOFError, ValueError, TypeError, MemoryError, zipfile.BadZipFile):
         raise _damaged(path, "NPZ") from None
     for name, kind in _ARRAYS.items():
@@ -105,7 +113,7 @@ def read_npz(path: Path) -> Tracks:
         if name in ("time", "ids", "frame") and arrays[name].ndim != 1:
             raise CaptureError(
                 f"the array {name} must have one dimension",
-                code="shape-wrong",
+                code="wrong-shape",
                 where=path,
                 action="Write the file again",
                 name=name,
@@ -155,7 +163,7 @@ def read_parquet(path: Path) -> Tracks:
     except (arrow.ArrowException, EOFError):
         raise _damaged(path, "Parquet") from None
     except OSError as error:
-        raise _unreadable(path, error) from None
+        raise unreadable_error(path, error) from None
     try:
         columns = [np.asarray(table[name].to_numpy(), float) for name in COLUMNS]
     except (ValueError, TypeError):
@@ -177,15 +185,6 @@ def _damaged(path: Path, kind: str) -> CaptureError:
     )
 
 
-def _unreadable(path: Path, error: OSError) -> CaptureError:
-    return CaptureError(
-        f"cannot be read: {error.strerror or error}",
-        code="file-unreadable",
-        where=path,
-        action="Check the file's name",
-    )
-
-
 def _libraries(path: Path) -> tuple[Any, Any]:
     with optional(CaptureError, path, "exchange"):
         import pyarrow
@@ -198,8 +197,8 @@ _FORMATS: dict[str, _Format] = {
     ".csv": (read_csv, write_csv),
     ".npz": (read_npz, write_npz),
     ".parquet": (read_parquet, write_parquet),
-    ".c3d": (lambda path: read_c3d(path).tracks, write_c3d),
-    ".trc": (lambda path: read_trc(path).tracks, write_trc),
+    ".c3d": (read_c3d, write_c3d),
+    ".trc": (read_trc, write_trc),
 }
 
 
@@ -207,7 +206,7 @@ def _format(path: Path) -> _Format:
     if path.suffix.lower() not in _FORMATS:
         raise CaptureError(
             f"tracks are stored in files named {', '.join(_FORMATS)}",
-            code="unknown-file-format",
+            code="unknown-format",
             where=path,
             action="Choose one of these suffixes",
             suffixes=tuple(_FORMATS),

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.errors import CaptureError
 from ...core.markers import Tracks
 
 #: Rotation to axes with y upwards, from each kind of axes.
@@ -46,28 +45,6 @@ def change_axes(tracks: Tracks, source: str, up: str) -> Tracks:
     R = _TO_Y_UP[up].T @ _TO_Y_UP[source]
     # Adding zero removes negative zeros, which would be written as -0.
     return replace(tracks, points=tracks.points @ R.T + 0.0, sigma=tracks.sigma @ np.abs(R).T)
-
-
-@dataclass(frozen=True)
-class LabeledTracks:
-    """Tracks with the labels that their file gives the markers.
-
-    Attributes:
-        tracks: Tracks of m markers.
-        labels: Labels of the markers (m,).
-    """
-
-    tracks: Tracks
-    labels: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        if len(self.labels) != len(self.tracks.ids):
-            raise CaptureError(
-                f"{len(self.tracks.ids)} markers cannot have {len(self.labels)} labels",
-                code="labels-differ",
-                where="tracks",
-                action="Pass one label for each marker",
-            )
 
 
 def marker_labels(ids: Int) -> list[str]:

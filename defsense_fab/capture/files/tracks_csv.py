@@ -29,6 +29,16 @@ _ROW_FORMAT = "%d,%.9f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n"
 _BLOCK_FRAMES = 1000  # written at once
 
 
+def unreadable_error(path: Path, error: OSError) -> CaptureError:
+    """Return the error for a file that the system refuses to read."""
+    return CaptureError(
+        f"cannot be read: {error.strerror or error}",
+        code="file-unreadable",
+        where=path,
+        action="Check the file's name",
+    )
+
+
 def check_size(path: Path, needed: int) -> None:
     """Check that the memory that a file of tracks needs is in proportion to its size.
 
@@ -194,12 +204,7 @@ def read_csv(path: Path) -> Tracks:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
-        raise CaptureError(
-            f"cannot be read: {error.strerror}",
-            code="file-unreadable",
-            where=path,
-            action="Check the file's name",
-        ) from None
+        raise unreadable_error(path, error) from None
     except UnicodeDecodeError:
         raise CaptureError(
             "is not a table of tracks, because it is not text",

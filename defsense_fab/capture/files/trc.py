@@ -13,8 +13,8 @@ import numpy as np
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
 from ...core.storage.files import replace_file
-from .track_conversion import LabeledTracks, frame_grid, marker_labels, marker_numbers
-from .tracks_csv import BYTES_PER_MARKER, check_size
+from .track_conversion import frame_grid, marker_labels, marker_numbers
+from .tracks_csv import BYTES_PER_MARKER, check_size, unreadable_error
 
 HEADER_LINES = 5
 _MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
@@ -63,7 +63,7 @@ def write_trc(path: Path, tracks: Tracks) -> None:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
-def read_trc(path: Path) -> LabeledTracks:
+def read_trc(path: Path) -> Tracks:
     """Read markers in mm, missing where cells are empty or nan.
 
     Standard deviations are unknown; marker numbers come from the labels.
@@ -113,19 +113,14 @@ def read_trc(path: Path) -> LabeledTracks:
         )
     points = table[:, 2:].reshape(len(rows), markers, 3) * scale
     ids, frame = marker_numbers(labels), table[:, 0].astype(np.int64)
-    return LabeledTracks(Tracks(time, ids, points, np.full_like(points, np.nan), frame), labels)
+    return Tracks(time, ids, points, np.full_like(points, np.nan), frame)
 
 
 def _read_lines(path: Path) -> list[str]:
     try:
         lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
-        raise CaptureError(
-            f"cannot be read: {error.strerror}",
-            code="file-unreadable",
-            where=path,
-            action="Check the file's name",
-        ) from None
+        raise unreadable_error(path, error) from None
     if len(lines) < HEADER_LINES or not lines[0].startswith("PathFileType"):
         raise CaptureError(
             "is not a TRC file (it does not start with PathFileType)",

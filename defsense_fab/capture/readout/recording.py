@@ -187,7 +187,7 @@ def read_recording(path: Path) -> Recording:
                     line=2,
                 )
         elif line.startswith("#"):
-            frame, event = len(cells) // len(names), _parse_event(path, number, line)
+            frame, event = len(cells) // len(names), parse_event(path, number, line[1:])
             events.append((frame, event))
             if "full_scale" in event:
                 scales.append((frame, _full_scale(path, number, event)))
@@ -271,14 +271,19 @@ def _parse_frame(path: Path, number: int, line: str, width: int, cells: array[in
         )
 
 
-def _parse_event(path: Path, number: int, line: str) -> dict[str, Any]:
+def parse_event(path: Path, number: int, text: str) -> dict[str, Any]:
+    """Return the JSON object on a line of a file.
+
+    Raises:
+        CaptureError: If the text is not a JSON object.
+    """
     try:
-        event = json.loads(line[1:])
+        event = json.loads(text)
         if not isinstance(event, dict):
             raise ValueError
     except ValueError:
         raise CaptureError(
-            f"is not an event: {line[:60]!r}",
+            f"is not an event: {text[:60]!r}",
             code="event-invalid",
             where=f"{path}:{number}",
             action="Delete the line",
@@ -333,7 +338,7 @@ class Replay(PacedSamples):
             raise CaptureError(
                 "no event describes the read-out board, because the line of its 'start' event was"
                 " lost",
-                code="board-unknown",
+                code="unknown-board",
                 where=self.name,
                 action=(
                     "Copy that line from another recording of this board below the columns, or"

@@ -238,12 +238,10 @@ class CameraRecorder:
     def _brightness(self, grey: Image) -> float:
         """Return the brightness of the read-out board's LED, NaN until it is located."""
         if self._led_pixel is None:
-            self._led.add(grey)
-            if self._led.is_located:
-                trace = self._led.trace()
-                if trace is not None:
-                    self._led_pixel = (round(float(trace.place[0])), round(float(trace.place[1])))
-                    self._log.event("led", camera=self.camera.name, place=list(self._led_pixel))
+            place = self._led.add(grey)
+            if place is not None:
+                self._led_pixel = (round(float(place[0])), round(float(place[1])))
+                self._log.event("led", camera=self.camera.name, place=list(self._led_pixel))
             return float("nan")
         x, y = self._led_pixel
         window = grey[

@@ -66,10 +66,10 @@ class PoseCoverage:
 
     def reached(self) -> dict[str, tuple[float, Bool]]:
         """Return by pose how far it was shown, 0 to 1, and which parts of the way were seen."""
-        extents = [(np.flatnonzero(seen).max(initial=-1) + 1) / BINS for seen in self._seen]
+        extents = [(np.flatnonzero(covered).max(initial=-1) + 1) / BINS for covered in self._seen]
         return {
-            name: (float(extent), seen.copy())
-            for name, extent, seen in zip(self._names, extents, self._seen, strict=True)
+            name: (float(extent), covered.copy())
+            for name, extent, covered in zip(self._names, extents, self._seen, strict=True)
         }
 
     def least_covered(self) -> str:

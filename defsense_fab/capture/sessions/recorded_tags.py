@@ -19,7 +19,6 @@ from ..tags.detection import TagView
 from ..tracking.observations import FrameTags, TagStore
 from .session import FRAME_COLUMNS, TAG_COLUMNS
 
-_COLUMNS_WITHOUT_MEAN = len(TAG_COLUMNS) - 3  # in older files
 MAX_PIXEL = 1e5  # px, and px^2 for variances; no image is as large
 BLOCK_BYTES = 1 << 20
 #: A time is isolated if it is farther than both limits from its neighbors: in ns, and in usual
@@ -68,9 +67,7 @@ def read_camera_tags(run: Path, name: str, ids: Int) -> CameraRecording:
     is_kept = _keep_increasing(table[:, 1])
     table, cut = table[is_kept], cut + int((~is_kept).sum())
     store, numbers = TagStore(run), [np.zeros(0)]
-    for rows, damaged in _read_blocks(
-        run / f"{name}.csv", TAG_COLUMNS, older=_COLUMNS_WITHOUT_MEAN
-    ):
+    for rows, damaged in _read_blocks(run / f"{name}.csv", TAG_COLUMNS):
         rows = rows[np.isin(rows[:, 2], ids)]
         is_good = _is_plausible(rows)
         rows, damaged = rows[is_good], damaged + int((~is_good).sum())
@@ -138,7 +135,6 @@ def _is_plausible(rows: Float) -> Bool:
     xx, xy, yy = variances[..., 0], variances[..., 1], variances[..., 2]
     with np.errstate(invalid="ignore"):
         positive = (xx > 0) & (yy > 0) & (xx * yy > xy * xy) & (xx + yy < MAX_PIXEL)
-        positive[:, 4] |= np.isnan(xx[:, 4])  # missing in older files
         return np.asarray((np.abs(rows[:, 3:11]) < MAX_PIXEL).all(axis=1) & positive.all(axis=1))
 
 
@@ -146,8 +142,6 @@ def _to_view(rows: Float) -> TagView:
     """Return rows (n, columns) as a view."""
     corners = rows[:, 3:11].reshape(-1, 4, 2)
     covariance = rows[:, 11:].reshape(-1, 5, 3)[..., [[0, 1], [1, 2]]]
-    has_no_mean = np.isnan(covariance[:, 4, 0, 0])
-    covariance[has_no_mean, 4] = covariance[has_no_mean, :4].mean(axis=1) / 4
     return TagView(rows[:, 2].astype(np.int64), corners, covariance, corners)
 
 
@@ -160,15 +154,12 @@ def _reorder(store: TagStore, order: Int, folder: Path) -> TagStore:
     return reordered
 
 
-def _read_blocks(
-    path: Path, columns: Sequence[str], older: int | None = None
-) -> Iterator[tuple[Float, int]]:
+def _read_blocks(path: Path, columns: Sequence[str]) -> Iterator[tuple[Float, int]]:
     """Read the numbers of a stream in blocks.
 
     Args:
         path: File of the stream.
         columns: Names of the columns.
-        older: Number of columns that older files have; the others are then NaN.
 
     Yields: Numbers (n, columns), and how many lines were cut or damaged.
     """
@@ -179,7 +170,7 @@ def _read_blocks(
                 yield np.zeros((0, len(columns))), int(bool(head))
                 return
             names = tuple(head.rstrip(b"\r\n").decode(errors="replace").split(","))
-            if names not in (tuple(columns), tuple(columns[:older])):
+            if names != tuple(columns):
                 raise CaptureError(
                     f"the columns must be {','.join(columns)}",
                     code="header-wrong",
@@ -193,8 +184,7 @@ def _read_blocks(
                 if end:
                     lines = complete.decode(errors="replace").replace("\r\n", "\n").split("\n")
                     rows, cut = _parse_lines(lines, len(names))
-                    missing = np.full((len(rows), len(columns) - len(names)), np.nan)
-                    yield np.hstack([rows, missing]), cut
+                    yield rows, cut
             yield np.zeros((0, len(columns))), int(bool(rest))
     except OSError as error:
         raise CaptureError(

@@ -65,20 +65,15 @@ def align_with_rest(
         CaptureError: If the requested markers do not suffice.
     """
     frames = resting if resting.sum() >= 5 else np.ones(len(tracks.time), bool)
-    rest = find_rest_pose(
-        tracks.points[frames], tracks.sigma[frames], markers.centers, ids=markers.ids
-    )
+    rest = find_rest_pose(tracks.points[frames], tracks.sigma[frames], markers.centers, markers.ids)
     # Markers that were hidden at rest, or seen by one camera, are at their positions in the design.
     is_measured = np.isfinite(rest.points[:, 0]) & (
         (rest.sigma < MAX_REST_SIGMA_MM) | rest.is_misplaced
     )
     pose = np.where(is_measured[:, None], rest.points, markers.centers)
     glued = [
-        {"tag": int(i), "away": float(distance)}
-        for i, distance, is_misplaced in zip(
-            markers.ids, rest.distance, rest.is_misplaced, strict=True
-        )
-        if is_misplaced
+        {"tag": int(markers.ids[k]), "away": float(rest.distance[k])}
+        for k in np.flatnonzero(rest.is_misplaced)
     ]
     warnings = [
         f"Tag {tag['tag']} is {tag['away']:.1f} mm from its position in the design. Its measured"
@@ -86,17 +81,7 @@ def align_with_rest(
         for tag in glued
     ]
     weights = _precision_weights(tracks.sigma)
-
-    def align_by_all() -> Aligned:
-        return align(
-            tracks.points,
-            pose,
-            weights,
-            sigma=tracks.sigma,
-            ids=markers.ids,
-            with_covariances=False,
-        )
-
+    anchored = None
     if anchor == "anchor" or (anchor == "auto" and markers.anchor.any()):
         try:
             anchored = _align_by_anchor(markers, tracks, corners, pose, frames)
@@ -104,29 +89,35 @@ def align_with_rest(
             if anchor == "anchor":
                 raise
             warnings.append(f"Aligned by all markers, because: {error}")
-        else:
-            if anchor == "anchor" or anchored.ok.all():
-                return RestAlignment(anchored, "anchor", 0.0, None, glued, warnings)
-            if anchored.ok.sum() >= max(MIN_ANCHOR_FRAMES, MIN_ANCHOR_SHARE * len(anchored.ok)):
-                combined, displacement = _fill_frames(
-                    anchored, align_by_all(), tracks.points, pose, weights
-                )
-                share = float(np.isfinite(displacement).mean())
-                rms_displacement = float(np.sqrt(np.nanmean(displacement**2))) if share else 0.0
-                if share:
-                    warnings.append(
-                        f"The anchor's tags do not align {1 - anchored.ok.mean():.0%} of the"
-                        f" frames. {share:.0%} are aligned by all markers, which moves positions by"
-                        f" {rms_displacement:.2f} mm (root mean square, by the other frames)."
-                        " Their standard deviations include it. Align by the anchor alone to leave"
-                        " them out."
-                    )
-                return RestAlignment(combined, "anchor", share, rms_displacement, glued, warnings)
-            warnings.append(
-                f"The anchor's tags align only {anchored.ok.mean():.0%} of the frames, so all"
-                " markers are used."
-            )
-    return RestAlignment(align_by_all(), "all", 1.0, None, glued, warnings)
+    if anchored is not None and (anchor == "anchor" or anchored.ok.all()):
+        return RestAlignment(anchored, "anchor", 0.0, None, glued, warnings)
+    by_all = align(
+        tracks.points,
+        pose,
+        weights,
+        sigma=tracks.sigma,
+        ids=markers.ids,
+        with_covariances=False,
+    )
+    if anchored is None:
+        return RestAlignment(by_all, "all", 1.0, None, glued, warnings)
+    if anchored.ok.sum() < max(MIN_ANCHOR_FRAMES, MIN_ANCHOR_SHARE * len(anchored.ok)):
+        warnings.append(
+            f"The anchor's tags align only {anchored.ok.mean():.0%} of the frames, so all"
+            " markers are used."
+        )
+        return RestAlignment(by_all, "all", 1.0, None, glued, warnings)
+    combined, displacement = _fill_frames(anchored, by_all, tracks.points, pose, weights)
+    share = float(np.isfinite(displacement).mean())
+    rms_displacement = float(np.sqrt(np.nanmean(displacement**2))) if share else 0.0
+    if share:
+        warnings.append(
+            f"The anchor's tags do not align {1 - anchored.ok.mean():.0%} of the frames."
+            f" {share:.0%} are aligned by all markers, which moves positions by"
+            f" {rms_displacement:.2f} mm (root mean square, by the other frames). Their standard"
+            " deviations include it. Align by the anchor alone to leave them out."
+        )
+    return RestAlignment(combined, "anchor", share, rms_displacement, glued, warnings)
 
 
 def _align_by_anchor(

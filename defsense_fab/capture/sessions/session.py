@@ -26,6 +26,7 @@ from ...core.storage.append_log import AppendLog, LogLines
 from ...core.storage.files import storage_errors, write_text
 from ...core.storage.session_manifest import FILE, CaptureManifest, load_capture, manifest_path
 from ..cameras.rig_file import Rig, read_rig
+from ..readout.recording import parse_event
 from ..tags.detection import TagView
 
 SETTLING_SHARE = 0.3  # of a rest, left out at its start
@@ -250,22 +251,7 @@ def read_log(run: Path) -> list[dict[str, Any]]:
         CaptureError: If a line is not an event.
     """
     path = run / LOG
-    events = []
-    for number, line in LogLines(path):
-        try:
-            event = json.loads(line)
-            if not isinstance(event, dict):
-                raise ValueError
-        except ValueError:
-            raise CaptureError(
-                f"is not an event: {line[:60]!r}",
-                code="event-invalid",
-                where=f"{path}:{number}",
-                action="Delete the line",
-                line=number,
-            ) from None
-        events.append(event)
-    return events
+    return [parse_event(path, number, line) for number, line in LogLines(path)]
 
 
 def finished_steps(session: CaptureSession) -> list[int]:

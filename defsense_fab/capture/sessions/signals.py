@@ -241,12 +241,10 @@ def _synchronize_by_leds(
             sync = synchronize_by_led(
                 time[is_near],
                 camera.led[is_near],
-                None,
                 device,
                 recording.led[part].astype(bool),
                 arrival,
                 conversion=_conversion(recording),
-                max_gap=None,
             )
         except CaptureError as error:
             notes.append(str(error))
@@ -292,7 +290,7 @@ def marker_distances(tracks: Tracks) -> Float:
     if len(frequent) < 2:
         raise CaptureError(
             "too few markers are visible often enough to show how the device moves",
-            code="markers-too-few",
+            code="too-few-markers",
             where="synchronization",
             action="Keep more markers in view of the cameras",
         )

@@ -64,14 +64,14 @@ FIRST_VARIANCE = 4.0  # grey levels squared, before the noise is known
 
 @compiled()
 def fit_line(  # type: ignore[no-untyped-def]
-    image, plane, seen, ideal, k, cx, cy, cells, pixels, rows, xs, ys, grey, line, spread, extra
+    image, plane, corners, ideal, k, cx, cy, cells, pixels, rows, xs, ys, grey, line, spread, extra
 ):
     """Fit edge k, from corner k to the next.
 
     Args:
         image: Grey image (h, w).
         plane: Position of each pixel without distortion (h, w, 2), px.
-        seen: Corners in the image (4, 2), px.
+        corners: Corners in the image (4, 2), px.
         ideal: Corners without distortion (4, 2), px.
         k: Number of the edge.
         cx: Middle of the ideal corners, px.
@@ -127,7 +127,7 @@ def fit_line(  # type: ignore[no-untyped-def]
             found = MAX_PIXELS + 1
             while found > MAX_PIXELS:
                 found = _collect_pixels(
-                    image, plane, seen, k, e, mx, my, nx, ny, length, reach, spacing, pixels
+                    image, plane, corners, k, e, mx, my, nx, ny, length, reach, spacing, pixels
                 )
                 spacing *= THINNING_FACTOR
         count, low, high = _select_band(pixels, found, ax, ay, q[0], width, half, xs, ys, grey)
@@ -193,7 +193,7 @@ def fit_line(  # type: ignore[no-untyped-def]
 
 @compiled()
 def _collect_pixels(  # type: ignore[no-untyped-def]
-    image, plane, seen, k, e, mx, my, nx, ny, length, reach, spacing, pixels
+    image, plane, corners, k, e, mx, my, nx, ny, length, reach, spacing, pixels
 ):
     """Put the pixels near an edge into `pixels`, of each `spacing` px along it those of one px.
 
@@ -201,16 +201,16 @@ def _collect_pixels(  # type: ignore[no-untyped-def]
         Their number; MAX_PIXELS + 1 if they do not fit.
     """
     h, w = image.shape
-    j0 = max(int(min(seen[k, 0], seen[e, 0]) - reach), 0)
-    j1 = min(int(max(seen[k, 0], seen[e, 0]) + reach) + 2, w)
-    i0 = max(int(min(seen[k, 1], seen[e, 1]) - reach), 0)
-    i1 = min(int(max(seen[k, 1], seen[e, 1]) + reach) + 2, h)
-    rise = seen[e, 1] - seen[k, 1]
-    run = (seen[e, 0] - seen[k, 0]) / rise if abs(rise) > 1 else 1e9
+    j0 = max(int(min(corners[k, 0], corners[e, 0]) - reach), 0)
+    j1 = min(int(max(corners[k, 0], corners[e, 0]) + reach) + 2, w)
+    i0 = max(int(min(corners[k, 1], corners[e, 1]) - reach), 0)
+    i1 = min(int(max(corners[k, 1], corners[e, 1]) + reach) + 2, h)
+    rise = corners[e, 1] - corners[k, 1]
+    run = (corners[e, 0] - corners[k, 0]) / rise if abs(rise) > 1 else 1e9
     row_reach = (reach + 2) * math.hypot(1.0, run)  # along a row, with room for distortion
     found = 0
     for i in range(i0, i1):
-        center = seen[k, 0] + (i - seen[k, 1]) * run
+        center = corners[k, 0] + (i - corners[k, 1]) * run
         for j in range(int(max(center - row_reach, j0)), int(min(center + row_reach + 2, j1))):
             x, y = plane[i, j, 0] - mx, plane[i, j, 1] - my
             d, s = nx * x + ny * y, -ny * x + nx * y

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.storage.files import load_json, storage_errors, write_json
+from .board_options import BoardOptions
 
 #: Names in OpenCV of each family.
 FAMILIES = {
@@ -29,7 +30,7 @@ FAMILIES = {
 }
 SCHEMA = 1
 FILE = "board.json"
-MARKER = 22 / 30  # side of a tag relative to that of its square
+TAG_SHARE = 22 / 30  # side of a tag relative to that of its square
 #: Pages are shrunk by at most this to fit a printer; a larger difference was measured wrongly.
 MAX_PRINT_SCALE_ERROR = 0.08
 
@@ -67,7 +68,7 @@ class Dictionary:
         if not 0 <= number < self.count:
             raise CaptureError(
                 f"{self.name} has only the numbers 0 to {self.count - 1}",
-                code="tag-number-out-of-range",
+                code="out-of-range",
                 where=f"tag {number}",
                 action="Choose a larger dictionary",
                 tag=number,
@@ -123,11 +124,11 @@ class CharucoBoard:
             starts with white.
     """
 
-    columns: int = 7
-    rows: int = 5
-    square: float = 30.0
-    marker: float = 22.0
-    dictionary: str = "5X5_100"
+    columns: int = BoardOptions.columns
+    rows: int = BoardOptions.rows
+    square: float = BoardOptions.square
+    marker: float = TAG_SHARE * BoardOptions.square
+    dictionary: str = BoardOptions.dictionary
     measured: float | None = None
     inverted: bool = False
     legacy: bool = False
@@ -143,7 +144,7 @@ class CharucoBoard:
         if not 1 <= self.square <= 1000:
             raise CaptureError(
                 f"squares of {self.square:g} mm are not possible",
-                code="square-size-out-of-range",
+                code="out-of-range",
                 where="board",
                 action="Give 1 to 1000 mm",
             )
@@ -154,7 +155,7 @@ class CharucoBoard:
                 " about one of their cells must stay white around them",
                 code="board-tag-size-invalid",
                 where="board",
-                action=f"Use tags of about {MARKER * self.square:.1f} mm",
+                action=f"Use tags of about {TAG_SHARE * self.square:.1f} mm",
             )
         tags = self.columns * self.rows // 2
         if tags > self.family.count:
@@ -248,7 +249,6 @@ def load_board(path: Path) -> CharucoBoard:
             action="Write the board again",
         )
     names = CharucoBoard.__dataclass_fields__
-    data = {"inverted": False, "legacy": False, **data}  # missing in older files
     for key in {*names, "schema"} ^ set(data):
         raise CaptureError(
             f"the key {key!r} is {'missing' if key in names else 'unknown'}",

@@ -67,7 +67,6 @@ def align(
     *,
     sigma: Float | None = None,
     ids: Int | None = None,
-    max_rotation_sigma: float = MAX_ROTATION_SIGMA,
     with_covariances: bool = True,
 ) -> Aligned:
     """Align frames of markers with a rest pose.
@@ -76,7 +75,7 @@ def align(
     (the root mean square distance from the line that fits best) is at most `MIN_WIDTH` of their
     extent along it. With the singular values a >= b >= c of the weighted, centered rest pose, this
     is sqrt(b^2 + c^2) <= MIN_WIDTH a. The same limit holds for the frame itself. With `sigma`, a
-    frame is not aligned either if noise turns it by more than `max_rotation_sigma` (for equal sigma
+    frame is not aligned either if noise turns it by more than `MAX_ROTATION_SIGMA` (for equal sigma
     and weights: sigma / (w sqrt(markers))).
 
     Args:
@@ -86,7 +85,6 @@ def align(
         mask: Markers that are used (m,) or (t, m), all by default; the others are moved along.
         sigma: Standard deviations (t, m, 3), mm, or covariances (t, m, 3, 3), mm^2, of the points.
         ids: Numbers of the markers (m,), for messages.
-        max_rotation_sigma: Largest standard deviation of the rotation, rad.
         with_covariances: Whether to return whole covariances, which take much memory.
 
     Raises:
@@ -133,7 +131,6 @@ def align(
             used[part],
             w[part],
             part_sigma,
-            max_rotation_sigma,
             _part_of(out, part),
         )
     return out
@@ -151,7 +148,6 @@ def _align(
     used: Bool,
     w: Float,
     sigma: Float | None,
-    max_rotation_sigma: float,
     result: Aligned,
 ) -> None:
     """Align frames (t, m, 3) and write the results.
@@ -163,7 +159,6 @@ def _align(
         used: Markers used (t, m).
         w: Weights (t, m) of sum 1.
         sigma: Standard deviations or covariances of the points.
-        max_rotation_sigma: Largest standard deviation of the rotation, rad.
         result: Receives all but its `used`.
     """
     t, m = used.shape
@@ -187,7 +182,7 @@ def _align(
         covariance, result.rotation_sigma[:] = _propagate(
             rotate_covariances(sigma, R), out - rest_center[:, None], w, ok
         )
-        ok &= ~(result.rotation_sigma > max_rotation_sigma)
+        ok &= ~(result.rotation_sigma > MAX_ROTATION_SIGMA)
         for array in (R, out, center, covariance, result.rotation_sigma):
             array[~ok] = np.nan
         result.variance[:] = np.einsum("tmii->tmi", covariance)
@@ -226,7 +221,7 @@ def _normalize_weights(used: Bool, weights: Float | None, names: Int) -> tuple[B
         frame, k = (int(i) for i in np.argwhere(wrong)[0])
         raise CaptureError(
             f"marker {names[k]} has weight {given[frame, k]:g} in frame {frame}",
-            code="weight-negative",
+            code="out-of-range",
             where="alignment",
             action="Give weights of 0 or more",
             marker=int(names[k]),
@@ -359,7 +354,7 @@ def _check_shapes(
             "points {} do not fit rest {}, weights {}, mask {}, sigma {} and numbers {}".format(
                 points.shape, *shapes
             ),
-            code="shape-wrong",
+            code="wrong-shape",
             where="alignment",
             action="Pass arrays of the same frames and markers",
         )
@@ -372,7 +367,7 @@ def _check_rest(rest: Float, usable: Bool, numbers: Int) -> None:
         raise CaptureError(
             f"{usable.sum()} markers ({listed}) have a rest position and may be used, but three are"
             " needed",
-            code="markers-too-few",
+            code="too-few-markers",
             where="alignment",
             action="Choose more markers",
             markers=numbers[usable].tolist(),

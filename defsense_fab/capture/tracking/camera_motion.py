@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.camera import Camera, rotation_matrices
+from ...core.camera import Camera
+from ...core.rotations import rotation_matrices
 from .pose_equations import POSE_PRIOR, PoseEquations, SharedViews, pose_equations
 
 MAX_MOVES = 6
@@ -217,8 +218,8 @@ def _best_change(
         covariance += inverse @ ((last - first) * scatter) @ inverse + sums.inflation * inverse
     difference = poses[1] - poses[0]
     chi_square = float(difference @ np.linalg.solve(covariance, difference))
-    seen = sums.tags[hi, c] - sums.tags[lo, c]
-    picture = (sums.picture[hi, c] - sums.picture[lo, c]) / max(seen, 1)
+    tags = sums.tags[hi, c] - sums.tags[lo, c]
+    picture = (sums.picture[hi, c] - sums.picture[lo, c]) / max(tags, 1)
     if (
         chi_square < MIN_CHI_SQUARE
         or float(np.sqrt(difference @ picture @ difference)) < MIN_IMAGE_MOTION_PX

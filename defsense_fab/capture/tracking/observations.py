@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,13 +137,13 @@ class FrameTags:
         return np.unique(np.concatenate(numbers)), np.unique(np.concatenate(repeated))
 
 
-def store_views(views: Iterable[TagView], folder: Path | None = None) -> FrameTags:
+def store_views(views: Iterable[TagView]) -> FrameTags:
     """Store the tags of consecutive frames.
 
     Raises:
         StorageError: If they cannot be written.
     """
-    store, ends_list = TagStore(folder), [0]
+    store, ends_list = TagStore(), [0]
     for view in views:
         store.add(view)
         ends_list.append(len(store))
@@ -170,25 +170,6 @@ SIMULTANEOUS_S = 5e-4  # s: frames this near in time are taken as simultaneous
 MAX_GAP_PERIODS = 2.5  # periods, between frames that are interpolated
 
 
-class ObservationSource(Protocol):
-    """Tags that one camera saw in t frames: an interface.
-
-    Attributes:
-        time: Times of the frames (t,), s, increasing.
-        ids: Numbers of the tags (m,).
-    """
-
-    @property
-    def time(self) -> Float: ...
-
-    @property
-    def ids(self) -> Int: ...
-
-    def part(self, frames: Int) -> Observations:
-        """Return the observations in some of the frames (k,)."""
-        ...
-
-
 @dataclass(frozen=True)
 class Observations:
     """Observations of m tags in t frames of one camera.
@@ -204,12 +185,6 @@ class Observations:
     ids: Int
     corners: Float
     covariance: Float
-
-    def part(self, frames: Int) -> Observations:
-        """Return the observations in some of the frames (k,)."""
-        return Observations(
-            self.time[frames], self.ids, self.corners[frames], self.covariance[frames]
-        )
 
 
 @dataclass(frozen=True)
@@ -267,12 +242,12 @@ def observe(time: Float, tags: FrameTags, ids: Int) -> StoredObservations:
         rows = tags.store.read(indices)
         column = _columns(ids, rows["id"])
         center = rows["corners"].mean(axis=1)
-        is_wanted = column >= 0
+        is_requested = column >= 0
         cell = position * len(ids) + column
-        order = np.argsort(np.where(is_wanted, cell, -1), kind="stable")
-        repeats = order[1:][(np.diff(cell[order]) == 0) & is_wanted[order[1:]]]
+        order = np.argsort(np.where(is_requested, cell, -1), kind="stable")
+        repeats = order[1:][(np.diff(cell[order]) == 0) & is_requested[order[1:]]]
         ambiguous = np.unique(column[repeats])
-        is_single = is_wanted & ~np.isin(column, ambiguous)
+        is_single = is_requested & ~np.isin(column, ambiguous)
         chosen[indices[is_single]] = True
         last[column[is_single]] = center[is_single]  # of several the last one stays
         for k in ambiguous:
@@ -296,7 +271,7 @@ def _columns(ids: Int, numbers: Int) -> Int:
     return np.asarray(np.where(ids[column] == numbers, column, -1))
 
 
-def tag_centers(observations: ObservationSource) -> Float:
+def tag_centers(observations: StoredObservations) -> Float:
     """Return the centers of the tags (t, m, 2), px, NaN where not visible."""
     centers = np.empty((len(observations.time), len(observations.ids), 2))
     for frames in frame_blocks(len(observations.time), len(observations.ids)):
@@ -305,7 +280,7 @@ def tag_centers(observations: ObservationSource) -> Float:
 
 
 def interpolate(
-    observations: ObservationSource, time: Float, delay: float = 0.0
+    observations: StoredObservations, time: Float, delay: float = 0.0
 ) -> tuple[Float, Float]:
     """Interpolate observations at other times.
 

@@ -14,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.camera import Camera, cross_matrices, rotation_matrices
+from ...core.camera import Camera
+from ...core.rotations import cross_matrices, rotation_matrices
 from .reconstruction import tag_corners
 
 GAUSS_NEWTON_STEPS = 6  # for the tags' poses
@@ -45,7 +46,7 @@ class SharedViews:
     variance: Float
 
     @property
-    def seen(self) -> Bool:
+    def is_visible(self) -> Bool:
         """Whether each camera sees each tag (n, v)."""
         return np.asarray(np.isfinite(self.corners).all(axis=(2, 3)))
 
@@ -168,7 +169,7 @@ def _tag_equations(
         (n, v, 6) of the cameras' poses; sums of squared image motion (n, v, 6, 6); and whether each
         camera sees the tag (n, v).
     """
-    is_visible, (n, v) = views.seen, views.seen.shape
+    is_visible, (n, v) = views.is_visible, views.is_visible.shape
     focal = np.stack([c.focal for c in cameras])[:, None]
     center = np.stack([c.matrix[:2, 2] for c in cameras])[:, None]
     pixels = np.where(is_visible[..., None, None], views.corners, 0.0)

@@ -20,7 +20,8 @@ import cv2
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.camera import Camera, cross_matrices, rotation_matrices
+from ...core.camera import Camera
+from ...core.rotations import cross_matrices, rotation_matrices
 
 POSE_STEPS = 8
 MAX_POSE_RESIDUAL_PX = 2.0  # root mean square; more is not a square of this size
@@ -35,9 +36,7 @@ def tag_corners(size: float) -> Float:
     return np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
 
 
-def locate_single(
-    camera: Camera, corners: Float, covariance: Float, size: float, size_sigma: float = 0.0
-) -> Triangulated:
+def locate_single(camera: Camera, corners: Float, covariance: Float, size: float) -> Triangulated:
     """Locate n tags by one camera.
 
     A wrong size scales all positions from the camera together.
@@ -47,8 +46,6 @@ def locate_single(
         corners: Corners (n, 4, 2), px without distortion.
         covariance: Covariances (n, 5, 2, 2), px^2, of each corner and last of their mean.
         size: Side of the tags, mm.
-        size_sigma: Relative standard deviation of the size (0.002 for a caliper on paper), which is
-            added along the line of sight.
 
     Returns:
         The tags, as by `triangulate` with one camera.
@@ -87,7 +84,6 @@ def locate_single(
     step = np.where(share[:, None] > 0, other_center - center, 0.0)
     widened = cov[row, first] * np.maximum(chi[row, first] / 2, 1.0)[:, None, None]
     widened = widened + share[:, None, None] * step[:, :, None] * step[:, None, :]
-    widened = widened + size_sigma**2 * center[:, :, None] * center[:, None, :]
     residual = np.sqrt(squares[row, first] / 8)
     is_good = np.isfinite(chi[row, first]) & (residual <= MAX_POSE_RESIDUAL_PX)
     camera_rotation = camera.rotation
@@ -282,31 +278,32 @@ def _solve(
     return out
 
 
-def _start_points(cameras: Sequence[Camera], seen: Float, use: Bool) -> Float:
-    """Corners (n, 4, 3) nearest to all rays."""
-    N, g = np.zeros((len(seen), 4, 3, 3)), np.zeros((len(seen), 4, 3))
+def _start_points(cameras: Sequence[Camera], pixels: Float, used: Bool) -> Float:
+    """Return the corners (n, 4, 3), mm, nearest to all rays."""
+    N, g = np.zeros((len(pixels), 4, 3, 3)), np.zeros((len(pixels), 4, 3))
     for c, camera in enumerate(cameras):
-        plane = (seen[:, c] - camera.matrix[:2, 2]) / camera.focal
+        plane = (pixels[:, c] - camera.matrix[:2, 2]) / camera.focal
         ray = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1) @ camera.rotation
         ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-        P = (np.eye(3) - ray[..., :, None] * ray[..., None, :]) * use[:, c, None, None, None]
+        P = (np.eye(3) - ray[..., :, None] * ray[..., None, :]) * used[:, c, None, None, None]
         N += P
         g += P @ camera.center
     N += 1e-12 * np.eye(3)
     return np.asarray(np.linalg.solve(N, g[..., None])[..., 0])
 
 
-def _residuals(camera: Camera, X: Float, seen: Float) -> tuple[Float, Float]:
-    """seen - projected (n, 4, 2) px of corners X (n, 4, 3), and derivatives (n, 4, 2, 3) of the
-    projected."""
-    at = camera.to_camera(X)
-    z = np.where(np.abs(at[..., 2:]) > 1e-9, at[..., 2:], 1e-9)
-    plane = at[..., :2] / z
-    miss = seen - (plane * camera.focal + camera.matrix[:2, 2])
+def _residuals(camera: Camera, X: Float, pixels: Float) -> tuple[Float, Float]:
+    """Return pixels less the projections of corners X (n, 4, 3), (n, 4, 2) px, and the projections'
+    derivatives (n, 4, 2, 3).
+    """
+    points = camera.to_camera(X)
+    z = np.where(np.abs(points[..., 2:]) > 1e-9, points[..., 2:], 1e-9)
+    plane = points[..., :2] / z
+    residual = pixels - (plane * camera.focal + camera.matrix[:2, 2])
     D = np.zeros((*plane.shape, 3))
     D[..., 0, 0] = D[..., 1, 1] = 1.0
     D[..., 2] = -plane
-    return miss, (D / z[..., None] * camera.focal[:, None]) @ camera.rotation
+    return residual, (D / z[..., None] * camera.focal[:, None]) @ camera.rotation
 
 
 CHUNK_TAGS = 20_000  # solved at once, to limit memory
@@ -322,7 +319,7 @@ class Reconstruction:
         cameras: Number of cameras that agree (n, m).
         miss: Root mean square residuals (n, m), px.
         sides: Mean sides of the tags as located by several cameras (n, m), mm.
-        seen: Number of cameras that saw the tag (n, m).
+        views: Number of cameras that see the tag (n, m).
         corners: Corners as located by several cameras (n, m, 4, 3), mm.
     """
 
@@ -331,7 +328,7 @@ class Reconstruction:
     cameras: Int
     miss: Float
     sides: Float
-    seen: Int
+    views: Int
     corners: Float
 
 
@@ -340,7 +337,6 @@ def reconstruct(
     corners: Float,
     covariance: Float,
     size: float,
-    size_sigma: float = 0.0,
 ) -> Reconstruction:
     """Locate tags by v cameras: by triangulation if two see them, by their size if one does.
 
@@ -349,7 +345,6 @@ def reconstruct(
         corners: Corners (n, m, v, 4, 2), px without distortion.
         covariance: Covariances (n, m, v, 5, 2, 2), px^2, of each corner and last of their mean.
         size: Side of the tags, mm.
-        size_sigma: As in `locate_single`.
     """
     n, m, v = corners.shape[:3]
     flat_corners, flat_covariance = corners.reshape(-1, v, 4, 2), covariance.reshape(-1, v, 5, 2, 2)
@@ -371,9 +366,7 @@ def reconstruct(
     by_one = is_visible.sum(axis=1) == 1
     for c, camera in enumerate(cameras):
         for rows in _divide(np.flatnonzero(by_one & is_visible[:, c])):
-            located = locate_single(
-                camera, flat_corners[rows, c], flat_covariance[rows, c], size, size_sigma
-            )
+            located = locate_single(camera, flat_corners[rows, c], flat_covariance[rows, c], size)
             points[rows], cov[rows] = located.points, located.covariance
             count[rows], miss[rows] = located.used.sum(axis=1), located.miss
     return Reconstruction(

@@ -15,7 +15,6 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
-from ...core.markers import Markers
 from .alignment import MIN_WIDTH, align, scatter_extents
 
 #: A marker that is farther from its position in the design counts as glued elsewhere.
@@ -31,47 +30,20 @@ class RestPose:
     """m markers at rest.
 
     Attributes:
-        points: Positions (m, 3), mm, NaN for markers that are never visible; in the design's frame,
-            or without a design in the camera's frame at one instant.
-        spread: Root mean square distance of each marker from its position (m,), mm.
-        seen: Number of frames that show each marker (m,).
-        frames: Number of frames that were aligned.
-        distance: Distance of each marker from its position in the design (m,), mm, NaN without one.
+        points: Positions (m, 3) in the design's frame, mm, NaN for markers that are never visible.
+        distance: Distance of each marker from its position in the design (m,), mm.
         is_misplaced: Markers that are farther from there than allowed (m,).
         sigma: Standard deviations of the markers (m,), mm, in most frames; zero if not known.
     """
 
     points: Float
-    spread: Float
-    seen: Int
-    frames: int
     distance: Float
     is_misplaced: Bool
     sigma: Float
 
 
-def design_positions(design: Markers, ids: Int) -> Float:
-    """Return the positions of markers in the design.
-
-    Args:
-        design: Markers of the design.
-        ids: Numbers of the markers (m,).
-
-    Returns:
-        Positions (m, 3), mm, NaN for markers that are not in the design.
-    """
-    centers = {int(i): c for i, c in zip(design.ids, design.centers, strict=True)}
-    nowhere = np.full(3, np.nan)
-    return np.array([centers.get(int(i), nowhere) for i in ids], float).reshape(-1, 3)
-
-
 def find_rest_pose(
-    points: Float,
-    sigma: Float | None = None,
-    design: Float | None = None,
-    *,
-    ids: Int | None = None,
-    max_distance: float = MAX_DISTANCE_MM,
+    points: Float, sigma: Float | None, design: Float, ids: Int | None = None
 ) -> RestPose:
     """Find the rest pose of markers.
 
@@ -80,7 +52,6 @@ def find_rest_pose(
         sigma: Standard deviations (t, m, 3), mm, used as weights if they are known for all points.
         design: Positions in the design (m, 3), mm, NaN for markers that are not in it.
         ids: Numbers of the markers (m,), for messages.
-        max_distance: Distance from the design, mm, above which a marker counts as misplaced.
 
     Raises:
         CaptureError: If no frame shows three markers off one line, or if fewer than three, or no
@@ -101,24 +72,11 @@ def find_rest_pose(
         mean = new
         if change < CONVERGED_MM and not has_new_marker:
             break
-    deviation = np.where(is_aligned[..., None], aligned.points - mean, 0.0)
-    count = is_aligned.sum(axis=0)
-    spread = np.sqrt((deviation**2).sum(axis=(0, 2)) / np.maximum(count, 1))
-    spread = np.where(count > 0, spread, np.nan)
     marker_sigma = _marker_sigma(visible, sigma)
-    distance, is_misplaced = np.full(len(numbers), np.nan), np.zeros(len(numbers), bool)
-    if design is not None:
-        mean, distance = _move_to_design(
-            mean,
-            design,
-            GLUING_SIGMA_MM**2 / (GLUING_SIGMA_MM**2 + marker_sigma**2),
-            numbers,
-            max_distance,
-        )
-        is_misplaced = distance > max_distance + MISPLACED_SIGMAS * marker_sigma
-    return RestPose(
-        mean, spread, count, int(aligned.ok.sum()), distance, is_misplaced, marker_sigma
-    )
+    weights = GLUING_SIGMA_MM**2 / (GLUING_SIGMA_MM**2 + marker_sigma**2)
+    points, distance = _move_to_design(mean, design, weights, numbers)
+    is_misplaced = distance > MAX_DISTANCE_MM + MISPLACED_SIGMAS * marker_sigma
+    return RestPose(points, distance, is_misplaced, marker_sigma)
 
 
 def _frame_weights(visible: Bool, sigma: Float | None) -> Float:
@@ -164,7 +122,7 @@ def _start_frame(points: Float, visible: Bool, numbers: Int) -> int:
 
 
 def _move_to_design(
-    shape: Float, design: Float, weights: Float, numbers: Int, max_distance: float
+    shape: Float, design: Float, weights: Float, numbers: Int
 ) -> tuple[Float, Float]:
     """Move a shape to the design by most of its markers.
 
@@ -173,7 +131,6 @@ def _move_to_design(
         design: Positions in the design (m, 3), mm.
         weights: Weights of the markers (m,).
         numbers: Numbers of the markers (m,), for messages.
-        max_distance: Distance, mm, above which a marker does not agree.
 
     Returns:
         The moved shape (m, 3), mm, and each marker's distance from the design (m,), mm.
@@ -182,7 +139,7 @@ def _move_to_design(
     if len(common) < 3:
         raise CaptureError(
             f"{len(common)} of the visible markers are in the design, but three are needed",
-            code="markers-too-few",
+            code="too-few-markers",
             where="rest pose",
             action="Check that markers.json is that of this device",
             count=len(common),
@@ -196,20 +153,22 @@ def _move_to_design(
     copies = np.broadcast_to(shape, (len(triples), *shape.shape))
     candidates = align(copies, design, None, mask, ids=numbers)
     distances = np.linalg.norm(candidates.points[:, common] - design[common], axis=2)
-    cost = np.where(candidates.ok, (np.minimum(distances, max_distance) ** 2).sum(axis=1), np.inf)
+    cost = np.where(
+        candidates.ok, (np.minimum(distances, MAX_DISTANCE_MM) ** 2).sum(axis=1), np.inf
+    )
     is_close = np.zeros(len(shape), bool)
-    is_close[common] = distances[int(cost.argmin())] <= max_distance
+    is_close[common] = distances[int(cost.argmin())] <= MAX_DISTANCE_MM
     for _ in range(MAX_ROUNDS):
         if is_close.sum() < 3 or 2 * is_close.sum() <= len(common):
             break
         aligned = align(shape[None], design, weights, is_close, ids=numbers)
         distance = np.linalg.norm(aligned.points[0] - design, axis=1)
-        is_close_now = np.asarray(distance <= max_distance)
+        is_close_now = np.asarray(distance <= MAX_DISTANCE_MM)
         if (is_close_now == is_close).all():
             return aligned.points[0], distance
         is_close = is_close_now
     raise CaptureError(
-        f"only {is_close.sum()} of {len(common)} markers are within {max_distance:g} mm of their"
+        f"only {is_close.sum()} of {len(common)} markers are within {MAX_DISTANCE_MM:g} mm of their"
         " positions in the design",
         code="markers-misplaced",
         where="rest pose",

@@ -138,7 +138,7 @@ def smooth(tracks: Tracks, window: float) -> Tracks:
     if (tracks.sigma[is_visible & is_known] <= 0).any():
         raise CaptureError(
             "the tracks have standard deviations that are not above 0",
-            code="sigma-not-positive",
+            code="not-positive",
             where="smoothing",
             action="Correct the tracks' sigma, or set it to nan",
         )

@@ -16,7 +16,7 @@ from ...core.arrays import Bool, Float
 from ...core.camera import Camera
 from ..cameras.rig_file import Rig
 from ..tracking.camera_motion import CameraMotion, find_camera_motion, which_moved
-from ..tracking.observations import ObservationSource, StoredObservations, frame_blocks
+from ..tracking.observations import StoredObservations, frame_blocks
 from ..tracking.pose_equations import shared_views
 from ..tracking.reconstruction import reconstruct
 from .camera_sync import Count, TrackWarning, views_at_frames, views_of_tags
@@ -55,37 +55,39 @@ def find_moved_camera(
     return next((k for k in candidates if k is not None), None)
 
 
-def sample_tags(seen: Sequence[ObservationSource], count: Count) -> tuple[Float, Float] | None:
+def sample_tags(
+    by_camera: Sequence[StoredObservations], count: Count
+) -> tuple[Float, Float] | None:
     """Return views of some tags that three of v cameras see; None if they are few.
 
     Args:
-        seen: Observations of each camera.
+        by_camera: Observations of each camera.
         count: Number of cameras that see each tag in the first one's frames (t, m).
     """
     rows = np.argwhere(count >= 3)
     if len(rows) < MIN_TAGS:
         return None
-    return views_of_tags(seen, rows[:: max(len(rows) // MAX_TAGS, 1)])
+    return views_of_tags(by_camera, rows[:: max(len(rows) // MAX_TAGS, 1)])
 
 
-def count_cameras(seen: Sequence[ObservationSource]) -> Count:
+def count_cameras(by_camera: Sequence[StoredObservations]) -> Count:
     """Return how many cameras see each tag in each frame of the first one (t, m)."""
-    count = np.zeros((len(seen[0].time), len(seen[0].ids)), np.int8)
+    count = np.zeros((len(by_camera[0].time), len(by_camera[0].ids)), np.int8)
     for frames in frame_blocks(*count.shape):
-        corners, _ = views_at_frames(seen, frames)
+        corners, _ = views_at_frames(by_camera, frames)
         count[frames] = np.isfinite(corners).all(axis=(3, 4)).sum(axis=2)
     return count
 
 
 def _find_inconsistent(
-    cameras: Sequence[Camera], seen: Float, covariance: Float, size: float
+    cameras: Sequence[Camera], corners: Float, covariance: Float, size: float
 ) -> int | None:
     """Return the camera without which the others fit much better; None if there is none."""
     residuals = np.array(
         [
             _residual(
                 [c for k, c in enumerate(cameras) if k != excluded],
-                np.delete(seen, excluded, axis=1),
+                np.delete(corners, excluded, axis=1),
                 np.delete(covariance, excluded, axis=1),
                 size,
             )
@@ -102,13 +104,13 @@ def _find_inconsistent(
     )
 
 
-def _residual(cameras: Sequence[Camera], seen: Float, covariance: Float, size: float) -> float:
+def _residual(cameras: Sequence[Camera], corners: Float, covariance: Float, size: float) -> float:
     """Return the median residual of tags (n, v, 4, 2), px; infinite if cameras disagree."""
-    located = reconstruct(cameras, seen[:, None], covariance[:, None], size)
-    by_several = located.seen >= 2
+    located = reconstruct(cameras, corners[:, None], covariance[:, None], size)
+    by_several = located.views >= 2
     if by_several.sum() < MIN_TAGS:
         return float("inf")
-    if located.cameras[by_several].sum() < MIN_AGREEMENT * located.seen[by_several].sum():
+    if located.cameras[by_several].sum() < MIN_AGREEMENT * located.views[by_several].sum():
         return float("inf")
     return float(np.nanmedian(located.miss[by_several]))
 
@@ -177,46 +179,46 @@ class RigPart:
         """Return which of the times (t,), s, are in this part."""
         return np.asarray((time >= self.start) & (time < self.end))
 
-    def of(self, seen: Sequence[StoredObservations]) -> list[StoredObservations]:
+    def of(self, by_camera: Sequence[StoredObservations]) -> list[StoredObservations]:
         """Return the observations in this part."""
-        return [s.only(self.frames(s.time)) for s in seen]
+        return [s.only(self.frames(s.time)) for s in by_camera]
 
 
-def find_moves(rig: Rig, seen: Sequence[ObservationSource], size: float) -> list[CameraMove]:
+def find_moves(rig: Rig, by_camera: Sequence[StoredObservations], size: float) -> list[CameraMove]:
     """Find moves of the cameras during a recording.
 
     Args:
         rig: The cameras.
-        seen: Observations of each camera, on one clock.
+        by_camera: Observations of each camera, on one clock.
         size: Side of the tags, mm.
     """
-    if len(rig.cameras) < 2 or not all(len(s.time) for s in seen):
+    if len(rig.cameras) < 2 or not all(len(s.time) for s in by_camera):
         return []
-    time, views_per_frame = seen[0].time, len(seen) * max(len(seen[0].ids), 1)
+    time, views_per_frame = by_camera[0].time, len(by_camera) * max(len(by_camera[0].ids), 1)
     stride = max(int(np.ceil(len(time) * views_per_frame / MAX_VIEWS)), 1)
     frames = np.arange(0, len(time), stride)
-    views = shared_views(frames, *views_at_frames(seen, frames), size)
+    views = shared_views(frames, *views_at_frames(by_camera, frames), size)
     moves = []
     period = float(np.median(np.diff(time[frames]))) if len(frames) > 1 else MOVE_MARGIN_S
     move_frames = int(np.ceil(MOVE_MARGIN_S / max(period, 1e-6)))
     for motion in find_camera_motion(rig.cameras, views, move_frames):
         at = (time[frames[motion.at - 1]] + time[frames[motion.at]]) / 2
         within = MOVE_MARGIN_S + (time[frames[motion.at]] - time[frames[motion.at - 1]]) / 2
-        moves.append(_attribute_move(motion, seen, float(at), float(within)))
+        moves.append(_attribute_move(motion, by_camera, float(at), float(within)))
     return moves
 
 
 def _attribute_move(
-    motion: CameraMotion, seen: Sequence[ObservationSource], at: float, within: float
+    motion: CameraMotion, by_camera: Sequence[StoredObservations], at: float, within: float
 ) -> CameraMove:
     """Attribute a move to the one of two cameras whose image jumped.
 
     The other camera's motion is the inverse, as far as the cameras' frames are the same
     (`divide_by_moves` ensures that).
     """
-    if len(seen) != 2:
+    if len(by_camera) != 2:
         return CameraMove(motion.camera, True, at, within, motion)
-    nearby = [s.part(np.flatnonzero(np.abs(s.time - at) < COMPARED_S)) for s in seen]
+    nearby = [s.part(np.flatnonzero(np.abs(s.time - at) < COMPARED_S)) for s in by_camera]
     jumping = which_moved(
         [(observations.time, observations.corners.mean(axis=2)) for observations in nearby],
         at,

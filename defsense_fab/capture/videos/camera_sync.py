@@ -1,4 +1,9 @@
-"""Synchronize cameras with the first one, by how the tags move."""
+"""Synchronize cameras with the first one, by how the tags move.
+
+Rays of two cameras to a moving tag meet only if both saw it at the same time. `find_offset` finds
+the constant offset at which they miss each other least, first on a grid and then between its
+points.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +16,25 @@ from numpy.typing import NDArray
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ..cameras.rig_file import Rig
-from ..tracking.camera_clocks import FrameDrops, find_frame_drops, find_offset
-from ..tracking.observations import ObservationSource, StoredObservations, frame_blocks, interpolate
+from ..tracking.observations import (
+    StoredObservations,
+    frame_blocks,
+    interpolate,
+    tag_centers,
+)
+from ..tracking.reconstruction import triangulate
 
 MAX_CLOCK_OFFSET_S, MIN_CORRECTION_S = 0.25, 1e-3
 MAX_START_OFFSET_S = 10.0  # between videos that were started manually
 #: Of a credible offset: largest residual, and its ratio to the residual without the offset.
 MAX_RESIDUAL_PX, MAX_RESIDUAL_RATIO = 0.5, 0.5
-MAX_UNNOTED_FRAMES = 3
 Count = NDArray[np.int8]  # number of cameras for each tag in each frame, a byte to save memory
 MIN_MOTION_PX = 0.5  # of a tag, during which a repeated image is wrong
+MAX_OFFSET_TAGS = 300  # used for the offset: those that move most
+MIN_OFFSET_TAGS = 30
+COARSE_TAGS = 60  # of these tags, used on the grid
+MAX_AGREEMENT_PX = 1.5  # root mean square; views that miss by more are not of the same time
+OFFSET_RESOLUTION_S = 1e-4
 
 
 class TrackWarning(str):
@@ -40,22 +54,125 @@ class TrackWarning(str):
 
 
 @dataclass(frozen=True)
+class Offset:
+    """Offset between two cameras' clocks.
+
+    Attributes:
+        value: Time to add to the second camera's times, s.
+        sigma: Its standard deviation, s.
+        before: Residual without the offset, px.
+        after: Residual with the offset, px.
+    """
+
+    value: float
+    sigma: float
+    before: float
+    after: float
+
+
+def find_offset(
+    cameras: Sequence[Camera], first: StoredObservations, second: StoredObservations, reach: float
+) -> Offset | None:
+    """Find a constant offset between the clocks of two cameras.
+
+    Args:
+        cameras: The two cameras.
+        first: Observations of the first camera.
+        second: Observations of the second camera.
+        reach: Largest difference of the clocks, s.
+
+    Returns:
+        The offset; None if too little moves, or the best offset is at the end of the reach.
+    """
+    period = float(np.median(np.diff(second.time))) if len(second.time) > 2 else 0.0
+    rows = _moving_tags(first, second)
+    if rows is None or not 0 < period < reach:
+        return None
+
+    frames_used, position = np.unique(rows[0], return_inverse=True)
+    first_part = first.part(frames_used)
+    first_views = first_part.corners[position, rows[1]], first_part.covariance[position, rows[1]]
+
+    def miss(offset: float, stride: int = 1) -> float:
+        frames, tags = rows[0][::stride], rows[1][::stride]
+        corners, covariance = interpolate(second, first.time[frames], offset)
+        n = np.arange(len(frames))
+        views = np.stack([first_views[0][::stride], corners[n, tags]], axis=1)
+        covariances = np.stack([first_views[1][::stride], covariance[n, tags]], axis=1)
+        is_known = np.isfinite(views).all(axis=(1, 2, 3))
+        if is_known.sum() * stride < MIN_OFFSET_TAGS / 2:
+            return float("inf")
+        located = triangulate(cameras, views[is_known], covariances[is_known])
+        # Views that disagree count with the largest possible disagreement.
+        misses = np.where(np.isfinite(located.miss), located.miss, 2.0)
+        return float(np.mean(misses**2))
+
+    grid = np.arange(-reach, reach + period / 4, period / 2)
+    coarse = max(len(rows[0]) // COARSE_TAGS, 1)
+    values = np.array([miss(o, coarse) for o in grid])
+    k = int(values.argmin())
+    if not 0 < k < len(grid) - 1 or not np.isfinite(values[k - 1 : k + 2]).all():
+        return None
+    low, high = grid[k - 1], grid[k + 1]
+    golden = (np.sqrt(5) - 1) / 2
+    a, b = high - golden * (high - low), low + golden * (high - low)
+    fa, fb = miss(a), miss(b)
+    while high - low > OFFSET_RESOLUTION_S:
+        if fa < fb:
+            high, b, fb = b, a, fa
+            a = high - golden * (high - low)
+            fa = miss(a)
+        else:
+            low, a, fa = a, b, fb
+            b = low + golden * (high - low)
+            fb = miss(b)
+    offset_found = (low + high) / 2
+    cost_after, cost_before = miss(offset_found), miss(0.0)
+    # The sharpness of the minimum, by a parabola through a step on each side.
+    step = period / 4
+    curvature = max(
+        (miss(offset_found - step) + miss(offset_found + step) - 2 * cost_after) / step**2, 1e-12
+    )
+    sigma = float(np.sqrt(2 * cost_after / curvature / max(len(rows[0]) - 1, 1)))
+    if cost_after > MAX_AGREEMENT_PX**2:
+        return None  # the cameras agree at no offset within reach
+    return Offset(
+        float(offset_found), sigma, float(np.sqrt(cost_before)), float(np.sqrt(cost_after))
+    )
+
+
+def _moving_tags(first: StoredObservations, second: StoredObservations) -> tuple[Int, Int] | None:
+    """Return frames of the first camera and tags that move most there and that both cameras see."""
+    centers = tag_centers(first)
+    speed = np.full(centers.shape[:2], np.nan)
+    if len(first.time) < 3:
+        return None
+    duration = (first.time[2:] - first.time[:-2])[:, None]
+    speed[1:-1] = np.linalg.norm(centers[2:] - centers[:-2], axis=2) / duration
+    speed[:, ~np.isfinite(tag_centers(second)[..., 0]).any(axis=0)] = np.nan
+    is_known = np.isfinite(speed)
+    if is_known.sum() < MIN_OFFSET_TAGS:
+        return None
+    order = np.argsort(np.where(is_known, speed, -1.0), axis=None)[::-1][
+        : min(MAX_OFFSET_TAGS, is_known.sum())
+    ]
+    frames, tags = np.unravel_index(np.sort(order), speed.shape)
+    return frames, tags
+
+
+@dataclass(frozen=True)
 class CameraSync:
     """Observations of v cameras on the first one's clock.
 
     Attributes:
-        seen: Observations of each camera (v,).
+        by_camera: Observations of each camera (v,).
         shift: Times that were added to those of each camera (v,), s.
-        steps: By camera: its times, if the offset changed during the recording.
         repeated_frames: Number of frames of each camera that repeat the previous image (v,).
-        unmatched_frames: Number of frames of each camera that fit no offset (v,).
     """
 
-    seen: list[StoredObservations]
+    by_camera: list[StoredObservations]
     shift: list[float]
-    steps: dict[int, FrameDrops]
     repeated_frames: list[int]
-    unmatched_frames: list[int]
 
     def warnings(self, names: Sequence[str], offsets_given: bool) -> list[TrackWarning]:
         """Return the warnings.
@@ -73,15 +190,6 @@ class CameraSync:
             for name, count in zip(names, self.repeated_frames, strict=True)
             if count
         ]
-        notes += [
-            TrackWarning(
-                f"{name}: {count} frames do not fit those of {names[0]} at any similar offset, and"
-                " were left out. Check that no camera was moved and that its times do not jump.",
-                "frames-unmatched",
-            )
-            for name, count in zip(names, self.unmatched_frames, strict=True)
-            if count > MAX_UNNOTED_FRAMES
-        ]
         if not offsets_given and any(self.shift):
             ms = ", ".join(f"{1e3 * s:+.1f}" for s in self.shift)
             notes.append(
@@ -91,28 +199,12 @@ class CameraSync:
                     "videos-not-synchronous",
                 )
             )
-        for c, steps in self.steps.items():
-            changes = np.diff(steps.offsets)
-            where = ", ".join(
-                f"{1e3 * b:+.0f} ms at {t:.2f} s"
-                for t, b in list(zip(steps.change_times, changes, strict=True))[:5]
-            )
-            lost = sorted({names[c] if b > 0 else names[0] for b in changes})
-            notes.append(
-                TrackWarning(
-                    f"{names[c]}: its offset from {names[0]} changed {len(changes)} times ({where}"
-                    f"{', ...' if len(changes) > 5 else ''}), because frames of"
-                    f" {' and '.join(lost)} are missing without a gap in the time stamps. Times"
-                    " were corrected by how the tags move, and uncertain frames were left out.",
-                    "frames-lost",
-                )
-            )
         return notes
 
 
 def sync_cameras(
     rig: Rig,
-    seen: Sequence[StoredObservations],
+    by_camera: Sequence[StoredObservations],
     *,
     offsets_given: bool,
     excluded: int | None = None,
@@ -121,74 +213,61 @@ def sync_cameras(
 
     Args:
         rig: The cameras.
-        seen: Observations of each camera.
+        by_camera: Observations of each camera.
         offsets_given: Whether the offsets were given, so they stay.
         excluded: A camera that is left out. If it is the first, the second one's clock is used.
     """
     if excluded is not None:
-        included = [c for c in range(len(seen)) if c != excluded]
-        partial = sync_cameras(
-            Rig(tuple(rig.cameras[c] for c in included)),
-            [seen[c] for c in included],
-            offsets_given=offsets_given,
-        )
-        removed = seen[excluded]
-        synchronized = list(partial.seen)
-        synchronized.insert(excluded, removed.without(np.ones(len(removed.time), bool)))
-        shift, frozen, unfit = (
-            list(partial.shift),
-            list(partial.repeated_frames),
-            list(partial.unmatched_frames),
-        )
-        shift.insert(excluded, 0.0)
-        frozen.insert(excluded, 0)
-        unfit.insert(excluded, 0)
-        return CameraSync(
-            synchronized,
-            shift,
-            {included[c]: observations for c, observations in partial.steps.items()},
-            frozen,
-            unfit,
-        )
-    seen, frozen = _remove_repeats(seen)
-    shift, synchronized, steps, unfit = [0.0], [seen[0]], {}, [0] * len(seen)
-    for c, observations in enumerate(seen[1:], 1):
+        return _sync_other_cameras(rig, by_camera, excluded, offsets_given=offsets_given)
+    by_camera, repeated_frames = _remove_repeats(by_camera)
+    shift, synchronized = [0.0], [by_camera[0]]
+    for c, observations in enumerate(by_camera[1:], 1):
         pair = [rig.cameras[0], rig.cameras[c]]
         offset = (
-            None if offsets_given else find_offset(pair, seen[0], observations, MAX_CLOCK_OFFSET_S)
+            None
+            if offsets_given
+            else find_offset(pair, by_camera[0], observations, MAX_CLOCK_OFFSET_S)
         )
         start_offset = 0.0
         if not offsets_given and (offset is None or offset.after >= MAX_RESIDUAL_PX):
-            start_offset = _start_offset(pair, seen[0], observations)
+            start_offset = _start_offset(pair, by_camera[0], observations)
+        if start_offset:
             observations = replace(observations, time=observations.time + start_offset)
-        drops = find_frame_drops(pair, seen[0], observations, MAX_CLOCK_OFFSET_S)
-        if drops is not None and not len(drops.change_times):
-            fits = np.isfinite(drops.time)
-            unfit[c] = int((~fits).sum())
-            observations = observations.only(fits)
-            offset = None
-        elif drops is not None:
-            steps[c] = drops
-            shift.append(start_offset + float(np.median(drops.offsets)))
-            is_known = np.isfinite(drops.time)
-            synchronized.append(replace(observations, time=drops.time).only(is_known))
-            continue
-        refined = offset
-        if not offsets_given and (offset is None or start_offset):
-            refined = find_offset(pair, seen[0], observations, MAX_CLOCK_OFFSET_S)
+            offset = find_offset(pair, by_camera[0], observations, MAX_CLOCK_OFFSET_S)
         is_late = (
-            refined is not None
-            and abs(refined.value) > max(MIN_CORRECTION_S, 4 * refined.sigma)
-            and refined.after < MAX_RESIDUAL_RATIO * refined.before
-            and refined.after < MAX_RESIDUAL_PX
+            offset is not None
+            and abs(offset.value) > max(MIN_CORRECTION_S, 4 * offset.sigma)
+            and offset.after < MAX_RESIDUAL_RATIO * offset.before
+            and offset.after < MAX_RESIDUAL_PX
         )
-        correction = refined.value if refined is not None and is_late else 0.0
+        correction = offset.value if offset is not None and is_late else 0.0
         shift.append(start_offset + correction)
         synchronized.append(replace(observations, time=observations.time + correction))
-    return CameraSync(synchronized, shift, steps, frozen, unfit)
+    return CameraSync(synchronized, shift, repeated_frames)
 
 
-def _start_offset(pair: list[Camera], first: ObservationSource, second: ObservationSource) -> float:
+def _sync_other_cameras(
+    rig: Rig, by_camera: Sequence[StoredObservations], excluded: int, *, offsets_given: bool
+) -> CameraSync:
+    """Synchronize all cameras but one, which gets no observations."""
+    included = [c for c in range(len(by_camera)) if c != excluded]
+    others = sync_cameras(
+        Rig(tuple(rig.cameras[c] for c in included)),
+        [by_camera[c] for c in included],
+        offsets_given=offsets_given,
+    )
+    removed = by_camera[excluded]
+    nothing = removed.without(np.ones(len(removed.time), bool))
+    return CameraSync(
+        [*others.by_camera[:excluded], nothing, *others.by_camera[excluded:]],
+        [*others.shift[:excluded], 0.0, *others.shift[excluded:]],
+        [*others.repeated_frames[:excluded], 0, *others.repeated_frames[excluded:]],
+    )
+
+
+def _start_offset(
+    pair: list[Camera], first: StoredObservations, second: StoredObservations
+) -> float:
     """Return by how much the second video started later, s, if more than clocks differ."""
     offset = find_offset(pair, first, second, MAX_START_OFFSET_S)
     if (
@@ -200,41 +279,44 @@ def _start_offset(pair: list[Camera], first: ObservationSource, second: Observat
     return offset.value if offset.after < MAX_RESIDUAL_RATIO * offset.before else 0.0
 
 
-def views_at_frames(seen: Sequence[ObservationSource], frames: Int) -> tuple[Float, Float]:
+def views_at_frames(by_camera: Sequence[StoredObservations], frames: Int) -> tuple[Float, Float]:
     """Return the views of all cameras at the times of frames (k,) of the first one.
 
     Returns:
         Corners (k, m, v, 4, 2), px, and covariances (k, m, v, 5, 2, 2), px^2.
     """
-    first = seen[0].part(frames)
-    parts = [(first.corners, first.covariance), *(interpolate(s, first.time) for s in seen[1:])]
+    first = by_camera[0].part(frames)
+    parts = [
+        (first.corners, first.covariance),
+        *(interpolate(s, first.time) for s in by_camera[1:]),
+    ]
     return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)
 
 
-def views_of_tags(seen: Sequence[ObservationSource], rows: Int) -> tuple[Float, Float]:
+def views_of_tags(by_camera: Sequence[StoredObservations], rows: Int) -> tuple[Float, Float]:
     """Return the views of single tags by all cameras.
 
     Args:
-        seen: Observations of each camera.
+        by_camera: Observations of each camera.
         rows: Frames of the first camera and tags (n, 2).
 
     Returns:
         Corners (n, v, 4, 2), px, and covariances (n, v, 5, 2, 2), px^2.
     """
     frames, place = np.unique(rows[:, 0], return_inverse=True)
-    corners, covariance = views_at_frames(seen, frames)
+    corners, covariance = views_at_frames(by_camera, frames)
     return corners[place, rows[:, 1]], covariance[place, rows[:, 1]]
 
 
 def _remove_repeats(
-    seen: Sequence[StoredObservations],
+    by_camera: Sequence[StoredObservations],
 ) -> tuple[list[StoredObservations], list[int]]:
     """Remove frames that repeat the previous image although tags move.
 
     Motion shows in the camera's next image, or in another camera.
     """
     out, counts = [], []
-    for c, observations in enumerate(seen):
+    for c, observations in enumerate(by_camera):
         is_wrong = np.zeros(len(observations.time), bool)
         for start, end in _repeated_runs(observations):
             corners = observations.part(
@@ -243,7 +325,7 @@ def _remove_repeats(
             after = corners[1] if end < len(observations.time) else np.full_like(corners[0], np.nan)
             if _has_moved(corners[0], after) or any(
                 _tags_move(other, observations.time[start], observations.time[end - 1])
-                for k, other in enumerate(seen)
+                for k, other in enumerate(by_camera)
                 if k != c
             ):
                 is_wrong[start + 1 : end] = True
@@ -253,7 +335,7 @@ def _remove_repeats(
     return out, counts
 
 
-def _repeated_runs(observations: ObservationSource) -> list[tuple[int, int]]:
+def _repeated_runs(observations: StoredObservations) -> list[tuple[int, int]]:
     """Return runs of frames (from, to) in which all tags are at exactly the same place."""
     is_same = np.zeros(max(len(observations.time) - 1, 0), bool)
     for frames in frame_blocks(len(is_same), len(observations.ids)):
@@ -271,7 +353,7 @@ def _has_moved(a: Float, b: Float) -> Bool:
     return np.asarray((np.abs(a - b) > MIN_MOTION_PX).any())
 
 
-def _tags_move(observations: ObservationSource, start: float, end: float) -> bool:
+def _tags_move(observations: StoredObservations, start: float, end: float) -> bool:
     """Return whether tags move in a camera between two times, s."""
     rows = np.flatnonzero((observations.time >= start) & (observations.time <= end))
     if len(rows) < 2:

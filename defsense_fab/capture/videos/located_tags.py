@@ -17,7 +17,7 @@ from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ...core.progress import Progress
 from ..cameras.rig_file import Rig
-from ..tracking.observations import ObservationSource, StoredObservations, frame_blocks
+from ..tracking.observations import StoredObservations, frame_blocks
 from ..tracking.reconstruction import reconstruct
 from .camera_moves import (
     CameraMove,
@@ -43,7 +43,7 @@ class LocatedTags:
         cameras: Number of cameras that agree (t, m).
         miss: Root mean square residuals (t, m), px.
         sides: Mean sides of the tags as located by several cameras (t, m), mm.
-        seen: Number of cameras that saw the tag (t, m).
+        views: Number of cameras that see the tag (t, m).
         corners: Corners of selected tags (t, k, 4, 3), mm, in single precision.
     """
 
@@ -52,13 +52,13 @@ class LocatedTags:
     cameras: Count
     miss: Float
     sides: Float
-    seen: Count
+    views: Count
     corners: NDArray[np.float32]
 
 
 def locate_tags(
     cameras: Sequence[Camera],
-    seen: Sequence[ObservationSource],
+    by_camera: Sequence[StoredObservations],
     size: float,
     frame: Camera,
     outlined: Int,
@@ -67,12 +67,12 @@ def locate_tags(
 
     Args:
         cameras: The cameras.
-        seen: Observations of each camera.
+        by_camera: Observations of each camera.
         size: Side of the tags, mm.
         frame: Camera in whose frame the tags are returned.
         outlined: Columns of the tags whose corners are kept (k,).
     """
-    shape = len(seen[0].time), len(seen[0].ids)
+    shape = len(by_camera[0].time), len(by_camera[0].ids)
     tags = LocatedTags(
         np.empty((*shape, 3)),
         np.empty((*shape, 3)),
@@ -80,16 +80,16 @@ def locate_tags(
         np.empty(shape),
         np.empty(shape),
         np.empty(shape, np.int8),
-        np.empty((len(seen[0].time), len(outlined), 4, 3), np.float32),
+        np.empty((len(by_camera[0].time), len(outlined), 4, 3), np.float32),
     )
     rotation = frame.rotation
     for frames in frame_blocks(*shape, BLOCK_TAGS):
-        located = reconstruct(cameras, *views_at_frames(seen, frames), size)
+        located = reconstruct(cameras, *views_at_frames(by_camera, frames), size)
         tags.points[frames] = frame.to_camera(located.points)
         rotated = rotation @ located.covariance @ rotation.T
         tags.sigma[frames] = np.sqrt(np.diagonal(rotated, axis1=-2, axis2=-1))
         tags.cameras[frames], tags.miss[frames] = located.cameras, located.miss
-        tags.sides[frames], tags.seen[frames] = located.sides, located.seen
+        tags.sides[frames], tags.views[frames] = located.sides, located.views
         tags.corners[frames] = frame.to_camera(located.corners[:, outlined])
     return tags
 
@@ -111,7 +111,7 @@ class LocatedScene:
 
     Attributes:
         located: The tags.
-        seen: Observations of each camera, on one clock.
+        by_camera: Observations of each camera, on one clock.
         shift: Times that were added to those of each camera (v,), s.
         clocks: Synchronization of the cameras in each part between moves.
         moves: Moves of cameras.
@@ -119,7 +119,7 @@ class LocatedScene:
     """
 
     located: LocatedTags
-    seen: Sequence[StoredObservations]
+    by_camera: Sequence[StoredObservations]
     shift: Sequence[float]
     clocks: Sequence[CameraSync]
     moves: Sequence[CameraMove]
@@ -157,7 +157,7 @@ class LocatedScene:
 
 def locate_scene(
     rig: Rig,
-    seen: Sequence[StoredObservations],
+    by_camera: Sequence[StoredObservations],
     size: float,
     frame: Camera,
     outlined: Int,
@@ -168,7 +168,7 @@ def locate_scene(
 
     Args:
         rig: The cameras.
-        seen: Observations of each camera.
+        by_camera: Observations of each camera.
         size: Side of the tags, mm.
         frame: Camera in whose frame the tags are returned.
         outlined: Columns of the tags whose corners are kept (k,).
@@ -176,10 +176,10 @@ def locate_scene(
         progress: Receives progress.
     """
     progress("tracks", 0.1, "comparing clocks")
-    clocks = sync_cameras(rig, seen, offsets_given=offsets_given)
+    clocks = sync_cameras(rig, by_camera, offsets_given=offsets_given)
     by_one_clock = [
         replace(observations, time=observations.time + shift)
-        for observations, shift in zip(seen, clocks.shift, strict=True)
+        for observations, shift in zip(by_camera, clocks.shift, strict=True)
     ]
     progress("tracks", 0.15, "finding cameras that were moved")
     parts, moves = divide_by_moves(rig, find_moves(rig, by_one_clock, size))
@@ -190,43 +190,45 @@ def locate_scene(
         )
         if _is_consistent(scene):
             return scene
-    located = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
+    located = locate_tags(rig.cameras, clocks.by_camera, size, frame, outlined)
     moved_camera = None
     if len(rig.cameras) > 2:
         views = (
             sample_tags(
                 observations,
-                located.seen if observations is clocks.seen else count_cameras(observations),
+                located.views if observations is clocks.by_camera else count_cameras(observations),
             )
-            for observations in (clocks.seen, seen)
+            for observations in (clocks.by_camera, by_camera)
         )
         moved_camera = find_moved_camera(rig.cameras, views, size)
     if moved_camera is not None:
-        clocks = sync_cameras(rig, seen, offsets_given=offsets_given, excluded=moved_camera)
-        located = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
-    return LocatedScene(located, clocks.seen, clocks.shift, [clocks], (), moved_camera)
+        clocks = sync_cameras(rig, by_camera, offsets_given=offsets_given, excluded=moved_camera)
+        located = locate_tags(rig.cameras, clocks.by_camera, size, frame, outlined)
+    return LocatedScene(located, clocks.by_camera, clocks.shift, [clocks], (), moved_camera)
 
 
 def _locate_parts(
     parts: Sequence[RigPart],
     moves: Sequence[CameraMove],
-    seen: Sequence[StoredObservations],
+    by_camera: Sequence[StoredObservations],
     shift: Sequence[float],
     size: float,
     frame: Camera,
     outlined: Int,
     offsets_given: bool,
 ) -> LocatedScene:
-    clocks = [sync_cameras(part.rig, part.of(seen), offsets_given=offsets_given) for part in parts]
+    clocks = [
+        sync_cameras(part.rig, part.of(by_camera), offsets_given=offsets_given) for part in parts
+    ]
     located = join_tags(
-        locate_tags(part.rig.cameras, c.seen, size, frame, outlined)
+        locate_tags(part.rig.cameras, c.by_camera, size, frame, outlined)
         for part, c in zip(parts, clocks, strict=True)
     )
-    return LocatedScene(located, seen, shift, clocks, moves, None)
+    return LocatedScene(located, by_camera, shift, clocks, moves, None)
 
 
 def _is_consistent(scene: LocatedScene) -> bool:
     """Return whether the views fit the poses of the cameras."""
-    shared = (scene.located.seen >= 2) & ~scene.is_moving(scene.seen[0].time)[:, None]
-    used, visible = scene.located.cameras[shared].sum(), scene.located.seen[shared].sum()
+    shared = (scene.located.views >= 2) & ~scene.is_moving(scene.by_camera[0].time)[:, None]
+    used, visible = scene.located.cameras[shared].sum(), scene.located.views[shared].sum()
     return bool(used >= MIN_AGREEMENT * max(visible, 1))

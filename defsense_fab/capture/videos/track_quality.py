@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, Int
+from ...core.arrays import Bool, Float, Int
 from ...core.markers import Tracks
 from .camera_sync import Count, TrackWarning
 from .located_tags import LocatedTags
@@ -92,54 +92,43 @@ def _robust_sigma(values: Float) -> float:
     return SIGMA_PER_MAD * float(np.median(np.abs(values - np.median(values))))
 
 
-def measure_quality(
-    watched: Sequence[VideoDetections],
-    repeated_numbers: Sequence[Int],
-    located: LocatedTags,
-    kept: Any,
-    impossible: int,
-    tracks: Tracks,
-    cameras: Count,
-    size: float,
-    names: Sequence[str],
-) -> dict[str, Any]:
-    """Measure the quality of tracks.
+@dataclass(frozen=True)
+class WatchedVideo:
+    """A video whose tags were detected.
 
-    Args:
-        watched: Detections in each video.
-        repeated_numbers: Tags that each video shows twice in a frame.
-        located: Located tags.
-        kept: Positions that were kept (t, m).
-        impossible: Number of impossible positions.
-        tracks: The tracks.
-        cameras: Number of cameras of each position (t, m).
-        size: Stated side of the tags, mm.
-        names: Names of the videos.
-
-    Returns:
-        Plain values and warnings for `quality.json`.
+    Attributes:
+        name: Name of the video.
+        detections: Its detections.
+        repeated_ids: Numbers of tags that it shows twice in a frame.
     """
-    by_several, by_one = cameras >= 2, cameras == 1
-    sigma = np.linalg.norm(tracks.sigma, axis=-1)
-    videos: list[dict[str, Any]] = []
-    warnings: list[TrackWarning] = []
-    for name, video in zip(names, watched, strict=True):
-        timing = video.timing
-        videos.append(
-            {
-                "name": name,
-                "frames": len(video.time),
-                "expected": video.expected,
-                "missing": timing.missing,
-                "repeated": timing.repeated,
-                "period": timing.period,
-                "tags_per_frame": float(video.tags.count.mean()),
-            }
-        )
-        if video.expected > len(video.time) + 1:
+
+    name: str
+    detections: VideoDetections
+    repeated_ids: Int
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Its values in `quality.json`."""
+        timing = self.detections.timing
+        return {
+            "name": self.name,
+            "frames": len(self.detections.time),
+            "expected": self.detections.expected,
+            "missing": timing.missing,
+            "repeated": timing.repeated,
+            "period": timing.period,
+            "tags_per_frame": float(self.detections.tags.count.mean()),
+        }
+
+    @property
+    def timing_warnings(self) -> list[TrackWarning]:
+        """Warnings about its frames."""
+        timing, frames = self.detections.timing, len(self.detections.time)
+        warnings = []
+        if self.detections.expected > frames + 1:
             warnings.append(
                 TrackWarning(
-                    f"{name}: ends early, after {len(video.time)} of {video.expected} frames."
+                    f"{self.name}: ends early, after {frames} of {self.detections.expected} frames."
                     " Check that it is not damaged.",
                     "video-ends-early",
                 )
@@ -147,12 +136,88 @@ def measure_quality(
         if timing.missing or timing.repeated:
             warnings.append(
                 TrackWarning(
-                    f"{name}: {timing.missing} frames are missing and {timing.repeated} repeated,"
-                    " by its time stamps.",
+                    f"{self.name}: {timing.missing} frames are missing and {timing.repeated}"
+                    " repeated, by its time stamps.",
                     "frames-missing",
                 )
             )
-    spans = [video.time[-1] - video.time[0] for video in watched]
+        return warnings
+
+    @property
+    def tag_warnings(self) -> list[TrackWarning]:
+        """Warnings about the tags it shows."""
+        warnings = []
+        if not self.detections.tags.count.any():
+            warnings.append(
+                TrackWarning(
+                    f"{self.name}: shows no tag in any frame. Check that it is the right video.",
+                    "no-tag-in-video",
+                )
+            )
+        if len(self.repeated_ids):
+            numbers = ", ".join(map(str, self.repeated_ids.tolist()))
+            warnings.append(
+                TrackWarning(
+                    f"{self.name}: shows tags {numbers} twice at once. Print each number once, or"
+                    " cover reflections.",
+                    "tags-repeated",
+                )
+            )
+        return warnings
+
+
+def measure_quality(
+    videos: Sequence[WatchedVideo],
+    located: LocatedTags,
+    is_kept: Bool,
+    tracks: Tracks,
+    cameras: Count,
+    size: float,
+) -> dict[str, Any]:
+    """Measure the quality of tracks.
+
+    Args:
+        videos: The videos.
+        located: Located tags.
+        is_kept: Positions that were kept (t, m).
+        tracks: The tracks.
+        cameras: Number of cameras of each position (t, m).
+        size: Stated side of the tags, mm.
+
+    Returns:
+        Plain values and warnings for `quality.json`.
+    """
+    by_several, by_one = cameras >= 2, cameras == 1
+    sigma = np.linalg.norm(tracks.sigma, axis=-1)
+    measured = measure_size(np.where(is_kept, located.sides, np.nan), size)
+    warnings = [warning for video in videos for warning in video.timing_warnings]
+    warnings += _view_warnings(videos, tracks.ids, by_several, by_one)
+    if measured is not None and measured.warning is not None:
+        warnings.append(measured.warning)
+    with np.errstate(all="ignore"):
+        return {
+            "frames": len(tracks.time),
+            "markers": len(tracks.ids),
+            "seen": float(tracks.visible.mean()),
+            "by_several": float(by_several.mean()),
+            "by_one": float(by_one.mean()),
+            "residual": _median(located.miss[is_kept & (located.cameras >= 2)]),
+            "sigma_several": _median(sigma[by_several]),
+            "sigma_one": _median(sigma[by_one]),
+            "size": None if measured is None else measured.side,
+            "size_sigma": None if measured is None else measured.sigma,
+            "tag_size": size,
+            "videos": [video.record for video in videos],
+            "warnings": warnings,
+        }
+
+
+def _view_warnings(
+    videos: Sequence[WatchedVideo], ids: Int, by_several: Bool, by_one: Bool
+) -> list[TrackWarning]:
+    """Return warnings about the number of cameras that see the tags."""
+    warnings = []
+    spans = [video.detections.time[-1] - video.detections.time[0] for video in videos]
     if len(spans) > 1 and max(spans) - min(spans) > MAX_LENGTH_DIFFERENCE_S:
         lengths = ", ".join(f"{s:.1f}" for s in spans)
         warnings.append(
@@ -161,67 +226,24 @@ def measure_quality(
                 "lengths-differ",
             )
         )
-    if by_several.any() and by_one.sum() > by_several.sum():
+    share = "Most" if by_several.any() else "All" if len(videos) > 1 else None
+    if share and by_one.sum() > by_several.sum():
         warnings.append(
             TrackWarning(
-                "Most positions are by one camera alone, so their depth is uncertain.",
+                f"{share} positions are by one camera alone, so their depth is uncertain.",
                 "depth-uncertain",
             )
         )
-    if by_one.any() and not by_several.any() and len(watched) > 1:
-        warnings.append(
-            TrackWarning(
-                "All positions are by one camera alone, so their depth is uncertain.",
-                "depth-uncertain",
-            )
-        )
-    for name, video, repeated in zip(names, watched, repeated_numbers, strict=True):
-        if not video.tags.count.any():
-            warnings.append(
-                TrackWarning(
-                    f"{name}: shows no tag in any frame. Check that it is the right video.",
-                    "no-tag-in-video",
-                )
-            )
-        if len(repeated):
-            numbers = ", ".join(map(str, repeated.tolist()))
-            warnings.append(
-                TrackWarning(
-                    f"{name}: shows tags {numbers} twice at once. Print each number once, or cover"
-                    " reflections.",
-                    "tags-repeated",
-                )
-            )
-    single_view = sorted(
-        set(tracks.ids.tolist()) - set(tracks.ids[by_several.any(axis=0)].tolist())
-    )
-    if single_view and len(watched) > 1:
+    warnings += [warning for video in videos for warning in video.tag_warnings]
+    single_view = sorted(set(ids.tolist()) - set(ids[by_several.any(axis=0)].tolist()))
+    if single_view and len(videos) > 1:
         warnings.append(
             TrackWarning(
                 f"Tags {', '.join(map(str, single_view))} were never seen by two cameras at once.",
                 "tags-by-one-camera",
             )
         )
-    size_measured = measure_size(np.where(kept, located.sides, np.nan), size)
-    if size_measured is not None and size_measured.warning is not None:
-        warnings.append(size_measured.warning)
-    with np.errstate(all="ignore"):
-        return {
-            "frames": len(tracks.time),
-            "markers": len(tracks.ids),
-            "seen": float(tracks.visible.mean()),
-            "by_several": float(by_several.mean()),
-            "by_one": float(by_one.mean()),
-            "impossible": impossible,
-            "residual": _median(located.miss[kept & (located.cameras >= 2)]),
-            "sigma_several": _median(sigma[by_several]),
-            "sigma_one": _median(sigma[by_one]),
-            "size": None if size_measured is None else size_measured.side,
-            "size_sigma": None if size_measured is None else size_measured.sigma,
-            "tag_size": size,
-            "videos": videos,
-            "warnings": warnings,
-        }
+    return warnings
 
 
 def _median(values: Float) -> float | None:

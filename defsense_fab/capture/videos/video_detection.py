@@ -14,7 +14,7 @@ from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...core.machine.compiled import is_compiled
 from ...core.markers import Markers
-from ...core.progress import Progress, silent
+from ...core.progress import Progress
 from ..cameras.image_sources import Timing, Video, measure_timing, run_in_threads
 from ..tags import edge_fit
 from ..tags.detection import (
@@ -22,10 +22,8 @@ from ..tags.detection import (
     TagFollower,
     TagView,
     image_size_error,
-    opencv_detector,
-    to_grey,
 )
-from ..tags.tag_patterns import FAMILIES, Dictionary, dictionary
+from ..tags.tag_patterns import Dictionary, dictionary
 from ..tracking.observations import FrameTags, store_views
 
 COMPILING = "compiling the tag detector, once on this computer: about 20 s"
@@ -48,8 +46,6 @@ def report_compilation(report: Callable[[str], None]) -> bool:
     return is_due
 
 
-SAMPLED_FRAMES = 4  # of each video, in which other families are tried
-MIN_OTHER_TAGS = 3
 MAX_ROUNDING_S = 8e-4  # of stamps in whole ms
 
 
@@ -75,7 +71,7 @@ def detect_videos(
     cameras: Sequence[Camera],
     tags: Dictionary,
     rate: float | None,
-    progress: Progress = silent,
+    progress: Progress,
 ) -> list[VideoDetections]:
     """Detect the tags in videos, each in its own thread.
 
@@ -135,7 +131,12 @@ def detect_videos(
                 count=detection.timing.back,
             )
     if not any(detection.tags.count.any() for detection in detections):
-        raise _no_tags_error(paths, tags, rate)
+        raise CaptureError(
+            f"no tag of {tags.name} was found in any frame",
+            code="no-tag-in-video",
+            where=", ".join(map(str, paths)),
+            action="Check the dictionary, light, focus and the white margin around the tags",
+        )
     return detections
 
 
@@ -157,7 +158,7 @@ def _undo_rounding(time: Float) -> Float:
 
 
 def detect_markers(
-    video: Video, camera: Camera, markers: Markers, progress: Progress = silent
+    video: Video, camera: Camera, markers: Markers, progress: Progress
 ) -> tuple[Float, FrameTags]:
     """Detect a device's tags in every frame of one video.
 
@@ -183,47 +184,3 @@ def detect_markers(
     frame_tags = store_views(views())
     video.close()
     return np.array(times), frame_tags
-
-
-def _no_tags_error(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> CaptureError:
-    """Explain why no tag was found: perhaps there are tags of another family."""
-    numbers_by_family: dict[str, list[int]] = {}
-    # The small families of a kind are the first tags of the largest one.
-    small_families = tuple(f"_{n}" for n in (50, 100, 250))
-    families = [name for name in FAMILIES if not name.endswith(small_families)]
-    detectors = {name: opencv_detector(dictionary(name)) for name in families}
-    for path in paths:
-        video = Video(path, rate)
-        stride = max(video.expected // SAMPLED_FRAMES, 1)
-        for k, _, image in video.frames():
-            if k >= SAMPLED_FRAMES * stride:
-                break
-            if k % stride:
-                continue
-            for name, detector in detectors.items():
-                _, numbers, _ = detector.detectMarkers(to_grey(image))
-                if numbers is not None:
-                    numbers_by_family.setdefault(name, []).extend(
-                        np.asarray(numbers).ravel().tolist()
-                    )
-        video.close()
-    best = max(numbers_by_family, key=lambda name: len(numbers_by_family[name]), default="")
-    files = ", ".join(str(p) for p in paths)
-    if len(numbers_by_family.get(best, ())) >= MIN_OTHER_TAGS:
-        if best.endswith("_1000"):
-            largest = max(numbers_by_family[best])
-            best = best[:4] + str(next(n for n in (50, 100, 250, 1000) if largest < n))
-        if best != tags.name:
-            return CaptureError(
-                f"there is no tag of {tags.name}, but there are tags of {best}",
-                code="tag-dictionary-differs",
-                where=files,
-                action=f"Choose the dictionary {best}",
-                dictionary=best,
-            )
-    return CaptureError(
-        f"no tag of {tags.name} was found in any frame",
-        code="no-tag-in-video",
-        where=files,
-        action="Check light, focus and the white margin around the tags",
-    )

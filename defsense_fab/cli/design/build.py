@@ -2,206 +2,170 @@
 
 from __future__ import annotations
 
-import argparse
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from ...core.errors import DeviceError
-from ..device import add_device_arguments, parse_overrides
-from ..options import check_range, parse_numbers
-from ..output import console, print_json, print_lines, progress_bars, silent_stdout, standard_output
+from cyclopts import Parameter
+
+from ...workflow.build.options import BuildOptions
+from ..app import Command, command
+from ..device import DeviceFolder, Overrides, parse_overrides
+from ..output import (
+    OutputOptions,
+    console,
+    print_json,
+    print_lines,
+    progress_bars,
+    silent_stdout,
+    standard_output,
+)
 
 if TYPE_CHECKING:
-    from ...core.progress import Progress
-    from ...workflow.build.options import BuildOptions
-    from ...workflow.build.stages import Solve
-    from ..options import Commands
+    from ...workflow.build.build import BuildResult
+    from ...workflow.build.results import LayoutRecord, Manifest, MeshRecord
 
-#: Last stage and description of each command.
-_COMMANDS = {
-    "build": ("report", "Run all stages: body, mesh, poses, cords, parts, report"),
-    "mesh": ("mesh", "Load the body and mesh it with tetrahedra"),
-    "simulate": ("simulate", "Solve all poses, and the stages before"),
-    "optimize": ("optimize", "Route the cords, and run the stages before"),
-    "fabricate": ("fabricate", "Make the parts, and run the stages before"),
-    "report": ("report", "Write the report, and run the stages before"),
-}
+_NO_OPTIONS = BuildOptions()
+_NO_OUTPUT = OutputOptions()
 
 
-def add(commands: Commands) -> None:
-    """Add `build` and the commands of its stages."""
-    for name, (last_stage, text) in _COMMANDS.items():
-        sub = commands.add_parser(
-            name,
-            help=text,
-            description=f"{text}. Results that are up to date are reused.",
-            examples=[f"defsense {name} fixtures/devices/bar --set width=32"],
-        )
-        add_device_arguments(sub)
-        if name in ("build", "fabricate", "report"):
-            sub.add_argument(
-                "--copies",
-                type=int,
-                metavar="N",
-                help="Set the number of devices on the plates (default: [fabrication] copies)",
-            )
-            sub.add_argument(
-                "--bed",
-                metavar="X,Y,Z",
-                help="Set the printer bed size in mm (default: [fabrication] bed)",
-            )
-        if name != "mesh":
-            sub.add_argument(
-                "--scheduler",
-                metavar="ADDRESS",
-                help="Solve the poses on a Dask cluster with this scheduler address, such as "
-                "tcp://HOST:8786 (default: solve them locally)",
-            )
-        sub.set_defaults(until=last_stage, run=_build)
+def _stage_command(name: str, last_stage: str) -> Command:
+    """Return the command that runs all stages up to one."""
+    app = command(name, f"defsense {name} fixtures/devices/bar --set width=32")
+
+    @app.default
+    def run(
+        folder: DeviceFolder,
+        /,
+        *,
+        overrides: Overrides = (),
+        options: Annotated[BuildOptions, Parameter(name="*")] = _NO_OPTIONS,
+        output: OutputOptions = _NO_OUTPUT,
+    ) -> None:
+        """Run the stages of a build. Results that are up to date are reused.
+
+        Args:
+            folder: Folder that contains device.toml.
+        """
+        from ...core.device.device_file import load_device
+        from ...workflow.build.build import build as run_stages
+        from ...workflow.build.build import summary
+        from ...workflow.build.recorded_options import recorded_options
+
+        device = load_device(folder, parse_overrides(overrides))
+        previous = recorded_options(device, device.source / "build")
+        with silent_stdout(), progress_bars(output) as progress:
+            result = run_stages(device, last_stage, progress, options=options)
+        with standard_output():
+            if output.json:
+                summarized = summary(result.folder)
+                print_json({**summarized, "made": result.made, "reused": result.reused})
+                return
+            _print_result(result)
+            _print_next_step(name, last_stage, result.folder, folder, options)
+            is_other = "fabricate" in result.made and str(options) != str(previous)
+            if is_other and previous.overrides:
+                values = str(options) or "the values of device.toml"
+                print_lines(
+                    [
+                        f"note: the previous plates were made with {previous}, these with {values}."
+                        " Repeat the option, or set it under [fabrication] in device.toml."
+                    ]
+                )
+
+    return app
 
 
-def _build(options: argparse.Namespace) -> int:
-    from ...core.device.device_file import load_device
-
-    device = load_device(options.folder, parse_overrides(options.set))
-    requested = _build_options(options)
-    from ...workflow.build.build import build, summary
-    from ...workflow.build.options import describe_options, recorded_options
-
-    previous = recorded_options(device, device.source / "build")
-    with silent_stdout(), progress_bars(options) as progress:
-        solve = _cluster_solver(options, progress)
-        result = build(device, options.until, progress, options=requested, solve=solve)
-    data = {**summary(result.folder), "made": result.made, "reused": result.reused}
-    with standard_output():
-        if options.json:
-            print_json(data)
-            return 0
-        _print_summary(data)
-        _print_next_step(data["build"], options, describe_options(requested))
-        if not previous.is_empty and "fabricate" in result.made and requested != previous:
-            print_lines([
-                f"note: the previous plates were made with {describe_options(previous)}, these"
-                f" with {describe_options(requested) or 'the values of device.toml'}. Repeat the"
-                " option, or set it under [fabrication] in device.toml."
-            ])  # fmt: skip
-    return 0
+build = _stage_command("build", "report")
+mesh = _stage_command("mesh", "mesh")
+simulate = _stage_command("simulate", "simulate")
+optimize = _stage_command("optimize", "optimize")
+fabricate = _stage_command("fabricate", "fabricate")
+report = _stage_command("report", "report")
 
 
-def _cluster_solver(options: argparse.Namespace, progress: Progress) -> Solve | None:
-    """Return the function that solves poses on the requested cluster, or None."""
-    address = getattr(options, "scheduler", None)
-    if address is None:
-        return None
-    from ...workflow.study.runs.cluster import cluster_solver
+def _print_result(result: BuildResult) -> None:
+    from ...workflow.build.results import has_layout, has_parts, has_poses
 
-    return cluster_solver(address, lambda message: progress("simulate", 0.0, message))
-
-
-def _build_options(options: argparse.Namespace) -> BuildOptions:
-    """Return the build options of the command line, after checking them."""
-    from ...core.device.fabrication_table import MAX_COPIES
-    from ...workflow.build.options import BuildOptions
-
-    copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)
-    if copies is not None:
-        check_range("--copies", copies, 1, MAX_COPIES)
-    if bed is None:
-        return BuildOptions(copies)
-    sizes = parse_numbers("--bed", bed)
-    if len(sizes) != 3 or not all(30 <= size <= 5000 for size in sizes):
-        raise DeviceError(
-            f"{bed} is not a valid bed size",
-            code="bed-size-invalid",
-            where="--bed",
-            action="Give width, depth and height, 30 to 5000 mm each, such as 220,220,250",
-            value=bed,
-        )
-    return BuildOptions(copies, (sizes[0], sizes[1], sizes[2]))
-
-
-def _print_summary(data: dict[str, Any]) -> None:
-    if not data["made"]:
+    if not result.made:
         print_lines(["Everything is up to date."])
-    print_lines(_describe_mesh(data))
-    if "layout" in data:
-        _print_layout(data["layout"])
-    if "manifest" in data:
-        _print_parts(data["manifest"])
-
-
-def _describe_mesh(data: dict[str, Any]) -> list[str]:
-    """Return lines on the mesh and the body, and warnings of the first stages."""
-    lines = []
-    mesh = data.get("mesh", {})
-    accuracy = mesh.get("accuracy")
-    if accuracy:
-        reached = accuracy["reached"]
-        lines.append(
-            f"mesh: an edge length of {mesh['edge_length']:.3g} mm ({mesh['tets']} tetrahedra)"
-            f" has a signal error of {'unknown size' if reached is None else f'{reached:.2%}'};"
-            f" {accuracy['asked']:.2%} was requested"
-        )
-    if "body" in data["made"]:
-        repairs = data.get("body", {}).get("repairs", [])
+    results = result.results
+    mesh = results.mesh_record
+    print_lines(_describe_mesh(mesh))
+    if "body" in result.made:
         # STL files have no shared vertices: merging them is not a repair.
-        lines += [f"body: {line}" for line in repairs if not line.startswith("merged")]
-    if mesh.get("note"):
-        lines.append(f"note: {mesh['note']}")
-    warnings = [
-        w for key in ("simulation", "layout") for w in data.get(key, {}).get("warnings", [])
+        repairs = [line for line in results.body.repairs if not line.startswith("merged")]
+        print_lines(f"body: {line}" for line in repairs)
+    if mesh.note:
+        print_lines([f"note: {mesh.note}"])
+    if has_poses(results):
+        print_lines(f"note: {warning}" for warning in results.field_index.warnings)
+    if has_layout(results):
+        print_lines(f"note: {warning}" for warning in results.layout.warnings)
+        _print_layout(results.layout)
+    if has_parts(results):
+        _print_parts(results.manifest)
+
+
+def _describe_mesh(mesh: MeshRecord) -> list[str]:
+    """Return a line on the density of the mesh, if an accuracy was requested."""
+    accuracy = mesh.accuracy
+    if accuracy is None:
+        return []
+    reached = "unknown size" if accuracy.reached is None else f"{accuracy.reached:.2%}"
+    return [
+        f"mesh: an edge length of {mesh.edge_length:.3g} mm ({mesh.tets} tetrahedra)"
+        f" has a signal error of {reached}; {accuracy.asked:.2%} was requested"
     ]
-    return lines + [f"note: {warning}" for warning in warnings]
 
 
-def _print_layout(layout: dict[str, Any]) -> None:
+def _print_layout(layout: LayoutRecord) -> None:
     """Print the predicted errors of the layout, and notes on them."""
     from rich.table import Table
 
-    from ...decoding.expected_errors import MEANING
+    from ...workflow.build.results import MEANING
 
-    initial, best = layout["initial"], layout["prediction"]
-    table = Table(title=f"Predicted RMSE (mm), {best['decoder']} decoder")
-    for column in ("", "as proposed" if layout["proposed"] else "as drawn", "optimized"):
+    initial, best, band = layout.initial, layout.prediction, layout.band
+    table = Table(title=f"Predicted RMSE (mm), {best.decoder} decoder")
+    for column in ("", "as proposed" if layout.proposed else "as drawn", "optimized"):
         table.add_column(column, justify="right" if column else "left")
-    band = layout["band"]
-    table.add_row("built devices, unseen states", "", f"[bold]{band['median']:.2f}[/bold]")
-    table.add_row("  90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}")
+    table.add_row("built devices, unseen states", "", f"[bold]{band.median:.2f}[/bold]")
+    table.add_row("  90 % of devices", "", f"{band.low:.2f} to {band.high:.2f}")
+    table.add_row("as designed, unseen states", f"{initial.unseen:.3f}", f"{best.unseen:.3f}")
+    if best.held_out:
+        ranges = (_format_range(p.held_out.values()) for p in (initial, best))
+        table.add_row("  best state to worst", *ranges)
     for label, key in (
-        ("as designed, unseen states", "unseen"),
-        ("  best state to worst", "held_out"),
         ("  without noise", "unseen_noise_free"),
         ("as designed, fitted states", "rmse"),
         ("  without noise", "rmse_noise_free"),
     ):
-        if best[key] != {}:
-            table.add_row(label, *(_format_error(p[key]) for p in (initial, best)))
-    table.add_row("lower limit of affine maps, all states", "", f"{best['floor']:.3f}")
+        table.add_row(label, *(f"{getattr(p, key):.3f}" for p in (initial, best)))
+    table.add_row("lower limit of affine maps, all states", "", f"{best.floor:.3f}")
     console().print(table)
-    print_lines([
-        f"note: {MEANING[best['how']]}",
-        *_note_worse_than_start(layout),
-        *_describe_response(layout["response"]),
-        *_note_better_decoder(layout),
-        *_describe_trials(layout["weighed"]),
-    ])  # fmt: skip
+    print_lines(
+        [
+            f"note: {MEANING[best.how]}",
+            *note_worse_than_start(layout),
+            *_describe_response(layout),
+            *note_better_decoder(layout),
+            *_describe_trials(layout),
+        ]
+    )
 
 
-def _format_error(error: float | dict[str, float]) -> str:
-    """Format an error, or the range of the errors of several states."""
-    if isinstance(error, dict):
-        return f"{min(error.values()):.2f} to {max(error.values()):.2f}"
-    return f"{error:.3f}"
+def _format_range(errors: Iterable[float]) -> str:
+    values = list(errors)
+    return f"{min(values):.2f} to {max(values):.2f}" if values else ""
 
 
-def _note_better_decoder(layout: dict[str, Any]) -> list[str]:
+def note_better_decoder(layout: LayoutRecord) -> list[str]:
     """Return a note if another decoder than the chosen affine map is better on unseen states."""
-    from ...decoding.expected_errors import NONE
+    from ...workflow.build.results import NONE
 
-    errors = layout["unseen"]
-    if layout["prediction"]["how"] == NONE:
-        return []
-    chosen, best = layout["prediction"]["decoder"], min(errors, key=lambda k: errors[k])
-    if chosen != "affine" or best == chosen:
+    errors, chosen = layout.unseen, layout.prediction.decoder
+    best = min(errors, key=lambda k: errors[k])
+    if layout.prediction.how == NONE or chosen != "affine" or best == chosen:
         return []
     return [
         f"note: on unseen states the affine map has {errors[chosen]:.2f} mm and {best}"
@@ -209,9 +173,9 @@ def _note_better_decoder(layout: dict[str, Any]) -> list[str]:
     ]
 
 
-def _note_worse_than_start(layout: dict[str, Any]) -> list[str]:
+def note_worse_than_start(layout: LayoutRecord) -> list[str]:
     """Return a note if the start of the search is better on unseen states than its result."""
-    initial, final = (layout[k]["unseen"] for k in ("initial", "prediction"))
+    initial, final = layout.initial.unseen, layout.prediction.unseen
     if round(initial, 3) >= round(final, 3):
         return []
     return [
@@ -221,83 +185,83 @@ def _note_worse_than_start(layout: dict[str, Any]) -> list[str]:
     ]
 
 
-def _describe_response(response: dict[str, Any] | None) -> list[str]:
+def _describe_response(layout: LayoutRecord) -> list[str]:
     """Return a line on the measured response of the cords, if one was used."""
+    response = layout.response
     if response is None:
         return []
-    low, high = response["interval"]
+    low, high = response.interval
     return [
-        f"response of the cords: {response['file']}, k_res {response['k_res']:.2f} (95 %:"
-        f" {low:.2f} to {high:.2f}), pieces differ by {response['spread']:.1%}"
+        f"response of the cords: {response.file}, k_res {response.k_res:.2f} (95 %:"
+        f" {low:.2f} to {high:.2f}), pieces differ by {response.spread:.1%}"
     ]
 
 
-def _describe_trials(trials: list[dict[str, Any]]) -> list[str]:
+def _describe_trials(layout: LayoutRecord) -> list[str]:
     """Return a line on the layouts that were made for comparison, if there were several."""
-    if len(trials) < 2:
+    if len(layout.weighed) < 2:
         return []
     results = [
-        f"{t['built']:.2f} mm in {t['parts']} parts"
-        f"{'' if t['slanted'] else ', no plane slanted'}{' (chosen)' if t['chosen'] else ''}"
-        if t["problem"] is None
-        else f"{t['designed']:.2f} mm, cannot be made"
-        for t in trials
+        f"{t.built:.2f} mm in {t.parts} parts"
+        f"{'' if t.slanted else ', no plane slanted'}{' (chosen)' if t.chosen else ''}"
+        if t.problem is None
+        else f"{t.designed:.2f} mm, cannot be made"
+        for t in layout.weighed
     ]
     return [f"compared layouts, unseen states as built: {'; '.join(dict.fromkeys(results))}"]
 
 
-def _print_parts(manifest: dict[str, Any]) -> None:
+def _print_parts(manifest: Manifest) -> None:
     """Print the parts, the cords to cut, and the plates."""
     from rich.table import Table
 
     table = Table(title="Parts")
     for column in ("part", "volume (cm3)", "size (mm)"):
         table.add_column(column, justify="left" if column == "part" else "right")
-    for part in manifest["parts"]:
-        low, high = part["bbox"]
-        size = " x ".join(f"{b - a:.1f}" for a, b in zip(low, high, strict=True))
-        table.add_row(part["name"], f"{part['volume'] / 1000:.2f}", size)
+    for part in manifest.parts:
+        size = " x ".join(f"{length:.1f}" for length in part.bbox[1] - part.bbox[0])
+        table.add_row(part.name, f"{part.volume / 1000:.2f}", size)
     console().print(table)
     table = Table(title="Cut list")
     for column in ("cord", "cut length (mm)", "loose (ohm)", "inserted (ohm)"):
         table.add_column(column, justify="left" if column == "cord" else "right")
-    for cord in manifest["cords"]:
-        ohm = (f"{cord[key]:.0f}" for key in ("resistance_before", "resistance"))
-        table.add_row(cord["sensor"], f"{cord['cut_length']:.0f}", *ohm)
+    for cord in manifest.cords:
+        ohm = (f"{value:.0f}" for value in (cord.resistance_before, cord.resistance))
+        table.add_row(cord.sensor, f"{cord.cut_length:.0f}", *ohm)
     console().print(table)
     print_lines(_describe_plates(manifest))
-    print_lines(f"note: {warning}" for warning in manifest["warnings"])
+    print_lines(f"note: {warning}" for warning in manifest.warnings)
 
 
-def _describe_plates(manifest: dict[str, Any]) -> list[str]:
+def _describe_plates(manifest: Manifest) -> list[str]:
     """Return lines on the plates to print and the moulds to cast."""
-    plates, copies = len(manifest["plates"]), manifest.get("copies", 1)
-    pieces = sum(len(plate["parts"]) for plate in manifest["plates"])
+    pieces = sum(len(plate.parts) for plate in manifest.plates)
+    copies = f" of {manifest.copies} devices" if manifest.copies > 1 else ""
     lines = [
-        f"plates: {plates} with {pieces} pieces"
-        + (f" of {copies} devices" if copies > 1 else "")
-        + f" (at least {manifest.get('least_plates', 1)})"
+        f"plates: {len(manifest.plates)} with {pieces} pieces{copies} (at least"
+        f" {manifest.least_plates})"
     ]
-    cast = manifest.get("casting")
+    cast = manifest.casting
     if cast:
-        mould_pieces = sum(len(mould["pieces"]) for mould in manifest["moulds"])
+        mould_pieces = sum(len(mould.pieces) for mould in manifest.moulds)
         lines.append(
-            f"moulds: {len(manifest['moulds'])} in {mould_pieces} pieces; mix"
-            f" {cast['mass_a']:.0f} g of A and {cast['mass_b']:.0f} g of B of {cast['silicone']}"
+            f"moulds: {len(manifest.moulds)} in {mould_pieces} pieces; mix"
+            f" {cast.mass_a:.0f} g of A and {cast.mass_b:.0f} g of B of {cast.silicone}"
         )
     return lines
 
 
-def _print_next_step(folder: str, options: argparse.Namespace, requested: str) -> None:
-    device = options.folder
-    print_parts = f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html"
+def _print_next_step(
+    name: str, last_stage: str, build: Path, device: Path, options: BuildOptions
+) -> None:
+    print_parts = f"slice {build}/parts/plate*.3mf, follow {build}/guide.html"
     next_step = {
         "build": print_parts,
         "mesh": f"defsense simulate {device}",
         "simulate": f"defsense optimize {device}",
         "optimize": f"defsense fabricate {device}",
-        "fabricate": f"defsense report {device} {requested}".rstrip(),
+        "fabricate": f"defsense report {device} {options}".rstrip(),
         "report": print_parts,
-    }[options.command]
-    page = f"{folder}/report.html" if options.until == "report" else folder
+    }[name]
+    page = f"{build}/report.html" if last_stage == "report" else build
     print_lines([f"Look at: {page}", f"Next:    {next_step}"])

@@ -1,16 +1,28 @@
-"""Questions that `defsense new` shows in a terminal, and checks of the answers."""
+"""Questions that `defsense new` asks in a terminal."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
-from ...core.errors import DefsenseError, DeviceError
+from ...core.errors import DefsenseError
+from ...workflow.starts.options import (
+    DEFAULT_PROCESS,
+    END_POSES,
+    EXAMPLES,
+    MODES,
+    UNIT_WORDS,
+    NewOptions,
+    check_poses,
+    check_row,
+    parse_unit,
+)
 from ..output import print_lines
 
 if TYPE_CHECKING:
-    from ...workflow.starts.dropped_body import DroppedBody
+    from ...workflow.starts.body_file import BodyFile
 
 T = TypeVar("T")
 
@@ -32,39 +44,73 @@ def ask_until_valid(ask: Callable[[], str], check: Callable[[str], T]) -> T:
 
 def ask_body() -> str:
     """Ask for the body: the name of an example of the package, or a file."""
-    from ...workflow.starts.starting_devices import STARTING_DEVICES
-
-    rows = [(start.name, start.about) for start in STARTING_DEVICES]
     return _choose(
         "Which body? Choose an example, or enter the path of a file: a script (.py), STEP, or a"
         " mesh (STL, OBJ, PLY, 3MF, GLB).",
-        rows,
+        [*EXAMPLES.items()],
         "bar",
     )
 
 
-def ask_unit(found: DroppedBody) -> str:
-    """Ask for the unit of a mesh whose size is unusual for a device in mm."""
-    from ...workflow.starts.units import UNIT_WORDS
+def ask_choices(body: BodyFile, options: NewOptions) -> NewOptions:
+    """Ask for the unit if it is doubtful, and for the poses and the cord if they are not given.
 
-    unit = "this correct" if found.unit == found.format_unit else f"in {UNIT_WORDS[found.unit]}"
-    size = found.format_size(found.format_unit)
+    Returns:
+        The options with the answers, and with defaults that fit the body.
+
+    Raises:
+        DefsenseError: A given option does not fit the body.
+    """
+    from ...workflow.starts.body_file import check_unit, choose_unit
+    from ...workflow.starts.first_device import check_room, fill_options, first_fitting_cord
+
+    process = options.process or DEFAULT_PROCESS
+
+    def check_answer(text: str) -> str:
+        unit = parse_unit(text)
+        check_unit(body, unit)
+        first_fitting_cord(body, unit, process)
+        return unit
+
+    if options.units is None and body.is_doubtful:
+        unit = ask_until_valid(lambda: ask_unit(body), check_answer)
+        options = replace(options, units=unit)
+    unit = choose_unit(body, options.units)
+
+    def check_cord(text: str) -> str:
+        check_room(body, unit, check_row("cord", text), process)
+        return text
+
+    cord = first_fitting_cord(body, unit, process)
+    if options.cord is not None:
+        cord = check_cord(options.cord)
+    filled = fill_options(body, replace(options, cord=cord))
+    if not options.poses:
+        poses = ask_until_valid(lambda: ask_poses(filled.poses), _parse_poses)
+        filled = replace(filled, poses=poses)
+    if options.cord is None:
+        filled = replace(filled, cord=ask_until_valid(lambda: ask_cord(cord), check_cord))
+    return filled
+
+
+def ask_unit(body: BodyFile) -> str:
+    """Ask for the unit of a mesh whose size is unusual for a device in mm."""
+    unit = "this correct" if body.unit == body.format_unit else f"it in {UNIT_WORDS[body.unit]}"
+    size = body.format_size(body.format_unit)
     return _choose(
-        f"In {UNIT_WORDS[found.format_unit]} the body would be {size}: is {unit}?",
-        [(unit, f"{words}: {found.format_size(unit)}") for unit, words in UNIT_WORDS.items()],
-        found.unit,
+        f"In {UNIT_WORDS[body.format_unit]} the body would be {size}: is {unit}?",
+        [(unit, f"{words}: {body.format_size(unit)}") for unit, words in UNIT_WORDS.items()],
+        body.unit,
     )
 
 
 def ask_poses(default: Sequence[str]) -> str:
     """Ask for the poses: `modes`, or names separated by commas."""
-    from ...workflow.starts.body_ends import END_POSES
-
     return _choose(
         "Which poses should the device sense? It is held at one end of its length and moved at the"
         " other. Separate several by commas; modes derives them from the body's natural modes, for"
         " bodies with limbs or of irregular shape.",
-        [*END_POSES.items(), ("modes", "bends, twists and stretches that need the smallest force")],
+        [*END_POSES.items(), (MODES, "bends, twists and stretches that need the smallest force")],
         ",".join(default),
         several=True,
     )
@@ -85,55 +131,9 @@ def ask_cord(default: str) -> str:
     return _choose("Which cord?", rows, default)
 
 
-def parse_poses(text: str) -> tuple[str, ...]:
-    """Parse the names of poses, separated by commas.
-
-    Raises:
-        DeviceError: A pose does not exist.
-    """
-    from ...workflow.starts.first_device import check_poses
-
-    names = tuple(word.strip().replace("-", "_") for word in text.split(",") if word.strip())
-    check_poses(names)
-    return names
-
-
-def check_cord(text: str) -> str:
-    """Return the name of a cord, or raise DeviceError (`unknown-cord`)."""
-    return _check_row("cords.csv", "cord", text)
-
-
-def cord_names() -> list[str]:
-    """Return the names of all cords."""
-    from ...core.storage.package_data import read_rows
-
-    return list(read_rows("cords.csv"))
-
-
-def check_material(text: str) -> str:
-    """Return the name of a material, or raise DeviceError (`unknown-material`)."""
-    return _check_row("materials.csv", "material", text)
-
-
-def check_process(text: str) -> str:
-    """Return the name of a process, or raise DeviceError (`unknown-process`)."""
-    return _check_row("printers.csv", "process", text)
-
-
-def _check_row(table: str, kind: str, text: str) -> str:
-    """Return the name of a row of a table of the package, after checking that it exists."""
-    from ...core.storage.package_data import read_rows
-
-    rows = read_rows(table)
-    if text not in rows:
-        raise DeviceError(
-            f"{text} is not a {kind}",
-            code=f"unknown-{kind}",
-            where=kind,
-            action=f"Choose one of {', '.join(rows)}",
-            value=text,
-        )
-    return text
+def _parse_poses(text: str) -> tuple[str, ...]:
+    """Parse the names of poses, separated by commas."""
+    return check_poses(tuple(word.strip() for word in text.split(",") if word.strip()))
 
 
 def _choose(

@@ -1,145 +1,197 @@
-"""Command `defsense study`: vary the number of cords, or the parameters of study.toml."""
+"""The command `defsense study`: vary the number of cords, or the parameters of study.toml."""
 
 from __future__ import annotations
 
-import argparse
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from ...core.errors import DeviceError
-from ..device import add_device_arguments, parse_overrides
-from ..output import console, print_json, print_lines, progress_bars, silent_stdout, standard_output
+from ...workflow.study.options import StudyOptions
+from ..app import command
+from ..device import DeviceFolder, Overrides, parse_overrides
+from ..output import (
+    OutputOptions,
+    console,
+    print_json,
+    print_lines,
+    progress_bars,
+    silent_stdout,
+    standard_output,
+)
 
 if TYPE_CHECKING:
-    from ...workflow.study.cord_count import Study
-    from ..options import Commands
+    from ...workflow.study.cord_count import CordCountStudy
+    from ...workflow.study.parameter_study import StudyResult
+
+_DEFAULTS = StudyOptions()
+_NO_OUTPUT = OutputOptions()
+_MAX_SHOWN_RUNS = 10
+_MAX_SHOWN_MEASURES = 5
+
+study = command(
+    "study",
+    "defsense study fixtures/devices/bar --sensors 1..6",
+    "defsense study my-device --workers 4",
+    "defsense study my-device --scheduler tcp://192.168.1.10:8786",
+)
 
 
-def add(commands: Commands) -> None:
-    """Add `study`."""
-    sub = commands.add_parser(
-        "study",
-        help="Find how many cords a device needs, or vary parameters by study.toml",
-        description="Without a study.toml next to device.toml: find the best layout for each "
-        "number of cords and show how the predicted error decreases. Cords drawn in "
-        "device.toml are ignored; [design] planes applies; with the decoder auto, each"
-        " number of cords has its best decoder. With a study.toml: run all its points,"
-        " on this machine or on a cluster, and show which parameters matter "
-        "(docs/study.md). Rerun the command to resume an interrupted study.",
-        examples=[
-            "defsense study fixtures/devices/bar --sensors 1..6",
-            "defsense study my-device --workers 4",
-            "defsense study my-device --scheduler tcp://192.168.1.10:8786",
-        ],
-    )
-    add_device_arguments(sub)
-    sub.add_argument(
-        "--sensors", metavar="A..B", help="Set the numbers of cords to try (default: 1..6)"
-    )
-    sub.add_argument(
-        "--workers",
-        type=int,
-        metavar="N",
-        help="Set the number of local processes for the runs of study.toml (default: number"
-        " of cores)",
-    )
-    sub.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Run study.toml on a Dask cluster with this scheduler address",
-    )
-    sub.set_defaults(run=_study)
+@study.default
+def _study(
+    folder: DeviceFolder,
+    /,
+    *,
+    overrides: Overrides = (),
+    options: Annotated[StudyOptions, Parameter(name="*")] = _DEFAULTS,
+    output: OutputOptions = _NO_OUTPUT,
+) -> None:
+    """Find how many cords a device needs, or vary parameters by study.toml.
 
+    Without a study.toml next to device.toml: find the best layout for each number of cords and
+    show how the predicted error decreases. Cords drawn in device.toml are ignored; [design] planes
+    applies; with the decoder auto, each number of cords has its best decoder. With a study.toml:
+    run all its points, on this machine or on a cluster, and show which parameters matter
+    (docs/study.md). Rerun the command to resume an interrupted study.
 
-def _study(options: argparse.Namespace) -> int:
-    from ...workflow.study.points.study_toml import FILE, is_there
+    Args:
+        folder: Folder that contains device.toml.
+    """
+    from ...workflow.study.study_file import FILE, has_study_file
 
-    if is_there(options.folder):
+    parameters = parse_overrides(overrides)
+    if has_study_file(folder):
         if options.sensors is not None:
             raise DeviceError(
-                f"{options.sensors} conflicts with {options.folder / FILE}",
+                f"{options.sensors} conflicts with {folder / FILE}",
                 code="options-conflict",
-                where="--sensors",
+                where="sensors",
                 action="Set design.sensors there, or move that file away",
-                option="--sensors",
+                option="sensors",
             )
-        from .parameter_study import run_parameter_study
-
-        return run_parameter_study(options)
+        _vary_parameters(folder, parameters, options, output)
+        return
     for name in ("workers", "scheduler"):
         if getattr(options, name) is not None:
             raise DeviceError(
-                f"applies to the runs of {options.folder / FILE}, which does not exist",
+                f"applies to the runs of {folder / FILE}, which does not exist",
                 code="study-file-missing",
-                where=f"--{name}",
+                where=name,
                 action="Create the file (docs/study.md), or omit the option",
-                option=f"--{name}",
+                option=name,
             )
-    return _count_cords(options)
+    _count_cords(folder, parameters, options, output)
 
 
-def _count_cords(options: argparse.Namespace) -> int:
+def _count_cords(
+    folder: Path, parameters: dict[str, Any], options: StudyOptions, output: OutputOptions
+) -> None:
     from ...core.device.device_file import load_device
+    from ...workflow.study.cord_count import study_cord_count
 
-    low, high = _parse_range(options.sensors or "1..6")
-    device = load_device(options.folder, parse_overrides(options.set))
-    from ...workflow.study import cord_count
-
-    with silent_stdout(), progress_bars(options) as progress:
-        result = cord_count.study_cord_count(device, low, high, progress)
+    device = load_device(folder, parameters)
+    with silent_stdout(), progress_bars(output) as progress:
+        result = study_cord_count(device, progress, options=options)
     with standard_output():
-        if options.json:
-            rows = [{k: v for k, v in vars(r).items() if k != "layout"} for r in result.rows]
-            data = {"rows": rows, "knee": result.knee, "decoder": result.decoder, "how": result.how}
-            data["ended"] = result.ended
-            files = {"file": str(result.file), "picture": str(result.picture)}
-            print_json({**data, **files})
-        else:
-            _print_study(result, options)
-    return 0
+        if not output.json:
+            _print_cord_counts(result, folder)
+            return
+        rows = [{k: v for k, v in vars(r).items() if k != "cords"} for r in result.rows]
+        data = {**vars(result), "rows": rows}
+        print_json({k: str(v) if isinstance(v, Path) else v for k, v in data.items()})
 
 
-def _parse_range(text: str) -> tuple[int, int]:
-    low, dots, high = text.partition("..")
-    if not (low.isdecimal() and (high.isdecimal() if dots else not high)):
-        raise DeviceError(
-            f"{text} is not a range",
-            code="range-invalid",
-            where="--sensors",
-            action="Give a range such as 1..6, or one number",
-            value=text,
-        )
-    first, last = int(low), int(high or low)
-    if not 1 <= first <= last <= 16:
-        raise DeviceError(
-            f"{text} is out of range",
-            code="out-of-range",
-            where="--sensors",
-            action="Give numbers from 1 to 16, the smaller one first",
-            value=text,
-        )
-    return first, last
-
-
-def _print_study(result: Study, options: argparse.Namespace) -> None:
+def _print_cord_counts(result: CordCountStudy, folder: Path) -> None:
     from rich.table import Table
 
-    from ...decoding.expected_errors import MEANING
-
-    out = console()
     table = Table(title="Predicted RMSE (mm) by number of cords")
     for column in ("cords", "unseen", "fitted", "without noise", "affine limit", "decoder", ""):
         table.add_column(column, justify="left" if column in ("decoder", "") else "right")
     for r in result.rows:
-        numbers = (r.unseen, r.rmse, r.rmse_noise_free, r.floor)
-        cells = (f"{v:.3f}" for v in numbers)
+        errors = (f"{v:.3f}" for v in (r.unseen, r.rmse, r.rmse_noise_free, r.floor))
         mark = "recommended" if r.sensors == result.knee else ""
-        table.add_row(str(r.sensors), *cells, r.decoder, mark)
-    out.print(table)
-    if result.ended:
-        print_lines([f"note: the study ended early: {result.ended}"])
-    print_lines([f"note: {MEANING[result.how]}"])
-    print_lines([
-        f"Look at: {result.picture}",
-        f"Next:    set [design] sensors = {result.knee} in"
-        f" {options.folder / 'device.toml'}, then run defsense build {options.folder}",
-    ])  # fmt: skip
+        table.add_row(str(r.sensors), *errors, r.decoder, mark)
+    console().print(table)
+    lines = [f"note: the study ended early: {result.ended}"] if result.ended else []
+    print_lines(
+        [
+            *lines,
+            f"note: {result.test_description}",
+            f"Look at: {result.picture}",
+            f"Next:    set [design] sensors = {result.knee} in {folder / 'device.toml'}, then run"
+            f" defsense build {folder}",
+        ]
+    )
+
+
+def _vary_parameters(
+    folder: Path, parameters: dict[str, Any], options: StudyOptions, output: OutputOptions
+) -> None:
+    from ...workflow.study.parameter_study import study_parameters
+
+    fixed = {f"body.parameters.{name}": value for name, value in parameters.items()}
+    with silent_stdout(), progress_bars(output) as progress:
+        result = study_parameters(folder, fixed, progress, options=options)
+    with standard_output():
+        if output.json:
+            print_json(_to_json(result))
+        else:
+            _print_runs(result, folder)
+
+
+def _to_json(result: StudyResult) -> dict[str, Any]:
+    from msgspec import to_builtins
+
+    failed = [run for runs in result.runs.failures.values() for run in runs]
+    return {
+        "points": result.points,
+        "made": result.new_runs,
+        "done": to_builtins(result.runs.done),
+        "failed": to_builtins(failed),
+        "correlations": result.runs.correlations,
+        "file": str(result.file),
+        "picture": str(result.picture),
+        "best": None if result.best is None else str(result.best),
+    }
+
+
+def _print_runs(result: StudyResult, folder: Path) -> None:
+    runs = result.runs
+    print_lines([f"{len(runs.done)} runs of {result.points} points, {result.new_runs} of them new"])
+    console().print(_best_runs(result))
+    lines = []
+    if runs.correlations:
+        name = runs.study.file.main_measure
+        lines.append(f"effect of each parameter on {name} (Spearman's coefficient):")
+    lines += [f"  {key}: {rho:+.2f}" for key, rho in runs.correlations.items()]
+    lines += [
+        f"failed: {len(failed)} {'run' if len(failed) == 1 else 'runs'}: {message}"
+        for message, failed in runs.failures.items()
+    ]
+    lines += [f"Look at: {result.picture}", f"Numbers: {result.file}"]
+    if result.best is not None:
+        lines.append(
+            f"Next:    cp {result.best} {folder / 'device.toml'}, to use the best run, then"
+            f" defsense build {folder}"
+        )
+    print_lines(lines)
+
+
+def _best_runs(result: StudyResult) -> Any:
+    from rich.table import Table
+
+    from ...workflow.study.parameter_study import format_value
+
+    runs, file = result.runs, result.runs.study.file
+    first = [m for m in ("error", "cords", "parts", "decoder") if m in file.measures]
+    measures = list(dict.fromkeys([file.main_measure, *first, *file.measures]))
+    measures = measures[:_MAX_SHOWN_MEASURES]
+    keys = [p.key for p in runs.study.parameters]
+    table = Table(title=f"Runs with the smallest {file.minimized}" if file.minimized else "Runs")
+    for name in (*keys, *measures):
+        table.add_column(name, justify="right")
+    for run in runs.done[:_MAX_SHOWN_RUNS]:
+        values = [run.parameters.get(k) for k in keys] + [run.measures.get(m) for m in measures]
+        table.add_row(*map(format_value, values))
+    return table

@@ -2,46 +2,37 @@
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import sys
 import textwrap
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
-from ..options import add_output_options
-from ..output import print_json, standard_output
+from ..app import command
+from ..output import OutputOptions, print_json, standard_output
 
-if TYPE_CHECKING:
-    from ..options import Commands
+_NO_OUTPUT = OutputOptions()
 
-
-def add(commands: Commands) -> None:
-    """Add `licences`."""
-    sub = commands.add_parser(
-        "licences",
-        help="List the licenses of the installed libraries",
-        description="List the licenses of all installed libraries that this program needs directly"
-        " or indirectly, from their metadata.",
-        examples=["defsense licences", "defsense licences --json"],
-    )
-    add_output_options(sub)
-    sub.set_defaults(run=_run)
+licences = command("licences", "defsense licences", "defsense licences --json")
 
 
-def _run(options: argparse.Namespace) -> int:
+@licences.default
+def _licences(*, output: OutputOptions = _NO_OUTPUT) -> None:
+    """List the licenses of libraries.
+
+    These are all installed libraries that this program needs directly or indirectly. The licenses
+    come from their metadata.
+    """
     from ...workflow.doctor.libraries import installed_licences
 
-    licences = installed_licences()
+    rows = installed_licences()
     with standard_output():
-        if options.json:
-            print_json([asdict(f) for f in licences])
-            return 0
-        name_width = max((len(f.name) for f in licences), default=0)
-        version_width = max((len(f.version) for f in licences), default=0)
+        if output.json:
+            print_json([asdict(row) for row in rows])
+            return
+        name_width = max((len(row.name) for row in rows), default=0)
+        version_width = max((len(row.version) for row in rows), default=0)
         width = max(shutil.get_terminal_size().columns, name_width + version_width + 24)
-        for f in licences:
-            lead = f"{f.name:<{name_width}}  {f.version:<{version_width}}  "
-            lines = textwrap.wrap(f.licence, width - len(lead), break_on_hyphens=False)
+        for row in rows:
+            lead = f"{row.name:<{name_width}}  {row.version:<{version_width}}  "
+            lines = textwrap.wrap(row.licence, width - len(lead), break_on_hyphens=False)
             sys.stdout.write(lead + f"\n{'':{len(lead)}}".join(lines) + "\n")
-    return 0

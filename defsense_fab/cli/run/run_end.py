@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import signal
@@ -14,18 +13,18 @@ from typing import TYPE_CHECKING
 from ..output import discard_standard_output, print_lines
 
 if TYPE_CHECKING:
-    from ...runtime.live.live_run import LiveRun
+    from ...workflow.run.run import LiveRun
 
 
 @contextlib.contextmanager
-def stop_at_end(runs: Sequence[LiveRun], options: argparse.Namespace) -> Iterator[None]:
+def stop_at_end(runs: Sequence[LiveRun], *, as_json: bool) -> Iterator[None]:
     """Stop all runs when the block ends for whatever reason, and write their animations.
 
     A reader that has closed standard output is not an error.
 
     Args:
         runs: The runs; the block may add to them.
-        options: Options of the command.
+        as_json: Report the files as JSON.
 
     Raises:
         BaseException: The error that ended the block, or else an error of the animations.
@@ -40,7 +39,7 @@ def stop_at_end(runs: Sequence[LiveRun], options: argparse.Namespace) -> Iterato
     with ignore_interrupts():
         failures = _stop_runs(runs, is_started=first is None)
         try:
-            _print_written(runs, options)
+            _print_written(runs, as_json=as_json)
         except BrokenPipeError:
             discard_standard_output()
     reported, raised = (failures, first) if first is not None else (failures[:-1], failures[-1:])
@@ -100,14 +99,20 @@ def _stop_runs(runs: Sequence[LiveRun], *, is_started: bool) -> list[Exception]:
     return failures
 
 
-def _print_written(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
+def _print_written(runs: Sequence[LiveRun], *, as_json: bool) -> None:
     written = [each for run in runs if run.animations for each in run.animations.written]
-    if not options.json:
+    if not as_json:
         print_lines(f"Wrote:   {each.summary}" for each in written)
         return
     for each in written:
         file = each.file
-        data = {"wrote": str(file.path), "frames": file.frames, "seconds": file.seconds,
-                 "bytes": file.size, "error": file.error, "instead": each.instead}  # fmt: skip
+        data = {
+            "wrote": str(file.path),
+            "frames": file.frames,
+            "seconds": file.seconds,
+            "bytes": file.size,
+            "error": file.error,
+            "instead": each.instead,
+        }
         sys.stdout.write(json.dumps(data) + "\n")
     sys.stdout.flush()

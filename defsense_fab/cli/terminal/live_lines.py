@@ -16,19 +16,20 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from ...capture.readout.source import RecordingEnd
 from ...core.errors import DefsenseError, LiveError
-from ...runtime.frames.live_frame import Quality
-from ...runtime.live.live_loop import LiveStatus
-from ...runtime.live.live_run import LiveRun
+from ...workflow.run.run import LiveRun, LiveStatus, Quality, RecordingEnd
 
 _POLL_INTERVAL_S = 0.25
 _JSON_INTERVAL_S = 1.0
 _DURATION = re.compile(r"\d+ s\b")  # durations, whose change alone is not printed
 _log = logging.getLogger(__name__)
-_COLORS = {Quality.TRUSTED: "green", Quality.UNTRAINED: "yellow", Quality.FALLBACK: "yellow",
-           Quality.LOST: "red"}  # fmt: skip
-_BAR = 10
+_COLORS = {
+    Quality.TRUSTED: "green",
+    Quality.UNTRAINED: "yellow",
+    Quality.FALLBACK: "yellow",
+    Quality.LOST: "red",
+}
+_BAR_CELLS = 10
 
 
 @dataclass
@@ -137,7 +138,7 @@ class LiveLines:
 
 
 def labels(runs: Sequence[LiveRun]) -> list[str]:
-    """Return the names of the devices; several have their ports, which tell equal names apart."""
+    """Return the names of the devices; several have their ports, which distinguish equal names."""
     return [f"{r.device} ({r.port})" if len(runs) > 1 else r.device for r in runs]
 
 
@@ -198,10 +199,10 @@ def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]
     if frame.controls:
         bars = Text()
         for name, value in frame.controls.items():
-            filled = round(_BAR * min(abs(value), 1.0))
+            filled = round(_BAR_CELLS * min(abs(value), 1.0))
             bars.append(f"{name} ")
             bars.append("━" * filled, "cyan")
-            bars.append("━" * (_BAR - filled), "bright_black")
+            bars.append("━" * (_BAR_CELLS - filled), "bright_black")
             bars.append(f" {value:5.2f}   ")
         rows.append(bars)
     return rows + _notes(status)
@@ -223,16 +224,23 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
         return x if math.isfinite(x) else None
 
     out: dict[str, object] = {
-        "rate": status.rate, "samples": status.samples, "skipped": status.skipped,
-        "latency": {"outputs": [finite_or_none(x) for x in status.output_latency],
-                    "view": [finite_or_none(x) for x in status.view_latency]},
+        "rate": status.rate,
+        "samples": status.samples,
+        "skipped": status.skipped,
+        "latency": {
+            "outputs": [finite_or_none(x) for x in status.output_latency],
+            "view": [finite_or_none(x) for x in status.view_latency],
+        },
         "notes": [str(note) for note in status.notes],
-    }  # fmt: skip
+    }
     if frame is not None:
         out |= {
-            "time": frame.time, "quality": frame.quality.value,
-            "lost": frame.lost_channel, "controls": dict(frame.controls),
-            "confidence": dict(frame.confidence), "distance": finite_or_none(frame.distance),
+            "time": frame.time,
+            "quality": frame.quality.value,
+            "lost": frame.lost_channel,
+            "controls": dict(frame.controls),
+            "confidence": dict(frame.confidence),
+            "distance": finite_or_none(frame.distance),
             "ohm": [finite_or_none(float(r)) for r in frame.ohms],
-        }  # fmt: skip
+        }
     return out

@@ -1,76 +1,75 @@
-"""Command `defsense recalibrate`: correct the gains of a model."""
+"""The command `defsense recalibrate`: correct the gains of a model."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from ..options import add_output_options
-from ..output import console, print_json, print_lines, standard_output
+from cyclopts import Parameter
+
+from ..app import command
+from ..output import OutputOptions, console, print_json, print_lines, standard_output
 
 if TYPE_CHECKING:
-    from ..options import Commands
+    from ...workflow.train.recalibration import WrittenRecalibration
+
+_NO_OUTPUT = OutputOptions()
+
+recalibrate = command("recalibrate", "defsense recalibrate my-device/model.json routine")
 
 
-def add(commands: Commands) -> None:
-    """Add `recalibrate`."""
-    sub = commands.add_parser(
-        "recalibrate",
-        help="Correct a model after a cord was replaced or has aged",
-        description="Correct the gain of each channel of a model from a short session of a few "
-        "poses and rest, which needs no camera. Move the device for half a minute "
-        "before. If the correction is not sufficient, the command reports it and "
-        "writes no model. Show the poses that the model was trained on, with about the"
-        " same amplitude: 'defsense capture record my-device --cameras none --port "
-        "/dev/ttyUSB0 --rounds 3 --seconds 5 --free 0 --rest 5 --out routine'.",
-        examples=["defsense recalibrate my-device/model.json routine"],
-    )
-    sub.add_argument(
-        "model", type=Path, metavar="MODEL", help="Model file (model.json), or its folder"
-    )
-    sub.add_argument(
-        "sessions", nargs="+", type=Path, metavar="SESSION", help="Recorded sessions of the routine"
-    )
-    sub.add_argument(
-        "--out",
-        type=Path,
-        metavar="JSON",
-        help="Set the output file (default: recalibrated.json, next to the model)",
-    )
-    add_output_options(sub)
-    sub.set_defaults(run=_recalibrate)
+@recalibrate.default
+def _recalibrate(
+    model: Path,
+    sessions: Annotated[tuple[Path, ...], Parameter(negative=())],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(metavar="JSON")] = None,
+    output: OutputOptions = _NO_OUTPUT,
+) -> None:
+    """Correct a model after a cord was replaced or has aged.
 
+    Correct the gain of each channel of a model from a short session of a few poses and rest, which
+    needs no camera. Move the device for half a minute before. If the correction is not sufficient,
+    the command reports it and writes no model. Show the poses that the model was trained on, with
+    about the same amplitude: 'defsense capture record my-device --cameras none --port /dev/ttyUSB0
+    --rounds 3 --seconds 5 --free 0 --rest 5 --out routine'.
 
-def _recalibrate(options: argparse.Namespace) -> int:
-    from ...training.models.model_file import MODEL, load_model, write_model
-    from ...training.models.recalibration_routine import recalibrate_from
-    from ...training.models.train_device import choose_model_path
+    Args:
+        model: Read this model file (model.json), or the one in this folder.
+        sessions: Read these recorded sessions of the routine.
+        out: Set the output file (default: recalibrated.json, next to the model).
+    """
+    from ...workflow.train.recalibration import recalibrate as recalibrate_model
 
-    model = load_model(options.model)
-    parent = options.model if options.model.is_dir() else options.model.parent
-    path = choose_model_path(options.out or parent / f"recalibrated{Path(MODEL).suffix}", None, [])
-    result = recalibrate_from(model, options.sessions)
-    if not result.problems:
-        write_model(path, result.model)
+    written = recalibrate_model(model, sessions, out)
+    path, result = written.path, written.result
     with standard_output():
-        if options.json:
-            written = None if result.problems else str(path)
-            data = {"model": written, "enough": not result.problems, **result.to_json()}
-            print_json(data)
-            return 0
-        from rich.table import Table
-
-        table = Table(title="Changes since the training")
-        for name in ("channel", "gain"):
-            table.add_column(name, justify="left" if name == "channel" else "right")
-        for name, gain, error in zip(model.channels, result.gain, result.gain_error, strict=True):
-            table.add_row(name, f"{gain:.3f} ± {error:.3f}")
-        console().print(table)
-        print_lines([f"warning: {p}" for p in (*result.problems, *result.notes)])
-        if result.problems:
-            print_lines(["No model was written: correcting the gains is not sufficient.",
-                 "Next:    defsense capture record ..., then defsense train"])  # fmt: skip
+        if output.json:
+            data = {"model": None if path is None else str(path), "enough": path is not None}
+            print_json({**data, **result.to_json()})
+            return
+        _print_gains(written)
+        print_lines(f"warning: {text}" for text in (*result.problems, *result.notes))
+        if path is None:
+            print_lines(
+                [
+                    "No model was written: correcting the gains is not sufficient.",
+                    "Next:    defsense capture record ..., then defsense train",
+                ]
+            )
         else:
             print_lines([f"Wrote:   {path}", f"Next:    defsense evaluate {path} SESSION"])
-    return 0
+
+
+def _print_gains(written: WrittenRecalibration) -> None:
+    from rich.table import Table
+
+    result = written.result
+    table = Table(title="Changes since the training")
+    for name in ("channel", "gain"):
+        table.add_column(name, justify="left" if name == "channel" else "right")
+    rows = zip(result.model.channels, result.gain, result.gain_error, strict=True)
+    for name, gain, error in rows:
+        table.add_row(name, f"{gain:.3f} ± {error:.3f}")
+    console().print(table)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from ..errors import CaptureError, DeviceError
 from ..storage.session_manifest import FILE as SESSION
-from ..storage.session_manifest import OLD_FILE as OLD_SESSION
 from .device import Device
 
 #: File in a folder with results of `defsense reproduce`.
@@ -16,7 +15,7 @@ REPRODUCED = ".reproduce-lock"
 #: Action for build files that are missing or damaged.
 BUILD_AGAIN = "Build the device again"
 #: A folder with one of these files is a recorded session, or has results.
-_RESULT_MARKS = {SESSION, OLD_SESSION, REPRODUCED}
+_RESULT_MARKS = {SESSION, REPRODUCED}
 #: Folders that builds and studies create next to `device.toml`.
 _RESULT_FOLDERS = {"build", "study", "not-reached"}
 

@@ -285,7 +285,6 @@ class FabricationSpec:
         layer: Height of the printer's layers, mm.
         hole: Smallest hole that stays open, mm.
         spacing: Distance of parts on the print bed, mm.
-        supports: Whether parts need supports: "no", "yes", or "inside" of hollows.
         copies: Copies of the device on the plates.
         mould_wall: Wall thickness of molds, mm.
         shrinkage: Linear shrinkage of the cast material; None for that of the silicone's row.
@@ -309,7 +308,6 @@ class FabricationSpec:
     layer: float = 0.2
     hole: float = 0.0
     spacing: float = 5.0
-    supports: str = "no"
     copies: int = 1
     mould_wall: float = 5.0
     shrinkage: float | None = None

@@ -13,7 +13,7 @@ from ..schema.declare import Problem, Table, key, unknown_choice
 from ..schema.document import Document, load_document, parse_document
 from ..schema.types import is_number
 from ..storage.package_data import read_rows
-from .cord_table import CordTable
+from .cord_tables import CordTable, SensorTable
 from .device import CordSpec, Device, FabricationSpec
 from .device_tables import (
     BodyTable,
@@ -22,7 +22,6 @@ from .device_tables import (
     OutputsTable,
     ReadoutTable,
     RegionTable,
-    SensorTable,
 )
 from .fabrication_table import FabricationTable
 from .material_table import MaterialTable
@@ -87,7 +86,7 @@ class DeviceFile(Table, frozen=True, kw_only=True):
             if name in cords[:number]:
                 path = ("sensors", number, "name")
                 text = f"{name!r} is used already"
-                yield Problem(path, text, "duplicate-names", "Choose another name")
+                yield Problem(path, text, "name-repeated", "Choose another name")
         if self.design.sensors is not None and self.design.sensors < len(cords):
             text = f"counts all cords, and {len(cords)} are drawn"
             yield Problem(("design", "sensors"), text, "too-few-sensors", "Increase or remove it")

@@ -1,4 +1,4 @@
-"""Tables of `device.toml` for the body, mesh, regions, outputs, design and drawn cords."""
+"""Tables of `device.toml` for the body, mesh, regions, outputs, readout and design."""
 
 from __future__ import annotations
 
@@ -10,28 +10,23 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from ..curve import Hermite, Plane, catmull_rom
 from ..schema.declare import Count, Positive, Problem, Table, Vector, key, missing
 from ..schema.types import is_number
 from .device import (
     CONVERTERS,
     DECODERS,
-    FREEDOMS,
     PREFERENCES,
     BaySpec,
     BodyKind,
     BodySpec,
     MeshSpec,
     OutputsSpec,
-    Sensor,
 )
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere, shape_problem
 
 _BODY_KINDS: tuple[BodyKind, ...] = ("script", "step", "mesh")
-_MIN_POINT_DISTANCE_MM = 1e-6
 _BayEdge = Annotated[float, Meta(ge=2)]
 _Accuracy = Annotated[float, Meta(ge=0.0001, le=0.2)]
-_Points = list[tuple[float, float]]
 
 
 class BayTable(Table, frozen=True):
@@ -338,99 +333,3 @@ class DesignTable(Table, frozen=True):
             default="15 divided by the cords, at least 5, and some in fewer planes",
         ),
     ] = None
-
-
-class PlaneTable(Table, frozen=True):
-    """The plane of a cord, along which the body is cut."""
-
-    origin: Annotated[
-        Vector, key("Point of the plane at which its coordinates are zero.", unit="mm")
-    ]
-    normal: Annotated[Vector, key("Normal of the plane, of any length but zero.")]
-    x_axis: Annotated[Vector, key("Direction of the first coordinate, across the normal.")]
-
-    def check(self) -> Iterator[Problem]:
-        """Yield a problem if the directions do not make a plane."""
-        try:
-            self.record()
-        except ValueError as error:
-            yield Problem((), str(error), "plane-invalid")
-
-    def record(self) -> Plane:
-        """Return the plane."""
-        return Plane.from_normal(*map(np.array, (self.origin, self.normal, self.x_axis)))
-
-
-class SensorTable(Table, frozen=True):
-    """A cord that is drawn: points in a plane."""
-
-    name: Annotated[str, key("Name of the cord, which no other has.")]
-    plane: Annotated[
-        PlaneTable, key("Plane in which the cord lies, and along which the body is cut.")
-    ]
-    control_points: Annotated[
-        Annotated[_Points, Meta(min_length=4)],
-        key(
-            "Points of the cord in its plane; the first and last two are the ends and stay in"
-            " place.",
-            unit="mm",
-            form="a list of at least 4 points [x, y]",
-        ),
-    ]
-    tangents: Annotated[
-        _Points | None,
-        key(
-            "Tangents in the plane, one for each control point.",
-            unit="mm",
-            form="a list of [x, y], one for each control point",
-            default="Catmull-Rom",
-        ),
-    ] = None
-    free: Annotated[
-        tuple[str, ...],
-        key(
-            "What the optimiser may change: the `path`, with it the `plane`, or its `offset` only,"
-            " which keeps the direction; `[]` keeps the cord as drawn.",
-            choices=FREEDOMS,
-        ),
-    ] = ()
-
-    def check(self) -> Iterator[Problem]:
-        """Yield problems of points and tangents that make no curve, and of freedoms."""
-        with np.errstate(over="ignore", invalid="ignore"):  # huge numbers end as not finite
-            yield from self._check_curve()
-        if {"plane", "offset"} <= set(self.free):
-            yield Problem(
-                ("free",),
-                "a free plane may also shift",
-                "keys-exclusive",
-                "Leave out either 'plane' or 'offset'",
-            )
-
-    def _check_curve(self) -> Iterator[Problem]:
-        steps = np.diff(self.control_points, axis=0)
-        if (np.linalg.norm(steps, axis=1) < _MIN_POINT_DISTANCE_MM).any():
-            text = "two neighbours coincide"
-            yield Problem(("control_points",), text, "points-coincide", "Move or remove one")
-        elif self.tangents is not None and len(self.tangents) != len(self.control_points):
-            expected = (len(self.control_points), 2)
-            text = f"must be one [x, y] for each control point, not {len(self.tangents)}"
-            yield Problem(("tangents",), text, "wrong-shape", data={"expected": expected})
-        elif (np.linalg.norm(self._tangents, axis=1) < _MIN_POINT_DISTANCE_MM).any():
-            yield Problem(("tangents",), "a tangent is zero", "zero-vector", "Give it a direction")
-        else:
-            try:
-                Hermite(np.array(self.control_points), self._tangents)
-            except ValueError as error:
-                yield Problem(("control_points",), str(error), "not-finite")
-
-    @property
-    def _tangents(self) -> Any:
-        if self.tangents is None:
-            return catmull_rom(np.array(self.control_points))
-        return np.array(self.tangents)
-
-    def record(self) -> Sensor:
-        """Return the cord."""
-        curve = Hermite(np.array(self.control_points), self._tangents)
-        return Sensor(self.name, self.plane.record(), curve, frozenset(self.free))

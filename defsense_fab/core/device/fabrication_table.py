@@ -10,11 +10,9 @@ from msgspec import Meta
 from ..schema.declare import Count, NonNegative, Positive, Problem, Table, key
 from ..storage.package_data import read_rows
 from .device import ASSEMBLIES, FabricationSpec
+from .fabrication_limits import BedSize, Copies
 
-#: Largest number of devices on the plates.
-MAX_COPIES = 100
 _ROWS = "printers.csv"
-_Edge = Annotated[float, Meta(ge=30, le=5000)]
 _WallLength = Annotated[float, Meta(gt=0, le=1000)]
 _Length = Annotated[float, Meta(ge=0, le=1000)]
 
@@ -53,11 +51,11 @@ class FabricationTable(Table, frozen=True):
         NonNegative | None, key("Smallest hole that stays open.", unit="mm", rows=_ROWS)
     ] = None
     bed: Annotated[
-        tuple[_Edge, _Edge, _Edge] | None,
+        tuple[BedSize, BedSize, BedSize] | None,
         key("Width, depth and height that your printer can make.", unit="mm", default="the row's"),
     ] = None
     copies: Annotated[
-        Annotated[int, Meta(ge=1, le=MAX_COPIES)],
+        Copies,
         key("Number of devices on the plates (`docs/fabrication.md`)."),
     ] = 1
     assembly: Annotated[
@@ -161,7 +159,6 @@ class FabricationTable(Table, frozen=True):
             layer=number("layer"),
             hole=number("hole"),
             spacing=float(row["spacing"]),
-            supports=row["supports"],
             copies=self.copies,
             mould_wall=FabricationSpec.mould_wall if self.mould_wall is None else self.mould_wall,
             shrinkage=self.shrinkage,

@@ -327,7 +327,7 @@ def check_pose_names(poses: Sequence[PoseTable]) -> Iterator[Problem]:
             text = f"{pose.name!r} is used already"
             if same != pose.name:
                 text = f"{pose.name!r} and {same!r} name the same file on Windows"
-            yield Problem((position, "name"), text, "duplicate-names", "Choose another name")
+            yield Problem((position, "name"), text, "name-repeated", "Choose another name")
         names.append(pose.name)
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import secrets
+import socket
 from urllib.parse import parse_qs, urlsplit
 
 #: Names of this machine for itself.
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
+_ANY_HOST = ("0.0.0.0", "::")  # noqa: S104  # compared, not bound
+_DOCUMENTATION_ADDRESS = ("192.0.2.1", 9)  # reserved for documentation: nothing answers
 
 
 class Access:
@@ -27,8 +30,20 @@ class Access:
     """
 
     def __init__(self, host: str, token: str = "") -> None:
-        self.local = host in LOCAL_HOSTS
+        self._host, self.local = host, host in LOCAL_HOSTS
         self.token = token or ("" if self.local else secrets.token_urlsafe(16))
+
+    def link(self, port: int) -> str:
+        """Return the link to open in a browser.
+
+        For other machines it has the address of this machine in its network, and the token.
+
+        Args:
+            port: Port at which the server listens.
+        """
+        name = _own_address() if self._host in _ANY_HOST else self._host
+        bracketed = f"[{name}]" if ":" in name else name
+        return f"http://{bracketed}:{port}" + (f"/?token={self.token}" if self.token else "")
 
     def refusal(self, host: str, origins: list[str]) -> str | None:
         """Return why a request is refused, or None.
@@ -65,3 +80,13 @@ def _host_name(url: str) -> str:
         return urlsplit(url).hostname or ""
     except ValueError:
         return ""
+
+
+def _own_address() -> str:
+    """Return this machine's address in its network, or its name if it is in none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(_DOCUMENTATION_ADDRESS)  # nothing is sent
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()

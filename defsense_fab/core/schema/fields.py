@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,6 @@ import msgspec
 from msgspec import inspect
 
 from ..storage.package_data import read_rows
-from .key_lines import KeyPath
 from .types import (
     NumberType,
     choices_of,
@@ -163,36 +162,6 @@ def field(kind: type, dotted: str) -> Field:
                 if found.name == name:
                     return found
     raise KeyError(dotted)
-
-
-def declared_keys(kind: type, values: object, at: KeyPath = ()) -> Iterator[KeyPath]:
-    """Yield the path of each key that a file with these `values` has or may have.
-
-    Tables whose content is not declared, such as the parameters of a script, are not looked into.
-    """
-    present = values if isinstance(values, Mapping) else {}
-    for declared in struct_type(kind).fields:
-        path = (*at, declared.encode_name)
-        yield path
-        value = present.get(declared.encode_name)
-        for option in members(declared.type):
-            yield from _keys_below(option, value, path)
-
-
-def _keys_below(kind: inspect.Type, value: object, at: KeyPath) -> Iterator[KeyPath]:
-    if isinstance(kind, inspect.StructType):
-        yield from declared_keys(kind.cls, value, at)
-    elif isinstance(kind, inspect.DictType) and isinstance(value, Mapping):
-        if isinstance(kind.value_type, inspect.AnyType):
-            return
-        for name, item in value.items():
-            yield (*at, name)
-            yield from _keys_below(kind.value_type, item, (*at, name))
-    elif (items := item_types(kind)) and isinstance(value, Sequence):
-        inner = members(items[0][0])[0]
-        if isinstance(inner, inspect.StructType | inspect.DictType):
-            for position, item in enumerate(value):
-                yield from _keys_below(inner, item, (*at, position))
 
 
 def _inner_table(kind: inspect.Type) -> tuple[tuple[str, ...], inspect.StructType | None]:

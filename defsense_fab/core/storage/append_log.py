@@ -110,7 +110,7 @@ class AppendLog:
             if not (head.startswith(start) if size < len(head) else start == head):
                 raise CaptureError(
                     f"is not a {kind}",
-                    code="wrong-file-kind",
+                    code="wrong-file-format",
                     where=self._path,
                     action="Choose another file",
                     path=self._path,

@@ -58,7 +58,7 @@ def check_folder_name(folder: Path) -> None:
     for new in (path, *(p for p in path.parents if not p.exists())):
         problem = name_problem(new.name)
         if problem:
-            raise StorageError(problem, code="bad-file-name", where=folder, name=new.name)
+            raise StorageError(problem, code="file-name-invalid", where=folder, name=new.name)
 
 
 def safe_name(name: str) -> str:

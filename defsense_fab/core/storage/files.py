@@ -26,7 +26,7 @@ _ERROR_CODES: dict[type[OSError], str] = {
     FileNotFoundError: "file-not-found",
     NotADirectoryError: "not-a-folder",
     IsADirectoryError: "not-a-file",
-    FileExistsError: "path-exists",
+    FileExistsError: "file-exists",
     PermissionError: "permission-denied",
 }
 _RELEASE_TIMEOUT_S = 2.0  # within which a virus scanner on Windows closes a new file
@@ -122,7 +122,7 @@ def replace_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
                 if path.is_file() or (not overwrite and any(path.iterdir())):
                     raise StorageError(
                         "already exists",
-                        code="path-exists",
+                        code="file-exists",
                         where=path,
                         action="Choose another folder",
                         path=path,

@@ -10,8 +10,6 @@ from ..errors import CalibrationError, CaptureError
 from . import typed_json
 
 FILE = "session.json"
-#: Former description of capture sessions, which is still read.
-OLD_FILE = "session.toml"
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,8 @@ class CalibrationManifest:
 
 def manifest_path(folder: Path) -> Path | None:
     """Return the description in a session's folder; None where there is no session."""
-    return next((p for p in (folder / FILE, folder / OLD_FILE) if p.exists()), None)
+    path = folder / FILE
+    return path if path.exists() else None
 
 
 def load_capture(folder: Path) -> CaptureManifest:
@@ -124,9 +123,8 @@ def load_capture(folder: Path) -> CaptureManifest:
     Raises:
         CaptureError: The file cannot be read or is invalid.
     """
-    path = manifest_path(folder) or folder / FILE
     action = "Create sessions with 'defsense capture record'"
-    return typed_json.load(path, CaptureManifest, action, CaptureError)
+    return typed_json.load(folder / FILE, CaptureManifest, action, CaptureError)
 
 
 def load_calibration(folder: Path) -> CalibrationManifest:

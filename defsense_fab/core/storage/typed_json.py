@@ -5,8 +5,6 @@ A record is a frozen dataclass with a class attribute `SCHEMA`; arrays are neste
 
 from __future__ import annotations
 
-import json
-import tomllib
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar, get_origin
 
@@ -14,7 +12,7 @@ import msgspec
 import numpy as np
 
 from ..errors import DefsenseError, StorageError
-from .files import unreadable_code, write_json
+from .files import load_json, write_json
 
 
 class Record(Protocol):
@@ -62,7 +60,7 @@ def save(path: Path, record: Record) -> None:
 
 
 def load(path: Path, kind: type[R], action: str, error: type[DefsenseError] = StorageError) -> R:
-    """Read a record that `save` wrote, or the same content as TOML.
+    """Read a record that `save` wrote.
 
     Args:
         path: File to read.
@@ -76,25 +74,7 @@ def load(path: Path, kind: type[R], action: str, error: type[DefsenseError] = St
     Raises:
         DefsenseError: Of the class `error`: the file is missing, damaged, or has another schema.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        data = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except OSError as problem:
-        raise error(
-            f"cannot be read: {problem.strerror}",
-            code=unreadable_code(problem),
-            where=path,
-            action=action,
-            path=path,
-        ) from None
-    except ValueError as problem:
-        raise error(
-            f"is not valid {path.suffix[1:].upper()} ({problem})",
-            code="not-toml" if path.suffix == ".toml" else "not-json",
-            where=path,
-            action=action,
-            path=path,
-        ) from None
+    data = load_json(path, error, action)
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != kind.SCHEMA:
         raise error(
@@ -108,7 +88,7 @@ def load(path: Path, kind: type[R], action: str, error: type[DefsenseError] = St
         return from_json(data, kind)
     except msgspec.ValidationError as problem:
         raise error(
-            f"is damaged ({problem})", code="bad-record", where=path, action=action, path=path
+            f"is damaged ({problem})", code="record-invalid", where=path, action=action, path=path
         ) from None
 
 

@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ...core.errors import BodyError
-from ...core.mesh import Surface
+from ...core.mesh import Surface, triangle_edges
 from ..kernels import occ
 from .repair.findings import (
     check_distance_from_origin,
     closed_cavity_error,
     describe_cavity,
     describe_point,
+    describe_solids,
 )
 from .repair.shells import DEBRIS_SHARE
-
-
-@dataclass(frozen=True)
-class CadSolid:
-    """One solid and its facets.
-
-    Attributes:
-        solid: The TopoDS_Solid.
-        surface: Its facets, mm.
-        volume: Its exact volume, mm^3.
-        repairs: Sentences on what was repaired.
-    """
-
-    solid: Any
-    surface: Surface
-    volume: float
-    repairs: tuple[str, ...]
 
 
 def make_cad_solid(
@@ -44,7 +25,7 @@ def make_cad_solid(
     tolerance: float,
     is_relative: bool,
     fill_cavities: bool,
-) -> CadSolid:
+) -> tuple[Any, Surface, tuple[str, ...]]:
     """Check that there is one closed solid, fill its cavities and tessellate it.
 
     Args:
@@ -56,20 +37,16 @@ def make_cad_solid(
         fill_cavities: Whether closed cavities are filled; otherwise they are an error.
 
     Returns:
-        The solid with its facets.
+        The TopoDS_Solid without cavities, its facets, and sentences on what was repaired.
 
     Raises:
         BodyError: If there is not exactly one solid, or it is not closed, has an implausible size,
             lies far from the origin, or has cavities that may not be filled.
     """
     if len(solids) != 1:
-        descriptions = "; ".join(
-            f"{occ.volume(s):.3g} mm3 around {describe_point(occ.centroid(s))}" for s in solids[:5]
-        )
-        more = f" and {len(solids) - 5} more" if len(solids) > 5 else ""
+        descriptions = describe_solids([(occ.volume(s), occ.centroid(s)) for s in solids])
         raise BodyError(
-            f"gives {len(solids)} solids instead of one"
-            + (f": {descriptions}{more}" if solids else ""),
+            f"gives {len(solids)} solids instead of one" + (f": {descriptions}" if solids else ""),
             code="not-one-solid",
             where=where,
             action="Fuse the solids or remove all but one",
@@ -95,7 +72,7 @@ def make_cad_solid(
             where=where,
             action="Reverse its faces",
         )
-    return CadSolid(solid, surface, volume, repairs)
+    return solid, surface, repairs
 
 
 def _fill_cavities(solid: Any, where: str, fill: bool) -> tuple[Any, tuple[str, ...]]:
@@ -121,10 +98,9 @@ def _tessellate(solid: Any, where: str, tolerance: float) -> Surface:
             code="cannot-tessellate",
             where=where,
         ) from None
-    edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    unique, count = np.unique(edges, axis=0, return_counts=True)
+    edges, count, _ = triangle_edges(surface.faces)
     if (count % 2).any():
-        at = surface.vertices[unique[count % 2 == 1][0]].mean(0)
+        at = surface.vertices[edges[count % 2 == 1][0]].mean(0)
         raise BodyError(
             f"the solid is not closed near {describe_point(at)}",
             code="surface-not-closed",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 
 from ...core.arrays import Bool, Float, format_point
 from ...core.device.device import BaySpec
 from ...core.errors import BodyError
 from ...core.mesh import Surface
-from ..kernels import surface_queries
 from ..kernels.cutting_tools import Prism, upright_axes
+from ..kernels.surface_queries import cast_ray, sample_skin, signed_distance_of
 
 #: Largest distance of a bay's point from the skin.
 MAX_SKIN_DISTANCE_MM = 5.0
@@ -89,11 +88,8 @@ def without_bay(body: Surface, bay: Prism) -> Surface:
 
 def _find_skin(spec: BaySpec, body: Surface) -> tuple[Float, Float]:
     """Return the point of the skin nearest to the bay's point, and the mean normal around it."""
-    square, face, nearest = igl.point_mesh_squared_distance(
-        spec.at[None], body.vertices, body.faces
-    )
-    center = np.asarray(nearest).reshape(3)
-    distance = float(np.sqrt(np.ravel(square)[0]))
+    distances, faces, nearest = signed_distance_of(body).closest(spec.at[None])
+    center, distance = nearest[0], float(distances[0])
     if distance > MAX_SKIN_DISTANCE_MM:
         raise BodyError(
             f"{format_point(spec.at)} is {distance:.1f} mm from the skin, whose nearest point is"
@@ -103,11 +99,11 @@ def _find_skin(spec: BaySpec, body: Surface) -> tuple[Float, Float]:
             action="Give a point on the skin",
             distance=distance,
         )
-    a, b, c = body.vertices[body.faces[int(np.ravel(face)[0])]]
+    a, b, c = body.vertices[body.faces[faces[0]]]
     facet_normal = np.cross(b - a, c - a)
     facet_normal /= np.linalg.norm(facet_normal)
     # The mean direction of the skin under the opening: a single facet may lean anywhere.
-    points, normals = surface_queries.sample_skin(body, min(spec.size[:2]))
+    points, normals = sample_skin(body, min(spec.size[:2]))
     local = np.abs((points - center) @ upright_axes(facet_normal))
     under = (local <= [spec.size[0] / 2, spec.size[1] / 2, spec.size[2]]).all(axis=1)
     normal = normals[under & (normals @ facet_normal > MIN_FACE_COSINE)].sum(axis=0) + facet_normal
@@ -124,10 +120,10 @@ def _opening_heights(
     grid = np.linspace(-1, 1, OPENING_COLUMNS)
     columns = np.stack(np.meshgrid(*(grid * h for h in half)), axis=-1).reshape(-1, 2)
     tops = center + columns @ axes[:, :2].T + depth * normal
-    is_covered = np.asarray(igl.fast_winding_number(body.vertices, body.faces, tops)) > 0.5
+    is_covered = signed_distance_of(body).inside(tops)
     heights = []
     for top, is_top_covered in zip(tops, is_covered, strict=True):
-        if is_top_covered or len(surface_queries.cast_ray(top, normal, body)):
+        if is_top_covered or len(cast_ray(top, normal, body)):
             raise BodyError(
                 f"the body covers its opening near {format_point(top)}",
                 code="bay-opening-covered",
@@ -135,7 +131,7 @@ def _opening_heights(
                 action="Choose a place that a connector can reach",
                 at=top.tolist(),
             )
-        below = surface_queries.cast_ray(top, -normal, body)
+        below = cast_ray(top, -normal, body)
         heights.append(depth - float(below[0]) if len(below) else -np.inf)
     low, high = min(heights), max(heights)
     if high - low > depth / 2:
@@ -164,9 +160,7 @@ def _check_walls(bay: Prism, body: Surface, depth: float) -> None:
         + [np.column_stack([rim, np.full(len(rim), z)]) for z in levels]
     )
     points = bay.origin + local @ bay.axes.T
-    square = igl.point_mesh_squared_distance(points, body.vertices, body.faces)[0]
-    wall = np.sqrt(np.asarray(square))
-    wall[np.asarray(igl.fast_winding_number(body.vertices, body.faces, points)) < 0.5] *= -1
+    wall = signed_distance_of(body)(points)
     excess = wall - np.minimum(MIN_WALL_MM, RIM_SLOPE * (depth - local[:, 2]))
     if excess.min() < -1e-6:
         k = int(excess.argmin())

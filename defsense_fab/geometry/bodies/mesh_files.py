@@ -1,4 +1,4 @@
-"""Detect the format of mesh files and read their triangles, in mm if the format has a unit."""
+"""Detect the format of mesh files, and read their triangles as a repaired surface."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.errors import BodyError
+from ...core.mesh import Surface
+from .repair.findings import check_distance_from_origin
 
 _FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".mesh": "medit"}
 #: Suffixes of the files that are read.
@@ -126,6 +128,8 @@ def detect_format(content: bytes) -> str | None:
 
 #: Suffixes of the files that are read.
 SUFFIXES = (".stl", ".obj", ".ply", ".off", ".3mf", ".glb", ".gltf", *TET_SUFFIXES)
+#: Plausible size in a file's lengths, in units from micrometres to metres.
+ANY_UNIT_RANGE = (1e-6, 1e9)
 #: Suffixes of formats whose lengths have a unit.
 SUFFIXES_WITH_UNIT = (".3mf", ".glb", ".gltf")
 #: Names of the formats for messages.
@@ -216,7 +220,7 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
             "a triangle names a vertex that does not exist", code="vertex-missing", where=path
         )
     if not np.isfinite(vertices).all():
-        raise BodyError("a vertex is not a finite number", code="vertex-not-finite", where=path)
+        raise BodyError("a vertex is not a finite number", code="not-finite", where=path)
     return Triangles(vertices, faces, notes, unit)
 
 
@@ -275,3 +279,88 @@ def _read_3mf(path: Path) -> tuple[Float, Int, float]:
         faces.append(f + offset)
         offset += len(v)
     return unit * np.concatenate(vertices), np.concatenate(faces), unit
+
+
+def read_mesh(
+    path: Path, scale: float, sizes: tuple[float, float], fill_cavities: bool = False
+) -> tuple[Surface, tuple[str, ...], float]:
+    """Read a mesh file and repair its surface.
+
+    The format is detected from the content.
+
+    Args:
+        path: The file.
+        scale: Factor from the file's lengths to mm.
+        sizes: Smallest and largest plausible size, mm.
+        fill_cavities: Whether closed cavities are filled; otherwise they are an error.
+
+    Returns:
+        The closed surface, mm; sentences on what was repaired; and the millimetres of the file's
+        unit, 1 if its format has none.
+
+    Raises:
+        BodyError: As `repair_mesh`, or if the file cannot be read, or the body has an implausible
+            size or lies far from the origin.
+    """
+    from .repair.mesh_repair import repair_mesh  # only the process that reads meshes needs it
+
+    suffix = _detect_suffix(path)
+    mesh = read_triangles(path, suffix)
+    with np.errstate(over="ignore", invalid="ignore"):
+        vertices = mesh.vertices * scale
+        in_file = float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0)))
+        size = in_file * scale
+    if not ANY_UNIT_RANGE[0] <= in_file <= ANY_UNIT_RANGE[1]:
+        raise BodyError(
+            f"the body is {in_file:.3g} across in the file's lengths, which is implausible in"
+            f" any unit",
+            code="unlikely-size",
+            where=path,
+            action="Export it again",
+            size=in_file,
+        )
+    if not sizes[0] <= size <= sizes[1]:
+        unit_hint = (
+            "the file's lengths were read in the unit of its format"
+            if suffix in SUFFIXES_WITH_UNIT
+            else "1000 where the file is in metres, 25.4 for inches"
+        )
+        raise BodyError(
+            f"the body is {size:.3g} mm across",
+            code="unlikely-size",
+            where=path,
+            action=f"Set [body] scale in device.toml ({unit_hint})",
+            size=size,
+        )
+    check_distance_from_origin(str(path), vertices[mesh.faces], sizes[1])
+    vertices, faces, repairs = repair_mesh(vertices, mesh.faces, str(path), fill_cavities)
+    return (
+        Surface(vertices, faces),
+        (*_describe_format(path, suffix), *mesh.notes, *repairs),
+        mesh.unit,
+    )
+
+
+def _detect_suffix(path: Path) -> str:
+    """Return the suffix of the format, by content or else by name."""
+    try:
+        suffix = detect_format(path.read_bytes())
+    except OSError as error:
+        raise BodyError(
+            f"cannot be read: {error.strerror}", code="file-unreadable", where=path
+        ) from None
+    if suffix == ".step":
+        raise BodyError(
+            "is a STEP file",
+            code="wrong-file-format",
+            where=path,
+            action=f'Write step = "{path.name}" under [body]',
+            suffix=suffix,
+        )
+    return suffix or path.suffix.lower()
+
+
+def _describe_format(path: Path, suffix: str) -> tuple[str, ...]:
+    if path.suffix.lower() in (suffix, ""):
+        return ()
+    return (f"read as {suffix[1:].upper()}, the format of its content in spite of its name",)

@@ -40,7 +40,7 @@ def viewing_axes(surface: Surface) -> Float:
         The axes.
     """
     points = surface.vertices[np.unique(surface.faces)]
-    frame = Y_UP if _stands_on_y(points, _center_of_mass(surface)) else Z_UP
+    frame = Y_UP if _stands_on_y(points, surface.centroid) else Z_UP
     width, _, depth = np.abs(frame) @ np.ptp(points, axis=0)
     if depth > DEEP_RATIO * width:
         right, up, back = frame
@@ -69,10 +69,3 @@ def _footing_share(points: Float, center: Float, axis: int) -> float:
         return 0.0
     above = hull.equations[:, :2] @ np.delete(center, axis) + hull.equations[:, 2]
     return float(hull.volume / np.prod(np.ptp(flat, axis=0))) if above.max() < 0 else 0.0
-
-
-def _center_of_mass(surface: Surface) -> Float:
-    """Return the center of mass (3,), mm."""
-    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    return np.asarray(volume @ (a + b + c) / 4 / volume.sum())

@@ -9,6 +9,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from ...core.mesh import Surface
+from ..kernels.surface_queries import signed_distance_of
+from .repair.findings import describe_point
 
 #: Grid points along each side of the box in which body and region may meet.
 GRID_POINTS = 24
@@ -35,14 +37,7 @@ def holds_body(shape: Shape, surface: Surface) -> bool:
     axes = np.linspace(low, high, GRID_POINTS).T
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     points = points[shape.contains(points)]
-    if not len(points):
-        return False
-    import igl
-
-    winding = igl.fast_winding_number(
-        np.ascontiguousarray(surface.vertices), np.ascontiguousarray(surface.faces), points
-    )
-    return bool((np.asarray(winding) > 0.5).any())
+    return bool(signed_distance_of(surface).inside(points).any()) if len(points) else False
 
 
 def region_bounds(shape: Shape) -> tuple[Float, Float]:
@@ -61,24 +56,20 @@ def describe_region(shape: Shape) -> str:
     """Describe the place of a region, as a noun phrase."""
     if isinstance(shape, HalfSpace):
         return (
-            f"the half space from {_describe_point(shape.origin)} on towards"
-            f" {_describe_point(shape.normal)}"
+            f"the half space from {describe_point(shape.origin)} on towards"
+            f" {describe_point(shape.normal)}"
         )
     if isinstance(shape, Sphere):
-        return f"the sphere of radius {shape.radius:.4g} mm around {_describe_point(shape.center)}"
+        return f"the sphere of radius {shape.radius:.4g} mm around {describe_point(shape.center)}"
     if isinstance(shape, Cylinder):
         return (
-            f"the cylinder of radius {shape.radius:.4g} mm from {_describe_point(shape.start)} to"
-            f" {_describe_point(shape.end)}"
+            f"the cylinder of radius {shape.radius:.4g} mm from {describe_point(shape.start)} to"
+            f" {describe_point(shape.end)}"
         )
-    return f"the box from {_describe_point(shape.low)} to {_describe_point(shape.high)}"
+    return f"the box from {describe_point(shape.low)} to {describe_point(shape.high)}"
 
 
 def describe_extent(surface: Surface) -> str:
     """Describe where a body lies, as "from (x, y, z) to (x, y, z) mm"."""
     low, high = surface.bounds
-    return f"from {_describe_point(low)} to {_describe_point(high)} mm"
-
-
-def _describe_point(p: Float) -> str:
-    return "(" + ", ".join(f"{x + 0.0:.4g}" for x in np.round(p, 6)) + ")"
+    return f"from {describe_point(low)} to {describe_point(high)} mm"

@@ -7,25 +7,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.curve import Plane
-from ...core.mesh import Surface, facet_crosses
+from ...core.mesh import Surface
+from ..kernels.surface_queries import distance_to_chosen, signed_distance_of
 
 MIN_LEAN_COSINE = np.cos(np.radians(35))
 MAX_OVERHANG_MM = 0.3  # of a piece over the rim of a flat place
 PIECE_GAP_MM = 1.0  # between two pieces
 ANCHOR_DEPTH_MM = 0.2  # below the skin, where the anchor is tested
-MOUTH_GAP_MM, MOUTH_DEPTH_MM = (
-    1.5,
-    5.0,
-)  # a piece keeps this far from a mouth, unless it is so far below
-CANDIDATE_RANGE, CANDIDATES_PER_TAG = (
-    (400, 2500),
-    60,
-)  # candidate places in all, and per area of one tag
+#: A piece keeps this far from a mouth, unless it is so far below.
+MOUTH_GAP_MM, MOUTH_DEPTH_MM = 1.5, 5.0
+#: Candidate places in all, and per area of one tag.
+CANDIDATE_RANGE, CANDIDATES_PER_TAG = (400, 2500), 60
 POOR_PLACE_WEIGHT = 0.7  # weight of the distance of a place over a joint or on the underside
 UNDERSIDE_NORMAL_Z = -0.7  # z of the normal of a place on the underside
 MIN_VIEW_COSINE = 0.45  # between a tag's normal and the direction of the cameras
@@ -86,10 +82,8 @@ def place_tags(body: Surface, request: TagRequest) -> list[TagPlace]:
     References:
         Gonzalez (1985), Clustering to minimize the maximum intercluster distance.
     """
-    crosses = facet_crosses(body.vertices, body.faces)
-    area = float(np.linalg.norm(crosses, axis=1).sum() / 2)
     rng = np.random.default_rng(1)
-    count = int(np.clip(CANDIDATES_PER_TAG * area / request.outer**2, *CANDIDATE_RANGE))
+    count = int(np.clip(CANDIDATES_PER_TAG * body.area / request.outer**2, *CANDIDATE_RANGE))
     points = body.scatter(count, rng)
     if request.anchored:  # the anchor may be a small part of the body
         more = body.scatter(20 * count, rng)
@@ -110,7 +104,7 @@ def place_tags(body: Surface, request: TagRequest) -> list[TagPlace]:
     quota = min(request.anchored, request.count)
     for allowed, limit in ((anchor, quota), (~anchor, request.count), (anchor, request.count)):
         while len(chosen) < limit and (allowed & is_free).any():
-            gap = _distance_to_chosen(centers, chosen)
+            gap = distance_to_chosen(centers, centers[chosen]) + (0.0 if chosen else 1.0)
             chosen.append(int(np.where(allowed & is_free, gap * weight, -1.0).argmax()))
             is_free &= ~_find_overlaps(centers, axes, chosen[-1], request.outer)
     return [TagPlace(centers[i], axes[i], bool(anchor[i])) for i in chosen]
@@ -137,26 +131,20 @@ def _find_flat(body: Surface, points: Float, request: TagRequest) -> tuple[Float
     """Return the centers (k, 3) and axes (k, 3, 3) of the places (n, 3) where a piece lies on the
     skin.
     """
-    cross = facet_crosses(body.vertices, body.faces)
-    normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-30)
+    normals, skin_of_body = body.normals, signed_distance_of(body)
     tolerance = float(np.clip(0.08 * request.size, 0.4, 0.9))  # mm, between skin and tag
-    _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
-    normals_up = normals[np.asarray(face)]
+    normals_up = normals[skin_of_body.closest(points)[1]]
     centers = points
     for is_last in (False, False, True):
-        steps = (
-            request.size / 2 * np.linspace(-1, 1, 5 if is_last else 3)
-        )  # and the rims of the piece:
-        steps = np.array([-request.outer / 2, *steps, request.outer / 2])
+        steps = request.size / 2 * np.linspace(-1, 1, 5 if is_last else 3)
+        steps = np.array([-request.outer / 2, *steps, request.outer / 2])  # with the piece's rims
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         black = np.abs(grid).max(1) <= request.size / 2 + 1e-9
         axes = upright_axes_of(normals_up)
         on = centers[:, None] + np.einsum("gk,njk->ngj", grid, axes[:, :, :2])
-        _, face, skin = igl.point_mesh_squared_distance(
-            on.reshape(-1, 3), body.vertices, body.faces
-        )
-        skin = np.asarray(skin).reshape(on.shape)
-        facing = np.einsum("ngj,nj->ng", normals[np.asarray(face)].reshape(on.shape), normals_up)
+        _, face, skin = skin_of_body.closest(on.reshape(-1, 3))
+        skin = skin.reshape(on.shape)
+        facing = np.einsum("ngj,nj->ng", normals[face].reshape(on.shape), normals_up)
         height = np.einsum("ngj,nj->ng", skin - on, normals_up)
         sideways = np.linalg.norm(skin - on - height[..., None] * normals_up[:, None], axis=2)
         is_flat = facing.min(1) >= MIN_LEAN_COSINE
@@ -212,12 +200,6 @@ def _find_crossed(centers: Float, axes: Float, request: TagRequest) -> Bool:
         reach = np.abs(np.einsum("njk,j->nk", axes[:, :, :2], plane.normal)).sum(1)
         out |= np.abs((centers - plane.origin) @ plane.normal) < reach * request.outer / 2
     return out
-
-
-def _distance_to_chosen(centers: Float, chosen: Sequence[int]) -> Float:
-    if not chosen:
-        return 1.0 + np.asarray(np.linalg.norm(centers - centers.mean(0), axis=1))
-    return np.asarray(np.linalg.norm(centers[:, None] - centers[chosen], axis=2).min(1))
 
 
 def _find_overlaps(centers: Float, axes: Float, k: int, side: float) -> Bool:

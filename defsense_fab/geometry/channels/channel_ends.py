@@ -83,8 +83,15 @@ class End:
         return out
 
 
-class EndPlanner:
-    """Plan the ends of all cords one by one.
+def plan_ends(
+    planes: Sequence[Plane],
+    paths: Sequence[Float],
+    channel: float,
+    wall: float,
+    body: Surface,
+    pockets: Pockets | None,
+) -> list[tuple[End, End]]:
+    """Plan both ends of every cord, with their pockets and leads.
 
     Args:
         planes: Planes of the cords.
@@ -93,67 +100,69 @@ class EndPlanner:
         wall: Least wall between hollows, mm.
         body: Surface of the body.
         pockets: Pockets at the ends, or None.
-
-    Attributes:
-        ends: The ends; 2 k and 2 k + 1 belong to cord k.
     """
+    lines = [line for path in paths for line in (path, path[::-1])]
+    outs = [(x[0] - x[1]) / np.linalg.norm(x[0] - x[1]) for x in lines]
+    ends = [End(x[0], out, 0.0, "") for x, out in zip(lines, outs, strict=True)]
+    if pockets is not None:
+        _EndPlanner(planes, lines, ends, channel, wall, body, pockets).plan()
+    return list(zip(ends[::2], ends[1::2], strict=True))
+
+
+class _EndPlanner:
+    """Plan pockets and leads one by one; the ends 2 k and 2 k + 1 belong to cord k."""
 
     def __init__(
         self,
         planes: Sequence[Plane],
-        paths: Sequence[Float],
+        lines: Sequence[Float],
+        ends: list[End],
         channel: float,
         wall: float,
         body: Surface,
-        pockets: Pockets | None,
+        pockets: Pockets,
     ) -> None:
         self._planes, self._channel, self._wall, self._body = planes, channel, wall, body
-        self._pockets = pockets
-        self._lines = [line for path in paths for line in (path, path[::-1])]
-        outs = [(x[0] - x[1]) / np.linalg.norm(x[0] - x[1]) for x in self._lines]
-        self.ends = [End(x[0], out, 0.0, "") for x, out in zip(self._lines, outs, strict=True)]
+        self._lines, self._ends, self._pockets = lines, ends, pockets
 
-    def plan(self) -> list[tuple[End, End]]:
-        """Return both ends of every cord, with their pockets and leads."""
-        for k in range(len(self.ends)):
+    def plan(self) -> None:
+        """Replace the ends by those with pockets and leads."""
+        for k in range(len(self._ends)):
             self._plan_pocket(k)
-        if self._pockets and self._pockets.wires:
-            self._plan_leads(self._pockets, self._pockets.wires)
-        return list(zip(self.ends[::2], self.ends[1::2], strict=True))
+        if self._pockets.wires:
+            self._plan_leads(self._pockets.wires)
 
     def _plan_pocket(self, k: int) -> None:
         """Give an end its pocket if there is room next to those that others may have."""
-        if self._pockets is None:
-            return
         others: list[Hollow] = []
         for j, line in enumerate(self._lines):
             if j // 2 != k // 2:
                 count = int(self._pockets.length / np.linalg.norm(line[1] - line[0])) + 4
                 others += [(line, self._channel / 2), (line[:count], self._pockets.diameter / 2)]
-        others += self.ends[k ^ 1].hollows(self._pockets)
-        reason = self._pocket_problem(k, self._pockets, self._pockets.length, others)
+        others += self._ends[k ^ 1].hollows(self._pockets)
+        reason = self._pocket_problem(k, self._pockets.length, others)
         pocket = 0.0 if reason else self._pockets.length
-        self.ends[k] = replace(self.ends[k], pocket=pocket, reason=reason)
+        self._ends[k] = replace(self._ends[k], pocket=pocket, reason=reason)
 
-    def _plan_leads(self, pockets: Pockets, wires: Wires) -> None:
+    def _plan_leads(self, wires: Wires) -> None:
         """Give the wires their leads: first those to the bay, the nearest first, then those that
         come out next to their mouths. A pocket with a lead is as deep as its bend needs.
         """
         router = WireRouter(self._body, wires, self._wall)
-        order = list(range(len(self.ends)))
+        order = list(range(len(self._ends)))
         if wires.bay is not None:
             bay = wires.bay
-            order.sort(key=lambda k: float(np.linalg.norm(self.ends[k].mouth - bay.origin)))
+            order.sort(key=lambda k: float(np.linalg.norm(self._ends[k].mouth - bay.origin)))
             for k in order:
-                if is_in_bay(self.ends[k].mouth[None], bay, -0.1)[0]:
-                    self.ends[k] = replace(self.ends[k], in_bay=True)
-                elif self.ends[k].pocket:
-                    self._plan_lead(k, pockets, wires, partial(self._to_bay, router, k))
+                if is_in_bay(self._ends[k].mouth[None], bay, -0.1)[0]:
+                    self._ends[k] = replace(self._ends[k], in_bay=True)
+                elif self._ends[k].pocket:
+                    self._plan_lead(k, wires, partial(self._to_bay, router, k))
         if wires.relief:
             for k in order:
-                end = self.ends[k]
+                end = self._ends[k]
                 if end.pocket and not end.lead and not end.in_bay:
-                    self._plan_lead(k, pockets, wires, partial(self._to_skin, router, k))
+                    self._plan_lead(k, wires, partial(self._to_skin, router, k))
 
     def _to_bay(self, router: WireRouter, k: int, start: LeadStart) -> Lead | str:
         obstacles = self._obstacles(k, start)
@@ -164,62 +173,56 @@ class EndPlanner:
 
     def _obstacles(self, k: int, start: LeadStart) -> list[Hollow]:
         """Return the hollows that a lead from `start` keeps away from."""
-        if self._pockets is None:
-            return self._other_hollows(k)
         depth = start.ferrule + self._pockets.length
-        twin = self.ends[k ^ 1]
+        twin = self._ends[k ^ 1]
         own = own_hollows(self._lines[k], twin, depth, self._channel, self._pockets)
         return [*own, *self._other_hollows(k)]
 
-    def _plan_lead(
-        self, k: int, pockets: Pockets, wires: Wires, find: Callable[[LeadStart], Lead | str]
-    ) -> None:
+    def _plan_lead(self, k: int, wires: Wires, find: Callable[[LeadStart], Lead | str]) -> None:
         """Give an end the lead that `find` returns for the shallowest pocket that allows one."""
-        end, reason = self.ends[k], ""
+        end, pockets, reason = self._ends[k], self._pockets, ""
         flare = pockets.diameter / 2 + 2 * chamfer_width(self._wall)
         for factor in DEPTH_FACTORS:
             room = factor * wires.room(self._wall)
-            obstacles = [*self.ends[k ^ 1].hollows(pockets), *self._other_hollows(k)]
-            problem = self._pocket_problem(k, pockets, pockets.length + room, obstacles)
+            obstacles = [*self._ends[k ^ 1].hollows(pockets), *self._other_hollows(k)]
+            problem = self._pocket_problem(k, pockets.length + room, obstacles)
             if problem:
                 reason = reason or f"for its bend the pocket must be deeper, but {problem}"
                 break
             result = find(LeadStart(end.mouth, end.out, pockets.diameter / 2, flare, room))
             if isinstance(result, Lead):
-                self.ends[k] = replace(end, pocket=pockets.length + room, lead=result)
+                self._ends[k] = replace(end, pocket=pockets.length + room, lead=result)
                 return
             reason = result
             if reason != NO_BEND_SPACE:
                 break
         if not end.unled:
-            self.ends[k] = replace(end, unled=reason)
+            self._ends[k] = replace(end, unled=reason)
 
     def _other_hollows(self, k: int) -> list[Hollow]:
         """Return the hollows of the other cords."""
-        count = len(self.ends) // 2
+        count = len(self._ends) // 2
         return [h for j in range(count) if j != k // 2 for h in self._cord_hollows(j)]
 
     def _cord_hollows(self, cord: int) -> list[Hollow]:
         hollows = [(self._lines[2 * cord], self._channel / 2)]
-        for end in self.ends[2 * cord : 2 * cord + 2]:
+        for end in self._ends[2 * cord : 2 * cord + 2]:
             hollows += end.hollows(self._pockets)
         return hollows
 
-    def _pocket_problem(
-        self, k: int, pockets: Pockets, length: float, others: Sequence[Hollow]
-    ) -> str:
+    def _pocket_problem(self, k: int, length: float, others: Sequence[Hollow]) -> str:
         """Return why a pocket `length` mm deep is impossible, or nothing."""
-        line, end = self._lines[k], self.ends[k]
+        line, end = self._lines[k], self._ends[k]
         step = float(np.linalg.norm(line[1] - line[0]))
         count = int(length / step) + 1
-        twin = int(max(self.ends[k ^ 1].pocket, length) / step) + 1
+        twin = int(max(self._ends[k ^ 1].pocket, length) / step) + 1
         if count + twin > 0.6 * len(line):
             return f"the channel is too short for two pockets of {length:.3g} mm"
         inner = line[count - 1] - line[count + 3]
         if end.out @ inner < np.cos(MAX_POCKET_ANGLE_RAD) * np.linalg.norm(inner):
             return f"the cord bends within {length:.3g} mm of its end"
         axis = line[0] - np.linspace(0, length, count)[:, None] * end.out
-        radius = pockets.diameter / 2
+        radius = self._pockets.diameter / 2
         depth = signed_distance_of(self._body).unsigned(axis)
         needed = np.minimum(radius + self._wall, MAX_INLET_SLOPE * np.linspace(0, length, count))
         if (depth < needed).any():

@@ -16,7 +16,7 @@ from ...core.mesh import Surface
 from ..kernels import surface_queries, triangle_kernel
 from ..kernels.cutting_tools import Tool, cylinder
 from ..kernels.surface_queries import signed_distance_of
-from .channel_ends import End, EndPlanner, Pockets, make_end_tools
+from .channel_ends import End, Pockets, make_end_tools, plan_ends
 from .wire_channels import Hollow, Lead
 
 SAMPLE_STEP_MM = 0.25  # between samples of a channel
@@ -132,7 +132,7 @@ def make_channels(
     """
     traces = [_trace(s, body, diameter) for s in sensors]
     planes = [s.plane for s in sensors]
-    ends = EndPlanner(planes, [t.inside for t in traces], diameter, wall, body, pockets).plan()
+    ends = plan_ends(planes, [t.inside for t in traces], diameter, wall, body, pockets)
     out = []
     for s, t, ends_pair in zip(sensors, traces, ends, strict=True):
         tools = tuple(

@@ -268,10 +268,10 @@ class WireRouter:
         """Return which cells' centers lie in the body: every crossing of an outline with a row of
         cells flips the rest of the row.
         """
-        into = np.column_stack([plane.axes.T, -plane.axes.T @ plane.origin])
         turned = np.zeros(shape, int)
         body = triangle_kernel.to_manifold(self._body, "the body")
-        for outline in body.transform(into).slice(0.0).to_polygons():
+        flat = triangle_kernel.to_plane_frame(body, plane.axes, plane.origin)
+        for outline in flat.slice(0.0).to_polygons():
             a = (np.asarray(outline, float) - low) / cell
             for (x0, y0), (x1, y1) in zip(a, np.roll(a, -1, axis=0), strict=True):
                 rows = np.arange(np.ceil(min(y0, y1)), np.ceil(max(y0, y1)))
@@ -375,8 +375,8 @@ def _direction(plane: Plane, way: PlanarRoute) -> Float:
 
 
 def _gap(points: Float, trees: Sequence[tuple[Any, float]], max_distance: float) -> Float:
-    """Return the distance (n,) of points (n, 3) from the nearest hollow, mm; infinite beyond `most`
-    mm.
+    """Return the distance (n,) of points (n, 3) from the nearest hollow, mm; infinite beyond
+    `max_distance` mm.
     """
     out = np.full(len(points), np.inf)
     for tree, radius in trees:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,14 @@ from OCP.BRep import BRep_Builder
 from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
+
+
+def find_subshapes(shape: Any, kind: Any) -> Iterator[Any]:
+    """Yield the parts of a TopoDS_Shape that have a kind of TopAbs_ShapeEnum."""
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
 
 
 def write_brep(solids: Sequence[Any], path: Path) -> None:
@@ -36,9 +44,4 @@ def read_brep(path: Path) -> list[Any]:
     shape = TopoDS_Shape()
     if not BinTools.Read_s(shape, str(path)):
         raise OSError(f"{path}: OpenCascade could not read it")
-    solids = []
-    explorer = TopExp_Explorer(shape, TopAbs_SOLID)
-    while explorer.More():
-        solids.append(TopoDS.Solid_s(explorer.Current()))
-        explorer.Next()
-    return solids
+    return [TopoDS.Solid_s(s) for s in find_subshapes(shape, TopAbs_SOLID)]

@@ -18,13 +18,13 @@ from OCP.BRepClass3d import BRepClass3d
 from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
 from OCP.Message import Message
 from OCP.TopAbs import TopAbs_SHELL, TopAbs_SOLID
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
+from .brep import find_subshapes
 from .canonical_facets import canonicalize
 from .cutting_tools import MIN_PIECE_MM3, Frustum, Prism, Tool, axes_from_normal
 
@@ -34,16 +34,13 @@ def find_cavities(solid: Any) -> list[tuple[float, Float]]:
     first.
     """
     outer = BRepClass3d.OuterShell_s(solid)
-    cavities_found = []
-    explorer = TopExp_Explorer(solid, TopAbs_SHELL)
-    while explorer.More():
-        shell = TopoDS.Shell_s(explorer.Current())
+    cavities = []
+    for shell in map(TopoDS.Shell_s, find_subshapes(solid, TopAbs_SHELL)):
         if not shell.IsSame(outer):
             cavity = bd.Solid(BRepBuilderAPI_MakeSolid(shell).Solid())
             middle = cavity.center(bd.CenterOf.BOUNDING_BOX)
-            cavities_found.append((abs(cavity.volume), np.array([middle.X, middle.Y, middle.Z])))
-        explorer.Next()
-    return sorted(cavities_found, key=lambda c: -c[0])
+            cavities.append((abs(cavity.volume), np.array([middle.X, middle.Y, middle.Z])))
+    return sorted(cavities, key=lambda c: -c[0])
 
 
 def fill_cavities(solid: Any) -> Any:
@@ -94,13 +91,9 @@ def solids_of(result: Any) -> list[Any]:
             action="Return a build123d or CadQuery solid",
             type=type(result).__name__,
         )
-    solids: list[Any] = []
-    for shape in shapes:
-        explorer = TopExp_Explorer(shape, TopAbs_SOLID)
-        while explorer.More():
-            solids.append(TopoDS.Solid_s(explorer.Current()))
-            explorer.Next()
-    return solids
+    return [
+        TopoDS.Solid_s(solid) for shape in shapes for solid in find_subshapes(shape, TopAbs_SOLID)
+    ]
 
 
 def read_step(path: Path) -> list[Any]:

@@ -5,7 +5,7 @@ samples.
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.curve import Plane
-from ...core.mesh import Surface
+from ...core.mesh import Surface, facet_crosses
 
 T = TypeVar("T")
 
@@ -57,14 +57,21 @@ def sample_skin(body: Surface, size: float) -> tuple[Float, Float]:
     Returns:
         Points (n, 3), mm, and unit normals (n, 3).
     """
-    a, b, c = (body.vertices[body.faces[:, i]] for i in range(3))
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-    count = int(np.clip(POINTS_PER_SQUARE * area / size**2, 1000, 30_000))
+    count = int(np.clip(POINTS_PER_SQUARE * body.area / size**2, 1000, 30_000))
     points = body.scatter(count, np.random.default_rng(1))
-    _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
-    a, b, c = (body.vertices[body.faces[np.asarray(face)][:, i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
-    return points, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    return points, body.normals[signed_distance_of(body).closest(points)[1]]
+
+
+def distance_to_chosen(points: Float, chosen: Float) -> Float:
+    """Return the distance (n,) of points from those chosen before, for farthest-point sampling.
+
+    Args:
+        points: Points (n, d).
+        chosen: Chosen points (k, d). Without any, the distance is that from the points' center.
+    """
+    if not len(chosen):
+        return np.asarray(np.linalg.norm(points - points.mean(axis=0), axis=1))
+    return np.asarray(np.linalg.norm(points[:, None] - chosen, axis=2).min(axis=1))
 
 
 def plane_section(surface: Surface, plane: Plane) -> Float:
@@ -96,7 +103,7 @@ def plane_section(surface: Surface, plane: Plane) -> Float:
     return np.stack(ends, axis=1) if len(crossed) else np.zeros((0, 2, 2))
 
 
-def inside_section(section: Float, points: Float) -> np.ndarray:
+def inside_section(section: Float, points: Float) -> Bool:
     """Return which points lie inside an outline: a ray to the right crosses it an odd number of
     times.
 
@@ -105,11 +112,19 @@ def inside_section(section: Float, points: Float) -> np.ndarray:
         points: Points (q, 2), mm.
     """
     a, b = section[:, 0], section[:, 1]
-    x, y = points[:, None, 0], points[:, None, 1]
+    x, y = points[:, :1], points[:, 1:]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
     rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-    at = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
+    at = a[:, 0] + (y - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
     return np.asarray((spans & (x < at)).sum(1) % 2 == 1)
+
+
+def inside_outlines(points: Float, polygons: Sequence[Float]) -> Bool:
+    """Return which points (q, 2) lie inside closed outlines (k, 2), of which inner ones are
+    holes.
+    """
+    segments = [np.stack([p, np.roll(p, -1, axis=0)], axis=1) for p in polygons]
+    return inside_section(np.concatenate([np.zeros((0, 2, 2)), *segments]), points)
 
 
 def nearest_on_section(section: Float, point: Float) -> Float:
@@ -201,7 +216,7 @@ ON_FACET_MM = 1e-9  # mm; a point so near has the facet's normal for its gradien
 
 
 class SignedDistance:
-    """Signed distances to the surface of one body.
+    """Distances to a surface, and winding numbers, for which it may have holes or crossings.
 
     Its search trees are built once, when they are first needed; they take most of the time of a
     single call.
@@ -219,8 +234,7 @@ class SignedDistance:
 
     @cached_property
     def _inward(self) -> Float:
-        a, b, c = (self._v[self._f[:, i]] for i in range(3))
-        normal = np.cross(b - a, c - a)
+        normal = facet_crosses(self._v, self._f)
         return np.asarray(-normal / np.maximum(np.linalg.norm(normal, axis=1)[:, None], 1e-30))
 
     @cached_property
@@ -238,16 +252,14 @@ class SignedDistance:
 
     def with_gradient(self, points: Float) -> tuple[Float, Float]:
         """Return the same distances (q,), mm, and their gradients (q, 3)."""
-        q = np.ascontiguousarray(points)
-        square, facet, nearest = self._tree.squared_distance(self._v, self._f, q)
-        distance = np.sqrt(np.asarray(square))
-        signed = np.where(self.sides(q, distance), distance, -distance)
-        away = q - np.asarray(nearest)
+        distance, facet, nearest = self.closest(points)
+        signed = np.where(self.sides(points, distance), distance, -distance)
+        away = points - nearest
         size = np.linalg.norm(away, axis=1, keepdims=True)
         gradient = np.where(
             size > ON_FACET_MM,
             away / np.maximum(size, ON_FACET_MM) * np.sign(signed)[:, None],
-            self._inward[np.asarray(facet)],
+            self._inward[facet],
         )
         return signed, gradient
 
@@ -267,21 +279,35 @@ class SignedDistance:
         deepest = np.lexsort((-distance, run))[np.searchsorted(run, np.arange(run[-1] + 1))]
         return np.asarray(self.inside(points[deepest])[run])
 
+    def closest(self, points: Float) -> tuple[Float, Int, Float]:
+        """Return the distance (q,), mm, of points (q, 3) to the facets, the nearest facet (q,), and
+        its nearest point (q, 3).
+        """
+        q = np.ascontiguousarray(points)
+        square, facet, nearest = self._tree.squared_distance(self._v, self._f, q)
+        distance = np.sqrt(np.asarray(square)).reshape(-1)
+        return distance, np.asarray(facet).reshape(-1), np.asarray(nearest).reshape(-1, 3)
+
     def unsigned(self, points: Float) -> Float:
         """Return the distance (q,), mm, of points (q, 3) to the facets."""
-        q = np.ascontiguousarray(points)
-        return np.asarray(np.sqrt(self._tree.squared_distance(self._v, self._f, q)[0]))
+        return self.closest(points)[0]
 
     def nearest(self, points: Float) -> Float:
         """Return the points (q, 3) of the facets nearest to points (q, 3), mm."""
-        q = np.ascontiguousarray(points)
-        return np.array(self._tree.squared_distance(self._v, self._f, q)[2])
+        return np.array(self.closest(points)[2])
+
+    def winding(self, points: Float) -> Float:
+        """Return the winding number (q,) at points (q, 3).
+
+        References:
+            Jacobson et al. (2013); Barill et al. (2018).
+        """
+        return np.asarray(self._winding.winding_number(np.ascontiguousarray(points))).reshape(-1)
 
     def inside(self, points: Float) -> Bool:
-        """Return which points (q, 3) lie inside, by the winding number."""
-        q = np.ascontiguousarray(points)
-        return np.asarray(self._winding.winding_number(q) > 0.5)
+        """Return which points (q, 3) lie inside: those with a winding number above 0.5."""
+        return self.winding(points) > 0.5
 
 
-#: Of a surface that is asked about again and again, its trees made once.
+#: Queries of one surface come repeatedly.
 signed_distance_of = SurfaceCache(SignedDistance)

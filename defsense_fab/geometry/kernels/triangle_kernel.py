@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import manifold3d as m3
@@ -10,7 +11,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import FabricationError
-from ...core.mesh import Surface
+from ...core.mesh import Surface, triangle_edges
 from .cutting_tools import Frustum, Tool, axes_from_normal
 from .surface_queries import SurfaceCache
 
@@ -29,6 +30,12 @@ def _manifold(surface: Surface) -> Any:
             np.ascontiguousarray(surface.faces, np.uint64),
         )
     )
+
+
+def try_manifold(surface: Surface) -> Any | None:
+    """Return a surface as a manifold3d solid, or None if it is not closed and oriented."""
+    solid = _manifold(surface)
+    return solid if solid.status() == m3.Error.NoError else None
 
 
 #: Many layouts are cut out of one body, and finished parts are checked repeatedly.
@@ -96,9 +103,7 @@ def to_printable_surface(
         shifted = exact[duplicates] + rng.uniform(-step, step, (len(duplicates), 3))
         vertices[duplicates] = shifted.astype(np.float32)
     surface = Surface(vertices.astype(float), faces)
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    edges = ends.min(axis=1) * len(vertices) + ends.max(axis=1)
-    if (np.unique(edges, return_counts=True)[1] != 2).any():
+    if (triangle_edges(faces)[1] != 2).any():
         raise FabricationError(
             "an edge of its facets does not have exactly two of them",
             code="surface-not-closed",
@@ -121,7 +126,7 @@ def solid_of(tool: Tool) -> Any:
     else:
         solid = m3.Manifold.extrude(m3.CrossSection([tool.polygon]), tool.height)
         axes, origin = tool.axes, tool.origin
-    return solid.transform(np.column_stack([axes, origin]))
+    return from_plane_frame(solid, axes, origin)
 
 
 def cut_out(solid: Any, tools: Sequence[Tool]) -> Any:
@@ -177,8 +182,55 @@ def to_surface(solid: Any) -> Surface:
     return Surface(vertices, np.array(mesh.tri_verts, np.int64))
 
 
-def centroid(surface: Surface) -> Float:
-    """Return the center of mass (3,), mm: each facet and the origin span a tetrahedron."""
-    corners = surface.vertices[surface.faces]
-    volume = np.linalg.det(corners)
-    return np.asarray(volume @ corners.sum(1) / (4 * volume.sum()))
+@dataclass(frozen=True)
+class ThinPlaces:
+    """What of a solid is too thin to print.
+
+    Attributes:
+        share: Share of the area of all layers.
+        point: Point (3,) of the largest thin place, mm, or None if there is none.
+    """
+
+    share: float
+    point: Float | None
+
+
+def find_thin_places(
+    solid: Any, down: Float, width: float, layers: int, tolerance: float
+) -> ThinPlaces:
+    """Find where a solid is thinner than a width in its layers as it is printed.
+
+    The area counts that is lost when the outline of a layer is opened by the width.
+
+    Args:
+        solid: The manifold3d solid.
+        down: Direction (3,) to the bed.
+        width: Least width, mm.
+        layers: Number of layers.
+        tolerance: By which outlines are widened so that their corners do not count, mm.
+    """
+    axes = axes_from_normal(-down)
+    upright = to_plane_frame(solid, axes, np.zeros(3))
+    low, high = upright.bounding_box()[2], upright.bounding_box()[5]
+    total_area, thin_area, largest_area, point = 0.0, 0.0, 0.0, None
+    for z in low + (np.arange(layers) + 0.5) / layers * (high - low):
+        layer = upright.slice(float(z))
+        total_area += float(layer.area())
+        for shape in (layer - layer.offset(-width / 2).offset(width / 2 + tolerance)).decompose():
+            area = float(shape.area())
+            if area > width**2:  # larger than a corner
+                thin_area += area
+                if area > largest_area:
+                    largest_area = area
+                    point = axes @ np.array([*np.asarray(shape.to_polygons()[0]).mean(axis=0), z])
+    return ThinPlaces(thin_area / total_area if total_area else 1.0, point)
+
+
+def to_plane_frame(solid: Any, axes: Float, origin: Float) -> Any:
+    """Return the solid in the frame with `axes` (3, 3) and `origin` (3,), mm."""
+    return solid.transform(np.column_stack([axes.T, -axes.T @ origin]))
+
+
+def from_plane_frame(solid: Any, axes: Float, origin: Float) -> Any:
+    """Return the solid of a frame in the rest frame: the inverse of `to_plane_frame`."""
+    return solid.transform(np.column_stack([axes, origin]))

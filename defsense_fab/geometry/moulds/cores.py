@@ -1,4 +1,7 @@
-"""Find the faces in which a part meets others, and the hollows that open into each of them."""
+"""Find the faces in which a part meets others, and the hollows that open into each of them.
+
+The hollows of a face are the cores of its lid.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +15,18 @@ from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import axes_from_normal
+from ..kernels.triangle_kernel import from_plane_frame, to_plane_frame
 from ..parts.part_contacts import Contact
 from ..parts.records import PartSet
-from .planar import from_plane_frame, to_plane_frame
 from .records import Face
 
 MAX_RISE_MM = 0.02  # by which a part may rise over the plane of one of its faces
 TOUCH_MM = 1e-3  # from a face
 MIN_NOTCH_WIDTH_MM = 0.3  # narrower notches are ignored
 MAX_CRUMB_MM3 = 0.3  # of a hollow that reaches no face: rounding of facets
+SECTION_OFFSET_MM = 1e-3  # from a face, where its section is taken
+MAX_SLIVER_MM3 = 1e-3
+LIFT_DISTANCES_MM = (0.2, 0.6, 1.5, 4.0)  # of a core that is taken out
 
 
 def find_faces(part_set: PartSet, index: int) -> list[Face]:
@@ -64,7 +70,7 @@ def find_faces(part_set: PartSet, index: int) -> list[Face]:
                 hollow
             )
         elif hollow.volume() > MAX_CRUMB_MM3:
-            at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(hollow)))
+            at = format_point(triangle_kernel.to_surface(hollow).centroid)
             raise FabricationError(
                 f"cannot be cast: a hole near {at} opens into none of its faces, so that"
                 f" nothing in the mould could leave it",
@@ -110,9 +116,8 @@ def _make_face(
     if not notches:
         return Face(normal, origin, area, triangle_kernel.union(core) if core else None)
     high = float(rise.max())
-    notch = m3.Manifold.batch_boolean(
-        [m3.Manifold.extrude(p, high + TOUCH_MM).translate([0, 0, -TOUCH_MM]) for p in notches],
-        m3.OpType.Add,
+    notch = triangle_kernel.union(
+        [m3.Manifold.extrude(p, high + TOUCH_MM).translate([0, 0, -TOUCH_MM]) for p in notches]
     )
     notch = from_plane_frame(notch, axes, origin)
     core_with_notch = triangle_kernel.union([*core, notch - bare])
@@ -135,14 +140,7 @@ def fill_notches(bare: Any, sides: Sequence[Face]) -> Any:
 def unite_hollows(part_set: PartSet, index: int) -> Any:
     """Return all tools that cut into the part with this index as one solid, or None."""
     tools = [c.solid for c in part_set.channels]
-    for pin in part_set.pins:
-        contact = part_set.contacts[pin.contact]
-        for other, upper in ((contact.lower, False), (contact.upper, True)):
-            if other == index:
-                tools.append(triangle_kernel.solid_of(pin.socket_in(upper=upper)))
-    for label in part_set.labels:
-        if label.part == index:
-            tools += [triangle_kernel.solid_of(t) for t in label.tools]
+    tools += [triangle_kernel.solid_of(t) for t in part_set.tools(index)]
     return triangle_kernel.union(tools) if tools else None
 
 
@@ -154,3 +152,53 @@ def mouth_directions(part_set: PartSet) -> Float:
             out += [line[0] - line[1], line[-1] - line[-2]]
     directions = np.array(out).reshape(-1, 3)
     return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+
+
+def bridge_face(solid: Any, normal: Float, origin: Float, above: float) -> Any:
+    """Return a thin prism on a solid's section just below a face, up to `above` mm over it.
+
+    Two solids that would only meet in the face overlap with it, so that no film stays between them.
+    """
+    axes = axes_from_normal(normal)
+    section = to_plane_frame(solid, axes, origin).slice(-SECTION_OFFSET_MM)
+    prism = m3.Manifold.extrude(section, above + 2 * SECTION_OFFSET_MM).translate(
+        [0, 0, -2 * SECTION_OFFSET_MM]
+    )
+    return from_plane_frame(prism, axes, origin)
+
+
+def find_core_cover(shell: Any, face: Face) -> Any:
+    """Return the part of a mould's shell that blocks a face's core as it is taken out, or None.
+
+    The part includes a little more around it.
+    """
+    axes = axes_from_normal(face.normal)
+    core, around = (
+        to_plane_frame(face.core, axes, face.origin),
+        to_plane_frame(shell, axes, face.origin),
+    )
+    covers = []
+    for distance in LIFT_DISTANCES_MM:
+        for overlap in (core.translate([0, 0, distance]) ^ around).decompose():
+            if overlap.volume() > MAX_SLIVER_MM3:
+                x0, y0, _, x1, y1, _ = overlap.bounding_box()
+                box = m3.Manifold.cube([x1 - x0 + 1, y1 - y0 + 1, 200]).translate(
+                    [x0 - 0.5, y0 - 0.5, -200]
+                )
+                nearby_core = core ^ box
+                low = nearby_core.bounding_box()[2]
+                covers.append(
+                    m3.Manifold.extrude(nearby_core.project(), -low).translate([0, 0, low])
+                )
+    if not covers:
+        return None
+    cover = triangle_kernel.union(covers) ^ around
+    return from_plane_frame(cover, axes, face.origin) if cover.volume() > MAX_SLIVER_MM3 else None
+
+
+def widen(solid: Any, normal: Float, by: float) -> Any:
+    """Return the union of a solid and copies moved `by` mm all around, across `normal`."""
+    axes = axes_from_normal(normal)
+    turns = np.arange(8) * np.pi / 4
+    offsets = by * np.stack([np.cos(turns), np.sin(turns)], axis=1) @ axes[:, :2].T
+    return triangle_kernel.union([solid, *(solid.translate(w.tolist()) for w in offsets)])

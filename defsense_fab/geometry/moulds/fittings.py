@@ -11,8 +11,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import FabricationError
 from ..kernels.cutting_tools import axes_from_normal
-from ..parts.part_contacts import inside_outlines
-from .planar import find_spots, from_plane_frame, spread_points, to_plane_frame
+from ..kernels.surface_queries import distance_to_chosen, inside_outlines
+from ..kernels.triangle_kernel import from_plane_frame, to_plane_frame, union
 
 #: Radius at the foot and height of a key; diameters of a screw's hole in the upper piece and of its
 #: pilot hole in the lower one, and the depth of that: M3, driven into plastic. In a high piece the
@@ -23,6 +23,7 @@ HEAD_HOLE_MM, HEAD_SEAT_MM = 6.6, 5.0
 FITTING_DISTANCE_MM, FITTING_WALL_MM = 9.0, 1.4
 #: Radii of the pouring hole, the first that has room, and of vents.
 POUR_RADII_MM, VENT_RADIUS_MM, MAX_VENTS = (3.5, 2.5, 1.8, 1.2), 0.75, 4
+MAX_SPOTS = 400  # candidate places for a fitting
 FUNNEL_WIDENING_MM = 2.0  # of the pouring hole at its top
 
 
@@ -67,8 +68,8 @@ def join_pieces(
     # Over a key at least a layer or two remain, over a screw nothing.
     for height in (1.5, KEY_HEIGHT_MM, min(4.9, 0.98 * top)):
         common = common ^ high.slice(height)
-    places = find_spots(common, KEY_RADIUS_MM + FITTING_WALL_MM)
-    chosen = spread_points(places, 8, FITTING_DISTANCE_MM, np.zeros((0, 2)))
+    places = _find_spots(common, KEY_RADIUS_MM + FITTING_WALL_MM)
+    chosen = _spread_points(places, 8, FITTING_DISTANCE_MM, np.zeros((0, 2)))
     local = axes.T @ opens
     # Keys and screws alternate; no two keys are alike, so that pieces fit in one way.
     keys = chosen[0::2]
@@ -80,7 +81,7 @@ def join_pieces(
     blocked_outlines = _find_blocked(inner, top)
     screws = chosen[1::2][~inside_outlines(chosen[1::2], blocked_outlines)]
     missing, occupied = len(chosen[1::2]) - len(screws), np.concatenate([keys, screws])
-    more_screws = spread_points(
+    more_screws = _spread_points(
         places[~inside_outlines(places, blocked_outlines)], missing, FITTING_DISTANCE_MM, occupied
     )
     screws = np.concatenate([screws, more_screws])
@@ -88,11 +89,11 @@ def join_pieces(
         cut_high.append(_screw_hole(top, x, y))
         cut_low.append(_rod(PILOT_HOLE_MM / 2, -PILOT_DEPTH_MM, 0.5, x, y))
     if add:
-        low = low + m3.Manifold.batch_boolean(add, m3.OpType.Add)
+        low = low + union(add)
     if cut_low:
-        low = low - m3.Manifold.batch_boolean(cut_low, m3.OpType.Add)
+        low = low - union(cut_low)
     if cut_high:
-        high = high - m3.Manifold.batch_boolean(cut_high, m3.OpType.Add)
+        high = high - union(cut_high)
     return Joint(
         from_plane_frame(high, axes, origin),
         from_plane_frame(low, axes, origin),
@@ -164,7 +165,7 @@ def make_feed(name: str, lid: Any, cavity: Any, normal: Float, origin: Float) ->
     high, inner = to_plane_frame(lid, axes, origin), to_plane_frame(cavity, axes, origin)
     face, top = inner.slice(-0.3) ^ inner.slice(-0.05), high.bounding_box()[5]
     for radius in POUR_RADII_MM:
-        places = find_spots(face, radius + 0.8)
+        places = _find_spots(face, radius + 0.8)
         if len(places):
             break
     else:
@@ -180,7 +181,9 @@ def make_feed(name: str, lid: Any, cavity: Any, normal: Float, origin: Float) ->
     offsets = places - places.mean(axis=0)
     long_axis = np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
     pour = places[int(np.round(offsets @ long_axis, 3).argmax())]
-    vents = spread_points(find_spots(face, VENT_RADIUS_MM + 0.5), MAX_VENTS, 3 * radius, pour[None])
+    vents = _spread_points(
+        _find_spots(face, VENT_RADIUS_MM + 0.5), MAX_VENTS, 3 * radius, pour[None]
+    )
     holes = [
         _rod(radius, -0.5, top + 1, *pour),
         m3.Manifold.cylinder(2.5, radius, radius + FUNNEL_WIDENING_MM, 32).translate(
@@ -188,10 +191,46 @@ def make_feed(name: str, lid: Any, cavity: Any, normal: Float, origin: Float) ->
         ),
         *(_rod(VENT_RADIUS_MM, -0.5, top + 1, *v) for v in vents),
     ]
-    high = high - m3.Manifold.batch_boolean(holes, m3.OpType.Add)
+    high = high - union(holes)
 
     def world(points: Float) -> Float:
         flat_points = np.column_stack([points, np.zeros(len(points))])
         return np.asarray(origin + flat_points @ axes.T)
 
     return Feed(from_plane_frame(high, axes, origin), world(pour[None])[0], world(vents))
+
+
+def _find_spots(section: Any, room: float) -> Float:
+    """Return points (n, 2) of a CrossSection that keep `room` mm from its outline."""
+    inner = section.offset(-room)
+    outlines = [np.asarray(p, float) for p in inner.to_polygons()]
+    if not outlines:
+        return np.zeros((0, 2))
+    x0, y0, x1, y1 = inner.bounds()
+    step = max(0.5, float(np.sqrt(max(inner.area(), 1e-6) / MAX_SPOTS)))
+    axes = [np.arange(a, b + step, step) for a, b in ((x0, x1), (y0, y1))]
+    grid = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
+    return np.concatenate([*outlines, grid[inside_outlines(grid, outlines)]])
+
+
+def _spread_points(points: Float, count: int, min_distance: float, chosen_before: Float) -> Float:
+    """Choose points far from each other.
+
+    Args:
+        points: Candidates (n, 2), mm.
+        count: Largest number of points.
+        min_distance: Least distance between points, mm.
+        chosen_before: Points (k, 2) chosen before.
+
+    Returns:
+        Points, each as far as possible from those before.
+    """
+    chosen: list[Float] = list(chosen_before)
+    for _ in range(count if len(points) else 0):
+        distance = distance_to_chosen(points, np.array(chosen).reshape(-1, 2))
+        distance += 0.0 if chosen else min_distance
+        k = int(np.round(distance, 6).argmax())
+        if distance[k] < min_distance:
+            break
+        chosen.append(points[k])
+    return np.array(chosen[len(chosen_before) :]).reshape(-1, 2)

@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
-from ...core.mesh import Surface
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import axes_from_normal
 from ..parts.records import Check, Part
 from .records import MouldPiece, MouldRules
 
@@ -19,7 +15,8 @@ from .records import MouldPiece, MouldRules
 CRUMB_MM3, MAX_OVERLAP_MM3 = 1.0, 0.6
 CAVITY_TOLERANCE, BLOCK_TOLERANCE = 1e-3, 1e-4
 OPEN_DISTANCES_MM = (0.3, 1.0, 3.0, 10.0, 30.0)  # of a piece that comes off
-LAYERS, MAX_THIN_SHARE, NOTED_THIN_SHARE = 24, 0.3, 0.02
+LAYERS, CORNER_TOLERANCE_MM = 24, 0.02
+MAX_THIN_SHARE, NOTED_THIN_SHARE = 0.3, 0.02
 
 
 def check_block_volume(name: str, pieces: float, block: float, fed: float) -> Check:
@@ -79,7 +76,7 @@ def check_opening(
                 common = moved ^ solids[j]
                 worst = max(worst, float(common.volume()))
                 if common.volume() > MAX_OVERLAP_MM3:
-                    at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
+                    at = triangle_kernel.to_surface(common).centroid
                     raise FabricationError(
                         f"the pieces {k + 1} and {j + 1} of the mould of {name} lock near"
                         f" {format_point(at)}, by {common.volume():.1f} mm^3",
@@ -91,7 +88,7 @@ def check_opening(
             volume = float(common.volume())
             if volume > worst_in_part:
                 worst_in_part = volume
-                where = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(common)))
+                where = format_point(triangle_kernel.to_surface(common).centroid)
             if volume > max(MAX_OVERLAP_MM3, allowed):
                 raise FabricationError(
                     f"the mould of {name} does not open: its piece {k + 1} passes through"
@@ -124,41 +121,16 @@ def check_keys(name: str, count: int) -> Check:
 
 
 def check_thin_cores(pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Check]:
-    """Measure how much of each piece's cores is thinner than two lines of the printer.
-
-    A piece is sliced as it is printed; the area counts that is lost when an outline is opened by
-    that width.
-    """
-    out = []
+    """Measure how much of each piece's cores is thinner than two lines of the printer."""
+    out, width = [], 2 * rules.line
     for piece in pieces:
-        upright = _turn_down(piece)
-        low, high = upright.bounding_box()[2], upright.bounding_box()[5]
-        total_area, thin_area, at = 0.0, 0.0, ""
-        largest_area = 0.0
-        width = 2 * rules.line
-        for z in low + (np.arange(LAYERS) + 0.5) / LAYERS * (high - low):
-            layer = upright.slice(float(z))
-            total_area += float(layer.area())
-            thin_shapes = layer - layer.offset(-width / 2).offset(width / 2 + 0.02)
-            for shape in thin_shapes.decompose():
-                area = float(shape.area())
-                if area > width**2:
-                    thin_area += area
-                    if area > largest_area:
-                        largest_area = area
-                        x = np.asarray(shape.to_polygons()[0]).mean(axis=0)
-                        at = format_point(axes_from_normal(-piece.down) @ np.array([*x, z]))
-        share = thin_area / total_area if total_area else 1.0
-        name = f"{piece.name}: share thinner than {width:.1f} mm"
-        note = f"{name}: {share:.0%}, near {at}: a core may break there as it is printed"
-        out.append(
-            Check(name, share, MAX_THIN_SHARE, "", at, note if share > NOTED_THIN_SHARE else "")
+        solid = triangle_kernel.to_manifold(piece.surface, piece.name)
+        thin = triangle_kernel.find_thin_places(
+            solid, piece.down, width, LAYERS, CORNER_TOLERANCE_MM
         )
+        at = "" if thin.point is None else format_point(thin.point)
+        name = f"{piece.name}: share thinner than {width:.1f} mm"
+        note = f"{name}: {thin.share:.0%}, near {at}: a core may break there as it is printed"
+        note = note if thin.share > NOTED_THIN_SHARE else ""
+        out.append(Check(name, thin.share, MAX_THIN_SHARE, "", at, note, point=thin.point))
     return out
-
-
-def _turn_down(piece: MouldPiece) -> Any:
-    """Return a piece as it is printed, as a manifold3d solid."""
-    axes = axes_from_normal(-piece.down)
-    surface = piece.surface
-    return triangle_kernel.to_manifold(Surface(surface.vertices @ axes, surface.faces), piece.name)

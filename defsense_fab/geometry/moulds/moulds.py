@@ -24,12 +24,21 @@ from ..kernels.cutting_tools import axes_from_normal
 from ..parts.records import PartSet
 from ..printing.print_bed import find_least_turn
 from . import mould_checks
-from .cores import fill_notches, find_faces, mouth_directions, unite_hollows
+from .cores import (
+    bridge_face,
+    fill_notches,
+    find_core_cover,
+    find_faces,
+    mouth_directions,
+    unite_hollows,
+    widen,
+)
 from .fittings import join_pieces, make_feed
 from .openings import Opening, find_shell_opening, sample_part_skin
-from .planar import bridge_face, find_core_cover, widen
 from .records import Face, Mould, MouldPiece, MouldRules
 
+#: Width around the cavity where pieces meet, and play between pieces.
+RIM_MM, PLAY_MM = 9.0, 0.15
 SIMPLIFY_MM = 2e-3  # far below what a printer resolves
 #: Share of a part's volume that a piece of the shell may pass through: if the part is stretched
 #: over an undercut, and in two half shells.
@@ -59,7 +68,7 @@ def make_moulds(
     return out
 
 
-def check_openings(part_set: PartSet, rules: MouldRules) -> None:
+def check_openings(part_set: PartSet) -> None:
     """Check that every part's mould can come off its skin.
 
     This takes a tenth of the time of the moulds themselves; their lids may still lock.
@@ -68,21 +77,21 @@ def check_openings(part_set: PartSet, rules: MouldRules) -> None:
         FabricationError: If no mould of this kind gives a part, with the place.
     """
     for i in range(len(part_set.parts)):
-        _find_opening(part_set, i, rules)
+        _find_opening(part_set, i)
 
 
-def _find_opening(part_set: PartSet, index: int, rules: MouldRules) -> tuple[list[Face], Opening]:
+def _find_opening(part_set: PartSet, index: int) -> tuple[list[Face], Opening]:
     """Return the faces of a part, and how the shell of its mould comes off."""
     sides = find_faces(part_set, index)
     skin = sample_part_skin(
         triangle_kernel.to_surface(fill_notches(part_set.bare[index], sides)), sides
     )
-    return sides, find_shell_opening(part_set.parts[index].name, skin, sides, rules)
+    return sides, find_shell_opening(part_set.parts[index].name, skin, sides)
 
 
 def _make_mould(part_set: PartSet, index: int, rules: MouldRules) -> Mould:
     """Return the mould of one part, with the first order of lids in which they pass each other."""
-    sides, opening = _find_opening(part_set, index, rules)
+    sides, opening = _find_opening(part_set, index)
     problem: FabricationError | None = None
     orders = itertools.permutations(range(len(sides)))
     for order in itertools.islice(orders, MAX_ORDERS):
@@ -103,14 +112,14 @@ def _make_with_order(
     hollows = unite_hollows(part_set, index)
     cast = bare if hollows is None else bare - hollows
     block = _make_block(surface.vertices, sides, rules)
-    lids, shell, free = _divide_block(part_set, closed, block, sides, hollows, rules)
+    lids, shell, free = _divide_block(part_set, closed, block, sides, hollows)
     shells = _divide_shell(shell, lids, sides, opening)
     lid_faces = [f for f in sides if not _is_merged(f, opening, sides)]
     lids = [lid for lid in lids if lid is not None]
     total = sum(float(s.volume()) for s in (*lids, *shells, cast))
     checks = [mould_checks.check_block_volume(part.name, total, float(block.volume()), free)]
     feed = make_feed(part.name, lids[0], cast, sides[0].normal, sides[0].origin)
-    solids, keys = _add_fittings([feed.lid, *lids[1:], *shells], cast, lid_faces, opening, rules)
+    solids, keys = _add_fittings([feed.lid, *lids[1:], *shells], cast, lid_faces, opening)
     names = _piece_names(part.name, len(lids), len(shells))
     solids = [take_whole_piece(s, n) for s, n in zip(solids, names, strict=True)]
     directions = [*(f.normal for f in lid_faces), *opening.directions]
@@ -162,9 +171,9 @@ def _make_block(vertices: Float, sides: Sequence[Face], rules: MouldRules) -> An
     axes = axes @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     local = vertices @ axes
     low, high = local.min(0), local.max(0)
-    bottom = rules.wall if len(sides) == 1 else rules.rim
-    low = low - [rules.rim, rules.rim, bottom]
-    high = np.array([high[0] + rules.rim, high[1] + rules.rim, first.height + rules.wall])
+    bottom = rules.wall if len(sides) == 1 else RIM_MM
+    low = low - [RIM_MM, RIM_MM, bottom]
+    high = np.array([high[0] + RIM_MM, high[1] + RIM_MM, first.height + rules.wall])
     box = m3.Manifold.cube((high - low).tolist()).translate(low.tolist())
     box = box.transform(np.column_stack([axes, np.zeros(3)]))
     for face in sides[1:]:
@@ -173,7 +182,7 @@ def _make_block(vertices: Float, sides: Sequence[Face], rules: MouldRules) -> An
 
 
 def _divide_block(
-    part_set: PartSet, bare: Any, block: Any, sides: Sequence[Face], hollows: Any, rules: MouldRules
+    part_set: PartSet, bare: Any, block: Any, sides: Sequence[Face], hollows: Any
 ) -> tuple[list[Any], Any, float]:
     """Return a lid for each face, with its cores, the shell around the part, and the volume, mm^3,
     that is left free at the ends of cores so that lids can be closed.
@@ -188,7 +197,7 @@ def _divide_block(
     )
     free = 0.0
     if hollows is not None:
-        ends = [bare.translate((rules.play * way).tolist()) for way in mouth_directions(part_set)]
+        ends = [bare.translate((PLAY_MM * way).tolist()) for way in mouth_directions(part_set)]
         ends_with_play = (hollows ^ triangle_kernel.union(ends)) - bare
         smaller = shell - ends_with_play
         free += float(shell.volume() - smaller.volume())
@@ -203,7 +212,7 @@ def _divide_block(
             cover = find_core_cover(pieces[j], face)
             if cover is not None:
                 lid_parts += [cover, bridge_face(cover, face.normal, face.origin, 0.3)]
-                smaller = pieces[j] - widen(cover, face.normal, rules.play)
+                smaller = pieces[j] - widen(cover, face.normal, PLAY_MM)
                 free += float(pieces[j].volume() - smaller.volume() - cover.volume())
                 pieces[j] = smaller
         pieces[k] = triangle_kernel.union(lid_parts)
@@ -240,7 +249,7 @@ def _divide_shell(
 
 
 def _add_fittings(
-    solids: list[Any], cast: Any, lid_faces: Sequence[Face], opening: Opening, rules: MouldRules
+    solids: list[Any], cast: Any, lid_faces: Sequence[Face], opening: Opening
 ) -> tuple[list[Any], int]:
     """Return the pieces with keys and screws, lids first, then the shell's; and the number of keys
     and screws between the two pieces that have the fewest.
@@ -252,7 +261,7 @@ def _add_fittings(
         count = 0
         for j in range(k + 1, len(out)):
             joint = join_pieces(
-                out[k], out[j], cast, face.normal, face.origin, face.normal, rules.play
+                out[k], out[j], cast, face.normal, face.origin, face.normal, PLAY_MM
             )
             out[k], out[j] = joint.above, joint.below
             count += joint.keys + joint.screws
@@ -266,7 +275,7 @@ def _add_fittings(
             normal,
             height * normal,
             opening.directions[0],
-            rules.play,
+            PLAY_MM,
         )
         out[first], out[first + 1] = joint.above, joint.below
         counts.append(joint.keys + joint.screws)
@@ -293,7 +302,7 @@ def take_whole_piece(solid: Any, name: str) -> Any:
         triangle_kernel.to_manifold(rounded, name).decompose(), key=lambda p: -float(p.volume())
     )
     if len(pieces) > 1 and pieces[1].volume() > mould_checks.CRUMB_MM3:
-        at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(pieces[1])))
+        at = format_point(triangle_kernel.to_surface(pieces[1]).centroid)
         raise FabricationError(
             f"falls apart: {pieces[1].volume():.1f} mm^3 come off near {at}",
             code="not-one-piece",

@@ -10,21 +10,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.optimize import linprog
 
 from ...core.arrays import Bool, Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
-from ..kernels import surface_queries
 from ..kernels.cutting_tools import axes_from_normal
-from .records import Face, MouldRules
+from ..kernels.surface_queries import cast_ray, signed_distance_of
+from .records import Face
 
 SKIN_SAMPLES, MAX_EXTRA_FACETS = 600, 150
 SKIN_OFFSET_MM = 0.03  # of points from the skin
 DEPTH_TOLERANCE_MM = 0.05  # of undercuts that facets may cause
 DEPTH_STEPS = 14
+MAX_STRAIN = 0.1  # of the part, in its thickness, as it is taken out
 MAX_DIRECTIONS = 8
 MIN_UNIT_LENGTH = 0.99  # shorter sums of directions are discarded
 NORMAL_TOLERANCE = 0.005  # components of normals below this count as tangential
@@ -44,24 +44,15 @@ class Skin:
     points: Float
     normals: Float
 
-    def depths(self, direction: Float, of: Bool | None = None) -> Float:
-        """Return how deep the mould next to each point gets into the part as it comes off.
-
-        Args:
-            direction: Direction (3,) in which it comes off.
-            of: Flags (n,) of the points to consider, or None for all.
-
-        Returns:
-            Largest depth (n,), mm; zero for other points.
+    def depths(self, direction: Float) -> Float:
+        """Return how deep (n,) the mould next to each point gets into the part, mm, as it comes off
+        in a direction (3,).
         """
-        chosen = np.arange(len(self.points)) if of is None else np.flatnonzero(of)
-        out = np.zeros(len(self.points))
         size = float(np.linalg.norm(np.ptp(self.part.bounds, axis=0)))
         steps = np.geomspace(0.2, size, DEPTH_STEPS)
-        moved = self.points[chosen, None] + steps[:, None] * direction
-        deep = depth_inside(self.part, moved.reshape(-1, 3)).reshape(len(chosen), DEPTH_STEPS)
-        out[chosen] = deep.max(axis=1, initial=0.0)
-        return out
+        moved = self.points[:, None] + steps[:, None] * direction
+        deep = depth_inside(self.part, moved.reshape(-1, 3)).reshape(-1, DEPTH_STEPS)
+        return np.asarray(deep.max(axis=1, initial=0.0))
 
     def strain(self, depths: Float) -> tuple[float, Float | None]:
         """Return the largest ratio of depth to thickness of the part, and the point (3,), mm, or
@@ -72,7 +63,7 @@ class Skin:
             if depths[k] <= DEPTH_TOLERANCE_MM:
                 break
             start = self.points[k] - 2 * SKIN_OFFSET_MM * self.normals[k]
-            distances = surface_queries.cast_ray(start, -self.normals[k], self.part)
+            distances = cast_ray(start, -self.normals[k], self.part)
             thickness = float(distances[0]) if len(distances) else 2 * SKIN_OFFSET_MM
             if depths[k] / thickness > worst:
                 worst, at = float(depths[k]) / thickness, self.points[k]
@@ -99,11 +90,10 @@ class Opening:
 
 def depth_inside(part: Surface, points: Float) -> Float:
     """Return how deep (n,) points (n, 3) lie in the part, mm; 0 outside."""
-    inside = np.asarray(igl.fast_winding_number(part.vertices, part.faces, points)) > 0.5
-    out = np.zeros(len(points))
+    distances, out = signed_distance_of(part), np.zeros(len(points))
+    inside = distances.inside(points)
     if inside.any():
-        square = igl.point_mesh_squared_distance(points[inside], part.vertices, part.faces)[0]
-        out[inside] = np.sqrt(np.asarray(square))
+        out[inside] = distances.unsigned(points[inside])
     return out
 
 
@@ -134,14 +124,13 @@ def sample_part_skin(part: Surface, faces: Sequence[Face]) -> Skin:
     return Skin(part, points, normals)
 
 
-def find_shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRules) -> Opening:
+def find_shell_opening(name: str, skin: Skin, faces: Sequence[Face]) -> Opening:
     """Return the opening with the fewest pieces, and of these that with the least strain.
 
     Args:
         name: Name of the part.
         skin: Its skin.
         faces: Its faces.
-        rules: Rules of moulds.
 
     Raises:
         FabricationError: If there is none.
@@ -154,17 +143,17 @@ def find_shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: Moul
         if strain == 0:
             return openings[-1]
     best = min(openings, key=lambda o: o.strain)
-    if best.strain <= rules.strain:
+    if best.strain <= MAX_STRAIN:
         return best
     pairs = [_split_in_two(skin, d) for d in _pair_axes(skin, faces)]
     best = min([best, *pairs], key=lambda o: o.strain)
-    if best.strain <= rules.strain:
+    if best.strain <= MAX_STRAIN:
         return best
     where = format_point(best.at) if best.at is not None else "its skin"
     raise FabricationError(
         f"cannot be cast: however its mould is divided, the part would be strained by"
         f" {best.strain:.0%} of its thickness near {where} as it is taken out, and"
-        f" {rules.strain:.0%} is considered safe",
+        f" {MAX_STRAIN:.0%} is considered safe",
         code="undercut-too-deep",
         where=name,
         action="Let a cord's plane pass through the widest place there, add a cord, or choose a"

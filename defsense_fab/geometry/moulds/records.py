@@ -16,19 +16,13 @@ class MouldRules:
 
     Attributes:
         wall: Wall between cavity and outside where nothing is screwed, mm.
-        rim: Width around the cavity where pieces meet, mm.
-        play: Play between pieces, mm.
         line: Width of the printer's line, mm.
         shrinkage: Linear shrinkage of the cast material.
-        strain: Largest strain of the part, in its thickness, as it is taken out.
     """
 
     wall: float = 5.0
-    rim: float = 9.0
-    play: float = 0.15
     line: float = 0.4
     shrinkage: float = 0.0
-    strain: float = 0.1
 
 
 @dataclass(frozen=True)

@@ -179,7 +179,7 @@ def _distance(
     contact: Contact, spots: Float, points: Float, other_pins: Sequence[Pin], max_distance: float
 ) -> Float:
     """Return the distance (n, p) of points (p, 3) around each of the spots (n, 2) from all
-    obstacles, up to `most` mm.
+    obstacles, up to `max_distance` mm.
     """
     world = contact.world(spots)[:, None] + points @ contact.plane.axes.T
     flat = world.reshape(-1, 3)

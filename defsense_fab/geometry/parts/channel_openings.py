@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import igl
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
+from ..kernels.surface_queries import SignedDistance
 
 #: Crossings at a smaller angle are too long.
 MIN_CROSSING_ANGLE_RAD = np.radians(20)
@@ -77,13 +78,12 @@ def find_channel_openings(
         triangles = _facets_in_planes(surfaces, planes)
         if not len(triangles):
             continue
-        index = np.arange(3 * len(triangles)).reshape(-1, 3)
-        normal, offset = planes[0]
+        corners = Surface(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+        distance_to_faces, (normal, offset) = SignedDistance(corners), planes[0]
         for i, line in lines:
             if np.abs(line @ normal - offset).max() < 1e-3:
                 continue  # its own plane
-            square = igl.point_mesh_squared_distance(line, triangles.reshape(-1, 3), index)[0]
-            out += _find_stretches(i, k, line, np.sqrt(np.asarray(square)), radius, wall)
+            out += _find_stretches(i, k, line, distance_to_faces.unsigned(line), radius, wall)
     return out
 
 

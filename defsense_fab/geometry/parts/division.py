@@ -6,11 +6,10 @@ A plane cuts only the pieces that its cords run through.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-import manifold3d as m3
 import numpy as np
 
 from ...core.arrays import Float, format_point
@@ -18,11 +17,10 @@ from ...core.curve import Plane, group_coincident_planes
 from ...core.errors import FabricationError
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import MIN_PIECE_MM3, Prism
+from ..kernels.cutting_tools import Prism
 from .channel_openings import ChannelOpening, cut_planes, find_channel_openings
+from .piece_opening import PieceOpener, make_thread, runs_in, solids_of
 
-THREAD_DIAMETER_MM = 0.05  # diameter of the tube that represents a cord
-MAX_COVER_MM2 = 0.1  # by which parts may cover each other and still come apart
 PIN_MARGIN_MM = 6.0  # kept for a pin next to a cord where a cut is limited
 OPENING_MM_PER_PART = 15.0  # of channel along another cut's face that weighs as much as one part
 LIMITED_CUT_COST = 0.5  # parts that a limited cut must save
@@ -117,7 +115,7 @@ class Plan:
 
     def count_joints(self, cord: int, line: Any) -> int:
         """Return in how many joints a cord lies, given its center line as a thin tube."""
-        return sum(cord in c.cords and _runs_in(line, c.piece) for c in self.cuts)
+        return sum(cord in c.cords and runs_in(line, c.piece) for c in self.cuts)
 
     @property
     def burden(self) -> float:
@@ -180,18 +178,19 @@ def plan_division(
     """
     coplanar = group_coincident_planes([c.sensor.plane for c in channels])
     planes = [channels[group[0]].sensor.plane for group in coplanar]
-    threads = [_make_thread(c.lines, c) for c in channels]
+    normals = [c.sensor.plane.normal for c in channels]
+    threads = [make_thread(c.lines, n) for c, n in zip(channels, normals, strict=True)]
     margin = 2 * radius + 2 * wall + PIN_MARGIN_MM
     rough = body.simplify(ROUGH_TOLERANCE_MM)  # accurate enough to compare plans
     short_threads = {
-        k: _make_thread([c.line], c) for k, c in enumerate(channels) if c.between < across
+        k: make_thread([c.line], normals[k]) for k, c in enumerate(channels) if c.between < across
     }
     early = [i for i, group in enumerate(coplanar) if any(k in short_threads for k in group)]
     candidates: list[tuple[int, float, float, float | None, Sequence[int]]] = []
     for cut_margin in (margin,) if limit else (None,) if through else (None, margin):
-        known_cuts: dict[tuple[int, int], _OpenedPiece] = {}
+        opener = PieceOpener(planes, coplanar, threads, cut_margin, play)
         for order in cut_orders(len(planes), early):
-            candidate = _cut(rough, planes, threads, coplanar, order, cut_margin, play, known_cuts)
+            candidate = _cut(rough, planes, order, opener)
             split_cords = sum(
                 candidate.count_joints(k, line) > 1 for k, line in short_threads.items()
             )
@@ -204,7 +203,8 @@ def plan_division(
             )
             candidates.append((split_cords, cost, -candidate.smallest, cut_margin, order))
     _, _, _, best, chosen = min(candidates, key=lambda t: t[:3])
-    return _cut(body, planes, threads, coplanar, chosen, best, play, {})
+    opener = PieceOpener(planes, coplanar, threads, best, play)
+    return _cut(body, planes, chosen, opener)
 
 
 def divide_body(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
@@ -214,17 +214,17 @@ def divide_body(body: Any, channels: Sequence[Channel], planned: Plan) -> Divisi
         FabricationError: If a channel cuts a part in two.
     """
     hollow = triangle_kernel.union([c.solid for c in channels])
-    cords = [_make_thread([c.line], c) for c in channels]
+    cords = [make_thread([c.line], c.sensor.plane.normal) for c in channels]
     parts = [_check_whole(leaf - hollow, channels) for leaf in planned.leaves]
     cuts = tuple(
         Cut(
             c.plane,
-            triangle_kernel.centroid(triangle_kernel.to_surface(c.piece)),
+            triangle_kernel.to_surface(c.piece).centroid,
             c.cords,
             (tuple(range(*c.span[:2])), tuple(range(*c.span[1:]))),
-            tuple(triangle_kernel.centroid(triangle_kernel.to_surface(t)) for t in c.taken),
+            tuple(triangle_kernel.to_surface(t).centroid for t in c.taken),
             c.region,
-            tuple(k for k in c.cords if channels[k].leads and not _runs_in(cords[k], c.piece)),
+            tuple(k for k in c.cords if channels[k].leads and not runs_in(cords[k], c.piece)),
         )
         for c in planned.cuts
     )
@@ -234,22 +234,14 @@ def divide_body(body: Any, channels: Sequence[Channel], planned: Plan) -> Divisi
     return Division(tuple(parts), tuple(planned.leaves), cuts, removed)
 
 
-def _make_thread(lines: Sequence[Float], channel: Channel) -> Any:
-    """Return thin tubes along lines in a channel's plane."""
-    normal = channel.sensor.plane.normal
-    return triangle_kernel.union(
-        [triangle_kernel.tube(x, normal, THREAD_DIAMETER_MM, sides=4) for x in lines]
-    )
-
-
 def _check_whole(leaf: Any, channels: Sequence[Channel]) -> Any:
     """Return a leaf after its channels were cut out; raise FabricationError if they cut it in
     two.
     """
-    pieces = sorted(_solids(leaf), key=lambda p: -float(p.volume()))
+    pieces = sorted(solids_of(leaf), key=lambda p: -float(p.volume()))
     if len(pieces) > 1:
         chip = pieces[1]
-        at = format_point(triangle_kernel.centroid(triangle_kernel.to_surface(chip)))
+        at = format_point(triangle_kernel.to_surface(chip).centroid)
         cords = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
             f"cuts a piece of {chip.volume():.1f} mm^3 off its part near {at}",
@@ -267,169 +259,32 @@ def _check_whole(leaf: Any, channels: Sequence[Channel]) -> Any:
     return pieces[0]
 
 
-def _cut(
-    body: Any,
-    planes: Sequence[Plane],
-    threads: Sequence[Any],
-    coplanar: Sequence[Sequence[int]],
-    order: Sequence[int],
-    margin: float | None,
-    play: float,
-    known_cuts: dict[tuple[int, int], _OpenedPiece],
-) -> Plan:
-    """Cut depth first, so that the parts of a piece stay neighbors in the list.
-
-    Cuts `known` for a piece (by its identity) and a plane are reused: orders of cuts share pieces.
-    """
+def _cut(body: Any, planes: Sequence[Plane], order: Sequence[int], opener: PieceOpener) -> Plan:
+    """Cut depth first, so that the parts of a piece stay neighbors in the list."""
     out = Plan([], [])
-
-    def opened(piece: Any, i: int) -> _OpenedPiece:
-        if (id(piece), i) not in known_cuts:
-            cords_inside = tuple(c for c in coplanar[i] if _runs_in(threads[c], piece))
-            halves = None
-            if cords_inside:
-                line = triangle_kernel.union([threads[c] for c in cords_inside])
-                halves = min(
-                    _options(piece, planes[i], line, margin, play),
-                    key=lambda h: (len(h.below) + len(h.above), h.rank),
-                    default=None,
-                )
-            known_cuts[id(piece), i] = _OpenedPiece(piece, cords_inside, halves)
-        return known_cuts[id(piece), i]
 
     def descend(piece: Any, todo: Sequence[int]) -> None:
         for n, i in enumerate(todo):
-            opened_piece = opened(piece, i)
-            cords_inside, halves = opened_piece.cords, opened_piece.halves
+            opened = opener.open(piece, i)
+            halves = opened.halves
             if halves is None:
                 continue
             at, a = len(out.cuts), len(out.leaves)
-            out.cuts.append(PlannedCut(planes[i], piece, cords_inside, (a, a, a), (), None, None))
+            out.cuts.append(PlannedCut(planes[i], piece, opened.cords, (a, a, a), (), None, None))
             for solid in halves.below:
                 descend(solid, todo[n + 1 :])
             b = len(out.leaves)
             for solid in halves.above:
                 descend(solid, todo[n + 1 :])
-            span = (a, b, len(out.leaves))
-            out.cuts[at] = PlannedCut(
-                planes[i], piece, cords_inside, span, halves.taken, halves.by, halves.gap
+            out.cuts[at] = replace(
+                out.cuts[at],
+                span=(a, b, len(out.leaves)),
+                taken=halves.taken,
+                region=halves.by,
+                gap=halves.gap,
             )
             return
         out.leaves.append(piece)
 
     descend(body, order)
     return out
-
-
-def _solids(solid: Any) -> list[Any]:
-    """Return the separate solids of one, without crumbs."""
-    return [p for p in solid.decompose() if p.volume() > MIN_PIECE_MM3]
-
-
-def _runs_in(thread: Any, piece: Any) -> bool:
-    """Whether a thread runs in a piece."""
-    return float((piece ^ thread).volume()) > 0.1 * THREAD_DIAMETER_MM**2
-
-
-@dataclass(frozen=True)
-class _Halves:
-    """A way to open a piece along a plane; of two equal ones that with the lower `rank` is
-    taken.
-    """
-
-    below: list[Any]
-    above: list[Any]
-    rank: float
-    taken: tuple[Any, ...] = ()
-    by: tuple[Prism, Prism] | None = None
-    gap: Any = None
-
-
-@dataclass(frozen=True)
-class _OpenedPiece:
-    """A piece (stored, so that its identity stays unique), the cords of a plane in it, and how it
-    is opened for them, or None.
-    """
-
-    piece: Any
-    cords: tuple[int, ...]
-    halves: _Halves | None
-
-
-def _options(
-    piece: Any, plane: Plane, line: Any, margin: float | None, play: float
-) -> Iterator[_Halves]:
-    """Yield ways to open a piece along a plane for the cords of `line`: right through, or only what
-    they touch on one side, if that can come out.
-    """
-    above, below = piece.split_by_plane(plane.normal, float(plane.normal @ plane.origin))
-    if above.is_empty() or below.is_empty():
-        return
-    sides = (_solids(below), _solids(above))
-    if not all(sides):
-        return
-    if margin is None:
-        yield _Halves(*sides, rank=0.0)
-        if len(sides[0]) + len(sides[1]) == 2:
-            return
-    prisms = None if margin is None else _prisms_around(piece, plane, line, margin, play)
-    is_found = False
-    for s, side in enumerate((below, above)):
-        candidates = _solids(
-            side if prisms is None else side ^ triangle_kernel.solid_of(prisms[s][0])
-        )
-        touched = [c for c in candidates if _runs_in(line, c)]
-        others = [c for c in candidates if not _runs_in(line, c)]
-        if not touched or _is_blocked(touched, others, plane):
-            continue
-        freed = triangle_kernel.union(touched)
-        rest = _solids(piece - freed)
-        lid = freed if prisms is None else freed ^ triangle_kernel.solid_of(prisms[s][1])
-        taken = _solids(lid)
-        if not rest or not taken:
-            continue
-        is_found = True
-        share = float(lid.volume() / piece.volume())
-        yield _Halves(
-            *((taken, rest) if s == 0 else (rest, taken)),
-            rank=1.0 + share,
-            taken=tuple(taken),
-            by=prisms[s] if prisms else None,
-            gap=freed - lid if prisms else None,
-        )
-    if margin is not None and not is_found:
-        yield _Halves(*sides, rank=0.0)
-
-
-def _prisms_around(
-    piece: Any, plane: Plane, line: Any, margin: float, play: float
-) -> list[tuple[Prism, Prism]]:
-    """Return the prisms below and above the plane that reach `margin` mm beyond the cords in it,
-    each with the one `play` mm smaller.
-    """
-    corners = triangle_kernel.to_surface(piece ^ line).vertices
-    flat = (corners - plane.origin) @ plane.axes[:, :2]
-    grown = m3.CrossSection.hull_points(flat).offset(margin, m3.JoinType.Miter, 2.0).simplify(0.05)
-    polygons = [
-        np.asarray(c.to_polygons()[0], float)
-        for c in (grown, grown.offset(-play / 2, m3.JoinType.Miter, 2.0))
-    ]
-    box = triangle_kernel.to_surface(piece).vertices @ plane.normal - plane.normal @ plane.origin
-    low, high = 1.0 - float(box.min()), 1.0 + float(box.max())
-    bottom = plane.origin - low * plane.normal
-    below, above = (
-        [Prism(origin, plane.axes, p, height) for p in polygons]
-        for origin, height in ((bottom, low), (plane.origin, high))
-    )
-    return [(below[0], below[1]), (above[0], above[1])]
-
-
-def _is_blocked(taken: Sequence[Any], others: Sequence[Any], plane: Plane) -> bool:
-    """Whether what stays on the same side of the plane blocks what comes off along its normal:
-    whether they cover each other in that direction.
-    """
-    if not others:
-        return False
-    turn = np.column_stack([plane.axes.T, np.zeros(3)])
-    a, b = (triangle_kernel.union(list(s)).transform(turn).project() for s in (taken, others))
-    return float((a ^ b).area()) > MAX_COVER_MM2

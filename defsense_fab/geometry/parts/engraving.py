@@ -11,10 +11,10 @@ from scipy.spatial import cKDTree
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.mesh import Surface
-from ..kernels import surface_queries
 from ..kernels.cutting_tools import Number, Prism, Tool, axes_from_normal, upright_axes
+from ..kernels.surface_queries import distance_to_chosen, inside_outlines, sample_skin
 from .alignment_pins import Pin, distance_to_sockets
-from .part_contacts import Contact, inside_outlines
+from .part_contacts import Contact
 
 #: Least and largest depth of a seat below the skin around it.
 MIN_SEAT_DEPTH_MM, MAX_SEAT_DEPTH_MM = 0.3, 1.6
@@ -73,7 +73,7 @@ def place_seats(
     if not count:
         return []
     size = tag + SEAT_PLAY_MM
-    points, normals = surface_queries.sample_skin(body, size)
+    points, normals = sample_skin(body, size)
     tree = cKDTree(points)
     reach = size / np.sqrt(2)
     clearance = _Clearance(hollows, reach, wall + SEAT_ENGRAVING_MM)
@@ -140,15 +140,15 @@ class _Clearance:
         offset = self._points[neighbors] - center
         height = offset @ normal
         sideways = np.linalg.norm(offset - height[:, None] * normal, axis=1)
-        distance_to_sockets = np.hypot(height, np.maximum(sideways - self._radius, 0.0))
-        return bool((distance_to_sockets >= self._least[neighbors]).all())
+        distance = np.hypot(height, np.maximum(sideways - self._radius, 0.0))
+        return bool((distance >= self._least[neighbors]).all())
 
 
 def _spread(
     places: Sequence[tuple[Float, Float]], is_clear: Sequence[bool], count: int, min_distance: float
 ) -> list[tuple[Float, Float]]:
-    """Choose at most `count` places by farthest-point sampling, at least `apart` mm from each
-    other: first among those that are clear, then among all.
+    """Choose at most `count` places at least `min_distance` mm apart by farthest-point sampling:
+    first among those that are clear, then among all.
     """
     if not places:
         return []
@@ -156,16 +156,10 @@ def _spread(
     chosen: list[int] = []
     for is_allowed in (np.array(is_clear), np.ones(len(places), bool)):
         while is_allowed.any() and len(chosen) < min(count, len(places)):
-            if chosen:
-                distance_to_sockets = np.linalg.norm(
-                    points[:, None] - points[chosen][None], axis=2
-                ).min(axis=1)
-            else:
-                distance_to_sockets = min_distance + np.linalg.norm(
-                    points - points.mean(axis=0), axis=1
-                )
-            best = int(np.where(is_allowed, distance_to_sockets, -1.0).argmax())
-            if distance_to_sockets[best] < min_distance:
+            distance = distance_to_chosen(points, points[chosen])
+            distance += 0.0 if chosen else min_distance
+            best = int(np.where(is_allowed, distance, -1.0).argmax())
+            if distance[best] < min_distance:
                 break
             chosen.append(best)
     return [places[i] for i in chosen]
@@ -267,7 +261,7 @@ def _find_spot(
 
 
 def _distance(contact: Contact, flat: Float, pins: Sequence[Pin], max_distance: float) -> Float:
-    """Return the distance of points (n, 2) of the face from all obstacles, up to `most` mm."""
+    """Return the distance of points (n, 2) of the face to obstacles, at most `max_distance` mm."""
     world = contact.world(flat)
     return np.asarray(
         np.minimum(contact.distance(world, max_distance), distance_to_sockets(world, pins))

@@ -15,34 +15,29 @@ from ...core.curve_conversion import curve_to_arcs
 from ...core.errors import FabricationError
 from ..kernels import occ
 from ..kernels.cutting_tools import Tool
-from .division import Division
-from .records import Part, PartRules, PartSet
+from .records import Part, PartSet
 
 #: Largest difference of a part's volume between the kernels, as shares of the part and of the body.
 PART_TOLERANCE, BODY_TOLERANCE = 2e-3, 1e-4
 
 
-def add_solids(
-    solid: Any,
-    part_set: PartSet,
-    division: Division,
-    part_tools: Sequence[Sequence[Tool]],
-    rules: PartRules,
-) -> list[Part]:
-    """Return the parts with their TopoDS_Solids.
+def add_solids(part_set: PartSet, solid: Any) -> PartSet:
+    """Return the parts of `make_parts` with their exact solids.
 
     Args:
-        solid: The body's TopoDS_Solid.
-        part_set: The parts from facets.
-        division: Their division.
-        part_tools: Tools that cut each part besides the channels.
-        rules: Rules of the parts.
+        part_set: The parts.
+        solid: TopoDS_Solid of the body.
 
-    Raises:
-        FabricationError: If OpenCascade fails, or its parts differ from those of the facets.
+    Returns:
+        The same parts with solids; without them and with a warning where OpenCascade fails, as the
+        STL files do not need them.
     """
-    with _convert_errors():
-        return _add_solids(solid, part_set, division, part_tools, rules)
+    try:
+        body = carve_solid(solid, [t for seat in part_set.seats for t in seat.tools])
+        with _convert_errors():
+            return replace(part_set, parts=tuple(_make_solids(body, part_set)), carved=())
+    except FabricationError as error:
+        return part_set.with_warnings({f"no STEP parts: {error}": None})
 
 
 def carve_solid(solid: Any, tools: Sequence[Tool]) -> Any:
@@ -67,13 +62,9 @@ def _convert_errors() -> Iterator[None]:
         raise FabricationError(f"OpenCascade failed: {text}", code="kernel-failed") from None
 
 
-def _add_solids(
-    solid: Any,
-    part_set: PartSet,
-    division: Division,
-    part_tools: Sequence[Sequence[Tool]],
-    rules: PartRules,
-) -> list[Part]:
+def _make_solids(solid: Any, part_set: PartSet) -> list[Part]:
+    """Return the parts with their TopoDS_Solids, cut from the body's."""
+    rules = part_set.rules
     cutters = []
     for c in part_set.channels:
         plane, curve = c.sensor.plane, c.sensor.curve
@@ -85,8 +76,8 @@ def _add_solids(
                 way = lead.way
                 cutters.append(occ.tube(plane, way.arcs, way.directions, 0.0, lead.run, diameter))
         cutters += [occ.solid_of(t).wrapped for t in c.tools]
-    knives = [occ.Knife(c.plane, c.center, c.taken, c.region) for c in division.cuts]
-    bare_volumes = [float(p.volume()) for p in division.parts]
+    knives = [occ.Knife(c.plane, c.center, c.taken, c.region) for c in part_set.cuts]
+    bare_volumes = [float(p.volume()) for p in part_set.carved]
     pieces = occ.carve_and_split(solid, cutters, knives, len(part_set.parts), sum(bare_volumes))
     unassigned = [(p, occ.volume(p), occ.centroid(p)) for p in pieces]
     out = list(part_set.parts)
@@ -98,7 +89,7 @@ def _add_solids(
         ]
         piece, volume, _ = unassigned.pop(int(np.argmin(differences)))
         _check_volumes(part.name, volume, bare_volumes[k], part_set.body_volume)
-        finished = occ.cut_out(piece, part_tools[k])
+        finished = occ.cut_out(piece, part_set.tools(k))
         check_volumes_agree(part.name, finished, part.volume, part_set.body_volume)
         out[k] = replace(part, solid=finished)
     return out

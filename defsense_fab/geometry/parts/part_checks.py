@@ -11,67 +11,68 @@ import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import igl
 import numpy as np
 
-from ...core.arrays import format_point
+from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import axes_from_normal
+from ..kernels.surface_queries import signed_distance_of
 from ..printing.print_bed import MIN_FIRST_LAYER_MM2, first_layer_area
 from .records import Check, Part, PartRules, PartSet
 from .wall_checks import check_sockets
 
 
-def part_notes(part_set: PartSet, i: int, piece: bool = False) -> list[str]:
-    """Return what a maker should know of one part: how it stands on the bed, and whether it has its
-    number.
+def part_notes(part_set: PartSet, i: int, piece: bool = False) -> dict[str, Float]:
+    """Return notes on one part: how it stands on the bed, and whether it has its number.
 
     Args:
         part_set: The parts.
         i: Index of the part.
         piece: Whether it is a piece of a part that was cut across.
+
+    Returns:
+        The point (3,) mm that each note is about, by its text.
     """
-    part, out = part_set.parts[i], []
+    part, out = part_set.parts[i], dict[str, Float]()
     if (
         first_layer_area(triangle_kernel.to_manifold(part.surface, part.name), part.down)
         < MIN_FIRST_LAYER_MM2
     ):
-        out.append(f"{part.name} has no flat face to stand on: print it with a brim and supports")
+        text = f"{part.name} has no flat face to stand on: print it with a brim and supports"
+        out[text] = part.center
     if len(part_set.parts) > 1 and i not in {m.part for m in part_set.labels}:
         why = "has no number engraved" if piece else "has no face large enough for its number"
-        out.append(f"{part.name} {why}: write the number on it")
+        out[f"{part.name} {why}: write the number on it"] = part.center
     return out
 
 
-def joint_notes(part_set: PartSet) -> list[str]:
-    """Return notes on the joints that too few pins align."""
-    out = []
+def joint_notes(part_set: PartSet) -> dict[str, Float]:
+    """Return notes on the joints that too few pins align, each with a point (3,) mm."""
+    out: dict[str, Float] = {}
     for k, cut in enumerate(part_set.cuts):
         fitted = [p for p in part_set.pins if part_set.contacts[p.contact].cut == k]
         if len(fitted) < 2:
             a, b = (" + ".join(part_set.parts[i].name for i in side) for side in cut.sides)
-            out.append(
+            centers = [part_set.parts[i].center for side in cut.sides for i in side]
+            text = (
                 f"{len(fitted)} of 2 pins fit between {a} and {b}: align the outlines by hand while"
                 " the glue sets"
             )
+            out[text] = np.mean(centers, axis=0)
     return out
 
 
 #: Largest share of a part that may be thinner than two lines: such places print as gaps. Wedges
 #: between planes that cross at small angles are noted far below that.
 MAX_THIN_SHARE, NOTED_THIN_SHARE = 0.5, 0.05
-LAYERS = 30
+LAYERS, CORNER_TOLERANCE_MM = 30, 0.01
 
 
 def check_thin_places(
     part_set: PartSet, pieces: Sequence[Any], which: Iterable[int], rules: PartRules
 ) -> list[Check]:
     """Measure how much of each part is thinner than two lines of the printer.
-
-    A part is sliced as it is printed; the area counts that is lost when an outline is opened by
-    that width.
 
     Args:
         part_set: The parts.
@@ -84,24 +85,11 @@ def check_thin_places(
     """
     width, checks = rules.inner_wall, []
     for i in which:
-        part, piece = part_set.parts[i], pieces[i]
-        axes = axes_from_normal(-part.down)
-        upright = piece.transform(np.column_stack([axes.T, np.zeros(3)]))
-        low, high = upright.bounding_box()[2], upright.bounding_box()[5]
-        total_area, thin_area, at, largest_area = 0.0, 0.0, part.center, 0.0
-        for z in low + (np.arange(LAYERS) + 0.5) / LAYERS * (high - low):
-            layer = upright.slice(z)
-            total_area += float(layer.area())
-            thin_shapes = layer - layer.offset(-width / 2).offset(width / 2 + 0.01)
-            for shape in thin_shapes.decompose():
-                area = float(shape.area())
-                if area > width**2:  # larger than a corner
-                    thin_area += area
-                    if area > largest_area:
-                        largest_area = area
-                        x = np.asarray(shape.to_polygons()[0]).mean(axis=0)
-                        at = axes @ np.array([*x, z])
-        share = thin_area / total_area if total_area else 1.0
+        part = part_set.parts[i]
+        thin = triangle_kernel.find_thin_places(
+            pieces[i], part.down, width, LAYERS, CORNER_TOLERANCE_MM
+        )
+        share, at = thin.share, part.center if thin.point is None else thin.point
         if share > MAX_THIN_SHARE:
             cords_nearby = {
                 c for cut in part_set.cuts for c in cut.cords if any(i in s for s in cut.sides)
@@ -123,8 +111,9 @@ def check_thin_places(
                 share,
                 MAX_THIN_SHARE,
                 "",
-                format_point(at) if thin_area else "",
+                "" if thin.point is None else format_point(at),
                 note if share > NOTED_THIN_SHARE else "",
+                point=at,
             )
         )
     return checks
@@ -187,7 +176,7 @@ def check_overlap(
     common = rod ^ piece
     volume = float(common.volume())
     if volume > MAX_OVERLAP_MM3:
-        at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
+        at = triangle_kernel.to_surface(common).centroid
         raise FabricationError(
             f"{what} meets {volume:.2f} mm^3 of solid near {format_point(at)}",
             code="overlaps-solid",
@@ -240,7 +229,7 @@ def check_overlaps(part_set: PartSet) -> Check:
             if volume > worst:
                 worst, at = (
                     volume,
-                    format_point(triangle_kernel.centroid(triangle_kernel.to_surface(common))),
+                    format_point(triangle_kernel.to_surface(common).centroid),
                 )
             if volume > MAX_OVERLAP_SHARE * part_set.body_volume:
                 raise FabricationError(
@@ -264,7 +253,7 @@ def _common_volume(claimed: Any, a: Part, b: Part) -> float:
     points = np.random.default_rng(0).uniform(bounds[0], bounds[1], (OVERLAP_SAMPLES, 3))
     both = np.ones(len(points), bool)
     for s in (a.surface, b.surface):
-        both &= np.asarray(igl.fast_winding_number(s.vertices, s.faces, points)) > 0.5
+        both &= signed_distance_of(s).inside(points)
     return float(both.mean() * np.prod(np.ptp(bounds, axis=0)))
 
 

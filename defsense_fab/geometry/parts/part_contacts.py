@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Float
 from ...core.curve import Plane, arc_lengths, resample
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
+from ..kernels.surface_queries import inside_outlines, signed_distance_of
 from .division import Division
 
 SECTION_OFFSET_MM = 0.02  # parts are cut this far from their common plane
@@ -54,12 +53,6 @@ class Contact:
         """Area of the face, mm^2."""
         return float(self.section.area())
 
-    @cached_property
-    def _tree(self) -> Any:
-        tree = igl.AABB()
-        tree.init(self.walls.vertices, self.walls.faces)
-        return tree
-
     def distance(self, points: Float, max_distance: float) -> Float:
         """Return the distance of points from the two parts' surfaces, except their common face.
 
@@ -72,10 +65,7 @@ class Contact:
         """
         if not len(points):
             return np.zeros(0)
-        square = self._tree.squared_distance(
-            self.walls.vertices, self.walls.faces, np.ascontiguousarray(points)
-        )[0]
-        distances = np.minimum(np.sqrt(square), max_distance)
+        distances = np.minimum(signed_distance_of(self.walls).unsigned(points), max_distance)
         for tree, radius in self.hollows:
             away = tree.query(points, distance_upper_bound=max_distance + radius)[0] - radius
             distances = np.minimum(distances, away)
@@ -101,9 +91,9 @@ class Contact:
         border = np.concatenate([_along(p, 2 * step) for p in outlines])
         return np.concatenate([border, grid[inside_outlines(grid, outlines)]])
 
-    def world(self, points: Float, height: float = 0.0) -> Float:
-        """Return points (n, 2) of the plane, `height` mm above it, in the rest frame (n, 3)."""
-        return np.asarray(self.plane.to_world(points) + height * self.plane.normal)
+    def world(self, points: Float) -> Float:
+        """Return points (n, 2) of the plane in the rest frame (n, 3)."""
+        return self.plane.to_world(points)
 
 
 def find_contacts(division: Division, hollows: Sequence[tuple[Float, float]]) -> list[Contact]:
@@ -118,9 +108,9 @@ def find_contacts(division: Division, hollows: Sequence[tuple[Float, float]]) ->
     trees = tuple((cKDTree(points), radius) for points, radius in hollows)
     out = []
     for k, cut in enumerate(division.cuts):
-        into = np.column_stack([cut.plane.axes.T, -cut.plane.axes.T @ cut.plane.origin])
+        axes, origin = cut.plane.axes, cut.plane.origin
         below, above = (
-            {i: parts[i].transform(into).slice(h) for i in side}
+            {i: triangle_kernel.to_plane_frame(parts[i], axes, origin).slice(h) for i in side}
             for side, h in zip(cut.sides, (-SECTION_OFFSET_MM, SECTION_OFFSET_MM), strict=True)
         )
         for i, a in below.items():
@@ -152,15 +142,3 @@ def _along(polygon: Float, step: float) -> Float:
     closed = np.concatenate([polygon, polygon[:1]])
     around = float(arc_lengths(closed)[-1])
     return resample(closed, 0.0, around, max(4, int(around / step)) + 1)[:-1]
-
-
-def inside_outlines(points: Float, polygons: Sequence[Float]) -> Bool:
-    """Return which points (n, 2) lie inside outlines with holes (crossing numbers)."""
-    out = np.zeros(len(points), bool)
-    for polygon in polygons:
-        a, b = polygon, np.roll(polygon, -1, axis=0)
-        straddles = (a[:, 1] > points[:, 1:]) != (b[:, 1] > points[:, 1:])
-        rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-        x = a[:, 0] + (points[:, 1:] - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
-        out ^= (straddles & (points[:, :1] < x)).sum(axis=1) % 2 == 1
-    return out

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,12 +17,11 @@ from ..bodies.connector_bay import without_bay
 from ..bodies.orientation import Z_UP, viewing_axes
 from ..channels.cord_channels import Channel, make_channels
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import Prism, Tool
+from ..kernels.cutting_tools import Prism
 from ..printing.print_bed import choose_side_down
 from . import alignment_pins, engraving, part_checks
 from .channel_openings import ChannelOpening
 from .division import SMALL_PART_SHARE, Cut, Division, divide_body, plan_division
-from .engraving import Label
 from .part_checks import check_parts
 from .part_contacts import Contact, find_contacts
 from .records import Part, PartRules, PartSet
@@ -48,17 +46,26 @@ def part_names(centers: Sequence[Float], bounds: Float, frame: Float = Z_UP) -> 
     Returns:
         For each part its number, counted from the bottom up, and its place as seen by a viewer.
     """
-    view = frame * np.array([[1.0], [1], [-1]])
-    points = np.array(centers).reshape(-1, 3) @ view.T
+    points = _view(centers, frame)
     size = np.abs(frame) @ np.ptp(bounds, axis=0)
-    rank = np.round(points[:, [1, 2, 0]], 3)
-    order = sorted(range(len(points)), key=lambda i: tuple(rank[i]))
     words = [_level_words(points[:, axis], float(size[axis]), axis) for axis in (1, 2, 0)]
     rows = list(zip(*words, strict=True))
     out = [""] * len(points)
-    for n, i in enumerate(order):
+    for n, i in enumerate(_number_parts(centers, frame)):
         out[i] = "-".join([str(n + 1), *_distinguish(rows, i)])
     return out
+
+
+def _view(centers: Sequence[Float], frame: Float) -> Float:
+    """Return points (n, 3) to the right, up, and away from a viewer, mm."""
+    view = frame * np.array([[1.0], [1], [-1]])
+    return np.asarray(np.array(centers).reshape(-1, 3) @ view.T)
+
+
+def _number_parts(centers: Sequence[Float], frame: Float) -> list[int]:
+    """Return the indices of parts from the bottom up, then from front to back and left to right."""
+    rank = np.round(_view(centers, frame)[:, [1, 2, 0]], 3)
+    return sorted(range(len(rank)), key=lambda i: tuple(rank[i]))
 
 
 def _distinguish(rows: Sequence[tuple[str, ...]], i: int) -> tuple[str, ...]:
@@ -133,98 +140,64 @@ def make_parts(
         *check_cord_walls(channels, surface, rules),
         *check_wire_walls(channels, surface, rules),
     ]
-    body_volume = float(body.volume())
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
-    planes = [s.plane for s in sensors]
     bay = _bay_of(rules)
     skin = without_bay(surface, bay) if bay else surface
+    planes = [s.plane for s in sensors]
     seats = engraving.place_seats(skin, rules.seats, rules.tag, hollows, rules.wall, planes)
-    seat_tools = [t for s in seats for t in s.tools]
-    if seat_tools:
-        body = triangle_kernel.cut_out(body, seat_tools)
-        surface = triangle_kernel.to_surface(body)
-    radius, inner = rules.channel / 2, rules.inner_wall
-    planned = plan_division(
-        body, channels, radius, inner, rules.clearance, rules.limit, rules.through, rules.across
-    )
-    openings = planned.find_openings(channels, radius, inner)
-    division, names = _order_parts(divide_body(body, channels, planned), surface)
+    flattened = triangle_kernel.cut_out(body, [t for s in seats for t in s.tools])
+    if seats:
+        surface = triangle_kernel.to_surface(flattened)
+    division, names, openings = _divide(flattened, channels, surface, rules)
     report(0.25, "pins and numbers")
-    contacts_found = find_contacts(division, hollows)
-    pins = alignment_pins.place_pins(contacts_found, rules.clearance, rules.inner_wall)
-    labels = engraving.engrave_numbers(contacts_found, pins, len(names), rules.inner_wall)
-    tools_of_parts = _part_tools(len(names), contacts_found, pins, labels)
-    pieces = [
-        triangle_kernel.cut_out(p, tools)
-        for p, tools in zip(division.parts, tools_of_parts, strict=True)
-    ]
-    removed = body_volume - float(body.volume()) + division.removed
-    removed += sum(
-        float((p ^ triangle_kernel.union([triangle_kernel.solid_of(t) for t in tools])).volume())
-        for p, tools in zip(division.parts, tools_of_parts, strict=True)
-        if tools
-    )
-    parts = [
-        _make_part(i, n, p, contacts_found)
-        for i, (n, p) in enumerate(zip(names, pieces, strict=True))
-    ]
-    report(0.4, "checking")
+    contacts = find_contacts(division, hollows)
+    pins = alignment_pins.place_pins(contacts, rules.clearance, rules.inner_wall)
+    labels = engraving.engrave_numbers(contacts, pins, len(names), rules.inner_wall)
     part_set = PartSet(
-        tuple(parts),
-        division.cuts,
-        tuple(contacts_found),
-        tuple(pins),
-        tuple(labels),
-        tuple(seats),
-        tuple(channels),
-        (),
-        (),
-        removed,
-        body_volume,
-        division.leaves,
+        parts=(),
+        cuts=division.cuts,
+        contacts=tuple(contacts),
+        pins=tuple(pins),
+        labels=tuple(labels),
+        seats=tuple(seats),
+        channels=tuple(channels),
+        checks=(),
+        warnings={},
+        cut_out=0.0,
+        body_volume=float(body.volume()),
+        rules=rules,
+        bare=division.leaves,
+        carved=division.parts,
     )
-    checks_found = check_parts(part_set, pieces, surface, rules)
-    part_set = replace(part_set, checks=(*wall_checks, *checks_found))
-    part_set = replace(part_set, warnings=tuple(_warnings(part_set, openings, rules)))
-    part_set = replace(
-        part_set, exact=partial(_add_solids, seat_tools, division, tools_of_parts, rules)
-    )
+    pieces = [triangle_kernel.cut_out(p, part_set.tools(i)) for i, p in enumerate(division.parts)]
+    parts = [_make_part(i, names[i], p, contacts) for i, p in enumerate(pieces)]
+    removed = part_set.body_volume - float(flattened.volume()) + division.removed
+    part_set = replace(part_set, parts=tuple(parts), cut_out=removed + _volume_of_tools(part_set))
+    report(0.4, "checking")
+    checks = check_parts(part_set, pieces, surface, rules)
+    part_set = replace(part_set, checks=(*wall_checks, *checks))
+    part_set = part_set.with_warnings(_warnings(part_set, openings, rules))
     if solid is None:
         return part_set
     report(0.6, "cutting the solid")
     return add_solids(part_set, solid)
 
 
-def add_solids(made: PartSet, solid: Any) -> PartSet:
-    """Return the parts of `make_parts` with their exact solids.
+def add_solids(part_set: PartSet, solid: Any) -> PartSet:
+    """Return the result of `exact_solids.add_solids`, which needs a kernel that loads slowly."""
+    from . import exact_solids
 
-    Args:
-        made: Parts, as `make_parts` returned them.
-        solid: TopoDS_Solid of the body.
-
-    Returns:
-        The same parts with solids; without them and with a warning where OpenCascade fails, as the
-        STL files do not need them.
-    """
-    assert made.exact is not None
-    return made.exact(made, solid)
+    return exact_solids.add_solids(part_set, solid)
 
 
-def _add_solids(
-    flattening: Sequence[Tool],
-    division: Division,
-    own: Sequence[Sequence[Tool]],
-    rules: PartRules,
-    made: PartSet,
-    solid: Any,
-) -> PartSet:
-    from .exact_solids import add_solids, carve_solid
-
-    try:
-        parts = add_solids(carve_solid(solid, flattening), made, division, own, rules)
-    except FabricationError as error:
-        return replace(made, warnings=(*made.warnings, f"no STEP parts: {error}"))
-    return replace(made, parts=tuple(parts))
+def _volume_of_tools(part_set: PartSet) -> float:
+    """Return the volume that sockets and numbers take from the parts, mm^3."""
+    volume = 0.0
+    for i, part in enumerate(part_set.carved):
+        if tools := part_set.tools(i):
+            solids = [triangle_kernel.solid_of(t) for t in tools]
+            volume += float((part ^ triangle_kernel.union(solids)).volume())
+    return volume
 
 
 def _bay_of(rules: PartRules) -> Prism | None:
@@ -236,7 +209,7 @@ def _check_one_solid(body: Any) -> None:
     """Raise FabricationError if the body has cavities or separate pieces."""
     pieces = body.decompose()
     for piece in sorted(pieces, key=lambda p: float(p.volume()))[:-1]:
-        middle = triangle_kernel.centroid(triangle_kernel.to_surface(piece))
+        middle = triangle_kernel.to_surface(piece).centroid
         at = format_point(middle)
         raise FabricationError(
             f"the body has a closed cavity near {at}"
@@ -247,11 +220,24 @@ def _check_one_solid(body: Any) -> None:
         )
 
 
-def _order_parts(division: Division, surface: Surface) -> tuple[Division, list[str]]:
-    """Return the division with the parts in the order of their numbers, and their names."""
-    centers = [triangle_kernel.centroid(triangle_kernel.to_surface(p)) for p in division.parts]
-    names = part_names(centers, surface.bounds, viewing_axes(surface))
-    order = sorted(range(len(names)), key=lambda i: int(names[i].split("-")[0]))
+def _divide(
+    body: Any, channels: Sequence[Channel], surface: Surface, rules: PartRules
+) -> tuple[Division, list[str], list[ChannelOpening]]:
+    """Divide a body.
+
+    Returns:
+        The division with the parts in the order of their numbers; their names; and where channels
+        open into joints.
+    """
+    radius, wall = rules.channel / 2, rules.inner_wall
+    plan = plan_division(
+        body, channels, radius, wall, rules.clearance, rules.limit, rules.through, rules.across
+    )
+    openings = plan.find_openings(channels, radius, wall)
+    division = divide_body(body, channels, plan)
+    centers = [triangle_kernel.to_surface(p).centroid for p in division.parts]
+    frame = viewing_axes(surface)
+    names, order = part_names(centers, surface.bounds, frame), _number_parts(centers, frame)
     index = np.argsort(order).tolist()
 
     def renumber(side: tuple[int, ...]) -> tuple[int, ...]:
@@ -261,74 +247,58 @@ def _order_parts(division: Division, surface: Surface) -> tuple[Division, list[s
         replace(c, sides=(renumber(c.sides[0]), renumber(c.sides[1]))) for c in division.cuts
     )
     parts, leaves = (tuple(of[i] for i in order) for of in (division.parts, division.leaves))
-    return replace(division, parts=parts, leaves=leaves, cuts=cuts), [names[i] for i in order]
+    division = replace(division, parts=parts, leaves=leaves, cuts=cuts)
+    return division, [names[i] for i in order], openings
 
 
-def _make_part(i: int, name: str, piece: Any, contacts_found: Sequence[Contact]) -> Part:
+def _make_part(i: int, name: str, piece: Any, contacts: Sequence[Contact]) -> Part:
     faces = [
         (c.area, c.plane.normal if c.lower == i else -c.plane.normal, c.plane.origin)
-        for c in contacts_found
+        for c in contacts
         if i in (c.lower, c.upper)
     ]
     surface = triangle_kernel.to_printable_surface(
         piece, name, [(n, float(n @ origin)) for _, n, origin in faces]
     )
     down = choose_side_down(surface, [n for _, n, _ in sorted(faces, key=lambda f: -f[0])])
-    return Part(name, surface, surface.volume, triangle_kernel.centroid(surface), down)
+    return Part(name, surface, surface.volume, surface.centroid, down)
 
 
-def _part_tools(
-    count: int,
-    contacts_found: Sequence[Contact],
-    pins: Sequence[alignment_pins.Pin],
-    labels: Sequence[Label],
-) -> list[list[Tool]]:
-    """Return the tools that cut each part alone: sockets and its number."""
-    tools_of_parts: list[list[Tool]] = [[] for _ in range(count)]
-    for pin in pins:
-        contact = contacts_found[pin.contact]
-        tools_of_parts[contact.lower].append(pin.socket_in(upper=False))
-        tools_of_parts[contact.upper].append(pin.socket_in(upper=True))
-    for label in labels:
-        tools_of_parts[label.part] += label.tools
-    return tools_of_parts
-
-
-def _warnings(part_set: PartSet, openings: Sequence[ChannelOpening], rules: PartRules) -> list[str]:
-    """Return what a maker should know of the parts."""
-    out = [check.note for check in part_set.checks if check.note]
+def _warnings(
+    part_set: PartSet, openings: Sequence[ChannelOpening], rules: PartRules
+) -> dict[str, Float | None]:
+    """Return what a maker should know of the parts, with the points (3,) mm concerned."""
+    out = {check.note: check.point for check in part_set.checks if check.note}
     if len(part_set.seats) < rules.seats:
-        out.append(
-            f"{len(part_set.seats)} of {rules.seats} marker seats of {rules.tag:g} mm"
-            f" fit: the rest of"
-            " the skin is curved, close to an edge, or thin above a cord"
-        )
+        out[
+            f"{len(part_set.seats)} of {rules.seats} marker seats of {rules.tag:g} mm fit: the"
+            " rest of the skin is curved, close to an edge, or thin above a cord"
+        ] = None
     ends = [
         (c, e, n) for c in part_set.channels for e, n in zip(c.ends, ("start", "end"), strict=True)
     ]
     if _bay_of(rules):
-        out += [
-            f"the wire at the {which} of cord {channel.name}, near {format_point(end.mouth)},"
-            f" does not"
-            f" reach the connector bay: {end.reason or end.unled}"
+        out |= {
+            f"the wire at the {which} of cord {channel.name}, near {format_point(end.mouth)}, does"
+            f" not reach the connector bay: {end.reason or end.unled}": end.mouth
             for channel, end, which in ends
             if end.wire != "bay"
-        ]
+        }
     for opening in openings:
         joint = _cut_name(part_set.cuts[opening.cut], part_set.channels)
         what = "opens into" if opening.wall <= 0 else f"leaves {opening.wall:.1f} mm of wall to"
-        out.append(
+        out[
             f"the channel of cord {part_set.channels[opening.line].name!r} {what} the joint of"
-            f" {joint} over"
-            f" {opening.length:.0f} mm near {format_point(opening.at)}: keep glue away from it"
-            f" there"
-        )
+            f" {joint} over {opening.length:.0f} mm near {format_point(opening.at)}: keep glue away"
+            " from it there"
+        ] = opening.at
     for i, part in enumerate(part_set.parts):
         if part.volume < SMALL_PART_SHARE * part_set.body_volume:
-            out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
-        out += part_checks.part_notes(part_set, i)
-    out += part_checks.joint_notes(part_set)
-    return list(dict.fromkeys(out))  # a joint that divides several parts belongs to several cuts
+            text = f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close"
+            out[text] = part.center
+        out |= part_checks.part_notes(part_set, i)
+    # A joint that divides several parts belongs to several cuts, and is noted once.
+    return out | part_checks.joint_notes(part_set)
 
 
 def _cut_name(cut: Cut, channels: Sequence[Channel]) -> str:

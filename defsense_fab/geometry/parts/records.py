@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ...core.arrays import Float
+from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..channels.channel_ends import Pockets
 from ..channels.cord_channels import Channel
+from ..kernels.cutting_tools import Tool
 from .alignment_pins import Pin
 from .division import Cut
 from .engraving import Label, Seat
@@ -28,6 +30,7 @@ class Check:
         at: Where.
         note: What the maker should know, if anything.
         at_least: Whether the limit is the least allowed value; otherwise the largest.
+        point: Point (3,) mm that the note is about, if any.
     """
 
     name: str
@@ -37,10 +40,30 @@ class Check:
     at: str
     note: str = ""
     at_least: bool = False
+    point: Float | None = None
 
     @property
     def holds(self) -> bool:
         return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+    def require(self, needed: float, code: str, action: str = "", **data: Any) -> Check:
+        """Return a measured wall or room, or raise FabricationError if it is too small.
+
+        Args:
+            needed: What is needed, without allowance for facets, mm.
+            code: Code of the error.
+            action: What the maker can do.
+            **data: Data of the error.
+        """
+        if not self.holds:
+            raise FabricationError(
+                f"{self.value:.2f} mm near {self.at}, and {needed:.2f} mm is needed",
+                code=code,
+                where=self.name,
+                action=action,
+                **data,
+            )
+        return self
 
 
 @dataclass(frozen=True)
@@ -113,10 +136,13 @@ class PartSet:
         seats: Seats for tags.
         channels: Channels of the cords.
         checks: Measurements.
-        warnings: What the maker should know.
+        warnings: What the maker should know, each with the point (3,) mm that it is about, or None
+            if it is about the whole device.
         cut_out: Volume of all that was removed, mm^3.
         body_volume: Volume of the body, mm^3.
         bare: The parts without channels, sockets and numbers (manifold3d solids).
+        carved: The parts without sockets and numbers, until they have their exact solids.
+        rules: Rules that the parts were made by.
     """
 
     parts: tuple[Part, ...]
@@ -127,8 +153,25 @@ class PartSet:
     seats: tuple[Seat, ...]
     channels: tuple[Channel, ...]
     checks: tuple[Check, ...]
-    warnings: tuple[str, ...]
+    warnings: Mapping[str, Float | None]
     cut_out: float
     body_volume: float
+    rules: PartRules
     bare: tuple[Any, ...] = ()
-    exact: Callable[[PartSet, Any], PartSet] | None = field(default=None, repr=False, compare=False)
+    carved: tuple[Any, ...] = ()
+
+    def tools(self, index: int) -> list[Tool]:
+        """Return the tools that cut one part alone: its sockets and its number."""
+        out: list[Tool] = []
+        for pin in self.pins:
+            contact = self.contacts[pin.contact]
+            if index in (contact.lower, contact.upper):
+                out.append(pin.socket_in(upper=index == contact.upper))
+        return out + [t for label in self.labels if label.part == index for t in label.tools]
+
+    def with_warnings(self, notes: Mapping[str, Float | None]) -> PartSet:
+        """Return the parts with further warnings; a warning keeps a point that it has."""
+        warnings = dict(self.warnings)
+        for text, point in notes.items():
+            warnings[text] = warnings.get(text) if point is None else point
+        return replace(self, warnings=warnings)

@@ -69,15 +69,7 @@ def check_sockets(part_set: PartSet, body: Surface, rules: PartRules) -> list[Ch
                 "wall from socket to socket", between_sockets, limit, "mm", where[2], at_least=True
             )
         )
-    for check in checks:
-        if not check.holds:
-            raise FabricationError(
-                f"{check.value:.2f} mm near {check.at}, and {required:.2f} mm is needed",
-                code="wall-too-thin",
-                where=check.name,
-                wall=check.value,
-            )
-    return checks
+    return [check.require(required, "wall-too-thin", wall=check.value) for check in checks]
 
 
 def socket_points(pin: Pin) -> Float:
@@ -187,18 +179,11 @@ def check_wire_walls(channels: Sequence[Channel], body: Surface, rules: PartRule
             k = int(distance.argmin())
             wall, at = float(distance[k]) - radius, format_point(points[k])
             name = f"wall from the wire of cord {channel.name} to {what}"
-            if wall < required - 2 * CHANNEL_TOLERANCE_MM:
-                raise FabricationError(
-                    f"{wall:.2f} mm near {at}, and {required:.2f} mm is needed",
-                    code="wall-too-thin",
-                    where=name,
-                    action="Move the cord",
-                    cord=channel.name,
-                    wall=wall,
-                )
+            limit = required - 2 * CHANNEL_TOLERANCE_MM
+            check = Check(name, wall, limit, "mm", at, at_least=True)
+            check.require(required, "wall-too-thin", "Move the cord", cord=channel.name, wall=wall)
             if np.isfinite(wall) and (name not in thinnest or wall < thinnest[name].value):
-                limit = required - 2 * CHANNEL_TOLERANCE_MM
-                thinnest[name] = Check(name, wall, limit, "mm", at, at_least=True)
+                thinnest[name] = check
     return list(thinnest.values())
 
 

@@ -17,12 +17,9 @@ from .packing import count_least_plates, pack
 
 #: Least area of a first layer that holds a part on the bed.
 MIN_FIRST_LAYER_MM2 = 20.0
-LAYER_HEIGHT_MM, LINE_WIDTH_MM, MAX_SIDES = (
-    0.15,
-    0.4,
-    40,
-)  # above the bed; of a line; sides of the hull
-PART_GAP_MM = 5.0  # between parts and along the bed's edge
+LAYER_HEIGHT_MM = 0.15  # of the first layer
+LINE_WIDTH_MM = 0.4
+MAX_SIDES = 40  # of the hull of a part
 
 
 @dataclass(frozen=True)
@@ -141,7 +138,7 @@ def arrange(
     parts: Mapping[str, Surface],
     bed: tuple[float, float, float],
     printer: str,
-    gap: float = PART_GAP_MM,
+    gap: float,
 ) -> dict[str, PlacedPart]:
     """Arrange parts on as few plates as they need.
 
@@ -178,7 +175,7 @@ def count_fewest_plates(
     parts: Mapping[str, Surface],
     bed: tuple[float, float, float],
     printer: str,
-    gap: float = PART_GAP_MM,
+    gap: float,
 ) -> int:
     """Return a number of plates below which `arrange` cannot get.
 

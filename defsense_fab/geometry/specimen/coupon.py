@@ -41,7 +41,7 @@ def coupon_sizes(cord: float, clearances: Sequence[float]) -> dict[str, tuple[fl
     if not clearances or min(clearances) < 0 or max(clearances) > largest:
         raise FabricationError(
             f"clearances from 0 to {max(largest, 0):g} mm are possible",
-            code="clearance-out-of-range",
+            code="out-of-range",
             where="coupon",
             most=max(largest, 0.0),
         )

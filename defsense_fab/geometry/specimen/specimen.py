@@ -19,7 +19,13 @@ import build123d as bd
 import numpy as np
 
 from ...core.errors import FabricationError
-from ...core.response import bent_strain
+from ...core.response import (
+    CORD_OFFSET_MM,
+    SPECIMEN_LENGTH_MM,
+    SPECIMEN_THICKNESS_MM,
+    SPECIMEN_WIDTH_MM,
+    bent_strain,
+)
 from ..kernels.occ import as_one_solid
 
 
@@ -60,10 +66,10 @@ class Specimen:
         FabricationError: If such a specimen cannot be made.
     """
 
-    length: float = 150.0
-    thickness: float = 15.0
-    width: float = 20.0
-    offset: float = 2.0
+    length: float = SPECIMEN_LENGTH_MM
+    thickness: float = SPECIMEN_THICKNESS_MM
+    width: float = SPECIMEN_WIDTH_MM
+    offset: float = CORD_OFFSET_MM
     channel_diameter: float = 2.2
     clearance: float = 0.2
 
@@ -73,7 +79,7 @@ class Specimen:
         if not all(np.isfinite(n) and 0 < n < 1000 for n in sizes):
             raise FabricationError(
                 "its sizes must be above zero and below 1000 mm",
-                code="size-out-of-range",
+                code="out-of-range",
                 where="specimen",
             )
         mouth = self.channel_diameter / 2 + CHAMFER_MM
@@ -137,15 +143,17 @@ def make_halves(s: Specimen) -> dict[str, Any]:
     """
     corner = (bd.Align.MIN, bd.Align.CENTER, bd.Align.MIN)
     whole = bd.Box(s.length, s.width, s.thickness, align=corner)
+    upright = (bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN)
     radius = s.channel_diameter / 2
     for z in s.heights:
-        whole -= _along_x(radius, s.length, 0.0, z)
+        tube = bd.Cylinder(radius, s.length + 2, align=upright)
+        whole -= bd.Pos(-1, 0, z) * bd.Rot(0, 90, 0) * tube
         for x, turn in ((0.0, 90), (s.length, -90)):
             mouth = bd.Cone(
                 radius + CHAMFER_MM,
                 radius,
                 CHAMFER_MM,
-                align=(bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN),
+                align=upright,
             )
             whole -= bd.Pos(x, 0, z) * bd.Rot(0, turn, 0) * mouth
     left = whole & bd.Pos(0, -s.width / 2, 0) * bd.Box(s.length, s.width, s.thickness, align=corner)
@@ -156,8 +164,3 @@ def make_halves(s: Specimen) -> dict[str, Any]:
         left += at * bd.Cylinder(s.pin / 2, 2 * PIN_LENGTH_MM)
         right -= at * bd.Cylinder((s.pin + s.clearance) / 2, 2 * (PIN_LENGTH_MM + 0.5))
     return {"specimen-left": as_one_solid(left), "specimen-right": as_one_solid(right)}
-
-
-def _along_x(radius: float, length: float, y: float, z: float) -> Any:
-    tube = bd.Cylinder(radius, length + 2, align=(bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN))
-    return bd.Pos(-1, y, z) * bd.Rot(0, 90, 0) * tube

@@ -6,8 +6,6 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.mesh import Surface
-from ..kernels.cutting_tools import Prism
-from ..parts.engraving import Seat
 from ..parts.records import Part, PartSet
 from ..printing.print_bed import fits_bed, lay_flat
 
@@ -47,19 +45,21 @@ def rank_cut_heights(part_set: PartSet, index: int, normal: Float, reach: float)
     return np.asarray(candidates[order])
 
 
-def longest_direction(part: Part) -> Float:
-    """Return the direction (3,) in which the part is longest as it lies."""
-    flat = lay_flat(part.surface, part.down)
-    turned, _ = _bed_axes(part.surface.vertices, flat.vertices)
-    return np.asarray(turned[int(np.ptp(flat.bounds, axis=0).argmax())])
+def longest_piece(part: Part, bed: tuple[float, float, float]) -> tuple[Float, float]:
+    """Return the direction in which a part is longest as it lies on the bed.
 
+    Args:
+        part: The part.
+        bed: Size of the bed, mm.
 
-def longest_piece(part: Part, normal: Float, bed: tuple[float, float, float]) -> float:
-    """Return how long a box of the part's width and height may be on the bed, mm."""
+    Returns:
+        The unit direction (3,) in the device's frame, and how long a piece of the part may be along
+        it so that a box of the part's width and height fits the bed, mm.
+    """
     flat = lay_flat(part.surface, part.down)
-    rows, _ = _bed_axes(part.surface.vertices, flat.vertices)
-    along = int(np.abs(rows @ normal).argmax())
     size = np.ptp(flat.bounds, axis=0)
+    along = int(size.argmax())
+    direction = _bed_axes(part.surface.vertices, flat.vertices)[along]
     for length in np.arange(float(size[along]), MIN_PIECE_MM, -0.5):
         box = size.copy()
         box[along] = length
@@ -67,8 +67,8 @@ def longest_piece(part: Part, normal: Float, bed: tuple[float, float, float]) ->
             [[x, y, z] for x in (0, box[0]) for y in (0, box[1]) for z in (0, box[2])]
         )
         if fits_bed(Surface(corners, np.array([[0, 1, 2]])), bed):
-            return float(length)
-    return 0.0
+            return direction, float(length)
+    return direction, 0.0
 
 
 def find_spoiled(part_set: PartSet, index: int, height: float, normal: Float) -> list[str]:
@@ -121,21 +121,15 @@ def _find_obstacles(part_set: PartSet, index: int, normal: Float) -> list[tuple[
         if is_in_part(end.mouth)
     ]
     out += [
-        ("a marker seat", float(seat.center @ normal), 0.75 * _seat_side(seat))
+        ("a marker seat", float(seat.center @ normal), 0.75 * seat.size)
         for seat in part_set.seats
         if is_in_part(seat.center)
     ]
     return out
 
 
-def _seat_side(seat: Seat) -> float:
-    """Return the side of a marker seat, mm, by the tools that cut it."""
-    points = [t.polygon for t in seat.tools if isinstance(t, Prism)]
-    return float(max((np.ptp(p, axis=0).max() for p in points), default=10.0))
-
-
-def _bed_axes(world: Float, on_bed: Float) -> tuple[Float, Float]:
-    """Return the axes of the bed in the frame of the device, in rows, and the shift."""
+def _bed_axes(world: Float, on_bed: Float) -> Float:
+    """Return the axes (3, 3) of the bed in the frame of the device, in rows."""
     a, b = world - world.mean(axis=0), on_bed - on_bed.mean(axis=0)
     u, _, v = np.linalg.svd(b.T @ a)
-    return u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v, world.mean(axis=0)
+    return np.asarray(u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v)

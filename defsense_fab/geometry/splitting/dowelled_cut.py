@@ -24,91 +24,96 @@ from .piece_checks import (
     check_dowels_fit,
     check_piece_volumes,
     find_crossed_channels,
-    whole_name,
 )
 
+SECTION_OFFSET_MM = 0.02  # from the plane, where the faces of both sides are taken
 FAR_MM = 1e4  # beyond any body
 
 
-def renumber_parts(
-    made: PartSet,
-    index: int,
-    normal: Float,
-    height: float,
-    contact: Contact,
-    dowels: Sequence[Pin],
-    parts: Sequence[Part],
-    bares: Sequence[Any],
-    removed: float,
-) -> PartSet:
-    """Return the records of parts where one of them has become two.
+@dataclass(frozen=True)
+class _CutPart:
+    """A part that was cut in two.
 
-    Args:
-        made: The parts before.
-        index: Index of the part that was cut.
+    Attributes:
+        index: Index of the part.
         normal: Unit normal (3,) of the cut.
         height: Height of the cut along it, mm.
         contact: Contact of the two pieces.
         dowels: Dowels in it.
-        parts: The pieces below and above.
+        pieces: The pieces below and above.
         bares: The same without channels and sockets.
         removed: Volume that was cut out of them, mm^3.
     """
 
-    def new_index(i: int) -> int:
-        return i + 1 if i > index else i
+    index: int
+    normal: Float
+    height: float
+    contact: Contact
+    dowels: Sequence[Pin]
+    pieces: Sequence[Part]
+    bares: Sequence[Any]
+    removed: float
 
-    def new_side(group: tuple[int, ...]) -> tuple[int, ...]:
-        out = [new_index(i) for i in group]
-        return tuple(sorted([*out, index + 1] if index in group else out))
+    def is_above(self, point: Float) -> bool:
+        """Return whether a point (3,) lies in the upper piece."""
+        return bool(point @ self.normal > self.height)
 
+    def new_index(self, i: int, above: bool) -> int:
+        """Return the new index of part `i`: of one piece if it is the part that was cut."""
+        return i + int(above) if i == self.index else i + int(i > self.index)
+
+    def new_side(self, side: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the new indices of the parts on one side of a cut."""
+        return tuple(sorted({self.new_index(i, above) for i in side for above in (False, True)}))
+
+
+def _renumber_parts(part_set: PartSet, cut: _CutPart) -> PartSet:
+    """Return the records of parts where one of them has become two."""
     contacts: list[Contact] = []
     new_contact: dict[tuple[int, bool], int] = {}
-    for k, c in enumerate(made.contacts):
-        if index not in (c.lower, c.upper):
-            new_contact[k, False] = new_contact[k, True] = len(contacts)
-            contacts.append(replace(c, lower=new_index(c.lower), upper=new_index(c.upper)))
-            continue
+    for k, c in enumerate(part_set.contacts):
+        is_divided = cut.index in (c.lower, c.upper)
         for above in (False, True):
-            own = index + int(above)
+            if above and not is_divided:
+                new_contact[k, above] = new_contact[k, False]
+                continue
             new_contact[k, above] = len(contacts)
+            sign = 1.0 if above else -1.0
             contacts.append(
                 replace(
                     c,
-                    lower=own if c.lower == index else new_index(c.lower),
-                    upper=own if c.upper == index else new_index(c.upper),
-                    section=_clip_section(
-                        c, normal if above else -normal, height if above else -height
-                    ),
+                    lower=cut.new_index(c.lower, above),
+                    upper=cut.new_index(c.upper, above),
+                    section=_clip_section(c, sign * cut.normal, sign * cut.height)
+                    if is_divided
+                    else c.section,
                 )
             )
-
-    def contact_at(k: int, at: Float) -> int:
-        return new_contact[k, bool(at @ normal > height)]
-
-    pins = [replace(p, contact=contact_at(p.contact, p.center)) for p in made.pins]
+    pins = [
+        replace(p, contact=new_contact[p.contact, cut.is_above(p.center)]) for p in part_set.pins
+    ]
     labels = [
         replace(
             label,
-            part=index + int(bool(label.center @ normal > height))
-            if label.part == index
-            else new_index(label.part),
-            contact=contact_at(label.contact, label.center),
+            part=cut.new_index(label.part, cut.is_above(label.center)),
+            contact=new_contact[label.contact, cut.is_above(label.center)],
         )
-        for label in made.labels
+        for label in part_set.labels
     ]
-    cuts = [replace(c, sides=(new_side(c.sides[0]), new_side(c.sides[1]))) for c in made.cuts]
-    cuts.append(Cut(contact.plane, contact.plane.origin, (), ((index,), (index + 1,))))
-    new = replace(contact, lower=index, upper=index + 1)
+    cuts = [
+        replace(c, sides=(cut.new_side(c.sides[0]), cut.new_side(c.sides[1])))
+        for c in part_set.cuts
+    ]
+    plane, index = cut.contact.plane, cut.index
     return replace(
-        made,
-        parts=(*made.parts[:index], *parts, *made.parts[index + 1 :]),
-        bare=(*made.bare[:index], *bares, *made.bare[index + 1 :]),
-        cuts=tuple(cuts),
-        contacts=(*contacts, new),
-        pins=(*pins, *(replace(d, contact=len(contacts)) for d in dowels)),
+        part_set,
+        parts=(*part_set.parts[:index], *cut.pieces, *part_set.parts[index + 1 :]),
+        bare=(*part_set.bare[:index], *cut.bares, *part_set.bare[index + 1 :]),
+        cuts=(*cuts, Cut(plane, plane.origin, (), ((index,), (index + 1,)))),
+        contacts=(*contacts, cut.contact),
+        pins=(*pins, *(replace(d, contact=len(contacts)) for d in cut.dowels)),
         labels=tuple(labels),
-        cut_out=made.cut_out + removed,
+        cut_out=part_set.cut_out + cut.removed,
     )
 
 
@@ -119,57 +124,37 @@ def _clip_section(contact: Contact, normal: Float, height: float) -> Any:
     plane = contact.plane
     way = plane.axes[:, :2].T @ normal
     size = float(np.linalg.norm(way))
+    rise = height - float(plane.origin @ normal)
     if size < 1e-6:
-        beyond = float(plane.origin @ normal) >= height
-        return contact.section if beyond else m3.CrossSection()
-    away = (height - float(plane.origin @ normal)) / size
-    x = way / size
-    y = np.array([-x[1], x[0]])
-    corners = [
-        away * x - FAR_MM * y,
-        (away + FAR_MM) * x - FAR_MM * y,
-    ]
-    corners += [
-        (away + FAR_MM) * x + FAR_MM * y,
-        away * x + FAR_MM * y,
-    ]
-    return contact.section ^ m3.CrossSection([np.array(corners)])
-
-
-def letter_pieces(made: PartSet, index: int, count: int, name: str) -> PartSet:
-    """Name pieces by letters, in their order."""
-    parts = list(made.parts)
-    for k in range(count):
-        parts[index + k] = replace(parts[index + k], name=f"{name}-{chr(97 + k)}")
-    return replace(made, parts=tuple(parts))
-
-
-SECTION_OFFSET_MM = 0.02  # from the plane, where the faces of both sides are taken
-FAR_MM = 1e4  # beyond any body
+        return contact.section if rise <= 0 else m3.CrossSection()
+    away, x = rise / size, way / size
+    y = FAR_MM * np.array([-x[1], x[0]])
+    near, far = away * x, (away + FAR_MM) * x
+    return contact.section ^ m3.CrossSection([np.array([near - y, far - y, far + y, near + y])])
 
 
 @dataclass(frozen=True)
-class DowelledCut:
-    """A cut of one part in two.
+class Split:
+    """Parts of which one was split.
 
     Attributes:
-        made: The parts.
+        part_set: The parts.
         checks: Measurements of the pieces.
-        note: What the maker should know, with "{pieces}" in place of their names.
+        notes: What the maker should know, with "{pieces}" in place of their names.
     """
 
-    made: PartSet
+    part_set: PartSet
     checks: tuple[Check, ...]
-    note: str
+    notes: tuple[str, ...]
 
 
 def cut_across(
-    made: PartSet, index: int, normal: Float, height: float, rules: PartRules
-) -> DowelledCut | None:
+    part_set: PartSet, index: int, normal: Float, height: float, rules: PartRules
+) -> Split | None:
     """Cut a part across.
 
     Args:
-        made: The parts.
+        part_set: The parts.
         index: Index of the part.
         normal: Unit normal (3,) of the cut.
         height: Height of the cut along it, mm.
@@ -181,24 +166,22 @@ def cut_across(
     Raises:
         FabricationError: If the pieces fail a check.
     """
-    part, bare = made.parts[index], made.bare[index]
+    part, bare = part_set.parts[index], part_set.bare[index]
     solid = triangle_kernel.to_manifold(part.surface, part.name)
-    halves = solid.split_by_plane((-normal).tolist(), -height)
-    bares = bare.split_by_plane((-normal).tolist(), -height)
+    halves, bares = (s.split_by_plane((-normal).tolist(), -height) for s in (solid, bare))
     if any(len(h.decompose()) != 1 for h in halves):
         return None
     middle = np.asarray(part.center)
     origin = middle + (height - float(middle @ normal)) * normal
     plane = Plane.from_normal(origin, normal, axes_from_normal(normal)[:, 0])
-    into = np.column_stack([plane.axes.T, -plane.axes.T @ plane.origin])
     sides = [
-        h.transform(into).slice(s)
+        triangle_kernel.to_plane_frame(h, plane.axes, origin).slice(s)
         for h, s in zip(halves, (-SECTION_OFFSET_MM, SECTION_OFFSET_MM), strict=True)
     ]
     section = (sides[0] ^ sides[1]).simplify(0.01)
     # A dowel must keep away from all facets of the part: skin, joints, grooves, sockets and
     # numbers.
-    contact = Contact(len(made.cuts), index, index + 1, plane, section, part.surface, ())
+    contact = Contact(len(part_set.cuts), index, index + 1, plane, section, part.surface, ())
     dowels = place_pins([contact], rules.clearance, rules.inner_wall)
     if len(dowels) < 2:
         return None
@@ -206,44 +189,49 @@ def cut_across(
         _make_piece(part, h, dowels, upper, normal, height)
         for h, upper in zip(halves, (False, True), strict=True)
     ]
-    note = ""
+    failure = ""
     if part.solid is not None:
         try:
             pieces = _add_solids(part, pieces, dowels, normal, height)
         except FabricationError as error:  # STL files do not need it
-            note = f"; no STEP of them: {error}"
+            failure = f"; no STEP of them: {error}"
     removed, volume_check = check_piece_volumes(part, pieces, dowels)
     checks = (
         volume_check,
         check_dowel_walls(part, dowels, rules),
         check_dowels_fit(part, pieces, dowels),
-        *check_crossings(made, part, pieces, plane, rules),
+        *check_crossings(part_set, part, pieces, plane, rules),
     )
-    crossed_cords = find_crossed_channels(made, part, plane, rules)
-    crossing_note = (
-        f"; the channels of {', '.join(crossed_cords)} continue across it, so see that no glue"
-        f" or edge"
-        " stands in them"
-        if crossed_cords
-        else ""
-    )
-    spoiled = find_spoiled(made, index, height, normal)
-    spoiled_note = (
-        f"; no place was free, and the cut passes through or close by {', '.join(spoiled)}: see"
-        f" that"
-        " these are sound, or use a larger [fabrication] bed"
-        if spoiled
-        else ""
-    )
-    return DowelledCut(
-        renumber_parts(made, index, normal, height, contact, dowels, pieces, bares, removed),
-        checks,
-        f"{whole_name(part)} is too long for the bed and is printed in pieces, {{pieces}}, cut"
+    warning = _crossing_warning(part_set, index, plane, height, rules)
+    cut = _CutPart(index, normal, height, contact, dowels, pieces, bares, removed)
+    note = (
+        f"{part.name} is too long for the bed and is printed in pieces, {{pieces}}, cut"
         f" across near {format_point(origin)}: join them first, with glue"
         f" ({section.area() / 100:.1f} cm2)"
         f" and two dowels of {dowels[0].diameter:g} and {dowels[1].diameter:g} mm"
-        f"{crossing_note}{spoiled_note}{note}",
+        f"{warning}{failure}"
     )
+    return Split(_renumber_parts(part_set, cut), checks, (note,))
+
+
+def _crossing_warning(
+    part_set: PartSet, index: int, plane: Plane, height: float, rules: PartRules
+) -> str:
+    """Return a warning of the channels and details that a cut passes through; empty without any."""
+    warning = ""
+    cords = find_crossed_channels(part_set, part_set.parts[index], plane, rules)
+    if cords:
+        warning += (
+            f"; the channels of {', '.join(cords)} continue across it, so see that no glue or edge"
+            " stands in them"
+        )
+    spoiled = find_spoiled(part_set, index, height, plane.normal)
+    if spoiled:
+        warning += (
+            f"; no place was free, and the cut passes through or close by {', '.join(spoiled)}: see"
+            " that these are sound, or use a larger [fabrication] bed"
+        )
+    return warning
 
 
 def _make_piece(
@@ -256,9 +244,8 @@ def _make_piece(
         part.name,
         [(out, -height if upper else height)],
     )
-    name = f"{whole_name(part)}-rest" if upper else part.name
-    center = triangle_kernel.centroid(surface)
-    return Part(name, surface, surface.volume, center, part.down)
+    center = surface.centroid
+    return Part(part.name, surface, surface.volume, center, part.down)
 
 
 def _add_solids(

@@ -8,127 +8,111 @@ it. If no such cut helps, the part lies on another of its sides, if the bed hold
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
 from ..parts import part_checks
 from ..parts.part_checks import check_insertion, check_overlaps, check_thin_places, check_volumes
 from ..parts.records import Check, Part, PartRules, PartSet
 from ..printing.print_bed import find_other_side, fits_bed, lay_flat
-from .cut_places import MIN_PIECE_MM, longest_direction, longest_piece, rank_cut_heights
-from .dowelled_cut import DowelledCut, cut_across, letter_pieces
+from .cut_places import MIN_PIECE_MM, longest_piece, rank_cut_heights
+from .dowelled_cut import Split, cut_across
 from .piece_checks import check_one_solid
 
 #: Largest number of pieces of a part.
 MAX_PIECES = 6
 
 
-@dataclass(frozen=True)
-class SplitParts:
-    """Parts that fit the bed.
-
-    Attributes:
-        made: The parts, with checks and warnings for the pieces.
-        notes: What the maker should know of the pieces.
-    """
-
-    made: PartSet
-    notes: tuple[str, ...]
-
-
 def split_long_parts(
-    made: PartSet, bed: tuple[float, float, float], rules: PartRules
-) -> SplitParts:
+    part_set: PartSet, bed: tuple[float, float, float], rules: PartRules
+) -> PartSet:
     """Cut every part that the bed does not hold across, as often as needed.
 
     If that does not help, the part is laid on another side.
 
     Args:
-        made: The parts.
+        part_set: The parts.
         bed: Size of the bed, mm.
         rules: Rules of the parts.
+
+    Returns:
+        The parts, with checks and warnings for the pieces.
 
     Raises:
         FabricationError: If neither helps, or pieces fail a check.
     """
-    whole, notes = made, list[str]()
+    whole, notes = part_set, dict[str, Float]()
     checks: list[Check] = []
     changed: list[str] = []
     pieces: list[int] = []
     index = 0
-    while index < len(made.parts):
-        part, count = made.parts[index], 1
+    while index < len(part_set.parts):
+        part, count = part_set.parts[index], 1
         if not _fits(part, bed):
-            reduction = _reduce(made, index, bed, rules)
-            count += len(reduction.made.parts) - len(made.parts)
-            made = reduction.made
+            reduction = _reduce(part_set, index, bed, rules)
+            count += len(reduction.part_set.parts) - len(part_set.parts)
+            part_set = reduction.part_set
             checks += reduction.checks
-            notes += reduction.notes
+            notes |= dict.fromkeys(reduction.notes, part.center)
             changed.append(part.name)
             pieces += range(index, index + count)
         index += count
     if not changed:
-        return SplitParts(made, ())
-    return SplitParts(_update_checks(whole, made, changed, pieces, checks, rules), tuple(notes))
-
-
-@dataclass(frozen=True)
-class _Reduction:
-    """The parts with one of them reduced to fit the bed, with checks and notes."""
-
-    made: PartSet
-    checks: tuple[Check, ...]
-    notes: tuple[str, ...]
+        return part_set
+    return _update_checks(whole, part_set, changed, pieces, checks, rules).with_warnings(notes)
 
 
 def _reduce(
-    made: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules
-) -> _Reduction:
+    part_set: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules
+) -> Split:
     """Cut a part in pieces, or lay it on another side; raise FabricationError if neither helps."""
     try:
-        return _cut_in_pieces(made, index, bed, rules)
+        return _cut_in_pieces(part_set, index, bed, rules)
     except FabricationError:
-        part = made.parts[index]
+        part = part_set.parts[index]
         down = find_other_side(part.surface, bed)
         if down is None:
             raise
-    parts = (*made.parts[:index], replace(part, down=down), *made.parts[index + 1 :])
+    parts = (*part_set.parts[:index], replace(part, down=down), *part_set.parts[index + 1 :])
     note = (
         f"{part.name} is too large for the bed on its cut face and lies on another side: see that"
         " supports leave its grooves free"
     )
-    return _Reduction(replace(made, parts=parts), (), (note,))
+    return Split(replace(part_set, parts=parts), (), (note,))
 
 
 def _cut_in_pieces(
-    made: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules
-) -> _Reduction:
-    whole_part, count = made.parts[index], 1
+    part_set: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules
+) -> Split:
+    whole_part, count = part_set.parts[index], 1
     checks: list[Check] = []
     notes: list[str] = []
-    while not _fits(made.parts[index + count - 1], bed):
+    while not _fits(part_set.parts[index + count - 1], bed):
         if count == MAX_PIECES:
             raise _too_large(
-                made.parts[index], bed, "it would take more than six pieces", "too-many-pieces"
+                part_set.parts[index], bed, "it would take more than six pieces", "too-many-pieces"
             )
-        cut = _cut_once(made, index + count - 1, bed, rules)
-        made = cut.made
+        cut = _cut_once(part_set, index + count - 1, bed, rules)
+        part_set = cut.part_set
         checks += cut.checks
-        notes.append(cut.note)
+        notes += cut.notes
         count += 1
         # The piece that is cut off fits; the rest follows it.
-    notes = [n.replace("{pieces}", _list_pieces(whole_part.name, count)) for n in notes]
-    return _Reduction(
-        letter_pieces(made, index, count, whole_part.name), tuple(checks), tuple(notes)
-    )
+    names = [f"{whole_part.name}-{chr(97 + k)}" for k in range(count)]
+    parts = list(part_set.parts)
+    for k, name in enumerate(names, start=index):
+        parts[k] = replace(parts[k], name=name)
+    notes = [n.replace("{pieces}", " and ".join(names)) for n in notes]
+    return Split(replace(part_set, parts=tuple(parts)), tuple(checks), tuple(notes))
 
 
 def _update_checks(
     whole: PartSet,
-    made: PartSet,
+    part_set: PartSet,
     changed: Sequence[str],
     pieces: Sequence[int],
     checks: Sequence[Check],
@@ -137,45 +121,44 @@ def _update_checks(
     """Return the parts with checks and warnings of the `pieces` (indices) in place of those of the
     `changed` parts (names) of the `whole` set.
     """
-    solids = [triangle_kernel.to_manifold(p.surface, p.name) for p in made.parts]
+    solids = [triangle_kernel.to_manifold(p.surface, p.name) for p in part_set.parts]
     new_checks = [
-        check_volumes(made),
-        check_overlaps(made),
-        check_insertion(made, solids, rules),
-        *check_thin_places(made, solids, pieces, rules),
-        *(check_one_solid(made.parts[k]) for k in pieces),
+        check_volumes(part_set),
+        check_overlaps(part_set),
+        check_insertion(part_set, solids, rules),
+        *check_thin_places(part_set, solids, pieces, rules),
+        *(check_one_solid(part_set.parts[k]) for k in pieces),
         *checks,
     ]
     new_names = {c.name for c in new_checks}
     old_checks = [
         c
-        for c in made.checks
+        for c in part_set.checks
         if c.name in new_names or c.name.startswith(tuple(f"{n}: " for n in changed))
     ]
     before = [i for i, p in enumerate(whole.parts) if p.name in changed]
     old_notes = {*(c.note for c in old_checks), *_notes_on(whole, before, changed)}
-    notes = [c.note for c in new_checks if c.note]
-    return replace(
-        made,
-        checks=(*(c for c in made.checks if c not in old_checks), *new_checks),
-        warnings=(
-            *(w for w in made.warnings if w not in old_notes),
-            *notes,
-            *_notes_on(made, pieces, changed),
-        ),
+    notes = {c.note: c.point for c in new_checks if c.note}
+    kept = replace(
+        part_set,
+        checks=(*(c for c in part_set.checks if c not in old_checks), *new_checks),
+        warnings={w: point for w, point in part_set.warnings.items() if w not in old_notes},
     )
+    return kept.with_warnings(notes | _notes_on(part_set, pieces, changed))
 
 
-def _notes_on(made: PartSet, which: Sequence[int], whole: Sequence[str]) -> list[str]:
-    """Return notes on these parts (indices), which are pieces unless they are named as `whole`
-    ones, and on all joints.
+def _notes_on(part_set: PartSet, which: Sequence[int], whole: Sequence[str]) -> dict[str, Float]:
+    """Return notes on parts and on all joints, each with a point (3,) mm.
+
+    Args:
+        part_set: All parts.
+        which: Indices of the parts.
+        whole: Names of the parts that are not pieces.
     """
-    parts = [part_checks.part_notes(made, i, made.parts[i].name not in whole) for i in which]
-    return [*(w for part in parts for w in part), *part_checks.joint_notes(made)]
-
-
-def _list_pieces(name: str, count: int) -> str:
-    return " and ".join(f"{name}-{chr(97 + k)}" for k in range(count))
+    notes: dict[str, Float] = {}
+    for i in which:
+        notes |= part_checks.part_notes(part_set, i, part_set.parts[i].name not in whole)
+    return notes | part_checks.joint_notes(part_set)
 
 
 def _fits(part: Part, bed: tuple[float, float, float]) -> bool:
@@ -201,12 +184,11 @@ def _too_large(
 
 
 def _cut_once(
-    made: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules
-) -> DowelledCut:
+    part_set: PartSet, index: int, bed: tuple[float, float, float], rules: PartRules
+) -> Split:
     """Cut the longest piece that leaves about equal ones off a part."""
-    part = made.parts[index]
-    normal = longest_direction(part)
-    max_length = longest_piece(part, normal, bed)
+    part = part_set.parts[index]
+    normal, max_length = longest_piece(part, bed)
     if max_length < 2 * MIN_PIECE_MM:
         size = np.ptp(lay_flat(part.surface, part.down).bounds, axis=0)
         a, b = np.delete(size, size.argmax())
@@ -217,8 +199,8 @@ def _cut_once(
             f"it is {a:.0f} mm wide and {b:.0f} mm {dimension}",
             "cross-section-too-large",
         )
-    for height in rank_cut_heights(made, index, normal, max_length):
-        cut = cut_across(made, index, normal, float(height), rules)
+    for height in rank_cut_heights(part_set, index, normal, max_length):
+        cut = cut_across(part_set, index, normal, float(height), rules)
         if cut is not None:
             return cut
     raise _too_large(

@@ -200,14 +200,3 @@ def rest_state(conditions: BoundaryConditions, nodes: int) -> State:
         np.zeros((count, 3)),
         conditions.at_rest(),
     )
-
-
-def rotation_matrix(vector: Float) -> Float:
-    """Convert rotation vectors (..., 3) rad to matrices (..., 3, 3) by Rodrigues' formula."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    k = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
-    k = k.reshape(*vector.shape[:-1], 3, 3)
-    half = np.sinc(angle / (2 * np.pi))
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * k + 0.5 * half**2 * k @ k)

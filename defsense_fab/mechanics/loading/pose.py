@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -44,37 +44,13 @@ def mix_poses(
 
     Raises:
         DeviceError: If a region holds too few nodes or no face, regions overlap with different
-            motions, the poses contradict each other, or a handle is_turned_out a plane of symmetry.
+            motions, the poses contradict each other, or a handle is turned out of a plane of
+            symmetry.
     """
     label = " + ".join(f"{w:g} {n}" for n, w in weights.items())
     nodes = mesh.nodes
-    fixed: set[str] = set()
-    handles: dict[str, Handle] = {}
-    prescribed: dict[str, Float] = {}
-    slides: dict[str, list[Float]] = {}
-    drags: list[PointDrag] = []
-    pressures: dict[str, float] = {}
-    gravity = np.zeros(3)
-    for pose in poses:
-        weight = weights.get(pose.name, 0.0)
-        if weight == 0:
-            continue
-        fixed |= set(pose.fixed)
-        for h in pose.handles:
-            scaled = replace(h, rotation=weight * h.rotation, translation=weight * h.translation)
-            previous = handles.get(h.region)
-            handles[h.region] = scaled if previous is None else _add(previous, scaled, label)
-            terms = np.stack([prescribed.get(h.region, np.full(3, np.nan)), scaled.translation])
-            prescribed[h.region] = np.where(
-                np.isnan(terms).all(0), np.nan, np.nansum(terms, axis=0)
-            )
-        for s in pose.symmetry:
-            slides.setdefault(s.region, []).append(s.normal)
-        drags += [replace(d, by=weight * d.by) for d in pose.drags]
-        for p in pose.pressures:
-            pressures[p.region] = pressures.get(p.region, 0.0) + weight * p.value
-        gravity += weight * pose.gravity
-    for name in sorted(fixed & set(handles)):
+    total = _sum_poses(poses, weights, label)
+    for name in sorted(total.fixed & set(total.handles)):
         raise DeviceError(
             f"the mixture {label!r} both fixes and moves region {name!r}",
             code="region-fixed-and-moved",
@@ -83,29 +59,78 @@ def mix_poses(
             mixture=label,
             region=name,
         )
-    owner = _owners(fixed, handles, regions, nodes, label)
-    held = np.flatnonzero(np.isin(owner.astype(str), sorted(fixed)))
+    owner = _owners(total.fixed, total.handles, regions, nodes, label)
+    held = np.flatnonzero(np.isin(owner.astype(str), sorted(total.fixed)))
     rigid = tuple(
-        _rigid(name, np.flatnonzero(owner == name), handles[name], prescribed[name], nodes)
-        for name in sorted(handles)
+        _rigid(name, np.flatnonzero(owner == name), handle, total.prescribed[name], nodes)
+        for name, handle in sorted(total.handles.items())
     )
     planes: list[Slide] = []
-    for name, normals in sorted(slides.items()):
+    for name, normals in sorted(total.slides.items()):
         members = np.flatnonzero(regions[name].contains(nodes))
         if len(members) < 3:
             raise _too_few_nodes(name, len(members))
         distinct = {n.tobytes(): n for n in normals}.values()
         planes.extend(_slide(name, members, normal, nodes) for normal in distinct)
+    pressures = sorted(total.pressures.items())
     conditions = BoundaryConditions(
         held,
         rigid,
         tuple(planes),
-        tuple(drags),
-        tuple(_pressure(name, v, regions[name], mesh) for name, v in sorted(pressures.items())),
-        gravity * (_GRAVITY_MM_S2 * _T_PER_MM3 * density),
+        tuple(total.drags),
+        tuple(_pressure(name, v, regions[name], mesh) for name, v in pressures),
+        total.gravity * (_GRAVITY_MM_S2 * _T_PER_MM3 * density),
     )
     _check_symmetry(conditions, label)
     return conditions
+
+
+@dataclass
+class _PoseSum:
+    """Weighted sum of poses.
+
+    Attributes:
+        fixed: Names of the fixed regions.
+        handles: Rigid motions by region.
+        prescribed: Their prescribed translations (3,) by region, mm; NaN for free directions.
+        slides: Normals (3,) of planes of symmetry by region.
+        drags: Pulled points.
+        pressures: Pressures by region, MPa.
+        gravity: Sum of the poses' gravity vectors (3,), in units of standard gravity.
+    """
+
+    fixed: set[str] = field(default_factory=set)
+    handles: dict[str, Handle] = field(default_factory=dict)
+    prescribed: dict[str, Float] = field(default_factory=dict)
+    slides: dict[str, list[Float]] = field(default_factory=dict)
+    drags: list[PointDrag] = field(default_factory=list)
+    pressures: dict[str, float] = field(default_factory=dict)
+    gravity: Float = field(default_factory=lambda: np.zeros(3))
+
+
+def _sum_poses(poses: Sequence[Pose], weights: Mapping[str, float], label: str) -> _PoseSum:
+    total = _PoseSum()
+    for pose in poses:
+        weight = weights.get(pose.name, 0.0)
+        if weight == 0:
+            continue
+        total.fixed |= set(pose.fixed)
+        for h in pose.handles:
+            scaled = replace(h, rotation=weight * h.rotation, translation=weight * h.translation)
+            previous = total.handles.get(h.region)
+            total.handles[h.region] = scaled if previous is None else _add(previous, scaled, label)
+            before = total.prescribed.get(h.region, np.full(3, np.nan))
+            terms = np.stack([before, scaled.translation])
+            total.prescribed[h.region] = np.where(
+                np.isnan(terms).all(0), np.nan, np.nansum(terms, axis=0)
+            )
+        for s in pose.symmetry:
+            total.slides.setdefault(s.region, []).append(s.normal)
+        total.drags += [replace(d, by=weight * d.by) for d in pose.drags]
+        for p in pose.pressures:
+            total.pressures[p.region] = total.pressures.get(p.region, 0.0) + weight * p.value
+        total.gravity += weight * pose.gravity
+    return total
 
 
 def _add(a: Handle, b: Handle, label: str) -> Handle:
@@ -143,7 +168,7 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
 def _too_few_nodes(name: str, count: int) -> DeviceError:
     return DeviceError(
         f"contains {count} nodes of the mesh",
-        code="region-too-few-nodes",
+        code="too-few-region-nodes",
         where=f"device.toml: regions.{name}",
         action="Move or enlarge it, or use a smaller [mesh] edge_length",
         region=name,

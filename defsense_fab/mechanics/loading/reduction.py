@@ -1,9 +1,7 @@
 """Eliminate boundary conditions: map few unknowns to the positions of all nodes.
 
 Nothing is enforced by penalty. A free node has three unknowns, a sliding node those along its
-plane, and a rigid handle its free translations and rotations; everything else is prescribed. The
-unknowns of one node or handle are consecutive and form a group, so that the pattern of the matrix
-is found quickly from the pattern of the groups.
+plane, and a rigid handle its free translations and rotations; everything else is prescribed.
 """
 
 from __future__ import annotations
@@ -15,11 +13,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...core.arrays import Float, Int
-from ...core.machine.compiled import compiled
+from ...core.rotations import rotation_matrices
 from ..elements.material import Material
-from ..elements.tet10 import QuadraticMesh, element_tangent
+from ..elements.tet10 import QuadraticMesh
 from ..elements.threads import run_in_chunks
-from .boundary_conditions import BoundaryConditions, State, rotation_matrix
+from .assembly import assemble_tangents, find_places
+from .boundary_conditions import BoundaryConditions, State
 
 
 class Reduction:
@@ -31,6 +30,7 @@ class Reduction:
 
     Attributes:
         mesh: The mesh.
+        active: The mesh without the tets that lie entirely in one rigid piece.
         size: Number of unknowns.
         dof: (n, 6) numbers of the unknowns that move each node, -1 for none: three translations,
             then rotations of its handle about the current center.
@@ -39,7 +39,7 @@ class Reduction:
     def __init__(self, mesh: QuadraticMesh, conditions: BoundaryConditions) -> None:
         self.mesh = mesh
         count = len(mesh.nodes)
-        self._local = np.full((count, 6), -1)  # number of the unknown within its group
+        within = np.full((count, 6), -1)  # number of the unknown within its group
         self._basis = np.zeros((count, 3, 6))
         self._basis[:, :, :3] = np.eye(3)
         self._special = np.zeros(count, bool)
@@ -53,7 +53,7 @@ class Reduction:
             local = np.full(6, -1)
             local[:3][moves] = np.arange(moves.sum())
             local[3 : 3 + len(h.free_axes)] = moves.sum() + np.arange(len(h.free_axes))
-            self._local[h.nodes] = local
+            within[h.nodes] = local
             if (local >= 0).any():
                 group[h.nodes] = len(sizes)
                 sizes.append(int((local >= 0).sum()))
@@ -65,50 +65,28 @@ class Reduction:
             width = basis.shape[1]
             if width:
                 self._basis[nodes, :, :width] = basis
-                self._local[nodes, :width] = np.arange(width)
+                within[nodes, :width] = np.arange(width)
                 group[nodes] = len(sizes) + np.arange(len(nodes))
                 sizes += [width] * len(nodes)
         nodes = np.flatnonzero(free)
         group[nodes] = len(sizes) + np.arange(len(nodes))
-        self._local[nodes, :3] = [0, 1, 2]
+        within[nodes, :3] = [0, 1, 2]
         size = np.concatenate([np.array(sizes, int), np.full(len(nodes), 3)])
-        self._start = np.concatenate([[0], np.cumsum(size)])
-        self.size = int(self._start[-1])
-        self.dof: Int = np.where(self._local >= 0, self._start[group][:, None] + self._local, -1)
+        start = np.concatenate([[0], np.cumsum(size)])
+        self.size = int(start[-1])
+        self.dof: Int = np.where(within >= 0, start[group][:, None] + within, -1)
         self._group = group
-        self._active = mesh.subset(_deforming(mesh, conditions))
-        self._pattern(size)
-
-    @property
-    def active(self) -> QuadraticMesh:
-        """The mesh without the tets that lie entirely in one rigid piece."""
-        return self._active
+        self.active = mesh.subset(_deforming(mesh, conditions))
+        self._places, self._indices = find_places(
+            self.active.cells, self._special, within, self._group, start, size
+        )
+        self._indptr = self._places.indptr
+        self._sorted_keys: Int | None = None
 
     @property
     def is_free(self) -> Float:
         """(n,) bool, whether a node has three unknowns that move no other node."""
         return np.asarray((self._group >= 0) & ~self._special)
-
-    def _pattern(self, size: Int) -> None:
-        """Find the sparsity pattern of the matrix from the sizes of the groups."""
-        groups = self._group[self._active.cells]
-        rows, columns = np.repeat(groups, 10, axis=1).ravel(), np.tile(groups, (1, 10)).ravel()
-        keep = (rows >= 0) & (columns >= rows)
-        count = len(size)
-        graph = sp.csr_matrix(
-            (np.ones(keep.sum(), np.int8), (rows[keep], columns[keep])), shape=(count, count)
-        )
-        graph.sum_duplicates()
-        graph.data[:] = 1
-        # A group that no active tet touches would leave an empty row.
-        graph = (graph + sp.eye(count, dtype=np.int8, format="csr")).tocsr()
-        graph.sort_indices()
-        self._indptr, self._indices = _expand_pattern(
-            graph.indptr, graph.indices, self._start, size
-        )
-        self._offset = _pair_offsets(groups, graph.indptr, graph.indices, size)
-        self._sizes = size
-        self._sorted_keys: Int | None = None
 
     def place(self, state: State, goal: BoundaryConditions) -> State:
         """Return the state with its prescribed parts moved to `goal`; the unknowns stay."""
@@ -119,7 +97,7 @@ class Reduction:
         )
         for i, h in enumerate(goal.handles):
             if len(h.free_axes) == 0:
-                rotations[i] = rotation_matrix(h.rotation)
+                rotations[i] = rotation_matrices(h.rotation)
             is_prescribed = ~np.isnan(h.translation)
             translations[i][is_prescribed] = h.translation[is_prescribed]
             self._carry(u, h.nodes, h.center, rotations[i], translations[i])
@@ -136,7 +114,7 @@ class Reduction:
             axes = len(h.free_axes)
             if axes:
                 turn = q[dof[3 : 3 + axes]] @ h.free_axes
-                rotations[i] = rotation_matrix(turn) @ rotations[i]
+                rotations[i] = rotation_matrices(turn) @ rotations[i]
             self._carry(u, h.nodes, h.center, rotations[i], translations[i])
         return replace(state, u=u, rotations=rotations, translations=translations)
 
@@ -209,22 +187,22 @@ class Reduction:
         Returns:
             Upper triangle (CSR) of the (size, size) tangent.
         """
-        mesh = self._active
+        mesh = self.active
         chunks = max(1, min(threads, len(mesh.cells) // 200))
         data = np.zeros((chunks, len(self._indices)))
         step = -(-len(mesh.cells) // chunks)
         basis = self.basis(state)
         if lag is None:
             lag = np.zeros(F.shape[:2])
+        law = (material.kind, material.parameters)
 
         def assemble(a: int, b: int) -> None:
             for i in range(a, b):
-                _assemble(
-                    F, mesh.gradient, mesh.weight, material.kind, material.parameters, lag,
-                    float(share), mesh.cells, self._special, basis, self._local, self._group,
-                    self._start, self._sizes, self._offset, self._indptr,
-                    i * step, min((i + 1) * step, len(mesh.cells)), data[i],
-                )  # fmt: skip
+                tets = slice(i * step, (i + 1) * step)
+                elements = (F[tets], mesh.gradient[tets], mesh.weight[tets], lag[tets])
+                assemble_tangents(
+                    elements, law, float(share), i * step, self._places, basis, data[i]
+                )
 
         run_in_chunks(assemble, chunks, threads, smallest=1)
         values = data[0] if chunks == 1 else data.sum(axis=0)
@@ -306,121 +284,3 @@ def _deforming(mesh: QuadraticMesh, conditions: BoundaryConditions) -> Float:
         owner[h.nodes] = i + 1
     owners = owner[mesh.cells]
     return np.asarray((owners[:, 0] < 0) | (owners != owners[:, :1]).any(axis=1))
-
-
-@compiled()
-def _expand_pattern(indptr, indices, start, size):  # type: ignore[no-untyped-def]
-    """Expand the pattern of groups (upper, diagonal first in a row) to that of the unknowns."""
-    total = start[-1]
-    out = np.zeros(total + 1, np.int32)
-    for g in range(len(size)):
-        width = 0
-        for k in range(indptr[g], indptr[g + 1]):
-            if indices[k] != g:
-                width += size[indices[k]]
-        for i in range(size[g]):
-            out[start[g] + i + 1] = width + size[g] - i
-    out = np.cumsum(out).astype(np.int32)
-    columns = np.empty(out[-1], np.int32)
-    for g in range(len(size)):
-        for i in range(size[g]):
-            at = out[start[g] + i]
-            for c in range(start[g] + i, start[g] + size[g]):
-                columns[at] = c
-                at += 1
-            for k in range(indptr[g], indptr[g + 1]):
-                h = indices[k]
-                if h != g:
-                    for c in range(start[h], start[h] + size[h]):
-                        columns[at] = c
-                        at += 1
-    return out, columns
-
-
-@compiled()
-def _pair_offsets(groups, indptr, indices, size):  # type: ignore[no-untyped-def]
-    """Return offsets (m, 10, 10) of the second node's group in the rows of the first node's."""
-    before = np.zeros(len(indices), np.int32)
-    for g in range(len(size)):
-        at = 0
-        for k in range(indptr[g], indptr[g + 1]):
-            before[k] = at
-            if indices[k] != g:
-                at += size[indices[k]]
-    out = np.zeros((len(groups), 10, 10), np.int32)
-    for e in range(len(groups)):
-        for a in range(10):
-            g = groups[e, a]
-            if g < 0:
-                continue
-            for b in range(10):
-                if groups[e, b] > g:
-                    low, high = indptr[g], indptr[g + 1]
-                    while high - low > 1:
-                        middle = (low + high) // 2
-                        if indices[middle] <= groups[e, b]:
-                            low = middle
-                        else:
-                            high = middle
-                    out[e, a, b] = before[low]
-    return out
-
-
-@compiled()
-def _assemble(  # type: ignore[no-untyped-def]
-    F, gradient, weight, kind, p, lag, share,
-    cells, special, basis, local, group, start, size, offset, indptr, first, last, data,
-):  # fmt: skip
-    K, H, T = np.empty((30, 30)), np.empty((9, 9)), np.empty((9, 30))
-    block = np.empty((6, 6))
-    half = np.empty((3, 6))
-    for e in range(first, last):
-        element_tangent(F[e], gradient[e], weight[e], kind, p, lag[e], share, K, H, T)
-        for a in range(10):
-            na = cells[e, a]
-            g = group[na]
-            if g < 0:
-                continue
-            for b in range(10):
-                nb = cells[e, b]
-                h = group[nb]
-                if h < g:
-                    continue
-                shift = size[g] + offset[e, a, b]
-                if not special[na] and not special[nb]:
-                    for i in range(3):
-                        row = indptr[start[g] + i]
-                        if g == h:
-                            for j in range(i, 3):
-                                data[row + j - i] += K[3 * a + i, 3 * b + j]
-                        else:
-                            row += shift - i
-                            for j in range(3):
-                                data[row + j] += K[3 * a + i, 3 * b + j]
-                    continue
-                for i in range(3):
-                    for d in range(6):
-                        half[i, d] = 0.0
-                        if local[nb, d] >= 0:
-                            for j in range(3):
-                                half[i, d] += K[3 * a + i, 3 * b + j] * basis[nb, j, d]
-                for c in range(6):
-                    if local[na, c] < 0:
-                        continue
-                    for d in range(6):
-                        block[c, d] = 0.0
-                        for i in range(3):
-                            block[c, d] += basis[na, i, c] * half[i, d]
-                for c in range(6):
-                    i = local[na, c]
-                    if i < 0:
-                        continue
-                    row = indptr[start[g] + i]
-                    for d in range(6):
-                        j = local[nb, d]
-                        if j < 0:
-                            continue
-                        if g != h:
-                            data[row + shift - i + j] += block[c, d]
-                        elif j >= i:
-                            data[row + j - i] += block[c, d]

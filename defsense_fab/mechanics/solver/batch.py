@@ -21,7 +21,7 @@ class Job:
 
     Attributes:
         conditions: Boundary conditions at the full amplitude.
-        fractions: Increasing fractions of the way from rest at which the equilibria are wanted.
+        fractions: Increasing fractions of the way from rest of the requested equilibria.
         name: Name for people.
     """
 
@@ -54,6 +54,7 @@ def solve_all(
     """
     total = threads or count_cores()
     workers = max(1, min(total, len(jobs)))
+    share = max(1, total // workers)  # of the threads, for each worker
     waiting = sorted(range(len(jobs)), key=lambda i: jobs[i].conditions.structure.__repr__())
     lock, is_cancelled = threading.Lock(), threading.Event()
     results: list[list[Equilibrium]] = [[] for _ in jobs]
@@ -76,7 +77,7 @@ def solve_all(
                 if system is None or system.structure != job.conditions.structure:
                     if system:
                         system.close()
-                    system = System(mesh, material, job.conditions, max(1, total // workers))
+                    system = System(mesh, material, job.conditions, share)
                 system.reset()  # else results would depend on the number of threads
                 start = rest_state(job.conditions, len(mesh.nodes))
                 report = (lambda at, i=i: on_step(i, at)) if on_step else None
@@ -86,7 +87,6 @@ def solve_all(
                 equilibria = confirm_equilibria(
                     system, start, job.conditions, equilibria, job.fractions, is_cancelled.is_set
                 )
-                share = max(1, total // workers)
                 results[i] = continue_from_free(
                     mesh, material, equilibria, share, is_cancelled.is_set
                 )

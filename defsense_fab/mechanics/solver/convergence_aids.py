@@ -8,8 +8,9 @@ import scipy.sparse.linalg as spl
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
+from ...core.rotations import rotation_matrices
 from ..elements.tet10 import QUADRATURE, QuadraticMesh
-from ..loading.boundary_conditions import BoundaryConditions, State, rotation_matrix
+from ..loading.boundary_conditions import BoundaryConditions, State
 from ..loading.reduction import Reduction
 
 LARGE_RESIDUAL_FRACTION = 0.1  # of the largest residual, from which one counts as large
@@ -110,4 +111,4 @@ class HandleRotation:
         for k, i in enumerate(self._handles):
             turn = Rotation.from_matrix(after.rotations[i] @ before.rotations[i].T).as_rotvec()
             vector += self._weights[k][..., None] * turn
-        return np.asarray(rotation_matrix(vector) @ F)
+        return np.asarray(rotation_matrices(vector) @ F)

@@ -30,18 +30,11 @@ class FieldValidity:
 
     Attributes:
         inverted: (k,) numbers of tets with det F <= 0 at a node or a quadrature point.
-        min_jacobian: Smallest det F at all nodes and quadrature points.
         penetrations: (p, 3) mm, points of the deformed surface that lie inside the body.
     """
 
     inverted: Int
-    min_jacobian: float
     penetrations: Float
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether no tet is inverted and the body does not pass through itself."""
-        return len(self.inverted) == 0 and len(self.penetrations) == 0
 
     def problem(self) -> str | None:
         """Describe what is wrong, for people; None for a valid field."""
@@ -65,7 +58,7 @@ def check_field(mesh: QuadraticMesh, u: Float) -> FieldValidity:
     inner = deformation_gradient(mesh, u)
     jacobian = np.linalg.det(np.concatenate([nodal_gradients(mesh, u), inner], axis=1))
     inverted = np.flatnonzero((jacobian <= 0).any(axis=1))
-    return FieldValidity(inverted, float(jacobian.min()), _find_penetrations(mesh, u))
+    return FieldValidity(inverted, _find_penetrations(mesh, u))
 
 
 def _find_penetrations(mesh: QuadraticMesh, u: Float) -> Float:
@@ -97,7 +90,8 @@ def deformation_gradient_at_nodes(mesh: QuadraticMesh, u: Float) -> Float:
 
 def principal_stretches(F: Float) -> Float:
     """Return the principal stretches (..., 3) of gradients (..., 3, 3), largest first."""
-    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(_right_cauchy_green(F)), 0))[..., ::-1])
+    C = np.einsum("...ki,...kj->...ij", F, F)
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(C), 0))[..., ::-1])
 
 
 def stretch_along(F: Float, direction: Float) -> Float:
@@ -109,12 +103,3 @@ def stretch_along(F: Float, direction: Float) -> Float:
     """
     d = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(np.linalg.norm(np.einsum("...aj,...j->...a", F, d), axis=-1))
-
-
-def green_strain(F: Float) -> Float:
-    """Return the Green strain E = (F^T F - 1) / 2, (..., 3, 3)."""
-    return np.asarray((_right_cauchy_green(F) - np.eye(3)) / 2)
-
-
-def _right_cauchy_green(F: Float) -> Float:
-    return np.asarray(np.einsum("...ki,...kj->...ij", F, F))

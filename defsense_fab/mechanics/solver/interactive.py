@@ -9,7 +9,7 @@ from ..elements.material import Material
 from ..elements.point_location import PointLocator
 from ..elements.tet10 import QuadraticMesh
 from ..loading.boundary_conditions import BoundaryConditions, State, rest_state
-from .load_stepping import Equilibrium, Status, follow
+from .load_stepping import Equilibrium, Status, Stepping, follow
 from .newton import TOLERANCE, System
 
 #: Relative residual that is enough for display: errors of hundredths of a micrometer on bodies of
@@ -116,13 +116,9 @@ class InteractiveSolver:
     ) -> Equilibrium:
         ahead, guess = None, None
         if self._coarse_ahead is not None:
+            visual = Stepping(check=False, tolerance=VISUAL_TOLERANCE)
             coarse = follow(
-                self._systems[0],
-                self._coarse_ahead,
-                goals[0],
-                stop=stop,
-                check=False,
-                tolerance=VISUAL_TOLERANCE,
+                self._systems[0], self._coarse_ahead, goals[0], stop=stop, stepping=visual
             )[-1]
             if coarse.status is Status.CANCELLED:
                 return coarse
@@ -136,10 +132,10 @@ class InteractiveSolver:
         def ended() -> bool:
             return bool((stop and stop()) or (newer and newer()))
 
-        fine = follow(
-            self._systems[-1], self._states[-1], goals[-1], stop=ended, check=check, guess=guess,
-            tolerance=tolerance,
-        )[-1]  # fmt: skip
+        exact = Stepping(check, guess, tolerance=tolerance)
+        fine = follow(self._systems[-1], self._states[-1], goals[-1], stop=ended, stepping=exact)[
+            -1
+        ]
         if fine.state is not None:
             coarse_state = self._states[:-1] if ahead is None else [ahead]
             self._states = [*coarse_state, fine.state]

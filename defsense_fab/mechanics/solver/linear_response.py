@@ -199,13 +199,13 @@ def _align_pairs(values: Float, vectors: Float, reduction: Reduction, state: Sta
     return out
 
 
-def propose_poses(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[ProposedPose]:
+def propose_poses(mesh: QuadraticMesh, fixed: Int, modes: list[Mode]) -> list[ProposedPose]:
     """Propose a pose for each first-order mode, which the end of the body can be moved through.
 
     Args:
         mesh: Mesh of the body.
         fixed: Numbers (k,) of the nodes that are held.
-        found: Modes from `vibration_modes`.
+        modes: Modes from `vibration_modes`.
     """
     axis, start, length = _body_axis(mesh, fixed)
     x = mesh.nodes
@@ -217,7 +217,7 @@ def propose_poses(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[Pr
     out: list[ProposedPose] = []
     names: dict[str, int] = {}
     free = np.full(3, np.nan)
-    for mode in found:
+    for mode in modes:
         if mode.order > 1:
             continue
         move, turn = _fit_rigid_motion(x[end] - center, mode.shape[end])

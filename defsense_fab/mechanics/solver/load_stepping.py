@@ -21,7 +21,7 @@ from ..loading.boundary_conditions import (
     rest_state,
 )
 from .fields import check_field
-from .newton import INTERMEDIATE_TOLERANCE, TOLERANCE, Cancelled, System
+from .newton import INTERMEDIATE_TOLERANCE, TOLERANCE, Attempt, Cancelled, System
 
 MIN_STEP = 1 / 16  # of the way
 EASY_STEP_MATRICES = 5  # a step that takes no more doubles the next one
@@ -123,6 +123,52 @@ def solve_ramp(
         system.close()
 
 
+@dataclass(frozen=True)
+class Stepping:
+    """How load steps are taken, and their results checked.
+
+    Attributes:
+        check: Look for inverted tets and self-penetration, and check that the state is a minimum of
+            the energy.
+        guess: Expected displacement increment (n, 3) mm to the goal, such as that of a coarser
+            mesh. It is used only if one step leads to the goal.
+        largest_turn: Largest turn of a handle in one step, rad.
+        tolerance: Residual at the requested fractions, relative to the largest nodal force.
+    """
+
+    check: bool = True
+    guess: Float | None = None
+    largest_turn: float = MAX_STEP_TURN_RAD
+    tolerance: float = TOLERANCE
+
+
+@dataclass
+class _Effort:
+    """The effort of the steps to one fraction so far, and the last of them."""
+
+    started_at: float = field(default_factory=time.perf_counter)
+    iterations: int = 0
+    factors: int = 0
+    steps: int = 0
+    residual: float = np.inf
+    energy: float = np.inf
+    stable: bool = True
+
+    def add(self, attempt: Attempt) -> None:
+        self.iterations += attempt.solves
+        self.factors += attempt.factors
+        if attempt.state is not None:
+            self.steps += 1
+            self.residual, self.energy = attempt.residual, attempt.energy
+            self.stable = attempt.stable
+
+    def statistics(self) -> SolveStatistics:
+        seconds = time.perf_counter() - self.started_at
+        return SolveStatistics(
+            self.iterations, self.factors, self.steps, self.residual, self.energy, seconds
+        )
+
+
 def follow(
     system: System,
     start: State,
@@ -130,10 +176,7 @@ def follow(
     fractions: Sequence[float] = (1.0,),
     on_step: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
-    check: bool = True,
-    guess: Float | None = None,
-    largest_turn: float = MAX_STEP_TURN_RAD,
-    tolerance: float = TOLERANCE,
+    stepping: Stepping | None = None,
 ) -> list[Equilibrium]:
     """Solve equilibria at fractions of the way from one equilibrium to other conditions.
 
@@ -144,12 +187,7 @@ def follow(
         fractions: Increasing fractions of the way.
         on_step: Called with the fraction reached after each step.
         stop: Returns True to cancel.
-        check: Look for inverted tets and self-penetration, and check that the state is a minimum of
-            the energy.
-        guess: Expected displacement increment (n, 3) mm to the goal, such as that of a coarser
-            mesh. It is used only if one step leads to the goal.
-        largest_turn: Largest turn of a handle in one step, rad.
-        tolerance: Residual at the fractions, relative to the largest nodal force.
+        stepping: How steps are taken and checked.
 
     Returns:
         One record per fraction. After a fraction that was not reached, or a cancellation, the list
@@ -160,70 +198,67 @@ def follow(
     """
     if goal.structure != system.structure:
         raise ValueError("the goal's boundary conditions differ in structure from the system's")
+    stepping = stepping or Stepping()
     home, state, fraction = start.conditions, start, 0.0
-    max_step = 1.0 / math.ceil(max(_turn(home, goal) / largest_turn - 1e-9, 1.0))
+    max_step = 1.0 / math.ceil(max(_turn(home, goal) / stepping.largest_turn - 1e-9, 1.0))
     step = max_step
-    if max_step < 1 or list(fractions) != [1.0]:
-        guess = None
+    is_one_step = max_step == 1 and list(fractions) == [1.0]
+    guess = stepping.guess if is_one_step else None
     results: list[Equilibrium] = []
     for target in fractions:
-        started_at = time.perf_counter()
+        effort = _Effort()
         min_step = min(MIN_STEP, (target - fraction) / 4)
-        iterations = factors = steps = 0
-        residual = energy = np.inf
-        stable = True
-
-        def statistics() -> SolveStatistics:
-            seconds = time.perf_counter() - started_at  # noqa: B023
-            return SolveStatistics(iterations, factors, steps, residual, energy, seconds)  # noqa: B023
-
         while fraction < target - 1e-12:
             next_fraction = min(fraction + step, target)
             if target - next_fraction < 0.25 * step:
                 next_fraction = target
+            tolerance = stepping.tolerance if next_fraction == target else INTERMEDIATE_TOLERANCE
+            conditions = interpolate_conditions(home, goal, next_fraction)
             try:
-                attempt = system.step(
-                    state,
-                    interpolate_conditions(home, goal, next_fraction),
-                    stop,
-                    guess,
-                    tolerance if next_fraction == target else INTERMEDIATE_TOLERANCE,
-                )
-                guess = None  # it is valid for a single step to the goal
+                attempt = system.step(state, conditions, stop, guess, tolerance)
             except Cancelled:
-                results.append(Equilibrium(Status.CANCELLED, None, fraction, statistics(), state))
-                return results
-            iterations += attempt.solves
-            factors += attempt.factors
+                stats = effort.statistics()
+                return [*results, Equilibrium(Status.CANCELLED, None, fraction, stats, state)]
+            guess = None  # it is valid for a single step to the goal
+            effort.add(attempt)
             if attempt.state is None:
                 step = (next_fraction - fraction) / 2
                 if step < min_step:
-                    results.append(
-                        Equilibrium(Status.NOT_REACHED, None, fraction, statistics(), state)
-                    )
-                    return results
+                    stats = effort.statistics()
+                    return [*results, Equilibrium(Status.NOT_REACHED, None, fraction, stats, state)]
                 continue
             state, fraction = attempt.state, next_fraction
-            residual, energy, stable = attempt.residual, attempt.energy, attempt.stable
-            steps += 1
             if attempt.factors <= EASY_STEP_MATRICES:
                 step = min(2 * step, max_step)
             if on_step:
                 on_step(fraction)
-        problem = check_field(system.mesh, state.u).problem() if check else None
-        status = Status.OK
-        if problem:
-            status = Status.UNSOUND
-        elif check and not (stable or system.is_stable(state)):
-            status, problem = Status.UNSTABLE, "the equilibrium is unstable: the body would buckle"
-        results.append(Equilibrium(status, state, fraction, statistics(), None, problem))
+        status, problem = Status.OK, None
+        if stepping.check:
+            status, problem = _check_equilibrium(system, state, effort.stable)
+        results.append(Equilibrium(status, state, fraction, effort.statistics(), None, problem))
     return results
+
+
+def _check_equilibrium(system: System, state: State, stable: bool) -> tuple[Status, str | None]:
+    """Return the status of an equilibrium, and what is wrong with it.
+
+    Args:
+        system: The system.
+        state: The equilibrium.
+        stable: Whether it is known to be a minimum of the energy.
+    """
+    problem = check_field(system.mesh, state.u).problem()
+    if problem:
+        return Status.UNSOUND, problem
+    if not (stable or system.is_stable(state)):
+        return Status.UNSTABLE, "the equilibrium is unstable: the body would buckle"
+    return Status.OK, None
 
 
 def continue_from_free(
     mesh: QuadraticMesh,
     material: Material,
-    found: Sequence[Equilibrium],
+    equilibria: Sequence[Equilibrium],
     threads: int = 1,
     stop: Callable[[], bool] | None = None,
 ) -> list[Equilibrium]:
@@ -232,7 +267,7 @@ def continue_from_free(
     Args:
         mesh: Mesh of the body.
         material: Its material.
-        found: Equilibria of one pose at increasing fractions.
+        equilibria: Equilibria of one pose at increasing fractions.
         threads: Number of threads.
         stop: Returns True to cancel.
 
@@ -242,7 +277,7 @@ def continue_from_free(
     """
     out, system = [], None
     try:
-        for equilibrium in found:
+        for equilibrium in equilibria:
             continuation = (
                 continue_handles(equilibrium.state) if equilibrium.state is not None else None
             )
@@ -266,7 +301,7 @@ def confirm_equilibria(
     system: System,
     start: State,
     goal: BoundaryConditions,
-    found: Sequence[Equilibrium],
+    equilibria: Sequence[Equilibrium],
     fractions: Sequence[float],
     stop: Callable[[], bool] | None = None,
 ) -> list[Equilibrium]:
@@ -279,7 +314,7 @@ def confirm_equilibria(
         system: The system that `follow` used.
         start: Its start.
         goal: Its goal.
-        found: Its result.
+        equilibria: Its result.
         fractions: Its fractions.
         stop: Returns True to cancel.
 
@@ -287,13 +322,12 @@ def confirm_equilibria(
         The equilibria with their status updated.
     """
     if _turn(start.conditions, goal) <= MAX_STEP_TURN_RAD:
-        return list(found)
-    halved = follow(
-        system, start, goal, fractions, None, stop, check=False, largest_turn=MAX_STEP_TURN_RAD / 2
-    )
+        return list(equilibria)
+    half_steps = Stepping(check=False, largest_turn=MAX_STEP_TURN_RAD / 2)
+    halved = follow(system, start, goal, fractions, None, stop, half_steps)
     size = float(np.linalg.norm(np.ptp(system.mesh.nodes, axis=0)))
-    out = list(found)
-    for k, equilibrium in enumerate(found):
+    out = list(equilibria)
+    for k, equilibrium in enumerate(equilibria):
         comparison = halved[k] if k < len(halved) else halved[-1]
         if equilibrium.u is None or comparison.status is Status.CANCELLED:
             continue

@@ -153,7 +153,6 @@ class System:
         stop: Callable[[], bool] | None = None,
         guess: Float | None = None,
         tolerance: float = TOLERANCE,
-        patience: int = PATIENCE,
     ) -> Attempt:
         """Step from an equilibrium to the one under other conditions: predictor, then Newton.
 
@@ -163,7 +162,6 @@ class System:
             stop: Returns True to cancel.
             guess: Guessed displacement increment (n, 3) mm, tried instead of the predictor first.
             tolerance: Relative residual of the equilibrium.
-            patience: Number of matrices after which a distant step is given up.
 
         Raises:
             Cancelled: If `stop` returned True.
@@ -199,7 +197,7 @@ class System:
             G, tet10.deformation_gradient(active, linear, self.threads), self.threads
         )
         placed = self.reduction.move(placed, by)
-        attempt = self.equilibrium(placed, stop, tolerance, patience - 1, volume)
+        attempt = self.equilibrium(placed, stop, tolerance, PATIENCE - 1, volume)
         return replace(attempt, solves=attempt.solves + 1, factors=attempt.factors + spent + 1)
 
     def equilibrium(
@@ -263,10 +261,10 @@ class System:
 
     def _solve_patch(self, now: _Iterate, stop: Callable[[], bool] | None) -> State | None:
         """Return the state with its stuck patch, if any, in equilibrium while the rest is held."""
-        found = find_stuck_patch(self.reduction, now.gradient)
-        if found is None:
+        stuck = find_stuck_patch(self.reduction, now.gradient)
+        if stuck is None:
             return None
-        nodes, cells = found
+        nodes, cells = stuck
         held = replace(
             now.state.conditions,
             fixed=np.flatnonzero(np.logical_not(nodes)),
@@ -305,11 +303,6 @@ class System:
         except NotPositiveDefinite:
             return False
         return True
-
-    @property
-    def has_modified_tangent(self) -> bool:
-        """Whether the last tangent was made positive definite by removing a negative part."""
-        return self._share > 0
 
     def _factor(self, now: _Iterate) -> tuple[int, bool]:
         """Factor the tangent with the smallest share removed that makes it positive definite.

@@ -12,17 +12,14 @@ from ...core.storage.files import replace_folder, write_text
 from ...core.version import __version__
 from ...training.evaluation.error_budget import ErrorBudget
 from ...training.evaluation.evaluate_models import SessionEvaluation
-from ...training.evaluation.model_comparison import (
-    SIGNIFICANCE_LEVEL,
-    Analysis,
-    Comparison,
-    Statistic,
-)
+from ...training.evaluation.model_comparison import SIGNIFICANCE_LEVEL, Comparison
 from ..html import write_page
+from .data_files import PAPER, SOURCE, as_data, csv_files
 from .figures import svg_figures
-from .tables import PAPER, SOURCE, as_data, csv_files
 
 PAGE, DATA = "evaluation.html", "evaluation.json"
+
+_METHOD = "paired by blocks of the same frames"
 
 _CAPTIONS = {
     "paths": "Measured and predicted displacement of three markers around the largest error: the"
@@ -103,7 +100,8 @@ def _values(result: SessionEvaluation, figures: dict[str, str]) -> dict[str, Any
         ),
         "causes": _causes(first.budget),
         "true_causes": None if first.by_truth is None else _causes(first.by_truth),
-        "comparison": _comparison(result.comparison) if result.comparison else None,
+        "comparison": result.comparison,
+        "verdict": verdict(result.comparison) if result.comparison else "",
         "version": __version__,
     }
 
@@ -118,63 +116,22 @@ def _causes(budget: ErrorBudget) -> list[tuple[str, float, float]]:
     return [(c, s, s / total if total else 0.0) for c, s in budget.shares.items()]
 
 
-def _comparison(c: Comparison) -> dict[str, Any]:
-    rows = [("frames, assumed independent", c.by_frame)]
-    if c.by_block is not None:
-        rows.append((f"blocks of {c.block_frames} frames", c.by_block))
-    tests = [
-        (samples, name, *line) for samples, analysis in rows for name, line in _tests(analysis)
-    ]
-    return {"tests": tests, "verdict": verdict(c), "data": c}
-
-
-def _tests(a: Analysis) -> list[tuple[str, tuple[str, str]]]:
-    tests = [
-        ("analysis of variance", _line(a.anova)),
-        ("equal variances (Levene)", _line(a.levene)),
-    ]
-    if a.variances_differ:
-        tests += [("Welch", _line(a.welch)), ("Kruskal-Wallis", _line(a.kruskal))]
-    tests.append(("effect size", (f"ω² = {a.omega_squared:.3f}, η² = {a.eta_squared:.3f}", "")))
-    return tests
-
-
-def _line(s: Statistic) -> tuple[str, str]:
-    within = "" if s.within != s.within else f", {s.within:.0f}"
-    return f"{s.value:.2f} ({s.between:.0f}{within})", probability(s.p)
-
-
 def probability(p: float) -> str:
     """Format a probability as in papers."""
-    if p != p:
-        return "p unknown"
     return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
 
 
 def verdict(c: Comparison) -> str:
-    """Return the result of the valid test as a sentence."""
-    if c.by_block is None and not c.paired:
-        return (
-            f"The errors are correlated for too long (blocks of {c.block_frames} frames) to compare"
-            " the models. Record for longer."
-        )
+    """Return whether the models differ, as a sentence."""
+    if not c.tests:
+        return "The errors are correlated for too long to compare the models. Record for longer."
     best = c.names[int(c.means.argmin())]
-    if c.paired:
-        others = [t for t in c.paired if best in (t.first, t.second)]
-        better = sum(t.p < SIGNIFICANCE_LEVEL for t in others)
-        method = "paired by blocks of the same frames"
-        if len(others) == len(c.names) - 1 and better == len(others):
-            p = max(t.p for t in others)
-            return f"{best} has smaller errors than all other models ({method}, {probability(p)})."
-        return (
-            f"{best} has the smallest mean error, but the difference from the other models is not"
-            f" significant for all of them ({method})."
-        )
-    assert c.by_block is not None
-    test = c.by_block.valid_test
-    method = f"{'Welch' if c.by_block.variances_differ else 'analysis of variance'} of block means"
-    if test.p < SIGNIFICANCE_LEVEL:
-        return (
-            f"The models' errors differ ({method}, {probability(test.p)}); {best} has the smallest."
-        )
-    return f"The models' errors do not differ significantly ({method}, {probability(test.p)})."
+    others = [t for t in c.tests if best in (t.first, t.second)]
+    better = sum(t.p < SIGNIFICANCE_LEVEL for t in others)
+    if len(others) == len(c.names) - 1 and better == len(others):
+        p = probability(max(t.p for t in others))
+        return f"{best} has smaller errors than all other models ({_METHOD}, {p})."
+    return (
+        f"{best} has the smallest mean error, but the difference from the other models is not"
+        f" significant for all of them ({_METHOD})."
+    )

@@ -19,13 +19,26 @@ _MAX_CURVE_POINTS = 2000
 _PATH_DURATION_S = 30.0
 _MIN_LABEL_DISTANCE = 0.06  # share of the device's size; closer labels cover each other
 _STYLE: dict[Any, Any] = {
-    "font.size": 8, "axes.titlesize": 8, "axes.labelsize": 8, "legend.fontsize": 7,
-    "xtick.labelsize": 7, "ytick.labelsize": 7, "axes.linewidth": 0.6, "lines.linewidth": 0.9,
-    "xtick.major.width": 0.6, "ytick.major.width": 0.6, "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5, "axes.spines.top": False, "axes.spines.right": False,
-    "legend.frameon": False, "hatch.linewidth": 0.5, "svg.hashsalt": "defsense",
-    "legend.handlelength": 1.6, "legend.borderaxespad": 0.2,
-}  # fmt: skip
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "legend.fontsize": 7,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 0.9,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "hatch.linewidth": 0.5,
+    "svg.hashsalt": "defsense",
+    "legend.handlelength": 1.6,
+    "legend.borderaxespad": 0.2,
+}
 
 
 def svg_figures(evaluated: Evaluated) -> dict[str, str]:
@@ -88,8 +101,14 @@ def _draw_paths(figure: Any, evaluated: Evaluated) -> None:
         predicted, measured = ((x[frames, m] - rest) @ direction for x in (f.predicted, f.measured))
         radius = f.radius[frames, m]
         if np.isfinite(radius).any():
-            ax.fill_between(t, predicted - radius, predicted + radius, color=_BAND, lw=0,
-                            label=_interval_label(evaluated))  # fmt: skip
+            ax.fill_between(
+                t,
+                predicted - radius,
+                predicted + radius,
+                color=_BAND,
+                lw=0,
+                label=_interval_label(evaluated),
+            )
         ax.plot(*_break_at_gaps(t, measured), color=_DARK, lw=1.0, label="measured")
         ax.plot(
             *_break_at_gaps(t, predicted), color=_LIGHT, lw=0.9, ls=(0, (3, 1.2)), label="predicted"
@@ -146,9 +165,16 @@ def _draw_markers(figure: Any, evaluated: Evaluated) -> None:
     for ax, (x, y) in zip(views, ((a, b), (a, c)), strict=True):
         size = 10 + 60 * np.nan_to_num(rmse[order]) / max_rmse
         points = ax.scatter(
-            places[order, x], places[order, y], c=rmse[order], s=size, cmap="cividis_r", vmin=0,
-            vmax=max_rmse, edgecolors=_DARK, linewidths=0.4,
-        )  # fmt: skip
+            places[order, x],
+            places[order, y],
+            c=rmse[order],
+            s=size,
+            cmap="cividis_r",
+            vmin=0,
+            vmax=max_rmse,
+            edgecolors=_DARK,
+            linewidths=0.4,
+        )
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.12)
         ax.set_ylabel(f"{'xyz'[y]}, mm")
@@ -156,8 +182,9 @@ def _draw_markers(figure: Any, evaluated: Evaluated) -> None:
     for at, ids in _group_labels(
         places[order[-3:]][:, [a, b]], evaluated.model.ids[order[-3:]], extent
     ):
-        views[0].annotate(", ".join(map(str, ids)), at, (4, 4), textcoords="offset points",
-                          fontsize=7)  # fmt: skip
+        views[0].annotate(
+            ", ".join(map(str, ids)), at, (4, 4), textcoords="offset points", fontsize=7
+        )
     figure.colorbar(points, ax=views, label="RMSE, mm", aspect=30)
 
 
@@ -237,8 +264,16 @@ def _draw_coverage(figure: Any, evaluated: Evaluated) -> None:
     c = evaluated.evaluation.coverage
     assert c is not None
     ax = figure.subplots()
-    ax.plot(10 * np.arange(10) + 5, 100 * c.by_tenth, "o-", color=_BLUE, ms=4, mec=_DARK, mew=0.4,
-            label="measured")  # fmt: skip
+    ax.plot(
+        10 * np.arange(10) + 5,
+        100 * c.by_tenth,
+        "o-",
+        color=_BLUE,
+        ms=4,
+        mec=_DARK,
+        mew=0.4,
+        label="measured",
+    )
     ax.axhline(100 * c.level, color=_LIGHT, ls="--", label=f"nominal, {100 * c.level:.0f} %")
     ax.set_xlim(0, 100)
     low = float(np.nanmin(c.by_tenth))
@@ -252,16 +287,33 @@ def _draw_error_budget(figure: Any, evaluated: Evaluated) -> None:
     """Draw one bar of squares in percent of the sum; negative shares are left of 0."""
     ax = figure.subplots()
     budget = evaluated.budget
-    styles = (("#222222", ""), ("#e9e9e9", ""), ("#8fb3d9", "///"), ("#1f5fa8", ""),
-              ("#f3c98b", "..."), ("#8a8a8a", "\\\\\\"), ("#e08a1e", ""), ("#ffffff", "xxx"),
-              ("#ffffff", ""))  # fmt: skip
+    styles = (
+        ("#222222", ""),
+        ("#e9e9e9", ""),
+        ("#8fb3d9", "///"),
+        ("#1f5fa8", ""),
+        ("#f3c98b", "..."),
+        ("#8a8a8a", "\\\\\\"),
+        ("#e08a1e", ""),
+        ("#ffffff", "xxx"),
+        ("#ffffff", ""),
+    )
     right, left = 0.0, 0.0
     for k, (cause, square) in enumerate(budget.shares.items()):
         share = 100 * square / budget.total if budget.total else 0.0
         color, hatch = styles[-1] if cause == UNEXPLAINED else styles[k % (len(styles) - 1)]
         start = right if share >= 0 else left + share
-        ax.barh(0, abs(share), 0.5, start, color=color, hatch=hatch, edgecolor=_DARK, lw=0.6,
-                label=f"{cause}, {share:.0f} %")  # fmt: skip
+        ax.barh(
+            0,
+            abs(share),
+            0.5,
+            start,
+            color=color,
+            hatch=hatch,
+            edgecolor=_DARK,
+            lw=0.6,
+            label=f"{cause}, {share:.0f} %",
+        )
         if share >= 0:
             right += share
         else:

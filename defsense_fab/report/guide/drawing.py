@@ -1,7 +1,8 @@
-"""Draw solids with labels beside them, so that the view holds all solids and covers no label."""
+"""Draw solids with labels next to them, so that the view holds all solids and covers no label."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -35,7 +36,7 @@ class Drawing:
 
     Attributes:
         view: View of the picture.
-        focus: A point (3,) mm and a distance in mm; the picture shows only what is nearer to the
+        focus: A point (3,) mm and a distance in mm; the picture shows only things closer to the
             point. None shows everything.
         shapes: Functions that add the shapes to a scene.
         labels: Anchor and text of each label; an anchor is a place (3,) mm or the name of a part.
@@ -95,9 +96,13 @@ class Drawing:
         length = float(np.linalg.norm(tip - start))
         thickness = min(0.12, 1.6 / max(length, 1.0))
         mesh = pv.Arrow(
-            start=start, direction=tip - start, scale=length, shaft_radius=thickness,
-            tip_radius=2.6 * thickness, tip_length=min(0.45, 7 * thickness),
-        )  # fmt: skip
+            start=start,
+            direction=tip - start,
+            scale=length,
+            shaft_radius=thickness,
+            tip_radius=2.6 * thickness,
+            tip_length=min(0.45, 7 * thickness),
+        )
         self._mesh(mesh, color)
 
     def _mesh(self, mesh: Any, color: str) -> None:
@@ -105,7 +110,7 @@ class Drawing:
         self.shapes.append(lambda scene: scene.mesh(mesh, points, color=color))
 
     def label(self, at: Float | str, text: str) -> None:
-        """Add a label in a column beside the picture, with a line to what it names.
+        """Add a label in a column next to the picture, with a line to what it names.
 
         Args:
             at: A place (3,) in mm, or the name of a part: the line then points at its visible area.
@@ -120,7 +125,7 @@ class Drawing:
                 shape(scene)
             shot = scene.shot(self.view, _WIDTH_PX, _MAX_HEIGHT_PX)
             has_part_labels = any(isinstance(at, str) for at, _ in self.labels)
-            masks = scene.seen() if has_part_labels else {}
+            masks = scene.visible_areas() if has_part_labels else {}
         width, height = shot.size
         anchors, texts = self._locate_labels(shot, masks)
         label_heights = np.array([LINE_HEIGHT_PX * len(text) + _LABEL_SPACING_PX for text in texts])
@@ -164,10 +169,10 @@ def _wrap_text(text: str) -> list[str]:
     """Break a text into lines that fit into a column."""
     max_width = COLUMN_WIDTH_PX - GAP - _LABEL_GAP_PX - _EDGE_MARGIN_PX
     lines = [""]
-    for word in text.split(" "):
-        longer = f"{lines[-1]} {word}".strip()
+    for piece in re.findall(r" ?[^ -]*-?", text):  # lines also break after hyphens
+        longer = (lines[-1] + piece).lstrip()
         if lines[-1] and extent(longer, _FONT_PX)[0] > max_width:
-            lines.append(word)
+            lines.append(piece.lstrip())
         else:
             lines[-1] = longer
     return lines

@@ -1,4 +1,4 @@
-"""Collect the content of the assembly guide, and write its steps as `guide.json`."""
+"""Collect the content of the assembly guide, and write its files."""
 
 from __future__ import annotations
 
@@ -13,72 +13,50 @@ from ...core.mesh import Surface
 from ...core.storage.files import write_json
 from ...store.layout import LayoutRecord
 from ...store.manifest import Manifest
+from ..html import write_page
 from ..pictures.part_pictures import exploded
-from .assembly.actions import Action
-from .assembly.steps import GuideStep, assembly_order, exploded_shifts, guide_steps
-from .assembly.wording import ENDS
+from .actions import ENDS, Action
 from .joint_pictures import JointPictures
+from .steps import GuideStep, assembly_order, exploded_shifts, guide_steps
 from .tables import GuideTable, guide_checks, guide_tables
+from .template_pages import write_templates
 from .templates import CordTemplate, FaceTemplate, cord_templates, face_template
 
-#: Version of the format of `guide.json`.
-SCHEMA = 1
-FILE = "guide.json"
-
-
-@dataclass(frozen=True)
-class IllustratedPassage:
-    """Instructions that share a picture.
-
-    Attributes:
-        lines: Instructions, in their order.
-        picture: PNG as a data URI, or None.
-    """
-
-    lines: tuple[str, ...]
-    picture: str | None = None
-
-
-@dataclass(frozen=True)
-class AssemblyStep:
-    """A step of the guide with its pictures.
-
-    Attributes:
-        title: Title of the step.
-        passages: Passages in their order.
-    """
-
-    title: str
-    passages: tuple[IllustratedPassage, ...]
+_SCHEMA = 1  # version of the format of guide.json
 
 
 @dataclass(frozen=True)
 class Guide:
-    """Content of the assembly guide, for HTML and PDF.
+    """Content of the assembly guide.
 
     Attributes:
-        title: Title of the page.
+        device: Name of the device.
         intro: One paragraph below the title.
         warnings: Warnings about poses, layout, parts and assembly.
         exploded: Exploded view as a PNG data URI.
         tables: Tables of what to print, cut and buy.
-        steps: Steps with instructions and pictures.
+        steps: Steps in their order.
+        pictures: For each passage of each step its picture as a PNG data URI, or None.
         checks: Table of the measurements of the parts.
-        typed: The same steps as typed actions.
         strips: Templates of the cords at 1:1.
         faces: Templates of the joints' faces at 1:1.
     """
 
-    title: str
+    device: str
     intro: str
     warnings: tuple[str, ...]
     exploded: str
     tables: tuple[GuideTable, ...]
-    steps: tuple[AssemblyStep, ...]
+    steps: tuple[GuideStep, ...]
+    pictures: tuple[tuple[str | None, ...], ...]
     checks: GuideTable
-    typed: tuple[GuideStep, ...]
     strips: tuple[CordTemplate, ...]
     faces: tuple[FaceTemplate, ...]
+
+    @property
+    def title(self) -> str:
+        """Title of the page."""
+        return f"{self.device}: assembly guide"
 
 
 def assembly_guide(
@@ -87,7 +65,7 @@ def assembly_guide(
     manifest: Manifest,
     parts: Mapping[str, Surface],
     frame: Float,
-    notes: Sequence[str] = (),
+    notes: Sequence[str],
 ) -> Guide:
     """Return the assembly guide of a device, with its pictures.
 
@@ -117,7 +95,7 @@ def assembly_guide(
         if step.joint is not None
     ]
     return Guide(
-        title=f"{device.name}: assembly guide",
+        device=device.name,
         intro=_write_intro(manifest),
         warnings=(
             *notes,
@@ -127,15 +105,9 @@ def assembly_guide(
         ),
         exploded=exploded(parts, exploded_shifts(manifest, parts), frame),
         tables=guide_tables(manifest),
-        steps=tuple(
-            AssemblyStep(
-                step.title,
-                tuple(IllustratedPassage(p.lines, pictures.draw(step, p)) for p in step.passages),
-            )
-            for step in steps
-        ),
+        steps=steps,
+        pictures=tuple(tuple(pictures.draw(step, p) for p in step.passages) for step in steps),
         checks=guide_checks(manifest),
-        typed=steps,
         strips=cord_templates(device, manifest),
         faces=tuple(face for face in faces if face is not None),
     )
@@ -155,20 +127,25 @@ def _write_intro(manifest: Manifest) -> str:
     return intro
 
 
-def write_guide_file(guide: Guide, path: Path) -> None:
-    """Write the guide's steps as typed actions, for other programs.
+def write_guide(guide: Guide, folder: Path, view3d: str = "") -> None:
+    """Write the guide's page, its templates as PDF, and its steps for other programs.
 
-    The file has `schema`, `title` and `steps`; `plain_steps` describes a step.
+    The files are `guide.html`, `templates.pdf` and `guide.json`, which has `schema`, `title` and
+    `steps`; `plain_steps` describes a step.
 
     Args:
         guide: The guide.
-        path: The file to write, usually `guide.json`.
+        folder: The folder for the files.
+        view3d: HTML of the device's 3D view.
 
     Raises:
-        StorageError: The file cannot be written.
+        StorageError: A file cannot be written.
     """
-    steps = plain_steps(guide.typed)
-    write_json(path, {"schema": SCHEMA, "title": guide.title, "steps": steps})
+    write_page(folder / "guide.html", "guide", guide=guide, view3d=view3d)
+    title = f"{guide.device}: templates at 1:1"
+    write_templates(folder / "templates.pdf", title, guide.strips, guide.faces)
+    content = {"schema": _SCHEMA, "title": guide.title, "steps": plain_steps(guide.steps)}
+    write_json(folder / "guide.json", content)
 
 
 def plain_steps(steps: Sequence[GuideStep]) -> list[dict[str, Any]]:

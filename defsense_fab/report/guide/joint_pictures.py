@@ -16,12 +16,11 @@ from ...store.manifest import CordEnd, CutCord, Manifest
 from ..pictures import views
 from ..pictures.sheet import COLORS
 from ..pictures.views import View
-from .assembly.actions import Action, ActionKind
-from .assembly.bench_work import pulled_reach, pulled_strain
-from .assembly.steps import GuideStep, Illustration, Joint, Passage
-from .assembly.wording import ENDS, cord_label
-from .cord_lines import CordLine, cord_line
+from .actions import ENDS, Action, ActionKind
 from .drawing import Drawing
+from .instructions import cord_label, pulled_reach, pulled_strain
+from .steps import GuideStep, Illustration, Joint, Passage
+from .templates import CordLine, cord_line
 
 _CORD_COLOR, _WIRE_COLOR, _FERRULE_COLOR = "#161616", "#c1121f", "#c9a227"
 _THICK_PIN_COLOR, _MIDDLE_PIN_COLOR, _THIN_PIN_COLOR = "#e76f51", "#f4d35e", "#3a86ff"

@@ -92,7 +92,7 @@ def _cut_list(manifest: Manifest) -> GuideTable:
         "trimmed off",
         "stretched by",
         "joints at start / end",
-        "ohm loose / laid",
+        "ohm loose / installed",
         "ohm in use",
         "reference, ohm",
         "wires leave",

@@ -1,18 +1,27 @@
-"""Draw the templates on PDF pages: a ruler to check the scale, cords, and faces at 1:1."""
+"""Write the templates as PDF: a ruler to check the scale, cords, and faces at 1:1."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 from reportlab.lib import colors
+from reportlab.lib.styles import getSampleStyleSheet
 from reportlab.lib.units import mm
-from reportlab.platypus import Flowable
+from reportlab.platypus import Flowable, KeepTogether, Paragraph, SimpleDocTemplate, Spacer
 
 from ...core.arrays import Float
+from ...core.storage.files import replace_file
 from .templates import CordTemplate, FaceTemplate
 
+#: Width and height that both A4 (210 x 297 mm) and Letter (215.9 x 279.4 mm) hold.
+PAGE_SIZE_MM = (210.0, 279.4)
+PAGE_MARGIN_MM = 14.0  # printers do not print closer to the edge
+#: Width and height for a drawing below its title, on a page.
+FRAME_MM = (PAGE_SIZE_MM[0] - 2 * PAGE_MARGIN_MM, PAGE_SIZE_MM[1] - 2 * PAGE_MARGIN_MM - 32)
 RULER_LENGTH_MM = 100.0
 _ROW_HEIGHT_MM, _SIDE_MARGIN_MM = 24.0, 5.0
 _SAME_PLACE_MM = 1e-6
@@ -20,6 +29,59 @@ _INK, _HINT_COLOR = colors.black, colors.HexColor("#52616b")
 _GROOVE_COLOR, _WIRE_COLOR = colors.HexColor("#c3ccd2"), colors.HexColor("#c1121f")
 _EXCESS_COLOR, _FERRULE_COLOR = colors.HexColor("#d9d9d9"), colors.HexColor("#f3e3a3")
 _SMALL_FONT_PT, _TINY_FONT_PT = 8, 7
+
+
+def write_templates(
+    path: Path, title: str, strips: Sequence[CordTemplate], faces: Sequence[FaceTemplate]
+) -> None:
+    """Write templates as PDF, completely or not at all.
+
+    The pages fit A4 and Letter at 100 %; the same templates give the same bytes.
+
+    Args:
+        path: The file to write, usually `templates.pdf`.
+        title: Title of the document.
+        strips: Templates of cords.
+        faces: Templates of the joints' faces.
+
+    Raises:
+        StorageError: The file cannot be written.
+    """
+    style = getSampleStyleSheet()
+    flow: list[Any] = [
+        Paragraph(escape(title), style["Heading1"]),
+        Paragraph(
+            "Print these pages at 100 %, without 'fit to page', on A4 or Letter. Check that the"
+            " ruler measures 100 mm. If it does not, the printer scaled the page.",
+            style["Normal"],
+        ),
+        Spacer(0, 2 * mm),
+        Ruler(),
+        *(KeepTogether([CordStrip(strip, FRAME_MM[0])]) for strip in strips),
+    ]
+    for face in faces:
+        drawing: Any = CutFace.fit(face, *FRAME_MM)
+        if drawing is None:
+            size = " x ".join(f"{n:.0f}" for n in face.size)
+            text = f"This face measures {size} mm, which is larger than a page."
+            drawing = Paragraph(text, style["Normal"])
+        heading = Paragraph(f"{escape(face.title)}, at 1:1", style["Heading3"])
+        flow.append(KeepTogether([heading, drawing]))
+    with replace_file(path) as temporary:
+        SimpleDocTemplate(
+            str(temporary),
+            pagesize=(PAGE_SIZE_MM[0] * mm, PAGE_SIZE_MM[1] * mm),
+            title=title,
+            author="defsense-fab",
+            invariant=1,
+            **{f"{side}Margin": PAGE_MARGIN_MM * mm for side in ("left", "right", "top", "bottom")},
+        ).build(flow, onFirstPage=_write_page_number, onLaterPages=_write_page_number)
+
+
+def _write_page_number(canvas: Any, _: Any) -> None:
+    canvas.setFont("Helvetica", 9)
+    x = (PAGE_SIZE_MM[0] - PAGE_MARGIN_MM) * mm
+    canvas.drawRightString(x, 8 * mm, str(canvas.getPageNumber()))
 
 
 class Ruler(Flowable):  # type: ignore[misc]

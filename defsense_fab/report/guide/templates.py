@@ -1,4 +1,4 @@
-"""Compute templates at 1:1 in mm, without a page: straight cords, and the faces they lie in."""
+"""Compute templates at 1:1 in mm, without a page: straight cords, and the faces of joints."""
 
 from __future__ import annotations
 
@@ -8,18 +8,67 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Plane
+from ...core.curve import Plane, arc_lengths, resample
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import plane_section
 from ...store.layout import LayoutRecord
-from ...store.manifest import CordStretch, Manifest
-from .assembly.plan import BATCH_TOLERANCE, late_end
-from .assembly.steps import Joint
-from .assembly.wording import ENDS, cord_label
-from .cord_lines import CordLine, cord_line
+from ...store.manifest import CordStretch, CutCord, Manifest
+from .actions import ENDS
+from .instructions import cord_label, format_resistance
+from .plan import late_end
+from .steps import Joint
 
 _OUTLINE_DEPTH_MM = 0.05  # below the face, where its outline is taken
+_MIN_POINT_DISTANCE_MM = 1e-6  # nearer points are the same
+
+
+@dataclass(frozen=True)
+class CordLine:
+    """The line of a cord.
+
+    Attributes:
+        cord: Record of the cord.
+        points: Points (p, 3) of its channel from mouth to mouth, mm.
+    """
+
+    cord: CutCord
+    points: Float
+
+    def way_out(self, end: int) -> Float:
+        """Return the unit direction (3,) in which the cord leaves the body at an end."""
+        p = self.points
+        direction = p[0] - p[3] if end == 0 else p[-1] - p[-4]
+        return np.asarray(direction / np.linalg.norm(direction))
+
+    def ferrule(self, end: int, length: float) -> Float:
+        """Return the middle (3,) of an end's ferrule, mm.
+
+        A ferrule is at the bottom of its pocket, or outside the mouth of a free end.
+        """
+        record = self.cord.ends[end]
+        depth = record.pocket - length / 2 if record.joint == "pocket" else -record.lead
+        return np.asarray(record.at - depth * self.way_out(end))
+
+    def along(self, start: float, stop: float, points_per_mm: float = 1.0) -> Float:
+        """Return points (q, 3) of the line between two distances from its first mouth, mm."""
+        stop = min(stop, float(arc_lengths(self.points)[-1]))
+        count = max(2, int(points_per_mm * (stop - start)) + 1)
+        return resample(self.points, start, stop, count)
+
+    def ends_in(self, stretch: CordStretch) -> list[int]:
+        """Return the ends of the cord that belong to a stretch."""
+        last = len(self.cord.stretches) - 1
+        return [end for end, k in ((0, 0), (1, last)) if self.cord.stretches[k] is stretch]
+
+
+def cord_line(layout: LayoutRecord, cord: CutCord) -> CordLine:
+    """Return the line of a cord in its layout."""
+    points = next(s.points for s in layout.sensors if s.name == cord.sensor)
+    line = np.concatenate([cord.ends[0].at[None], points, cord.ends[1].at[None]])
+    distances = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    is_new = np.concatenate([[True], distances > _MIN_POINT_DISTANCE_MM])
+    return CordLine(cord, np.asarray(line[is_new]))
 
 
 @dataclass(frozen=True)
@@ -119,11 +168,9 @@ def cord_templates(device: Device, manifest: Manifest) -> tuple[CordTemplate, ..
     for cord in manifest.cords:
         late = late_end(cord)
         first = 0 if late is None else 1 - late
-        ohm = cord.cut_length * device.cord.ohm_per_mm
-        low, high = (1 - BATCH_TOLERANCE) * ohm, (1 + BATCH_TOLERANCE) * ohm
         notes = [
-            f"cut to {cord.cut_length:.1f} mm: {ohm:.0f} ohm"
-            f" ({low:.0f} to {high:.0f}) from end to end",
+            f"cut to {cord.cut_length:.1f} mm:"
+            f" {format_resistance(cord.cut_length * device.cord.ohm_per_mm)} from end to end",
             f"{cord.unstretched:.1f} mm between the middles of the ferrules, not stretched:"
             f" {cord.resistance_before:.0f} ohm",
         ]
@@ -169,7 +216,7 @@ def face_template(
         parts: Surfaces of its parts, by name.
 
     Returns:
-        The template, or None if no cord lies in the face.
+        The template, or None if the face has no cord.
     """
     cords = [c for c in manifest.cords if any(s.joint == joint.index for s in c.stretches)]
     if not cords:

@@ -44,7 +44,7 @@ _ROWS_BY_COUNT: dict[int, tuple[Rows, ...]] = {
 
 
 @dataclass(frozen=True)
-class Seen:
+class SceneView:
     """A view of a scene in a picture.
 
     Attributes:
@@ -118,8 +118,8 @@ def draw_routing(
     with routing_scene(surface, cords, drawn, radius) as scene:
         return picture(
             [
-                Seen(scene, views.three_quarter(frame)),
-                *(Seen(scene, v, bounds) for v in views.elevations(frame, bounds)),
+                SceneView(scene, views.three_quarter(frame)),
+                *(SceneView(scene, v, bounds) for v in views.elevations(frame, bounds)),
             ]
         )
 
@@ -138,31 +138,33 @@ def routing_scene(
 
 
 def picture(
-    seen: Sequence[Seen],
+    scene_views: Sequence[SceneView],
     footer: tuple[float, Footer] | None = None,
     width: float = WIDTH,
     height: float = _MAX_HEIGHT_PX,
-    least: float = 0.6,
+    min_width_share: float = 0.6,
 ) -> str:
     """Draw up to three views at one scale, next to or below each other.
 
     Args:
-        seen: The views.
+        scene_views: The views.
         footer: Height of the foot in pixels, and the function that draws it.
         width: Largest width, pixels.
         height: Largest height, pixels.
-        least: Smallest width, as a share of `width`.
+        min_width_share: Smallest width, as a share of `width`.
 
     Returns:
         A PNG data URI.
     """
-    panels = [_panel(s) for s in seen]
+    panels = [_panel(v) for v in scene_views]
     foot = footer[0] if footer else 0.0
     plan = arrange_panels(panels, width - 8, height - foot)
-    sheet_width = max(plan.size[0] + 8, least * width)
+    sheet_width = max(plan.size[0] + 8, min_width_share * width)
     sheet = Sheet(sheet_width, plan.size[1] + foot + 4)
     shift = np.array([(sheet_width - plan.size[0]) / 2, 0.0])
-    for item, panel, corner, room in zip(seen, panels, plan.corners, plan.rooms, strict=True):
+    for item, panel, corner, room in zip(
+        scene_views, panels, plan.corners, plan.rooms, strict=True
+    ):
         left, top, right, bottom = panel.rim
         inside = room - [left + right, top + bottom]
         shot = item.scene.shot(item.view, *np.maximum(inside, 8))
@@ -180,23 +182,25 @@ def picture(
     return sheet.uri()
 
 
-def _panel(seen: Seen) -> Panel:
-    low, high = seen.scene.extent(seen.view)
+def _panel(item: SceneView) -> Panel:
+    low, high = item.scene.extent(item.view)
     left, bottom = 0.0, FOOT
-    if seen.sizes is not None:
-        sizes = np.ptp(seen.view.flat(seen.sizes), axis=0)
+    if item.sizes is not None:
+        sizes = np.ptp(item.view.flat(item.sizes), axis=0)
         left, bottom = _dimension_width(float(sizes[1])), FOOT + _DIMENSION_HEIGHT_PX
-    min_width = _AXES_SIZE_PX + 8 + extent(seen.view.title, _TITLE_FONT_PX)[0]
+    min_width = _AXES_SIZE_PX + 8 + extent(item.view.title, _TITLE_FONT_PX)[0]
     return Panel(high - low, (left, 4.0, 4.0, bottom), min_width)
 
 
-def _write_title(sheet: Sheet, seen: Seen, x: float, y: float, width: float, indent: float) -> None:
+def _write_title(
+    sheet: Sheet, item: SceneView, x: float, y: float, width: float, indent: float
+) -> None:
     """Draw the axes of a view and its title below it."""
-    title_width = extent(seen.view.title, _TITLE_FONT_PX)[0]
+    title_width = extent(item.view.title, _TITLE_FONT_PX)[0]
     x += min(indent, max(0.0, width - title_width - _AXES_SIZE_PX - 8))
-    sheet.axes(seen.view, (x, y + 2), _AXES_SIZE_PX)
+    sheet.axes(item.view, (x, y + 2), _AXES_SIZE_PX)
     place = (x + _AXES_SIZE_PX + 8, y + FOOT / 2)
-    sheet.text(place, seen.view.title, _TITLE_FONT_PX, seen.color, anchor="lm")
+    sheet.text(place, item.view.title, _TITLE_FONT_PX, item.color, anchor="lm")
 
 
 def arrange_panels(

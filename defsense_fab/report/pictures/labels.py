@@ -1,4 +1,4 @@
-"""Place labels beside a drawing, so that labels and lines cover neither it nor each other."""
+"""Place labels next to a drawing, so that labels and lines cover neither it nor each other."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Placed:
 def places(
     anchors: Float, size: Place, heights: Float | float, limits: tuple[float, float] = ANYWHERE
 ) -> Placed:
-    """Place labels in two columns beside a drawing.
+    """Place labels in two columns next to a drawing.
 
     Half of the labels are in each column, as close as possible to their anchors, and no two lines
     cross.
@@ -120,17 +120,17 @@ def _order_without_crossings(anchors: Float, column: Int, ends: Float) -> Int:
     return column
 
 
-def spot(seen: Bool) -> tuple[float, float] | None:
+def spot(region: Bool) -> tuple[float, float] | None:
     """Return the pixel (x, y) deepest inside a region, or None if the region is too small.
 
     Args:
-        seen: Mask (h, w) of the region.
+        region: Mask (h, w) of the region.
     """
-    if seen.sum() < _MIN_VISIBLE_PX:
+    if region.sum() < _MIN_VISIBLE_PX:
         return None
-    rows, columns = (np.flatnonzero(seen.any(axis=a)) for a in (1, 0))
+    rows, columns = (np.flatnonzero(region.any(axis=a)) for a in (1, 0))
     low = np.array([rows[0], columns[0]])
-    cropped = seen[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    cropped = region[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     depth = ndimage.distance_transform_cdt(np.pad(cropped, 1), metric="chessboard")[1:-1, 1:-1]
     # Of the deepest pixels, take the one closest to their middle.
     best = np.argwhere(depth >= 0.8 * depth.max())
@@ -149,7 +149,7 @@ def widths(names: Sequence[str], anchors: Float, size: Place) -> tuple[float, fl
 
 
 def room(names: Iterable[str]) -> float:
-    """Return the width that the widest of some labels needs beside a drawing, pixels."""
+    """Return the width that the widest of some labels needs next to a drawing, pixels."""
     return max((extent(n, SMALL)[0] for n in names), default=0.0) + GAP + 12
 
 
@@ -162,7 +162,7 @@ def write(
     colors: Sequence[str],
     below: float = 0.0,
 ) -> None:
-    """Write labels beside a drawing, with lines to their anchors and colored bars.
+    """Write labels next to a drawing, with lines to their anchors and colored bars.
 
     Args:
         sheet: The sheet.

@@ -1,4 +1,4 @@
-"""Draw the parts of a device, moved apart, with labels beside them."""
+"""Draw the parts of a device, moved apart, with labels next to them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def choose_clearest_view(scene: Scene, candidates: Sequence[View], names: Sequen
     min_areas: list[float] = []
     for view in candidates:
         scene.shot(view, _TRIAL_SIZE_PX, _TRIAL_SIZE_PX)
-        masks = scene.seen()
+        masks = scene.visible_areas()
         areas = [float(masks[n].sum()) for n in names]
         if not min_areas and min(areas) >= _CLEAR_SHARE * sum(areas) / len(areas):
             return view
@@ -98,7 +98,7 @@ def draw_labelled_parts(
     head = 1.7 * TEXT if title else 0.0
     labels_height = 1.5 * SMALL * -(-len(names) // 2)  # of a column
     shot = scene.shot(view, width - 2 * column_width - 8, height - head - FOOT - 12)
-    masks = scene.seen()
+    masks = scene.visible_areas()
     anchors, texts, label_colors = [], [], []
     for name in names:
         at = labels.spot(masks[name]) if name in masks else None

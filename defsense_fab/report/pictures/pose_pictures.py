@@ -20,15 +20,25 @@ from .views import View
 
 #: Letters and colors of the sections.
 PLANES = (("A", "#d55e00"), ("B", "#0072b2"), ("C", "#7a4f9a"))
-#: Size of a picture that is placed beside another one, pixels.
+#: Size of a picture that is placed next to another one, pixels.
 _ERROR_WIDTH_PX, _ERROR_HEIGHT_PX = 820, 660
 _STRAIN_WIDTH_PX, _STRAIN_HEIGHT_PX = 820, 760
 _KEY_HEIGHT_PX, _TALL_KEY_HEIGHT_PX = 150.0, 240.0  # of the small picture of the planes
 _LETTER_SIZE_PX = 24.0
 _SAME_DIRECTION_COSINE = np.cos(np.radians(15))
 #: Eight linear tetrahedra in a quadratic one, by VTK's numbers of its nodes.
-_LINEAR_TETS = np.array([[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 9, 8],
-                         [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]])  # fmt: skip
+_LINEAR_TETS = np.array(
+    [
+        [0, 4, 6, 7],
+        [1, 5, 4, 8],
+        [2, 6, 5, 9],
+        [3, 7, 9, 8],
+        [4, 9, 5, 6],
+        [4, 9, 6, 7],
+        [4, 9, 7, 8],
+        [4, 9, 8, 5],
+    ]
+)
 
 
 def draw_error_map(surface: Surface, error: Float, frame: Float, scale: Scale) -> str:
@@ -48,11 +58,14 @@ def draw_error_map(surface: Surface, error: Float, frame: Float, scale: Scale) -
     with Scene() as scene:
         scene.colored(mesh, "error", scale.colors, scale.top)
         return body_views.picture(
-            [body_views.Seen(scene, v) for v in (views.three_quarter(frame), views.behind(frame))],
+            [
+                body_views.SceneView(scene, v)
+                for v in (views.three_quarter(frame), views.behind(frame))
+            ],
             footer=(color_bar.HEIGHT, _error_footer(scale)),
             width=_ERROR_WIDTH_PX,
             height=_ERROR_HEIGHT_PX,
-            least=1.0,
+            min_width_share=1.0,
         )
 
 
@@ -81,12 +94,7 @@ class StrainField:
 
 
 def strain_sections(
-    field: StrainField,
-    rest: Surface,
-    moved: Float,
-    planes: Sections,
-    frame: Float,
-    scale: Scale,
+    field: StrainField, rest: Surface, moved: Float, planes: Sections, frame: Float, scale: Scale
 ) -> str:
     """Draw three deformed sections of a body, colored by strain, within its outline.
 
@@ -111,20 +119,20 @@ def strain_sections(
             cut = cut_mesh(field.nodes, field.cells, plane.origin, plane.normal, data)
             if cut.n_points:
                 cut = cut.warp_by_vector("displacement")
-                scene.colored(cut, "strain", scale.colors, scale.top, lit=False)
+                scene.colored(cut, "strain", scale.colors, scale.top, is_shaded=False)
         outlines = _draw_key(key, rest, planes)
         view = views.three_quarter(frame)
         wide, high = np.ptp(key.extent(view), axis=0)
         key_height = _TALL_KEY_HEIGHT_PX if high > wide else _KEY_HEIGHT_PX
         return body_views.picture(
             [
-                body_views.Seen(scene, _section_view(letter, plane.normal, frame), color=color)
+                body_views.SceneView(scene, _section_view(letter, plane.normal, frame), color=color)
                 for scene, (letter, color), plane in zip((a, b, c), PLANES, planes.all, strict=True)
             ],
             footer=(key_height, _strain_footer(scale, key, view, outlines, key_height)),
             width=_STRAIN_WIDTH_PX,
             height=_STRAIN_HEIGHT_PX + key_height - _KEY_HEIGHT_PX,
-            least=1.0,
+            min_width_share=1.0,
         )
 
 

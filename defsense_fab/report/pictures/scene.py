@@ -84,12 +84,7 @@ class Scene:
         self._plotter.close()
 
     def solid(
-        self,
-        surface: Surface,
-        color: str,
-        opacity: float = 1.0,
-        edges: bool = True,
-        name: str = "",
+        self, surface: Surface, color: str, opacity: float = 1.0, edges: bool = True, name: str = ""
     ) -> None:
         """Add a body in one color, with its sharp edges.
 
@@ -98,7 +93,7 @@ class Scene:
             color: Color.
             opacity: Opacity, 0 to 1.
             edges: Whether to draw sharp edges.
-            name: Name by which `seen` finds the body.
+            name: Name by which `visible_areas` finds the body.
         """
         mesh = poly(surface)
         self.mesh(
@@ -113,7 +108,9 @@ class Scene:
         self.mesh(mesh, surface.vertices, color=color, opacity=opacity, ambient=0.6, diffuse=0.4)
         self._edges(mesh, 1.0)
 
-    def colored(self, mesh: Any, scalars: str, colors: str, top: float, lit: bool = True) -> None:
+    def colored(
+        self, mesh: Any, scalars: str, colors: str, top: float, is_shaded: bool = True
+    ) -> None:
         """Add a pyvista mesh colored by one of its arrays.
 
         Args:
@@ -121,9 +118,9 @@ class Scene:
             scalars: Name of the array.
             colors: Name of a matplotlib color map.
             top: Value of the last color; the first one is 0.
-            lit: Whether to shade the mesh; shades are faint, so that colors match the color bar.
+            is_shaded: Whether to shade the mesh, faintly, so that colors match the color bar.
         """
-        shading = {"ambient": 0.8, "diffuse": 0.25} if lit else {"lighting": False}
+        shading = {"ambient": 0.8, "diffuse": 0.25} if is_shaded else {"lighting": False}
         self.mesh(
             mesh,
             np.asarray(mesh.points, float),
@@ -205,15 +202,16 @@ class Scene:
         corner = middle + np.array([-0.5, 0.5]) * size / scale
         return Shot(image, view, scale, corner)
 
-    def seen(self) -> dict[str, Bool]:
+    def visible_areas(self) -> dict[str, Bool]:
         """Return the pixels (h, w) of the last picture in which each named shape is visible."""
         saved = []
         codes = {name: 20 + 40 * (i % 6) for i, name in enumerate(self._named)}
         rows = {name: 20 + 40 * (i // 6) for i, name in enumerate(self._named)}
         colors = {
-            id(a): (codes[n] / 255, rows[n] / 255, 1.0) for n, actors in self._named.items()
+            id(a): (codes[n] / 255, rows[n] / 255, 1.0)
+            for n, actors in self._named.items()
             for a in actors
-        }  # fmt: skip
+        }
         for actor in self._plotter.renderer.actors.values():
             appearance = actor.prop
             saved.append(

@@ -40,20 +40,20 @@ class Sections:
 
     Attributes:
         moving: The plane in which the body moves.
-        beside: The plane along the body, across that movement.
+        lengthwise: The plane along the body, across that movement.
         across: The plane across the body, at its largest strain.
         peak: Place (3,) of the largest strain at rest, mm.
     """
 
     moving: Section
-    beside: Section
+    lengthwise: Section
     across: Section
     peak: Float
 
     @property
     def all(self) -> tuple[Section, Section, Section]:
         """The three planes."""
-        return self.moving, self.beside, self.across
+        return self.moving, self.lengthwise, self.across
 
 
 def sections(rest: Float, moved: Float, strain: Float, held: Bool) -> Sections:

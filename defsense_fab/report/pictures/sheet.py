@@ -71,7 +71,7 @@ class Sheet:
         self._image.paste(Image.fromarray(image), (round(at[0]), round(at[1])))
 
     def line(self, points: Any, color: str = INK, width: float = 1.5) -> None:
-        """Draw a line through points (n, 2); it lies below all texts that are written later."""
+        """Draw a line through points (n, 2); texts that are written later cover it."""
         path = [(float(x), float(y)) for x, y in points]
         self._lines.setdefault(color, []).append((path, width))
 

@@ -1,4 +1,4 @@
-"""Define the directions from which pictures show a body, so that it stands upright."""
+"""Define the directions from which pictures show an upright body."""
 
 from __future__ import annotations
 

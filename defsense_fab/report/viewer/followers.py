@@ -1,4 +1,4 @@
-"""Place what moves along with parts in the 3D view: cords, wires, pins and marker seats."""
+"""Place the cords, wires, pins and marker seats of the 3D view, which move along with parts."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from ...core.curve import arc_lengths, resample
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...store.layout import CordRecord, LayoutRecord
-from ...store.manifest import CutCord, JoinStep, Manifest, PinRecord
+from ...store.manifest import CutCord, Manifest, PinRecord
 
 CORD, WIRE, PIN, SEAT = "cord", "wire", "pin", "seat"
 _POINT_SPACING_MM = 1.5  # of a cord
 _MIN_POINTS, _MAX_POINTS = 8, 96  # of a cord
-_OPENING_SHARE = 0.1  # of the device's size, by which each side of a joint opens
-_SAME_DISTANCE_MM = 0.5  # a point this close to two parts lies between them
+_SAME_DISTANCE_MM = 0.5  # a point this close to two parts is between them
 _SMOOTHING_SHARE = 0.04  # of a cord's length, over which it passes from one part to another
 
 
@@ -61,9 +60,10 @@ def followers(device: Device, layout: LayoutRecord, manifest: Manifest) -> list[
 def _cord(cord: CordRecord, cut: CutCord) -> Follower:
     low, high = cut.range
     fixing = (
-        "glued along its whole length" if cord.prestretch is None
+        "glued along its whole length"
+        if cord.prestretch is None
         else f"stretched by {100 * cord.prestretch:.0f} % when it is inserted"
-    )  # fmt: skip
+    )
     return Follower(
         CORD,
         cord.name,
@@ -122,31 +122,12 @@ def _line(points: Float) -> Float:
     )
 
 
-def joint_movements(steps: Sequence[JoinStep], names: Sequence[str], size: float) -> Float:
-    """Return the movement of each part when each joint opens along its normal.
-
-    Args:
-        steps: Joints, in the order in which they are closed.
-        names: Names of the parts.
-        size: Diagonal of the device, mm.
-
-    Returns:
-        Displacements (steps, parts, 3), mm.
-    """
-    movements = np.zeros((len(steps), len(names), 3))
-    for k, step in enumerate(steps):
-        for side, sign in zip(step.join, (-1, 1), strict=True):
-            for name in side:
-                movements[k, list(names).index(name)] = sign * _OPENING_SHARE * size * step.opens
-    return movements
-
-
 def follower_movements(
     followers: Sequence[Follower], parts: Mapping[str, Surface], part_movements: Float
 ) -> list[Float]:
     """Return the movement of each follower's points when each joint opens.
 
-    A point moves with the part in which it lies, or with the average of the parts around it.
+    A point moves with the part that contains it, or with the average of the parts around it.
 
     Args:
         followers: The followers.

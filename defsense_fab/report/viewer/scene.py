@@ -1,14 +1,19 @@
-"""Collect the data of the 3D view of a build: contents for JSON, and packed arrays of numbers."""
+"""Collect the data of the 3D view of a build, and render it as part of a page.
+
+The page opens from a file, without a network.
+"""
 
 from __future__ import annotations
 
-import base64
-import zlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from ...core.arrays import Float, Int
 from ...core.device.device import Device
@@ -17,79 +22,28 @@ from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...store.build import Build
 from ...store.manifest import Manifest, PartRecord
+from ..guide.steps import joint_movements
+from ..html import render
 from ..pictures.sheet import COLORS
 from ..surface_errors import SurfaceErrors, state_words
-from .followers import CORD, Follower, follower_movements, followers, joint_movements
-from .simplified import decimate_faces, simplify_parts, vertex_order
+from .compact_data import PackedArrays, decimate_faces, simplify_parts, vertex_order
+from .followers import CORD, Follower, follower_movements, followers
 
-_ALIGNMENT_BYTES = 4  # at which a browser can place an array of any of these types
-_TYPES: dict[str, type[np.integer[Any]]] = {
-    "u1": np.uint8,
-    "i2": np.int16,
-    "u2": np.uint16,
-    "u4": np.uint32,
-}
-
-
-class PackedArrays:
-    """Arrays of integers in one text: deflated and base64-encoded.
-
-    Attributes:
-        index: Type, first byte and number of values of each array.
-    """
-
-    def __init__(self) -> None:
-        self._bytes = bytearray()
-        self.index: list[tuple[str, int, int]] = []
-
-    def add(self, numbers: Any, kind: str) -> int:
-        """Add an array of integers.
-
-        Args:
-            numbers: Numbers; they are rounded, and clipped to the range of the type.
-            kind: Type, one of "u1", "i2", "u2" and "u4" (little-endian).
-
-        Returns:
-            The array's index.
-        """
-        limits = np.iinfo(_TYPES[kind])
-        clipped = np.clip(np.rint(np.asarray(numbers)), limits.min, limits.max)
-        data = clipped.astype(np.dtype(_TYPES[kind]).newbyteorder("<"))
-        self._bytes += bytes(-len(self._bytes) % _ALIGNMENT_BYTES)
-        self.index.append((kind, len(self._bytes), data.size))
-        self._bytes += data.tobytes()
-        return len(self.index) - 1
-
-    def lengths(self, mm: Float, step: float) -> int:
-        """Add coordinates (..., 3) mm as multiples of `step` mm, axis by axis; return the index."""
-        return self.add(np.moveaxis(np.asarray(mm), -1, 0) / step, "i2")
-
-    def faces(self, faces: Int) -> int:
-        """Add triangles (f, 3) as differences of consecutive vertex numbers; return the index.
-
-        The differences are small in meshes whose triangles follow one another.
-        """
-        flat = np.asarray(faces, np.int64).ravel()
-        steps = np.diff(flat, prepend=0)
-        return self.add((steps << 1) ^ (steps >> 63), "u2" if np.ptp(flat) < 2**15 else "u4")
-
-    def shares(self, values: Float, top: float) -> int:
-        """Add values from 0 to `top` in 255 steps; return the index."""
-        return self.add(255 * np.asarray(values) / max(top, 1e-12), "u1")
-
-    def text(self) -> str:
-        """Return all arrays as text; the same numbers give the same text."""
-        return base64.b64encode(zlib.compress(bytes(self._bytes), 6)).decode("ascii")
+# Files of the script, in the order of their dependencies.
+_SCRIPTS = "unpack keyframes color_maps tube camera followers stage panel main"
+_STEPS_PER_SIZE = 20_000  # of coordinates, along the device's size
+_STEPS_PER_ERROR = 2000  # of errors, up to the largest one along an axis
+_TOP_STRAIN_PERCENTILE = 99.5  # of the strains in the shown states: the end of their scale
 
 
 @dataclass(frozen=True)
 class PosePath:
-    """The way from rest to a state.
+    """The path from rest to a state.
 
     Attributes:
         name: Name of the state.
-        states: Simulated states (k,) on the way; the state itself is the last one.
-        at: Position (k,) of these states on the way, up to 1.
+        states: Simulated states (k,) on the path; the state itself is the last one.
+        at: Position (k,) of these states on the path, up to 1.
         held_out: Whether the layout was optimized without the state.
     """
 
@@ -120,7 +74,7 @@ def _path(errors: SurfaceErrors, state: int) -> PosePath:
 
 
 def _fraction(weights: Mapping[str, float], full: Mapping[str, float]) -> float | None:
-    """Return how far along the way to `full` a state is, or None if it is on another way."""
+    """Return how far along the path to `full` a state is, or None if it is on another path."""
     if {p for p, w in weights.items() if w} != {p for p, w in full.items() if w}:
         return None
     ratios = [weights[pose] / w for pose, w in full.items() if w]
@@ -143,11 +97,6 @@ def moved_points(mesh: TetMesh, points: Float, fields: Float) -> Float:
     return locator.displacement(locator.find(points), np.ascontiguousarray(fields))
 
 
-_STEPS_PER_SIZE = 20_000  # of coordinates, along the device's size
-_STEPS_PER_ERROR = 2000  # of errors, up to the largest one along an axis
-_TOP_STRAIN_PERCENTILE = 99.5  # of the strains in the shown states: the end of their scale
-
-
 @dataclass(frozen=True)
 class Scene:
     """Data of the 3D view.
@@ -161,12 +110,7 @@ class Scene:
     numbers: str
 
 
-def scene(
-    device: Device,
-    build: Build,
-    errors: SurfaceErrors,
-    frame: Float,
-) -> Scene:
+def scene(device: Device, build: Build, errors: SurfaceErrors, frame: Float) -> Scene:
     """Return the 3D view of a build: parts, cords, and the body's surface in all poses.
 
     Args:
@@ -317,3 +261,46 @@ def _resistance(manifest: Manifest, name: str) -> float:
 
 def _round(numbers: Float) -> Any:
     return np.round(np.asarray(numbers, float), 6).tolist()
+
+
+def view3d(scene: Scene) -> Markup:
+    """Render the view of a scene, for one place in a page.
+
+    Args:
+        scene: Data of the view.
+
+    Returns:
+        HTML with style, library, script and data.
+    """
+    return Markup(  # noqa: S704  # the template escapes, the files are this package's
+        render(
+            "viewer/page/view",
+            style=Markup(_text("page", "style.css")),  # noqa: S704
+            library=Markup(_library()),  # noqa: S704
+            script=Markup(_script()),  # noqa: S704
+            content=Markup(in_script(scene.content)),  # noqa: S704
+            numbers=scene.numbers,
+        )
+    )
+
+
+def in_script(value: Any) -> str:
+    """Return JSON that cannot end or open a tag inside `<script>`, whatever names it holds."""
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+@cache
+def _library() -> str:
+    """Return three.js with its license, which every copy must carry."""
+    return f"/*\n{_text('three', 'LICENSE')}*/\n{_text('three', 'three.min.js')}"
+
+
+@cache
+def _script() -> str:
+    inner = "\n".join(_text("page", f"{name}.js") for name in _SCRIPTS.split())
+    return f'(() => {{\n"use strict";\n{inner}}})();'
+
+
+def _text(*place: str) -> str:
+    return files(__package__).joinpath(*place).read_text(encoding="utf-8")

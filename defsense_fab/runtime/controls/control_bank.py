@@ -102,13 +102,13 @@ class ControlBank:
         independent: int | None = None,
     ) -> None:
         self._rest = np.asarray(rest, float)
-        if self._rest.shape != basis.values.shape[2:]:
+        if self._rest.shape != (basis.markers, 3):
             raise ControlError(
                 f"there are {self._rest.shape[0]} markers at rest and poses of"
-                f" {basis.values.shape[2]} markers",
+                f" {basis.markers} markers",
                 code="markers-differ",
                 count=self._rest.shape[0],
-                expected=basis.values.shape[2],
+                expected=basis.markers,
             )
         self._poses = PoseAmplitudes(basis, independent)
         self._pose_names = [plain_name(name) for name in basis.names]
@@ -159,7 +159,7 @@ def _compile(poses: Sequence[str], specs: Sequence[ControlSpec]) -> list[_Entry]
         if spec.name in [e.spec.name for e in entries]:
             raise ControlError(
                 "is defined twice",
-                code="names-not-unique",
+                code="name-repeated",
                 where=where,
                 action="Choose another name",
                 name=spec.name,

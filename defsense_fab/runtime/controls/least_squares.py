@@ -1,4 +1,10 @@
-"""Fit the amplitudes of poses by least squares; compiled, a few microseconds for six poses."""
+"""Fit the amplitudes of poses by least squares; compiled, a few microseconds for six poses.
+
+Two tuples are passed on. `ramps` describes the p poses, as `PoseBasis` does: the amplitudes (p, k)
+of each pose's states, their number (p,), the displacements (p, k, m, 3), mm, at the states, and
+their derivatives (p, k, m, 3), mm per amplitude. `measured` is what is fitted: the displacements
+(m, 3), mm, the markers' weights (m,), 1/mm^2, and the inverse variance of the amplitudes.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +19,16 @@ _AMPLITUDE_TOLERANCE = 1e-4  # of a converged amplitude
 
 
 @compiled()
-def add_poses(a, knots, counts, values, slopes, total, jacobian):  # type: ignore[no-untyped-def]
+def add_poses(a, ramps, total, jacobian):  # type: ignore[no-untyped-def]
     """Add the displacements of all poses at amplitudes `a`, and set their derivatives.
 
     Args:
         a: Amplitudes (p,).
-        knots: Amplitudes (p, k) of the states of each pose; see `PoseBasis`.
-        counts: Number of states (p,) of each pose.
-        values: Displacements (p, k, m, 3) at the states, mm.
-        slopes: Their derivatives (p, k, m, 3), mm per amplitude.
+        ramps: The poses.
         total: Displacements (m, 3), mm, that are added to.
         jacobian: Derivatives (p, m, 3), mm per amplitude, that are set.
     """
+    knots, counts, values, slopes = ramps
     for p in range(len(a)):
         last = counts[p] - 1
         k = 0
@@ -47,20 +51,13 @@ def add_poses(a, knots, counts, values, slopes, total, jacobian):  # type: ignor
 
 
 @compiled()
-def linearize(  # type: ignore[no-untyped-def]
-    a, u, weights, prior, knots, counts, values, slopes, jacobian, H, g
-):
+def linearize(a, ramps, measured, jacobian, H, g):  # type: ignore[no-untyped-def]
     """Compute the weighted sum of squares of the residual, and its Gauss-Newton derivatives.
 
     Args:
         a: Amplitudes (p,).
-        u: Measured displacements (m, 3), mm.
-        weights: Weights (m,) of the markers, 1/mm^2.
-        prior: Inverse variance of the amplitudes.
-        knots: As of `add_poses`.
-        counts: As of `add_poses`.
-        values: As of `add_poses`.
-        slopes: As of `add_poses`.
+        ramps: The poses.
+        measured: What is fitted.
         jacobian: Work array (p, m, 3).
         H: Set to half the second derivatives (p, p) of the sum with the prior.
         g: Set to minus half its first derivatives (p,).
@@ -68,8 +65,9 @@ def linearize(  # type: ignore[no-untyped-def]
     Returns:
         The sum of squares, and the same with the prior.
     """
+    u, weights, prior = measured
     total = np.zeros_like(u)
-    add_poses(a, knots, counts, values, slopes, total, jacobian)
+    add_poses(a, ramps, total, jacobian)
     residual = 0.0
     n = len(a)
     for p in range(n):
@@ -98,22 +96,22 @@ def linearize(  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def descend(a, upper, u, weights, prior, knots, counts, values, slopes):  # type: ignore[no-untyped-def]
+def descend(a, upper, ramps, measured):  # type: ignore[no-untyped-def]
     """Minimize the sum of squares by Gauss-Newton steps from `a` (p,), which is changed.
 
-    Amplitudes stay within 0 to `upper` (p,). The other arguments are those of `linearize`.
+    Amplitudes stay within 0 to `upper` (p,).
 
     Returns:
         The residual sum of squares, the same with the prior, and H (p, p).
     """
     n = len(a)
-    jacobian = np.empty((n, u.shape[0], 3))
+    jacobian = np.empty((n, measured[0].shape[0], 3))
     H, g = np.empty((n, n)), np.empty(n)
     H2, g2 = np.empty((n, n)), np.empty(n)
     d, trial = np.empty(n), np.empty(n)
     for p in range(n):
         a[p] = min(a[p], upper[p])
-    residual, cost = linearize(a, u, weights, prior, knots, counts, values, slopes, jacobian, H, g)
+    residual, cost = linearize(a, ramps, measured, jacobian, H, g)
     for _ in range(_MAX_NEWTON_STEPS):
         # The step within the bounds, one unknown at a time (projected Gauss-Seidel).
         d[:] = 0
@@ -134,9 +132,7 @@ def descend(a, upper, u, weights, prior, knots, counts, values, slopes):  # type
         for _ in range(6):
             for p in range(n):
                 trial[p] = min(max(a[p] + size * d[p], 0.0), upper[p])
-            residual2, cost2 = linearize(
-                trial, u, weights, prior, knots, counts, values, slopes, jacobian, H2, g2
-            )
+            residual2, cost2 = linearize(trial, ramps, measured, jacobian, H2, g2)
             if cost2 < cost:
                 is_better = True
                 break
@@ -160,24 +156,17 @@ def _both_active(a, opposites):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def fit(  # type: ignore[no-untyped-def]
-    a, limit, u, weights, prior, opposites, expected, knots, counts, values, slopes
-):
+def fit(a, limit, ramps, measured, opposites, expected):  # type: ignore[no-untyped-def]
     """Fit amplitudes, starting from `a` (p,), which is changed.
 
     Args:
         a: Start, replaced by the amplitudes.
         limit: Largest amplitude.
-        u: As of `linearize`.
-        weights: As of `linearize`.
-        prior: As of `linearize`.
+        ramps: The poses.
+        measured: What is fitted.
         opposites: Pairs of poses (p, p) of which only one may be active: the one that explains
             more.
         expected: Sum of squares of the noise; if more remains, the fit is repeated from rest.
-        knots: As of `add_poses`.
-        counts: As of `add_poses`.
-        values: As of `add_poses`.
-        slopes: As of `add_poses`.
 
     Returns:
         The residual sum of squares and H (p, p).
@@ -185,10 +174,10 @@ def fit(  # type: ignore[no-untyped-def]
     n = len(a)
     upper = np.empty(n)
     upper[:] = limit
-    residual, cost, H = descend(a, upper, u, weights, prior, knots, counts, values, slopes)
+    residual, cost, H = descend(a, upper, ramps, measured)
     if residual > expected:
         other = np.zeros_like(a)
-        l2, c2, H2 = descend(other, upper, u, weights, prior, knots, counts, values, slopes)
+        l2, c2, H2 = descend(other, upper, ramps, measured)
         if c2 < cost:
             a[:], residual, H = other, l2, H2
     for _ in range(n):  # each round, if any, fixes one more at 0
@@ -197,9 +186,9 @@ def fit(  # type: ignore[no-untyped-def]
             break
         first, second = a.copy(), a.copy()
         upper[p] = 0
-        l1, c1, H1 = descend(first, upper, u, weights, prior, knots, counts, values, slopes)
+        l1, c1, H1 = descend(first, upper, ramps, measured)
         upper[p], upper[q] = limit, 0
-        l2, c2, H2 = descend(second, upper, u, weights, prior, knots, counts, values, slopes)
+        l2, c2, H2 = descend(second, upper, ramps, measured)
         if c1 < c2:
             upper[p], upper[q] = 0, limit
             a[:], residual, H = first, l1, H1

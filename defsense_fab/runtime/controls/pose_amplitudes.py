@@ -6,7 +6,8 @@ A `PoseBasis` holds the marker displacements of the poses; `PoseAmplitudes` fits
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -46,7 +47,7 @@ class PoseRamp:
             raise ControlError(
                 f"amplitudes have shape {a.shape} and displacements {u.shape}, expected (k,) and"
                 " (k, m, 3)",
-                code="shape-mismatch",
+                code="wrong-shape",
             )
         if not (np.isfinite(a).all() and np.isfinite(u).all()):
             raise ControlError(
@@ -73,11 +74,6 @@ class PoseBasis:
     Attributes:
         names: Names of the p poses.
         ramps: Displacements of each pose.
-        knots: Amplitudes (p, k) of the states, packed for compiled functions.
-        counts: Number (p,) of the states of each pose; later entries of `knots` are unused.
-        values: Displacements (p, k, m, 3) at the states, mm.
-        slopes: Their derivatives (p, k, m, 3), mm per amplitude.
-        opposites: Pairs of poses (p, p) of which one undoes the other, such as bending up and down.
 
     Raises:
         ControlError: The names are not unique, or the ramps do not fit each other.
@@ -85,50 +81,51 @@ class PoseBasis:
 
     names: tuple[str, ...]
     ramps: tuple[PoseRamp, ...]
-    knots: Float = field(init=False, repr=False)
-    counts: Int = field(init=False, repr=False)
-    values: Float = field(init=False, repr=False)
-    slopes: Float = field(init=False, repr=False)
-    opposites: Bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.names or len(set(self.names)) != len(self.names):
             raise ControlError(
-                "poses need at least one name, and different names", code="names-not-unique"
+                "poses need at least one name, and different names", code="name-repeated"
             )
         if len(self.names) != len(self.ramps):
             raise ControlError(
                 f"there are {len(self.names)} names for {len(self.ramps)} poses",
-                code="counts-differ",
+                code="count-differs",
             )
         markers = {ramp.displacements.shape[1] for ramp in self.ramps}
         if len(markers) != 1 or not max(markers):
             raise ControlError(
                 "all poses must have the same markers, at least one", code="markers-differ"
             )
+
+    @property
+    def markers(self) -> int:
+        """Number of markers m."""
+        return len(self.ramps[0].displacements[0])
+
+    @cached_property
+    def packed(self) -> tuple[Float, Int, Float, Float]:
+        """The ramps as arrays for compiled functions; see `least_squares`."""
         ramps = [_with_rest(ramp) for ramp in self.ramps]
         counts = np.array([len(a) for a, _ in ramps])
         shape = (len(ramps), int(counts.max()))
         knots = np.zeros(shape)
-        values, slopes = np.zeros((2, *shape, *ramps[0][1].shape[1:]))
+        values, slopes = np.zeros((2, *shape, self.markers, 3))
         for p, (a, u) in enumerate(ramps):
             knots[p, : len(a)], values[p, : len(a)] = a, u
             slopes[p, : len(a)] = _slopes(a, u)
-        for name, value in (
-            ("knots", knots),
-            ("counts", counts),
-            ("values", values),
-            ("slopes", slopes),
-            ("opposites", _opposites(slopes[:, 0])),
-        ):
-            object.__setattr__(self, name, value)
+        return knots, counts, values, slopes
+
+    @cached_property
+    def opposites(self) -> Bool:
+        """Pairs of poses (p, p) of which one undoes the other, such as bending up and down."""
+        return _opposites(self.packed[3][:, 0])
 
     def displacements(self, amplitudes: Sequence[float] | Float) -> Float:
         """Return the sum of the poses' displacements (m, 3), mm, at amplitudes (p,)."""
-        jacobian = np.empty((len(self.names), *self.values.shape[2:]))
-        total = np.zeros(self.values.shape[2:])
-        a = np.asarray(amplitudes, float)
-        add_poses(a, self.knots, self.counts, self.values, self.slopes, total, jacobian)
+        total = np.zeros((self.markers, 3))
+        jacobian = np.empty((len(self.names), *total.shape))
+        add_poses(np.asarray(amplitudes, float), self.packed, total, jacobian)
         return total
 
 
@@ -192,7 +189,7 @@ class PoseAmplitudes:
 
     def __init__(self, basis: PoseBasis, independent: int | None = None) -> None:
         self.basis = basis
-        markers = basis.values.shape[2]
+        markers = basis.markers
         self._independent = independent or 3 * markers
         self._last = np.zeros(len(basis.names))
         # Compile before the first frame, which takes seconds without a cache.
@@ -210,12 +207,12 @@ class PoseAmplitudes:
             ControlError: The shapes do not fit the markers of the poses.
         """
         u = np.ascontiguousarray(displacement, float)
-        markers = self.basis.values.shape[2]
-        if u.shape != self.basis.values.shape[2:] or sd.shape != u.shape[:1]:
+        markers = self.basis.markers
+        if u.shape != (markers, 3) or sd.shape != u.shape[:1]:
             raise ControlError(
                 f"displacements have shape {u.shape} and sd {sd.shape}; the poses have"
                 f" {markers} markers",
-                code="shape-mismatch",
+                code="wrong-shape",
                 markers=markers,
             )
         visible = np.isfinite(u).all(axis=1) & np.isfinite(sd)
@@ -229,9 +226,8 @@ class PoseAmplitudes:
         independent = min(self._independent, count)
         # Two standard deviations of chi^2 above the sum that is expected of noise alone.
         expected = count * (1 + 2 * np.sqrt(2 / independent))
-        a, b = self._last.copy(), self.basis
-        packed = (b.knots, b.counts, b.values, b.slopes)
-        residual, H = fit(a, _MAX_AMPLITUDE, u, weights, _PRIOR, b.opposites, expected, *packed)
+        a, basis, measured = self._last.copy(), self.basis, (u, weights, _PRIOR)
+        residual, H = fit(a, _MAX_AMPLITUDE, basis.packed, measured, basis.opposites, expected)
         self._last = a
         unexplained = max(0.0, residual - expected)
         moved = float(weights @ (u**2).sum(axis=1))

@@ -251,10 +251,10 @@ class LiveDecoder:
             self._mean_distance += (distance - self._mean_distance) * share
 
     def _is_rest_wrong(self, time: float, ohms: Float, rest: Rest) -> bool:
-        """Tell whether R0 must be measured again, because it was measured in a pose.
+        """Return whether R0 must be measured again, because it was measured in a pose.
 
-        Then the readings have been implausible for some seconds, lie still, and are nearer to R0 in
-        the training than R0 is. The readings of swapped plugs are not.
+        Then the readings have been implausible for some seconds, are steady, and are nearer to R0
+        in the training than R0 is. The readings of swapped plugs are not.
         """
         timeout = time - self._implausible_since > _IMPLAUSIBLE_TIMEOUT_S
         if not self._follow_drift or not rest.is_still or not timeout:

@@ -139,7 +139,7 @@ class LiveFaults:
         return kinds
 
     def _repeats(self, time: float, ohms: Float) -> Bool:
-        """Tell which channels have been exactly the same for longer than noise allows."""
+        """Return which channels have been exactly the same for longer than noise allows."""
         self._same_since = np.where(ohms == self._last_ohms, self._same_since, time)
         self._last_ohms = ohms
         if self._limits is None or self._limits.repeats is None:

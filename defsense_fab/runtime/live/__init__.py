@@ -1,1 +1,1 @@
-"""Run a device: load its model and build, loop from samples to outputs, and keep its files."""
+"""The live loop: samples in, frames out; and the files of a run."""

@@ -28,6 +28,7 @@ from ..controls.control_bank import ControlBank
 from ..controls.pose_amplitudes import RADIUS_90
 from ..frames.live_decoder import LiveDecoder, Reading
 from ..frames.live_frame import LiveFrame, Note, Quality
+from .loop_status import Latency, LiveStatus, event_note
 
 #: Time that a surface may take, s; it bounds the iterations of its solver.
 SURFACE_BUDGET_S = 0.008
@@ -36,8 +37,6 @@ _POLL_INTERVAL_S = 0.005  # of sources without a thread of their own
 _MAX_WAITING_SAMPLES = 50  # a machine that is too slow skips samples, and stays in time
 _UNKNOWN_MARKER_SD_MM = 1.0  # of markers whose interval is unknown
 _MIN_MARKER_SD_MM = 1e-3
-_MAX_LATENCIES = 6000  # a minute at 100 Hz
-_RATE_WINDOW_S = 3.0
 _MAX_SILENCE_S = 1.0  # without a sample, after which that is reported
 _EVENT_NOTE_S = 5.0  # for which an event is reported
 _JOIN_TIMEOUT_S = 3.0
@@ -80,29 +79,21 @@ class ReadingRecorder(Protocol):
 
 
 @dataclass(frozen=True)
-class LiveStatus:
-    """The state of a loop.
+class Receivers:
+    """Where a loop sends its frames and readings.
 
     Attributes:
-        frame: The newest frame, or None.
-        rate: Decoded frames per second.
-        surface_rate: Surfaces per second.
-        output_latency: Median and 99th percentile of the time from a sample's arrival until its
-            frame was given to the outputs, s; NaN before the first frame.
-        view_latency: The same until its surface was given to the views.
-        samples: Number of samples that have arrived.
-        skipped: Number of samples that were not decoded.
-        notes: Notes on all parts of the loop.
+        outputs: Receivers of frames without surfaces.
+        views: Receivers of frames with surfaces.
+        recorder: Recorder of the raw readings.
     """
 
-    frame: LiveFrame | None
-    rate: float
-    surface_rate: float
-    output_latency: tuple[float, float]
-    view_latency: tuple[float, float]
-    samples: int
-    skipped: int
-    notes: tuple[Note, ...]
+    outputs: Sequence[FrameSink] = ()
+    views: Sequence[FrameSink] = ()
+    recorder: ReadingRecorder | None = None
+
+
+_NO_RECEIVERS = Receivers()
 
 
 class LiveLoop:
@@ -115,9 +106,7 @@ class LiveLoop:
         reference: Resistors (c,) of the dividers, ohm, in the model's order of channels.
         controls: The controls, if the device has any.
         surface: Solver of the surface for the views.
-        outputs: Receivers of frames without surfaces.
-        views: Receivers of frames with surfaces.
-        recorder: Recorder of the raw readings.
+        receivers: Outputs, views and recorder.
         tracks: Returns where cameras see the markers (m, 3), mm, at the time of a sample, s.
     """
 
@@ -130,15 +119,14 @@ class LiveLoop:
         *,
         controls: ControlBank | None = None,
         surface: SurfaceSolver | None = None,
-        outputs: Sequence[FrameSink] = (),
-        views: Sequence[FrameSink] = (),
-        recorder: ReadingRecorder | None = None,
+        receivers: Receivers = _NO_RECEIVERS,
         tracks: Callable[[float], Float] | None = None,
     ) -> None:
         self._source, self.decoder = source, decoder
         self._order = [list(board_channels).index(name) for name in decoder.model.channels]
         self._reference, self._controls, self._surface = reference, controls, surface
-        self._outputs, self._views, self._recorder = tuple(outputs), tuple(views), recorder
+        self._outputs, self._views = tuple(receivers.outputs), tuple(receivers.views)
+        self._recorder = receivers.recorder
         self._tracks = tracks
         self._samples_to_decode: deque[StampedSample] = deque(maxlen=_MAX_WAITING_SAMPLES)
         self._has_samples, self._stop = threading.Event(), threading.Event()
@@ -146,7 +134,7 @@ class LiveLoop:
         self._surface_thread = threading.Thread(target=self._solve_surfaces, daemon=True)
         self._thread = threading.Thread(target=self._decode_samples, daemon=True)
         self._dividers: Dividers | None = None
-        self._output_latency, self._view_latency = _Latency(), _Latency()
+        self._output_latency, self._view_latency = Latency(), Latency()
         self._frame: LiveFrame | None = None
         self._failure: Exception | None = None
         self._samples = self._skipped = 0
@@ -264,7 +252,7 @@ class LiveLoop:
         if self._recorder is not None:
             self._recorder.add(item)
         if isinstance(item, Event):
-            self._report(_event_note(self._source.name, item), is_lasting=item.kind == "gap")
+            self._report(event_note(self._source.name, item), is_lasting=item.kind == "gap")
             if item.data.get("full_scale", 0) > 0:  # another board, or another range of it
                 self._dividers = Dividers(self._reference, item.data["full_scale"])
             return
@@ -316,14 +304,21 @@ class LiveLoop:
         return self.decoder(Reading(item.device_us / 1e6, ohms, item.host_ns / 1e9))
 
     def _give(self, frame: LiveFrame) -> None:
+        """Add the controls to a decoded frame, and hand it to outputs and views."""
+        values, confidence = frame.controls, frame.confidence
         if self._controls is not None and self.decoder.has_rest:
             controls = self._controls.update(frame.markers, marker_sd(frame.radius), frame.time)
-            is_lost = frame.quality is Quality.LOST
-            confidence = dict.fromkeys(controls.confidence, 0.0) if is_lost else controls.confidence
-            frame = replace(frame, controls=controls.values, confidence=confidence)
+            values, confidence = controls.values, controls.confidence
+            if frame.quality is Quality.LOST:
+                confidence = dict.fromkeys(confidence, 0.0)
         self._number += 1
-        tracks = None if self._tracks is None else self._tracks(frame.time)
-        self._frame = frame = replace(frame, number=self._number, tracks=tracks)
+        self._frame = frame = replace(
+            frame,
+            number=self._number,
+            controls=values,
+            confidence=confidence,
+            tracks=None if self._tracks is None else self._tracks(frame.time),
+        )
         for output in self._outputs:
             output.send(frame)
         self._output_latency.add(time.monotonic() - frame.arrived)
@@ -373,18 +368,6 @@ def marker_sd(radius: Float) -> Float:
     return np.asarray(np.where(np.isfinite(radius), sd, _UNKNOWN_MARKER_SD_MM))
 
 
-def _event_note(source: str, event: Event) -> Note | None:
-    if event.kind == "gap":
-        reason = event.data.get("why", "no answer")
-        text = f"{source}: the read-out board is disconnected ({reason}); waiting for it"
-        return Note("board-disconnected", text, {"reason": reason})
-    if event.kind == "resumed":
-        return Note("board-reconnected", f"{source}: the read-out board is connected again")
-    if event.kind == "restart":
-        return Note("board-restarted", f"{source}: the read-out board has restarted")
-    return None
-
-
 class _Slot:
     """Room for one frame; a newer one replaces it."""
 
@@ -408,32 +391,3 @@ class _Slot:
         with self._changed:
             self._has_ended = True
             self._changed.notify()
-
-
-class _Latency:
-    """Latencies of the last minute."""
-
-    def __init__(self) -> None:
-        self._rows: deque[tuple[float, float]] = deque(maxlen=_MAX_LATENCIES)
-
-    def add(self, seconds: float) -> None:
-        self._rows.append((time.monotonic(), seconds))
-
-    @property
-    def values(self) -> Float:
-        return np.array([s for _, s in tuple(self._rows)])
-
-    @property
-    def quantiles(self) -> tuple[float, float]:
-        """Median and 99th percentile, s; NaN without values."""
-        values = self.values
-        if not len(values):
-            return float("nan"), float("nan")
-        return float(np.median(values)), float(np.quantile(values, 0.99))
-
-    @property
-    def rate(self) -> float:
-        """Values per second, over the last three seconds."""
-        now = time.monotonic()
-        recent = [t for t, _ in tuple(self._rows) if t > now - _RATE_WINDOW_S]
-        return len(recent) / _RATE_WINDOW_S

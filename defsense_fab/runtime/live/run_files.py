@@ -159,10 +159,6 @@ class RawRecording:
             self._retry_at = time.monotonic() + _RETRY_DELAY_S
             self._close_recorder()
 
-    def retry_now(self) -> None:
-        """Try to record again with the next item."""
-        self._retry_at = 0.0
-
     def close(self) -> None:
         """End the recording."""
         self._is_closed = True

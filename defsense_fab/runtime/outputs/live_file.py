@@ -1,8 +1,8 @@
-"""Read `live.toml`, and flags that hold the same: outputs and controls of the live loop.
+"""Read `live.toml`, and texts that hold the same: outputs and controls of the live loop.
 
-[outputs.osc]                  # --output osc,port=9000
+[outputs.osc]                  # osc,port=9000
 port = 9000
-[outputs.midi]                 # --output 'midi,file=a.mid,mapping=[{control="bend",cc=20}]'
+[outputs.midi]                 # midi,file=a.mid,mapping=[{control="bend",cc=20}]
 file = "a.mid"
 mapping = [{ control = "bend", cc = 20 }]
 [controls.bend]
@@ -95,11 +95,13 @@ class LiveSettings:
 
     Attributes:
         outputs: Settings of the outputs, in the order of the file.
-        controls: The controls; none stand for one of each pose.
+        controls: The controls; empty for one of each pose.
+        path: The file, for messages; None without one.
     """
 
     outputs: tuple[Settings, ...] = ()
     controls: tuple[ControlSpec, ...] = ()
+    path: Path | None = None
 
 
 def read_live_file(path: Path) -> LiveSettings:
@@ -130,7 +132,7 @@ def read_live_file(path: Path) -> LiveSettings:
             problems.append(problem.below("controls", name))
     if problems:
         document.refuse(problems)
-    return LiveSettings(tuple(outputs), tuple(controls))
+    return LiveSettings(tuple(outputs), tuple(controls), path)
 
 
 def _control(name: str, table: ControlTable | str) -> ControlSpec:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..frames.live_frame import LiveFrame
-from .midi_ports import MidiPorts, find_port
+from .midi_ports import SystemPorts, find_port
 from .output import mappable_values
 from .settings import MidiMapping
 
@@ -114,7 +114,7 @@ def _note_messages(
 
 
 def _velocity(recent: deque[tuple[float, float]]) -> int:
-    """Return the velocity of a note, by the root of the speed, because hands are slow beside keys.
+    """Return the velocity of a note, by the root of the speed: hands move slower than piano keys.
 
     It is a medium one if the speed is unknown.
     """
@@ -205,7 +205,7 @@ class MidiLearn:
         OutputError: There is no such input.
     """
 
-    def __init__(self, device: str, ports: MidiPorts) -> None:
+    def __init__(self, device: str, ports: SystemPorts) -> None:
         self.port_name = find_port(ports, device, inputs=True)
         self._port = ports.open(self.port_name, inputs=True)
         self._frames: deque[tuple[float, Mapping[str, float]]] = deque(maxlen=10_000)

@@ -11,7 +11,7 @@ from ...core.errors import OutputError, StorageError
 from ...core.storage.files import storage_errors, unused_path, write_text
 from ..frames.live_frame import LiveFrame, Note
 from .midi_mapping import MidiLearn, MidiMapper, default_mapping, mapping_toml, merge_mapping
-from .midi_ports import MidiPort, MidiPorts, SystemPorts, find_port
+from .midi_ports import MidiPort, SystemPorts, find_port
 from .output import has_all_controls, unknown_controls_note
 from .settings import MidiMapping, MidiSettings
 
@@ -111,7 +111,7 @@ class MidiOutput:
 
     name = "midi"
 
-    def __init__(self, settings: MidiSettings, ports: MidiPorts | None = None) -> None:
+    def __init__(self, settings: MidiSettings, ports: SystemPorts | None = None) -> None:
         self._settings, self._ports = settings, ports or SystemPorts()
         self._port: MidiPort | None = None
         self._port_name, self._checked_at = "", 0.0
@@ -145,11 +145,6 @@ class MidiOutput:
         if self._last_learned is not None:
             text += f"; {self._last_learned.control} now plays {self._last_learned.place}"
         return f"midi: {text}"
-
-    @property
-    def learned_path(self) -> Path:
-        """File that learned mappings are written to."""
-        return self._learned_path
 
     def send(self, frame: LiveFrame) -> None:
         """Send the changes of a frame.

@@ -4,31 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from ...core.errors import OutputError
 from ...core.machine.optional_libraries import missing, missing_code
 
 _ALSA_SEQUENCER = Path("/dev/snd/seq")
 _LAST_PYTHON_WITH_WHEEL = (3, 12)  # for python-rtmidi 1.5, as in pyproject.toml
-
-
-class MidiPort(Protocol):
-    """An open port, input or output; messages are bytes."""
-
-    def send(self, message: bytes) -> None: ...
-
-    def pending(self) -> list[bytes]: ...
-
-    def close(self) -> None: ...
-
-
-class MidiPorts(Protocol):
-    """The ports of a machine."""
-
-    def names(self, inputs: bool) -> list[str]: ...
-
-    def open(self, name: str, inputs: bool, virtual: bool = False) -> MidiPort: ...
 
 
 class SystemPorts:
@@ -56,7 +38,7 @@ class SystemPorts:
         mido = _import_mido()
         try:
             opener = mido.open_input if inputs else mido.open_output
-            return _Port(opener(name, virtual=virtual), mido)
+            return MidiPort(opener(name, virtual=virtual), mido)
         except Exception as error:
             raise OutputError(
                 f"port {name!r} cannot be opened ({error})",
@@ -67,21 +49,26 @@ class SystemPorts:
             ) from None
 
 
-class _Port:
+class MidiPort:
+    """An open port, input or output; messages are bytes."""
+
     def __init__(self, port: Any, mido: Any) -> None:
         self._port, self._mido = port, mido
 
     def send(self, message: bytes) -> None:
+        """Send a message."""
         self._port.send(self._mido.Message.from_bytes(message))
 
     def pending(self) -> list[bytes]:
+        """Return the messages that have arrived."""
         return [bytes(message.bytes()) for message in self._port.iter_pending()]
 
     def close(self) -> None:
+        """Close the port."""
         self._port.close()
 
 
-def find_port(ports: MidiPorts, device: str, inputs: bool) -> str:
+def find_port(ports: SystemPorts, device: str, inputs: bool) -> str:
     """Return the first port whose name contains a text, in any case.
 
     Args:

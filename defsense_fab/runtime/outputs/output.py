@@ -58,7 +58,7 @@ def mappable_values(frame: LiveFrame) -> dict[str, float]:
 
 
 def has_all_controls(frame: LiveFrame) -> bool:
-    """Tell whether the frame has all controls of the device, even if there are none.
+    """Return whether the frame has all controls of the device, even if it has no controls.
 
     Until the resistances at rest are known, frames are lost and have no controls yet.
     """

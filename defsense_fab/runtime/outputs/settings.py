@@ -136,9 +136,11 @@ class MidiSettings(OutputSettings, frozen=True):
 
     device: Annotated[
         str,
-        key("Part of the name of the port to send to; not with `virtual` or `file`.",
-            default="the first port"),
-    ] = ""  # fmt: skip
+        key(
+            "Part of the name of the port to send to; not with `virtual` or `file`.",
+            default="the first port",
+        ),
+    ] = ""
     virtual: Annotated[
         str, key("Name of a new port, to which other programs connect.", default="none")
     ] = ""
@@ -199,9 +201,12 @@ class GamepadMapping(OutputSettings, frozen=True):
     axis: Annotated[str, key("Axis that it moves.", choices=AXES, default="this or `button`")] = ""
     button: Annotated[
         str,
-        key("Button that it holds while above `threshold`.", choices=BUTTONS,
-            default="this or `axis`"),
-    ] = ""  # fmt: skip
+        key(
+            "Button that it holds while above `threshold`.",
+            choices=BUTTONS,
+            default="this or `axis`",
+        ),
+    ] = ""
     threshold: Annotated[float, key("Value of the control at which a button is pressed.")] = 0.5
 
     def check(self) -> Iterator[Problem]:
@@ -247,4 +252,4 @@ KINDS: dict[str, type[Settings]] = {
 def _check_send(send: Sequence[str], choices: Sequence[str]) -> Iterator[Problem]:
     if not send or len(set(send)) != len(send):
         text = f"must name at least one of {', '.join(choices)}, each once"
-        yield Problem(("send",), text, "names-not-unique")
+        yield Problem(("send",), text, "name-repeated")

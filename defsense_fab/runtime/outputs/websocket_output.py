@@ -34,8 +34,6 @@ _SLOW_CLIENT_S = 10.0  # after which a client that does not read is closed
 _TOKEN_TIMEOUT_S = 5.0  # for the token in a first message
 _SPARE_CONNECTIONS = 200  # beyond the clients: requests, handshakes, refusals
 _START_TIMEOUT_S = 10.0
-_ANY_HOST = ("0.0.0.0", "::")  # noqa: S104  # compared, not bound
-_DOCUMENTATION_ADDRESS = ("192.0.2.1", 9)  # reserved for documentation
 _PAGE = Path(__file__).with_name("websocket_page.html")
 _CONTENT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
@@ -388,11 +386,7 @@ class WebSocketOutput:
     @property
     def url(self) -> str:
         """Address of the page; that of the WebSocket has ws in place of http."""
-        host = self._settings.host
-        if host in _ANY_HOST:
-            host = _own_address()
-        token = f"?token={self._server.access.token}" if self._server.access.token else ""
-        return f"http://{f'[{host}]' if ':' in host else host}:{self._server.port}/{token}"
+        return self._server.access.link(self._server.port)
 
     @property
     def about(self) -> str:
@@ -432,13 +426,3 @@ class WebSocketOutput:
     def close(self) -> None:
         """Close all connections. Idempotent."""
         self._server.close()
-
-
-def _own_address() -> str:
-    """Return this machine's address in its network; nothing is sent to find it."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(_DOCUMENTATION_ADDRESS)
-        except OSError:
-            return socket.gethostname()
-        return str(probe.getsockname()[0])

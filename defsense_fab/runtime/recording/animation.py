@@ -49,7 +49,7 @@ class Animation:
             raise LiveError(
                 f"positions have shape {self.positions.shape}, expected {len(self.steps)} frames of"
                 f" {len(self.rest)} vertices",
-                code="shape-mismatch",
+                code="wrong-shape",
                 where=self.name,
             )
         if self.steps[0] < 0 or (np.diff(self.steps) <= 0).any():

@@ -190,12 +190,35 @@ def write_gltf(
     """
     basis = deformation_basis(animation, tolerance, max_targets)
     data = _Buffer()
+    document = _describe(animation, basis, data)
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    size = 12 + 8 + len(text) + 8 + data.size
+    with replace_file(path) as temporary, temporary.open("wb") as file:
+        file.write(struct.pack("<III", _MAGIC, 2, size))
+        file.write(struct.pack("<II", len(text), _JSON) + text)
+        file.write(struct.pack("<II", data.size, _BIN))
+        for block in data.blocks:
+            file.write(block)
+    frames, seconds = len(animation.steps), float(np.ptp(animation.times))
+    return AnimationFile(path, size, frames, seconds, basis.error, len(basis.targets))
+
+
+def _describe(animation: Animation, basis: DeformationBasis, data: _Buffer) -> dict[str, Any]:
+    """Add the arrays to the buffer, and return the glTF document that describes them."""
     rest = data.add(_to_gltf(animation.rest), "VEC3", _VERTICES, bounds=True)
     faces = data.add(animation.faces.ravel().astype(np.uint32), "SCALAR", _FACES)
     targets = [data.add(_to_gltf(t), "VEC3", _VERTICES, bounds=True) for t in basis.targets]
     times = data.add(animation.times.astype(np.float32), "SCALAR", bounds=True)
     weights = data.add(basis.weights.ravel(), "SCALAR")
-    document = {
+    surface = {
+        "attributes": {"POSITION": rest},
+        "indices": faces,
+        "targets": [{"POSITION": target} for target in targets],
+    }
+    # Blender and others show these names for the targets.
+    target_names = [f"component {k}" if k else "offset" for k in range(len(targets))]
+    return {
         "asset": {"version": "2.0", "generator": f"defsense-fab {__version__}"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
@@ -203,20 +226,9 @@ def write_gltf(
         "meshes": [
             {
                 "name": animation.name,
-                "primitives": [
-                    {
-                        "attributes": {"POSITION": rest},
-                        "indices": faces,
-                        "targets": [{"POSITION": target} for target in targets],
-                    }
-                ],
+                "primitives": [surface],
                 "weights": [0.0] * len(targets),
-                # The names that Blender and others show for the targets.
-                "extras": {
-                    "targetNames": [
-                        f"component {k}" if k else "offset" for k in range(len(targets))
-                    ]
-                },
+                "extras": {"targetNames": target_names},
             }
         ],
         "animations": [
@@ -230,17 +242,6 @@ def write_gltf(
         "bufferViews": data.views,
         "buffers": [{"byteLength": data.size}],
     }
-    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
-    text += b" " * (-len(text) % 4)
-    size = 12 + 8 + len(text) + 8 + data.size
-    with replace_file(path) as temporary, temporary.open("wb") as file:
-        file.write(struct.pack("<III", _MAGIC, 2, size))
-        file.write(struct.pack("<II", len(text), _JSON) + text)
-        file.write(struct.pack("<II", data.size, _BIN))
-        for block in data.blocks:
-            file.write(block)
-    frames, seconds = len(animation.steps), float(np.ptp(animation.times))
-    return AnimationFile(path, size, frames, seconds, basis.error, len(targets))
 
 
 class _Buffer:

@@ -56,7 +56,7 @@ class MarkerMap:
         limits = _SAMPLE_RANGE * np.abs(basis.coordinates).max(axis=0)
         random = np.random.default_rng(_SEED).uniform(
             -1.0, 1.0, (int(_SAMPLES_PER_TERM * len(factors)), k)
-        )  # fmt: skip
+        )
         samples = np.concatenate([np.zeros((1, k)), basis.coordinates, limits * random])
         markers = np.empty((len(samples), *attachment.offset.shape))
         for s, q in enumerate(samples):
@@ -151,10 +151,11 @@ class RotationStrain:
         modes = np.flatnonzero(values > _MIN_AMPLITUDE**2 * values[0])[:_MAX_MODES]
         mixed = vectors[:, modes] / math.sqrt(len(states))  # of the states, at unit coordinates
         return cls(
-            net, np.einsum("sk,snd->knd", mixed, turns),
+            net,
+            np.einsum("sk,snd->knd", mixed, turns),
             np.einsum("sk,shd->khd", mixed, stretches).astype(np.float32),
             vectors[:, modes] * math.sqrt(len(states)),
-        )  # fmt: skip
+        )
 
     @property
     def modes(self) -> int:

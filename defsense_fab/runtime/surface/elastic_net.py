@@ -20,14 +20,14 @@ from ...core.arrays import Bool, Float, Int
 from ...core.machine.compiled import compiled
 from ...core.machine.copying import copy_row
 from .rotation import LANES, nearest_of_many, nearest_rotation
-from .sparse_factor import SparseFactor, elimination_order
+from .sparse_factor import SparseFactor
 from .surface_mesh import laplacian, vertex_areas
 
 
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def rotate_edges(
     ptr: Int, ends: Int, weights: Float, edges: Float, rotations: Float, right: Float
-) -> None:  # fmt: skip
+) -> None:
     """Add the divergence of rotated edges to the right side of the Laplacian.
 
     Args:
@@ -62,7 +62,7 @@ def rotate_edges(
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def fit_rotations(
     ptr: Int, ends: Int, weights: Float, edges: Float, x: Float, rotations: Float, right: Float
-) -> None:  # fmt: skip
+) -> None:
     """Fit the rotation of each vertex, and add the rotated edges to the right side.
 
     Args:
@@ -180,8 +180,7 @@ class ElasticNet:
         system = csr_array(
             free @ matrix @ free + diags_array(ground) + diags_array(fixed.astype(float))
         )
-        ptr, ends = (a.astype(np.int64) for a in (matrix.indptr, matrix.indices))
-        factor = SparseFactor.of(system, elimination_order(vertices, ptr, ends))
+        factor = SparseFactor.of(system)
         order = factor.order
         position = np.empty_like(order)
         position[order] = np.arange(len(order))

@@ -15,10 +15,9 @@ from .surface_solvers import ArapSolver, ModeSolver, Solver, TimeBudget
 #: How a surface is solved: see `make_surface`.
 Mode = Literal["default", "arap", "basis"]
 
-#: Time that a frame should take, s; larger meshes get a cage.
-FRAME = 0.008
-#: Number of vertices of a cage.
-CAGE = 4_000
+#: Time that a frame should take; larger meshes get a cage.
+FRAME_TIME_S = 0.008
+_CAGE_VERTICES = 4_000
 _MAX_UNTIMED_VERTICES = 2_000  # such meshes are solved directly, without a trial
 _MAX_DIRECT_VERTICES = 15_000  # larger meshes get a cage, without a trial
 _TRIAL_FRAMES = 5
@@ -91,7 +90,7 @@ def make_surface(
     marker_rest: Float,
     sd: Float,
     mode: Mode = "default",
-    frame: float = FRAME,
+    frame: float = FRAME_TIME_S,
 ) -> LiveSurface:
     """Set up the solver of a surface.
 
@@ -117,7 +116,7 @@ def make_surface(
         seconds = _frame_seconds(surface, marker_rest) if count > _MAX_UNTIMED_VERTICES else 0.0
         if seconds <= frame:
             return surface
-    cage = Cage.of(basis, CAGE)
+    cage = Cage.of(basis, _CAGE_VERTICES)
     return _with_solver(cage.basis, marker_rest, sd, mode, cage)
 
 

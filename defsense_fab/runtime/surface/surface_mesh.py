@@ -201,9 +201,11 @@ class SurfaceBasis:
         """Return a surface without simulated states."""
         count = len(vertices)
         return cls(
-            np.asarray(vertices, float), np.asarray(triangles, np.int64), np.zeros((0, count, 3)),
+            np.asarray(vertices, float),
+            np.asarray(triangles, np.int64),
+            np.zeros((0, count, 3)),
             np.zeros(count, bool),
-        )  # fmt: skip
+        )
 
     @property
     def size(self) -> float:

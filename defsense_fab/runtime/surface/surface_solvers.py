@@ -47,7 +47,7 @@ class TimeBudget:
         self._iterations = 0
 
     def allows(self) -> bool:
-        """Tell, before each iteration, whether another one as long as the longest still fits.
+        """Return, before each iteration, whether another one as long as the longest still fits.
 
         The first iteration is always allowed.
         """

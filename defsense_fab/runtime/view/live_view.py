@@ -16,9 +16,6 @@ from ..frames.live_frame import LiveFrame, Note, Quality
 from .live_scene import LINES, LiveScene, ViewedDevice
 from .page_server import close_page, serve_page
 
-#: Default port of the page.
-PORT = 8080
-
 _PLOT_DURATION_S = 15.0
 _PLOT_POINTS = 400
 _PANEL_INTERVAL_S = 0.2  # between two updates of the panel
@@ -54,7 +51,7 @@ class PanelActions:
         rest: Takes the present readings as those at rest; None for no button.
         record: Starts (True) or stops (False) an animation, and returns a message about it; None
             for no button.
-        is_recording: Tells whether an animation is being recorded.
+        is_recording: Returns whether an animation is being recorded.
         notes: Returns notes on the whole run, which replace those of the frame.
         latency: Returns a sentence about the latency.
     """
@@ -236,8 +233,8 @@ class LiveView:
     def __init__(
         self,
         device: ViewedDevice,
-        actions: PanelActions | None = None,
-        place: int | PagePlace = PORT,
+        actions: PanelActions,
+        place: int | PagePlace,
     ) -> None:
         self._folder: Any = None
         if isinstance(place, PagePlace):
@@ -248,7 +245,7 @@ class LiveView:
             self.server = serve_page(place, f"{device.name} live")
         self.port = int(self.server.get_port())
         with self._folder or nullcontext():
-            self.panel = LivePanel(self.server, device, actions or PanelActions())
+            self.panel = LivePanel(self.server, device, actions)
         self.scene = (
             LiveScene(self.server, device)
             if self._folder is None

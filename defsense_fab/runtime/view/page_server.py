@@ -26,8 +26,6 @@ from ...core.machine.optional_libraries import optional
 
 #: The address at which pages are served to this machine alone.
 HOST = "127.0.0.1"
-_ANY_HOST = ("0.0.0.0", "::")  # noqa: S104  # compared, not bound
-_DOCUMENTATION_ADDRESS = ("192.0.2.1", 9)  # reserved for documentation: nothing answers
 #: Clients that send invalid data are closed; tracebacks of that help nobody.
 _socket_log = logging.getLogger(f"{__name__}.sockets")
 _patch_lock = threading.Lock()  # held while viser's function to listen is replaced
@@ -112,35 +110,10 @@ def _guard(listen: Any, access: Access, port: int) -> Any:
     return guarded
 
 
-def page_link(host: str, port: int, access: Access) -> str:
-    """Return the link to open in a browser.
-
-    For other machines it has the address of this machine in its network, and the token.
-
-    Args:
-        host: Address that the server listens on.
-        port: Its port.
-        access: Who may open the page.
-    """
-    name = _own_address() if host in _ANY_HOST else host
-    bracketed = f"[{name}]" if ":" in name else name
-    return f"http://{bracketed}:{port}" + (f"/?token={access.token}" if access.token else "")
-
-
 def close_page(server: Any) -> None:
     """Stop a viser server, without the text that it prints."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
-
-
-def _own_address() -> str:
-    """Return this machine's address in its network, or its name if it is in none."""
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-        try:
-            probe.connect(_DOCUMENTATION_ADDRESS)  # nothing is sent
-            return str(probe.getsockname()[0])
-        except OSError:
-            return socket.gethostname()
 
 
 def _check_free(host: str, port: int) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -18,10 +17,10 @@ from ..edits.cords import (
     smooth,
 )
 from ..edits.edit import Edit, free_name
+from ..workbench.controls import NONE, add_field, on_user
 from ..workbench.workbench import Workbench
 from .cord_scene import HANDLE_KINDS, HandleKind
 
-_NONE = "none"
 _FREEDOMS: dict[str, tuple[str, ...]] = {
     "nothing (locked)": (),
     "its path": ("path",),
@@ -51,14 +50,14 @@ class ChosenCord:
     def add_panel(self) -> None:
         """Add the controls to the open folder of the panel."""
         gui, button = self._bench.server.gui, self._bench.button
-        self._list = gui.add_dropdown("Cord", (_NONE,), hint="Choose the cord that has handles")
-        self._list.on_update(self._choose_from_list)
-        self._name = gui.add_text("Name", "", hint="Name on the parts and in the guide")
-        self._name.on_update(self._rename)
+        self._list = gui.add_dropdown("Cord", (NONE,), hint="Choose the cord that has handles")
+        on_user(self._list, lambda name: self.choose(None if name == NONE else name))
+        self._name = add_field(gui, "sensors.name", "")
+        on_user(self._name, self._rename)
         self._handles = gui.add_dropdown(
             "Handles on", HANDLE_KINDS, hint="Choose what the handles move"
         )
-        self._handles.on_update(lambda event: self._redraw() if event.client else None)
+        on_user(self._handles, lambda _: self._redraw())
         self._snap = gui.add_checkbox(
             "Snap points", True, hint="Snap to the surface, the middle and other cords' points"
         )
@@ -70,7 +69,7 @@ class ChosenCord:
             tuple(_FREEDOMS),
             hint="Choose what the optimizer may change. A locked cord stays as drawn",
         )
-        self._freedom.on_update(self._set_freedom)
+        on_user(self._freedom, self._set_freedom)
         button("Add a point", "Add a control point in the longest span", self.add_point)
         button("Delete the point", "Delete the point that was dragged last", self.delete_point)
         button("Smooth", "Compute the tangents from the points", self.smooth)
@@ -113,10 +112,8 @@ class ChosenCord:
         chosen = self.find(sensors)
         if chosen is None:
             self.name = None
-        options = (_NONE, *(s.name for s in sensors))
-        if tuple(self._list.options) != options:
-            self._list.options = options
-        self._list.value = self.name or _NONE
+        self._list.options = (NONE, *(s.name for s in sensors))
+        self._list.value = self.name or NONE
         self._name.value = self.name or ""
         for control in (self._name, self._freedom):
             control.disabled = chosen is None
@@ -133,7 +130,7 @@ class ChosenCord:
         """Delete the control point that was dragged last."""
         index, self.last_point = self.last_point, None
         if index is None:
-            self._bench.show_message(
+            self._bench.status.show(
                 "Drag a point first. The point that was dragged last is deleted.",
                 "no-point-dragged",
             )
@@ -157,22 +154,18 @@ class ChosenCord:
         self.name = None
         self._bench.apply(remove_cord(name))
 
-    def _choose_from_list(self, event: Any) -> None:
-        if event.client is not None:  # a user, not the program, has set it
-            self.choose(None if self._list.value == _NONE else self._list.value)
-
-    def _rename(self, event: Any) -> None:
-        name = self._name.value.strip()
-        if event.client is None or self.name is None or name in ("", self.name):
+    def _rename(self, text: str) -> None:
+        name = text.strip()
+        if self.name is None or name in ("", self.name):
             return
         before, self.name = self.name, name
         if not self._bench.apply(rename_cord(before, name)):
             self.name = before
             self._redraw()
 
-    def _set_freedom(self, event: Any) -> None:
-        if event.client is not None and self.name is not None:
-            self._bench.apply(set_freedoms(self.name, _FREEDOMS[self._freedom.value]))
+    def _set_freedom(self, label: str) -> None:
+        if self.name is not None:
+            self._bench.apply(set_freedoms(self.name, _FREEDOMS[label]))
 
     def _edit(self, edit: Callable[[Sensor], Edit]) -> None:
         chosen = self.find(self._bench.project.device.sensors)
@@ -182,7 +175,7 @@ class ChosenCord:
         self._bench.apply(edit(chosen))
 
     def _show_no_cord(self) -> None:
-        self._bench.show_message("Choose a cord first.", "no-cord-chosen")
+        self._bench.status.show("Choose a cord first.", "no-cord-chosen")
 
     def _insert_in_longest_span(self, cord: Sensor) -> Edit:
         spans = np.linalg.norm(np.diff(cord.curve.points, axis=0), axis=1)

@@ -10,14 +10,13 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom, sample_path
 from ...core.device.device import Sensor
-from ...runtime.view.cord_mesh import tube_faces, tube_vertices
+from ...workflow.view import quaternion, rotation_matrix
+from ..workbench.cord_tubes import add_tube, tube_mesh
 
-_POINTS_PER_TUBE = 120
 _CORD_COLOR, _CHOSEN_COLOR, _BROKEN_COLOR = (70, 70, 75), (31, 119, 180), (214, 39, 40)
 _SPOT_SIZE = 1.6  # times the cord's radius
 _TANGENT_SCALE = 3.0  # tangents are this much longer than their handles, as in drawing programs
@@ -89,7 +88,7 @@ class CordScene:
         with self._lock:
             tube = self._tubes.get(sensor.name)
             if tube is not None:
-                tube.vertices = self._vertices(sensor)
+                tube.vertices = tube_mesh(sample_path(sensor), self._radius)[0]
 
     def mark(self, points: Float, broken: frozenset[str]) -> None:
         """Mark broken limits in red.
@@ -105,7 +104,7 @@ class CordScene:
             if len(points):
                 self._spots = self._scene.add_point_cloud(
                     "/cords-broken",
-                    points.astype(np.float32),
+                    points,
                     colors=_BROKEN_COLOR,
                     point_size=_SPOT_SIZE * self._radius,
                     point_shape="circle",
@@ -119,26 +118,16 @@ class CordScene:
                     tube.color = color
 
     def _add_tube(self, sensor: Sensor, chosen: str | None) -> Any:
-        vertices = self._vertices(sensor)
-        return self._scene.add_mesh_simple(
-            f"/cords/{quote(sensor.name, safe='')}",
-            vertices,
-            tube_faces(len(vertices) // 8).astype(np.uint32),
-            color=_CHOSEN_COLOR if sensor.name == chosen else _CORD_COLOR,
-        )
-
-    def _vertices(self, sensor: Sensor) -> Float:
-        path = sample_path(sensor)
-        count = min(_POINTS_PER_TUBE, len(path))
-        indices = np.linspace(0, len(path) - 1, count).round().astype(int)
-        return tube_vertices(path[indices], self._radius).astype(np.float32)
+        color = _CHOSEN_COLOR if sensor.name == chosen else _CORD_COLOR
+        name = f"/cords/{quote(sensor.name, safe='')}"
+        return add_tube(self._scene, name, sample_path(sensor), self._radius, color)
 
     def _place_handles(self) -> None:
         for handle in self._handles:
             handle.remove()
         self._handles = []
         if self._chosen is not None:
-            rotation = _quaternion(self._chosen.plane.axes)
+            rotation = quaternion(self._chosen.plane.axes)
             is_plane = self._kind == "plane"
             for index, position in enumerate(self._handle_positions(self._chosen)):
                 handle = self._scene.add_transform_controls(
@@ -149,7 +138,7 @@ class CordScene:
                     disable_rotations=not is_plane,
                     depth_test=False,
                     wxyz=rotation,
-                    position=tuple(position.tolist()),
+                    position=position,
                 )
                 handle.on_update(self._drag_callback(index, handle))
                 self._handles.append(handle)
@@ -174,7 +163,7 @@ class CordScene:
             ends = np.stack([points, self._handle_positions(self._chosen)], axis=1)
             self._arms = self._scene.add_line_segments(
                 "/handle-arms",
-                ends.astype(np.float32),
+                ends,
                 colors=_CHOSEN_COLOR,
                 thickness=2.0,
                 thickness_units="screen",
@@ -201,8 +190,7 @@ class CordScene:
     def _dragged_cord(self, sensor: Sensor, index: int, handle: Any) -> Sensor:
         position = np.asarray(handle.position, float)
         if self._kind == "plane":
-            w, x, y, z = handle.wxyz
-            axes = Rotation.from_quat([x, y, z, w]).as_matrix()
+            axes = rotation_matrix(handle.wxyz)
             middle = sensor.curve.points.mean(axis=0)
             return replace(sensor, plane=Plane(position - axes[:, :2] @ middle, axes))
         point = (position - sensor.plane.origin) @ sensor.plane.axes[:, :2]
@@ -211,9 +199,3 @@ class CordScene:
                 sensor, index, _TANGENT_SCALE * (point - sensor.curve.points[index])
             )
         return with_point(sensor, index, point)
-
-
-def _quaternion(axes: Float) -> tuple[float, float, float, float]:
-    """Return w, x, y, z of a rotation matrix (3, 3)."""
-    x, y, z, w = Rotation.from_matrix(axes).as_quat().tolist()
-    return w, x, y, z

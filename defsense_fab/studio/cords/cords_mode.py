@@ -10,18 +10,17 @@ import numpy as np
 from ...core.curve import Hermite, Plane
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError
-from ...optimize.limits.verification import LayoutCheck
-from ...optimize.prediction.layout_judge import JudgedLayout
+from ...workflow.design.draw_cord import Snapper
+from ...workflow.design.layout_judge import CordComparison, JudgedLayout, LayoutCheck
 from ..edits.cords import add_cord, bend_at, move_point, set_path, set_plane
 from ..edits.edit import free_name
+from ..workbench.controls import NONE
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .chosen_cord import ChosenCord
 from .cord_results import (
-    CordComparison,
     broken_cords,
-    compare_cords,
     comparison_table,
     error_table,
     limits_table,
@@ -29,13 +28,11 @@ from .cord_results import (
 )
 from .cord_scene import CordScene, HandleKind, with_point
 from .drawing import DrawingPanel
-from .snapping import Snapper
 
 _NOT_SIMULATED = "Simulate the poses first. Then the expected error of the cords is shown here."
 _NOT_COMPARED = "Choose two cords to compare them."
 _SEARCHING = "Searching for the cord that lowers the error most"
 _SNAP_DISTANCE = 0.01  # times the body's size
-_NONE = "none"
 
 Cords = tuple[Sensor, ...]
 
@@ -65,10 +62,10 @@ class CordsMode(Mode):
         self.prediction: JudgedLayout | None = None
         self.check: LayoutCheck | None = None
         self.comparison: CordComparison | None = None
-        self.error_worker = LatestWorker(self._show_error_of, bench.show_error)
-        self.limits_worker = LatestWorker(self._show_limits, bench.show_error)
-        self.comparison_worker = LatestWorker(self._show_comparison, bench.show_error)
-        self.proposal_worker = LatestWorker(self._propose, bench.show_error)
+        self.error_worker = LatestWorker(self._show_error_of, bench.status.show_error)
+        self.limits_worker = LatestWorker(self._show_limits, bench.status.show_error)
+        self.comparison_worker = LatestWorker(self._show_comparison, bench.status.show_error)
+        self.proposal_worker = LatestWorker(self._propose, bench.status.show_error)
         self._before_drag: JudgedLayout | None = None
         self._scene: CordScene | None = None
         self._snapper: Snapper | None = None
@@ -88,7 +85,7 @@ class CordsMode(Mode):
         with gui.add_folder("Limits"):
             self._limits = gui.add_markdown("")
         with gui.add_folder("Comparison", expand_by_default=False):
-            self._other = gui.add_dropdown("Compare with", (_NONE,))
+            self._other = gui.add_dropdown("Compare with", (NONE,))
             self._other.on_update(lambda _: self._update_comparison())
             self._comparison = gui.add_markdown(_NOT_COMPARED)
         command = self.bench.command
@@ -137,7 +134,7 @@ class CordsMode(Mode):
 
     def compare_with(self, name: str | None) -> None:
         """Compare the chosen cord with another one."""
-        self._other.value = name or _NONE
+        self._other.value = name or NONE
         self._update_comparison()
 
     def drag(self, sensor: Sensor, kind: HandleKind, index: int, has_ended: bool) -> Sensor:
@@ -172,16 +169,16 @@ class CordsMode(Mode):
         """Add a straight cord along the body."""
         judge = self.bench.judge
         if judge is None:
-            self.bench.show_message(_NOT_SIMULATED, "not-simulated")
+            self.bench.status.show(_NOT_SIMULATED, "not-simulated")
             return
         self._add(judge.new_cord(self._new_name()))
 
     def propose(self) -> None:
         """Search in the background for the cord that lowers the error most, and add it."""
         if self.bench.judge is None:
-            self.bench.show_message(_NOT_SIMULATED, "not-simulated")
+            self.bench.status.show(_NOT_SIMULATED, "not-simulated")
             return
-        self.bench.show_message(f"{_SEARCHING} ...", "searching")
+        self.bench.status.show(f"{_SEARCHING} ...", "searching")
         self.proposal_worker.give(self.bench.project.device.sensors)
 
     def redraw(self) -> None:
@@ -192,7 +189,7 @@ class CordsMode(Mode):
             self.drawing.update()
             self._offer_others(sensors)
             self._snapper = None
-            if self._scene is not None and self.bench.mode == self.label:
+            if self._scene is not None and self.is_active:
                 self._scene.show(sensors, self.chosen.name, self.chosen.handle_kind)
         self.error_worker.give(sensors)
         self.limits_worker.give(sensors)
@@ -201,12 +198,7 @@ class CordsMode(Mode):
     def _offer_others(self, sensors: Sequence[Sensor]) -> None:
         """Offer the other cords for the comparison."""
         chosen = self.chosen.name
-        others = tuple(s.name for s in sensors if s.name != chosen)
-        options = (_NONE, *others) if chosen else (_NONE,)
-        if tuple(self._other.options) != options:
-            selected = self._other.value
-            self._other.options = options
-            self._other.value = selected if selected in options else _NONE
+        self._other.options = (NONE, *(s.name for s in sensors if chosen and s.name != chosen))
 
     def _update_comparison(self) -> None:
         self.comparison_worker.give(self.bench.project.device.sensors)
@@ -273,7 +265,7 @@ class CordsMode(Mode):
         check = judge.check(sensors)
         self.check = check
         self._limits.content = limits_table(check, [s.name for s in sensors])
-        if self._scene is not None and self.bench.mode == self.label:
+        if self._scene is not None and self.is_active:
             self._scene.mark(check.broken, broken_cords(check))
 
     def _show_comparison(self, sensors: Cords) -> None:
@@ -289,7 +281,7 @@ class CordsMode(Mode):
             return
         judged = judge.judge(sensors, quick=True)
         if judged is not None and chosen is not None:
-            self.comparison = compare_cords(judge, sensors, judged, (chosen, other))
+            self.comparison = judge.compare(sensors, judged, (chosen, other))
             self._comparison.content = comparison_table(self.comparison)
 
     def _propose(self, sensors: Cords) -> None:
@@ -300,17 +292,17 @@ class CordsMode(Mode):
         try:
             cord = judge.propose(self._new_name(), sensors, self._show_search)
         except DefsenseError as error:
-            self.bench.show_error(error)
+            self.bench.status.show_error(error)
             return
         after = judge.judge((*sensors, cord), quick=True)
         cord = replace(cord, name=self._new_name())  # the name may have been taken meanwhile
         self._add(cord)
         if after is not None:
             change = f"from {before.error:.2f} " if before is not None else ""
-            self.bench.show_message(
+            self.bench.status.show(
                 f"`{cord.name}` changes the expected error {change}to {after.error:.2f} mm.",
                 "cord-proposed",
             )
 
     def _show_search(self, share: float, _: str) -> None:
-        self.bench.show_message(f"{_SEARCHING}: {share:.0%}", "searching")
+        self.bench.status.show(f"{_SEARCHING}: {share:.0%}", "searching")

@@ -3,70 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.curve import Hermite, Plane
-from ...core.device.device import Sensor
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...geometry.kernels.surface_queries import plane_section
-from ...optimize.prediction.draw_cord import fit_stroke
+from ...workflow.design.draw_cord import (
+    drawing_planes,
+    fit_stroke,
+    offset_plane,
+    plane_section,
+    ray_on_plane,
+)
 from ..workbench.workbench import Workbench
 
 _PAPER_COLOR, _OUTLINE_COLOR, _INK_COLOR = (150, 150, 150), (31, 119, 180), (230, 120, 20)
 _PAPER_SIZE = 4.0  # times the body's size: strokes may start outside the body
 _VIEW_SIZE = 1.25  # times the body's size
 _START_LABEL, _END_LABEL = "Draw by hand", "End drawing"
-_AXES = "xyz"
-
-
-def drawing_planes(surface: Surface, sensors: Sequence[Sensor]) -> dict[str, Plane]:
-    """Return the planes to draw on by their labels.
-
-    The middle planes of the body's box come first, beginning with the one across the body's thin
-    side, each with its x axis along the body. The planes of the cords follow.
-    """
-    v = surface.vertices
-    middle, extent = (v.min(0) + v.max(0)) / 2, np.ptp(v, axis=0)
-    order = np.argsort(extent, kind="stable")
-    planes = {}
-    for axis in order.tolist():
-        x_axis = next(a for a in order[::-1].tolist() if a != axis)
-        planes[f"middle, normal to {_AXES[axis]}"] = Plane.from_normal(
-            middle, np.eye(3)[axis], np.eye(3)[x_axis]
-        )
-    return planes | {f"of {s.name}": s.plane for s in sensors}
-
-
-def offset_plane(plane: Plane, distance: float) -> Plane:
-    """Return the plane moved along its normal by a distance in mm."""
-    return replace(plane, origin=plane.origin + distance * plane.normal)
-
-
-def ray_on_plane(plane: Plane, eye: Float, point: Float) -> Float | None:
-    """Return where the ray from an eye through a point meets a plane.
-
-    Args:
-        plane: The plane.
-        eye: Origin of the ray (3,) mm.
-        point: A point (3,) mm on the ray.
-
-    Returns:
-        Coordinates (2,) mm in the plane; None if the ray is parallel to it or points away.
-    """
-    ray = point - eye
-    rise = float(ray @ plane.normal)
-    if abs(rise) < 1e-9 * float(np.linalg.norm(ray)):
-        return None
-    share = float((plane.origin - eye) @ plane.normal) / rise
-    if share <= 0:
-        return None
-    return np.asarray((eye + share * ray - plane.origin) @ plane.axes[:, :2])
 
 
 class DrawingPanel:
@@ -102,11 +60,7 @@ class DrawingPanel:
         surface = self._bench.surface
         if surface is None:
             return
-        labels = tuple(drawing_planes(surface, self._bench.project.device.sensors))
-        if tuple(self._plane.options) != labels:
-            chosen = self._plane.value
-            self._plane.options = labels
-            self._plane.value = chosen if chosen in labels else labels[0]
+        self._plane.options = tuple(drawing_planes(surface, self._bench.project.device.sensors))
         self._limit_offset(surface)
 
     def plane(self) -> Plane | None:
@@ -126,7 +80,7 @@ class DrawingPanel:
         try:
             self._on_drawn(plane, fit_stroke(surface, plane, stroke))
         except DefsenseError as error:
-            self._bench.show_error(error)
+            self._bench.status.show_error(error)
 
     def close(self) -> None:
         """Remove the drawing paper."""
@@ -164,7 +118,7 @@ class DrawingPanel:
             if self._sketch is not None:
                 self.close()
             elif surface is None:
-                self._bench.show_message("No body yet. Simulate the poses first.", "no-body")
+                self._bench.status.show("No body yet. Simulate the poses first.", "no-body")
             else:
                 self._open(surface, client)
 
@@ -198,7 +152,7 @@ class _Sketch:
         corners, self._middle, self._half_size = _paper(surface, plane)
         paper = self._scene.add_mesh_simple(
             "/sketch/paper",
-            corners.astype(np.float32),
+            corners,
             np.array([[0, 1, 2], [0, 2, 3]]),
             color=_PAPER_COLOR,
             opacity=0.08,
@@ -210,7 +164,7 @@ class _Sketch:
         if len(section):
             self._nodes["outline"] = self._scene.add_line_segments(
                 "/sketch/outline",
-                section.astype(np.float32),
+                section,
                 colors=_OUTLINE_COLOR,
                 thickness=2.5,
                 thickness_units="screen",
@@ -221,9 +175,9 @@ class _Sketch:
         axes, slope = self._plane.axes, float(np.tan(client.camera.fov / 2))
         distances = self._half_size / np.array([slope * client.camera.aspect, slope])
         position = self._middle + _VIEW_SIZE * float(distances.max()) * axes[:, 2]
-        client.camera.up_direction = tuple(axes[:, 1].tolist())
-        client.camera.position = tuple(position.tolist())
-        client.camera.look_at = tuple(self._middle.tolist())  # last: the position changes it too
+        client.camera.up_direction = axes[:, 1]
+        client.camera.position = position
+        client.camera.look_at = self._middle  # last: the position changes it too
 
     def close(self) -> None:
         for node in self._nodes.values():
@@ -253,7 +207,7 @@ class _Sketch:
         line = self._plane.to_world(np.array(self._stroke))
         self._nodes["ink"] = self._scene.add_line_segments(
             "/sketch/ink",
-            np.stack([line[:-1], line[1:]], axis=1).astype(np.float32),
+            np.stack([line[:-1], line[1:]], axis=1),
             colors=_INK_COLOR,
             thickness=4.0,
             thickness_units="screen",

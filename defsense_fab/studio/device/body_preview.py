@@ -9,7 +9,7 @@ from ...core.device.device import Device
 from ...core.device.device_file import load_device
 from ...core.errors import BodyError, DefsenseError
 from ...core.mesh import Surface
-from ...store.body import load_surface
+from ...workflow.build.results import Build
 from ..project.history import FOLDER
 from ..workbench.background_job import BackgroundJob, JobReporter
 
@@ -50,9 +50,9 @@ class BodyPreview:
         self._should_restart = self._is_cancelled = self._is_closed = False
 
     @property
-    def running(self) -> bool:
+    def is_running(self) -> bool:
         """Whether a preview is being made."""
-        return self.job.running
+        return self.job.is_running
 
     def start(self, folder: Path) -> None:
         """Make a preview of the device in `folder`; cancel a preview of an earlier device."""
@@ -64,7 +64,7 @@ class BodyPreview:
     def cancel(self) -> None:
         """Stop the preview without calling `on_error`."""
         self._should_restart = False
-        self._is_cancelled = self.job.running
+        self._is_cancelled = self.job.is_running
         self.job.cancel()
 
     def wait(self, timeout_s: float) -> bool:
@@ -94,7 +94,7 @@ class BodyPreview:
 
     def _load(self, folder: Path) -> None:
         try:
-            surface = load_surface(folder)
+            surface = Build(folder).surface
         except (DefsenseError, OSError, ValueError, KeyError) as error:
             self.on_error(
                 BodyError(f"cannot be read: {error}", code="file-unreadable", where="the body")

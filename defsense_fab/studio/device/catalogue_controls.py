@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ...core.device.device import DECODERS, Device
+from ...core.device.device import Device
 from ...core.storage.package_data import read_rows
 from ..edits.body import (
     choose_cord,
     choose_material,
+    choose_printer,
     rename_device,
     reset_value,
     set_cord_count,
@@ -18,10 +19,10 @@ from ..edits.body import (
     set_value,
 )
 from ..edits.edit import Edit
+from ..workbench.controls import add_field, device_field, on_user
 
-_MAX_CORDS = 12
-_EDGE_FROM_ACCURACY = 0.0  # shown where the edge length follows from an accuracy
-_SEARCHES_FROM_CORDS = 0  # shown where the number of cords decides the number of searches
+_UNSET_EDGE_MM = 0.0  # shown where the edge length follows from an accuracy
+_UNSET_SEARCHES = 0  # shown where the number of searches follows from the number of cords
 
 
 class CatalogueControls:
@@ -36,35 +37,38 @@ class CatalogueControls:
     def __init__(
         self, gui: Any, apply: Callable[[Edit], Any], on_typed: Callable[[str, Any], None]
     ) -> None:
-        self.name = gui.add_text("Name", "", hint="Name the device and its printed parts")
+        self.name = add_field(gui, "name", "")
         self.material = gui.add_dropdown(
-            "Material", (_labels("materials.csv")[0],), hint="Listed with the small-strain modulus"
+            "Material",
+            tuple(_names_by_label("materials.csv")),
+            hint="Choose the material of the body. The number is its modulus at small strains",
         )
-        self.cord = gui.add_dropdown("Cord", ("-",), hint="Sets the diameter and the resistance")
-        self.printer = gui.add_dropdown("Printer", ("-",), hint="Sets clearance, wall and bed")
-        self.edge = gui.add_number(
-            "Edge length (mm)", 1.0, min=0.0, step=0.1,
-            hint="Set the edge length of the mesh; a fifth of the body's thickness is enough",
-        )  # fmt: skip
-        self.cords = gui.add_number(
-            "Number of cords", 1, min=0, max=_MAX_CORDS, step=1,
-            hint="Includes the cords that are drawn; the optimizer finds the others",
-        )  # fmt: skip
-        self.decoder = gui.add_dropdown(
-            "Decoder", ("auto", *DECODERS), hint="Choose how signals are decoded; auto: the best"
+        self.cord = gui.add_dropdown(
+            "Cord", ("-",), hint="Choose the cord, which sets the diameter and the resistance"
         )
-        self.searches = gui.add_number(
-            "Searches", _SEARCHES_FROM_CORDS, min=_SEARCHES_FROM_CORDS, step=1,
-            hint="Limit the searches of the optimizer; 0: depends on the number of cords",
-        )  # fmt: skip
-        _on_user(self.material, lambda x: apply(choose_material(_name(x))))
-        _on_user(self.cord, lambda x: apply(choose_cord(_name(x))))
-        _on_user(self.printer, lambda x: apply(set_value("fabrication", "process", _name(x))))
-        _on_user(self.decoder, lambda x: apply(_decoder_edit(x)))
-        _on_user(self.name, lambda x: on_typed("name", str(x)))
-        _on_user(self.edge, lambda x: on_typed("edge", float(x)))
-        _on_user(self.cords, lambda x: on_typed("cords", int(x)))
-        _on_user(self.searches, lambda x: on_typed("searches", int(x)))
+        self.printer = gui.add_dropdown(
+            "Printer", ("-",), hint="Choose the printer, which sets clearance, wall and bed"
+        )
+        self.edge = add_field(
+            gui, "mesh.edge_length", unset=(_UNSET_EDGE_MM, "from the accuracy"), step=0.1
+        )
+        self.cords = add_field(
+            gui, "design.sensors", label="Number of cords", unset=(0, "only the drawn cords")
+        )
+        self.decoder = add_field(gui, "design.decoder")
+        searches = device_field("design.searches").default_words
+        self.searches = add_field(gui, "design.searches", unset=(_UNSET_SEARCHES, searches))
+        for control, file, edit in (
+            (self.material, "materials.csv", choose_material),
+            (self.cord, "cords.csv", choose_cord),
+            (self.printer, "printers.csv", choose_printer),
+        ):
+            on_user(control, _row_chooser(file, edit, apply))
+        on_user(self.decoder, lambda x: apply(_decoder_edit(x)))
+        on_user(self.name, lambda x: on_typed("name", str(x)))
+        on_user(self.edge, lambda x: on_typed("edge", float(x)))
+        on_user(self.cords, lambda x: on_typed("cords", int(x)))
+        on_user(self.searches, lambda x: on_typed("searches", int(x)))
 
     def edit_for(self, key: str, value: Any) -> Edit | None:
         """Return the edit for a typed value, or None if the key belongs to another control."""
@@ -83,54 +87,47 @@ class CatalogueControls:
             (self.cord, "cords.csv", device.cord.name),
             (self.printer, "printers.csv", device.fabrication.process),
         ):
-            labels = _labels(file)
-            chosen = next((x for x in labels if _name(x) == name), f"{name} (custom)")
-            options = labels if chosen in labels else (chosen, *labels)
-            if tuple(control.options) != options:
-                control.options = options
-            _set(control, chosen)
-        _set(self.decoder, device.decoder)
+            names = _names_by_label(file)
+            labels = tuple(names)
+            chosen = next((x for x in labels if names[x] == name), f"{name} (custom)")
+            control.options = labels if chosen in names else (chosen, *labels)
+            control.value = chosen
+        self.decoder.value = device.decoder
         edge, searches = device.mesh.edge_length, device.searches
         for key, control, value in (
             ("name", self.name, device.name),
-            ("edge", self.edge, _EDGE_FROM_ACCURACY if edge is None else edge),
+            ("edge", self.edge, _UNSET_EDGE_MM if edge is None else edge),
             ("cords", self.cords, len(device.sensors) + device.propose),
-            ("searches", self.searches, _SEARCHES_FROM_CORDS if searches is None else searches),
+            ("searches", self.searches, _UNSET_SEARCHES if searches is None else searches),
         ):
             if not is_pending(key):
-                _set(control, value)
-
-
-def _on_user(control: Any, action: Callable[[Any], Any]) -> None:
-    """Call the action with each value that a user sets."""
-
-    def on_update(event: Any) -> None:
-        if event.client is not None:  # otherwise the page itself has set the value
-            action(event.target.value)
-
-    control.on_update(on_update)
+                control.value = value
 
 
 def _decoder_edit(name: str) -> Edit:
-    if name == "auto":
+    if name == device_field("design.decoder").default:
         return reset_value("design", "decoder")
     return set_value("design", "decoder", name)
 
 
-def _set(control: Any, value: Any) -> None:
-    if control.value != value:
-        control.value = value
+def _row_chooser(
+    file: str, edit: Callable[[str], Edit], apply: Callable[[Edit], Any]
+) -> Callable[[str], None]:
+    """Return a function that applies the edit for the row of a catalogue with a label."""
+
+    def choose(label: str) -> None:
+        name = _names_by_label(file).get(label)
+        if name is not None:  # otherwise it is the custom row of the device
+            apply(edit(name))
+
+    return choose
 
 
-def _name(label: str) -> str:
-    return label.split("  ", 1)[0]
-
-
-def _labels(file: str) -> tuple[str, ...]:
-    """Return the names of a catalogue's rows, each with the value that distinguishes it."""
+def _names_by_label(file: str) -> dict[str, str]:
+    """Return the names of a catalogue's rows by labels with the value that distinguishes them."""
     describe: dict[str, Callable[[dict[str, str]], str]] = {
         "materials.csv": lambda r: f"{float(r['young_modulus']):g} MPa",
         "cords.csv": lambda r: f"{float(r['ohm_per_mm']):g} ohm/mm",
         "printers.csv": lambda r: f"wall {float(r['wall']):g} mm",
     }
-    return tuple(f"{name}  {describe[file](row)}" for name, row in read_rows(file).items())
+    return {f"{name}  {describe[file](row)}": name for name, row in read_rows(file).items()}

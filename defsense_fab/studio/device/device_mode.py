@@ -11,21 +11,23 @@ import numpy as np
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...runtime.view.camera import look_at_body
 from ...workflow.build.build import freshness
+from ...workflow.view import look_at_body
 from ..edits.body import set_parameter
 from ..edits.edit import Edit
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
+from ..workbench.page_texts import StatusText
 from ..workbench.workbench import Workbench
 from .body_preview import BodyPreview, body_key
 from .catalogue_controls import CatalogueControls
 from .parameter_controls import ParameterControls
 
 _PREVIEW_COLOR = (230, 159, 0)  # differs from the color of a built body
-_PARAMETER_PREFIX = "parameter:"
 _MAX_SIZE_RATIO = 1.3  # between bodies for which the camera stays
 _REST_S = 0.4  # time without a new value after which a control is taken to rest
+#: Kind and name of a value that the user has changed: a parameter of the script, or another value.
+_Key = tuple[Literal["parameter", "value"], str]
 #: What to do if a stage is the first whose results belong to an earlier device.
 _OUTDATED_TEXTS = {
     "body": "The poses were simulated for an earlier body. Simulate them again.",
@@ -52,9 +54,9 @@ class DeviceMode(Mode):
         preview: Makes the body without a build.
         parameters: Controls of the body's parameters.
         catalogue: Controls of the material, cord, printer, mesh and decoder.
-        state: "making" while the body is being made, "stopped" or "failed" if it was not made,
-            "not-agreed" if the user has to agree to its script, else "idle".
-        error: Error of the last preview, or None.
+        status: The text on the body. Its code is "making" while the body is being made, "stopped"
+            or that of the error if it was not made, "not-agreed" if the user has to agree to its
+            script, else "idle".
         has_tried_body: Whether a body was requested since the page opened.
         build_states: State of each stage of the build: "current", "old" or "missing".
     """
@@ -64,13 +66,12 @@ class DeviceMode(Mode):
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(bench)
-        self._edits = LatestWorker[dict[str, Any]](
-            self._apply_values, bench.show_error, delay_s=_REST_S, merge=operator.or_
+        self._edits = LatestWorker[dict[_Key, Any]](
+            self._apply_values, bench.status.show_error, delay_s=_REST_S, merge=operator.or_
         )
-        self._build_checks = LatestWorker(self._check_build, bench.show_error)
+        self._build_checks = LatestWorker(self._check_build, bench.status.show_error)
         self.preview = BodyPreview(self._show_progress, self._show_surface, self._show_failure)
-        self.state: Literal["idle", "making", "stopped", "failed", "not-agreed"] = "idle"
-        self.error: DefsenseError | None = None
+        self.status = StatusText("", "idle")
         self.has_tried_body = False
         self.build_states: dict[str, str] = {}
         self._preview_mesh: Any = None  # the body in the scene that is not built yet
@@ -85,11 +86,6 @@ class DeviceMode(Mode):
         return first_outdated_stage(self.build_states)
 
     @property
-    def body_text(self) -> str:
-        """The text on the body, in markdown."""
-        return str(self._body_text.content)
-
-    @property
     def is_preview_visible(self) -> bool:
         """Whether a body that is not built yet is shown."""
         return self._preview_mesh is not None and bool(self._preview_mesh.visible)
@@ -99,15 +95,15 @@ class DeviceMode(Mode):
         self._build_text = gui.add_markdown("")
         folder = gui.add_folder("Body")
         self.parameters = ParameterControls(
-            gui, folder, lambda name, value: self._edits.give({_PARAMETER_PREFIX + name: value})
+            gui, folder, lambda name, value: self._edits.give({("parameter", name): value})
         )
-        self._body_text = gui.add_markdown("")
+        self.status.add_panel(gui)
         bench.button("Make the body", "Run the script with the current parameters", self.make_body)
         self._stop = bench.button(
             "Stop", "Stop the script and keep the previous body", self.stop, visible=False
         )
         self.catalogue = CatalogueControls(
-            gui, self._apply, lambda key, value: self._edits.give({key: value})
+            gui, self._apply, lambda key, value: self._edits.give({("value", key): value})
         )
         self._materials_text = gui.add_markdown("")
 
@@ -131,7 +127,8 @@ class DeviceMode(Mode):
         self.preview.close()
 
     def on_build_loaded(self) -> None:
-        self._body_text.content = describe_body(self.bench.surface)
+        text = describe_body(self.bench.surface)
+        self.status.show(text, self.status.code, self.status.error)
         if self.bench.surface is not None and self._camera_size is None:
             self._camera_size = self.bench.size
 
@@ -174,13 +171,10 @@ class DeviceMode(Mode):
         return self._build_checks.wait(timeout_s)
 
     def _set_state(
-        self, state: Literal["idle", "making", "stopped", "failed", "not-agreed"], text: str
+        self, state: Literal["idle", "making", "stopped", "not-agreed"], text: str
     ) -> None:
-        self.state = state
-        if state != "failed":
-            self.error = None
         self._stop.visible = state == "making"
-        self._body_text.content = text
+        self.status.show(text, state)
 
     def _follow_body(self, device: Device) -> None:
         """Make the changed body, if its script may run."""
@@ -204,20 +198,20 @@ class DeviceMode(Mode):
             with self.bench.drawing_lock:
                 self._show_device(self.bench.project.device)  # restore the controls
 
-    def _apply_values(self, values: dict[str, Any]) -> None:
+    def _apply_values(self, values: dict[_Key, Any]) -> None:
         """Apply the values that the user has changed."""
-        for key, value in values.items():
-            if key.startswith(_PARAMETER_PREFIX):
-                self._apply(set_parameter(key.removeprefix(_PARAMETER_PREFIX), value))
-            elif (edit := self.catalogue.edit_for(key, value)) is not None:
+        for (kind, name), value in values.items():
+            if kind == "parameter":
+                self._apply(set_parameter(name, value))
+            elif (edit := self.catalogue.edit_for(name, value)) is not None:
                 self._apply(edit)
 
-    def _is_pending(self, key: str) -> bool:
-        return key in (self._edits.pending or {})
+    def _is_pending(self, kind: Literal["parameter", "value"], name: str) -> bool:
+        return (kind, name) in (self._edits.pending or {})
 
     def _show_device(self, device: Device) -> None:
-        self.parameters.show(device.body, lambda n: self._is_pending(_PARAMETER_PREFIX + n))
-        self.catalogue.show(device, self._is_pending)
+        self.parameters.show(device.body, lambda name: self._is_pending("parameter", name))
+        self.catalogue.show(device, lambda name: self._is_pending("value", name))
         self._materials_text.content = describe_materials(device)
 
     def _check_build(self, device: Device) -> None:
@@ -241,17 +235,17 @@ class DeviceMode(Mode):
             self._update_visibility()
 
     def _show_progress(self, _share: float, message: str) -> None:
-        self._body_text.content = f"The body is being made ({message}) ..."
+        self.status.show(f"The body is being made ({message}) ...", "making")
 
     def _show_surface(self, surface: Surface) -> None:
         """Show a new body; without a build it is the body of all modes."""
         self._stop.visible = False
         with self.bench.drawing_lock:
-            if self.bench.built:
+            if self.bench.is_built:
                 self._preview_mesh = self.bench.server.scene.add_mesh_simple(
                     "/device/body",
-                    surface.vertices.astype(np.float32),
-                    surface.faces.astype(np.uint32),
+                    surface.vertices,
+                    surface.faces,
                     color=_PREVIEW_COLOR,
                     opacity=0.6,
                     flat_shading=True,
@@ -273,12 +267,12 @@ class DeviceMode(Mode):
             self._camera_size = size
 
     def _show_failure(self, error: DefsenseError) -> None:
-        self._set_state("failed", f"**{error}**")
-        self.error = error
+        self._stop.visible = False
+        self.status.show_error(error)
 
     def _update_visibility(self) -> None:
         """Show the newest body while this mode is active."""
-        if self.bench.mode != self.label:
+        if not self.is_active:
             return
         if self._preview_mesh is not None:
             self._preview_mesh.visible = True
@@ -328,7 +322,7 @@ def describe_materials(device: Device) -> str:
 
 
 def _file_stamp(device: Device) -> object:
-    """Return the time and size of the script, which tell whether it has changed."""
+    """Return the time and size of the script, which differ after a change."""
     try:
         status = device.body.path.stat()
     except OSError:

@@ -8,9 +8,12 @@ from typing import Any
 
 from ...core.device.device import BodySpec
 from ...core.errors import BodyError
-from ...geometry.bodies.script_source import Parameter, read_parameters
+from ...workflow.starts.body_scripts import Parameter, read_parameters
+from ..workbench.controls import on_user
 
 _MIN_SLIDER_STEPS = 1000
+#: Converts a control's value by the kind of its parameter; other kinds are texts.
+_CONVERTERS: dict[str, Callable[[Any], Any]] = {"whole": round, "number": float, "switch": bool}
 
 
 class ParameterControls:
@@ -47,20 +50,20 @@ class ParameterControls:
             self._add_controls(ranges, values, note)
             self._content = (ranges, note)
         for name, control in self.controls.items():
-            if not is_pending(name) and control.value != _as_type_of(control, values[name]):
-                control.value = _as_type_of(control, values[name])
+            if not is_pending(name):
+                control.value = type(control.value)(values[name])
 
     def _read(self, spec: BodySpec) -> tuple[tuple[Parameter, ...], str]:
         """Return the script's parameters and a note on the body."""
         if spec.kind != "script":
             return (), f"The body is the file `{spec.path.name}`."
         parameters = read_parameters(spec.path, spec.parameters)
-        known = {p.name for p in parameters}
+        names = {p.name for p in parameters}
         other = [p.name for p in parameters if p.kind == "other"]
         note = f"Made by `{spec.path.name}`."
         if other:
             note += f" Set in device.toml only: {_join(other)}."
-        unknown = [name for name in spec.parameters if name not in known]
+        unknown = [name for name in spec.parameters if name not in names]
         if unknown:
             note += (
                 f" device.toml sets {_join(unknown)}, which the script's `body` does not accept."
@@ -77,7 +80,7 @@ class ParameterControls:
                 control = self._add_control(parameter, ends, values[parameter.name])
                 if control is not None:
                     self.controls[parameter.name] = control
-                    control.on_update(self._updater(parameter))
+                    on_user(control, self._report(parameter))
 
     def _add_control(self, p: Parameter, ends: tuple[float, float] | None, value: Any) -> Any:
         label = f"{p.name} ({p.unit})" if p.unit else p.name
@@ -103,19 +106,9 @@ class ParameterControls:
             return self._gui.add_text(label, str(value or ""), hint=hint)
         return None
 
-    def _updater(self, parameter: Parameter) -> Callable[[Any], None]:
-        converters: dict[str, Callable[[Any], Any]] = {
-            "whole": round,
-            "number": float,
-            "switch": bool,
-        }
-        convert = converters.get(parameter.kind, str)
-
-        def on_update(event: Any) -> None:
-            if event.client is not None:  # otherwise the page itself has set the value
-                self._on_change(parameter.name, convert(event.target.value))
-
-        return on_update
+    def _report(self, parameter: Parameter) -> Callable[[Any], None]:
+        convert = _CONVERTERS.get(parameter.kind, str)
+        return lambda value: self._on_change(parameter.name, convert(value))
 
 
 def _slider_range(p: Parameter, value: Any) -> tuple[float, float] | None:
@@ -125,10 +118,6 @@ def _slider_range(p: Parameter, value: Any) -> tuple[float, float] | None:
         return None
     low, high = p.bounds(value)
     return (low, high) if high > low else (low, low + 1)
-
-
-def _as_type_of(control: Any, value: Any) -> Any:
-    return type(control.value)(value)
 
 
 def _join(names: list[str]) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from tomlkit import TOMLDocument
 
-from ...core.device.cord_table import SHEET
+from ...core.device.cord_tables import SHEET
 from .edit import Edit, inline, number, rename_key, rows
 
 #: Keys of [material] that a row of the catalogue replaces.
@@ -59,6 +59,11 @@ def choose_material(name: str) -> Edit:
 def choose_cord(name: str) -> Edit:
     """Choose a cord of the catalogue, and remove the values of the previous one."""
     return _choose("cord", name, _CORD_KEYS)
+
+
+def choose_printer(name: str) -> Edit:
+    """Choose a printer of the catalogue."""
+    return set_value("fabrication", "process", name)
 
 
 def set_edge_length(value: float) -> Edit:

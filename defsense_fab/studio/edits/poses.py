@@ -9,6 +9,7 @@ import numpy as np
 from tomlkit import TOMLDocument
 
 from ...core.arrays import Float
+from ...core.device.device import Pose
 from ...core.device.device_file import DEVICE
 from ...core.errors import DeviceError
 from .edit import (
@@ -26,13 +27,16 @@ from .edit import (
     strings,
 )
 
-#: What a pose does with a region.
-Role = Literal["free", "held", "moved"]
+#: What a pose does with a region. A region that is "turned" moves to where no force is left.
+PoseRole = Literal["free", "held", "turned", "moved"]
 _KEY = "poses"
 _STATE_LISTS = ("mixtures", "held_out")  # lists of [states] whose rows name poses
 _REGION_LISTS = ("handles", "symmetry", "pressures")  # lists of a pose whose rows name a region
 _INITIAL_TURN_DEGREES = 10.0  # about z, as a pose without motion is invalid
 _POINT_TOLERANCE_MM = 1e-6
+_MIN_TURN_RAD, _MIN_SHIFT_MM = np.deg2rad(0.05), 0.05  # smaller changes are not written
+_COORDINATE_AXIS_TOLERANCE_DEG = 1.0
+_MIN_ANGLE_RAD = 1e-6
 #: Keys of the points of each kind of shape.
 _POINT_KEYS: dict[str, tuple[str, ...]] = {
     "box": (),
@@ -92,10 +96,26 @@ def rename_pose(name: str, to: str) -> Edit:
     return Edit(f"rename the pose `{name}` to `{to}`", change)
 
 
-def set_role(name: str, region: str, role: Role) -> Edit:
-    """Leave a region free in a pose, hold it, or move it.
+def role_of(pose: Pose, region: str) -> PoseRole:
+    """Return what a pose does with a region."""
+    if region in pose.fixed:
+        return "held"
+    for handle in pose.handles:
+        if handle.region == region:
+            return "turned" if np.isnan(handle.translation).any() else "moved"
+    return "free"
 
-    A region that is moved from now on turns by 10 degrees about z.
+
+def set_role(name: str, region: str, role: PoseRole, shift: Sequence[float] = (0, 0, 0)) -> Edit:
+    """Set what a pose does with a region.
+
+    A region that is turned or moved from now on turns by 10 degrees about z.
+
+    Args:
+        name: Name of the pose.
+        region: Name of the region.
+        role: The new role.
+        shift: Translation (3,) mm of a region that is moved.
     """
 
     def change(document: TOMLDocument) -> None:
@@ -107,16 +127,63 @@ def set_role(name: str, region: str, role: Role) -> Edit:
             if fixed is None:
                 pose["fixed"] = numbers([])
             pose["fixed"].append(region)
-        moved = [k for k, row in enumerate(rows(pose, "handles")) if row.get("region") == region]
-        if role != "moved":
-            for k in reversed(moved):
+        handles = [k for k, row in enumerate(rows(pose, "handles")) if row.get("region") == region]
+        if role in ("free", "held"):
+            for k in reversed(handles):
                 remove(pose, "handles", k)
-        elif not moved:
-            turn = inline({"axis": numbers([0, 0, 1]), "degrees": number(_INITIAL_TURN_DEGREES)})
-            append(pose, "handles", {"region": region, "rotate": turn, "translate": "free"})
+            return
+        translation = "free" if role == "turned" else numbers(shift)
+        if handles:
+            _handle(document, name, region)["translate"] = translation
+        else:
+            turn = _rotation(np.array([0.0, 0.0, 1.0]), _INITIAL_TURN_DEGREES)
+            values = {"region": region, "rotate": turn, "translate": translation}
+            append(pose, "handles", values)
 
-    verb = {"free": "leave", "held": "hold", "moved": "move"}[role]
+    verb = {"free": "leave", "held": "hold", "turned": "turn", "moved": "move"}[role]
     return Edit(f"{verb} `{region}` in `{name}`", change)
+
+
+def pose_edits(before: Pose, after: Pose) -> list[Edit]:
+    """Return the edits for rotations, translations and pulls that differ between two poses.
+
+    Args:
+        before: The pose as the device has it.
+        after: The same pose with the same handles and pulls, some of them moved.
+    """
+    edits: list[Edit] = []
+    for old, new in zip(before.handles, after.handles, strict=True):
+        axis, degrees = round_rotation(new.rotation)
+        if np.linalg.norm(axis * np.deg2rad(degrees) - old.rotation) > _MIN_TURN_RAD:
+            edits.append(turn_handle(before.name, old.region, axis, degrees))
+        shift = new.translation - old.translation
+        if np.abs(np.nan_to_num(shift)).max() > _MIN_SHIFT_MM:
+            translation = [round(v, 1) for v in new.translation.tolist()]
+            edits.append(shift_handle(before.name, old.region, translation))
+    for pull, moved in zip(before.drags, after.drags, strict=True):
+        if np.abs(moved.by - pull.by).max() > _MIN_SHIFT_MM:
+            edits.append(move_drag(before.name, pull.at, np.round(moved.by, 1)))
+    return edits
+
+
+def round_rotation(rotation: Float) -> tuple[Float, float]:
+    """Round a rotation to a tenth of a degree, and to a coordinate axis within one degree.
+
+    Args:
+        rotation: Rotation vector (3,) rad.
+
+    Returns:
+        Unit axis (3,), and the angle in degrees.
+    """
+    angle = float(np.linalg.norm(rotation))
+    if angle < _MIN_ANGLE_RAD:
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    axis = rotation / angle
+    main = int(np.abs(axis).argmax())
+    degrees = round(float(np.rad2deg(angle)), 1)
+    if abs(axis[main]) > np.cos(np.deg2rad(_COORDINATE_AXIS_TOLERANCE_DEG)):
+        return np.eye(3)[main], degrees * float(np.sign(axis[main]))
+    return axis, degrees
 
 
 def turn_handle(name: str, region: str, axis: Float, degrees: float) -> Edit:
@@ -244,7 +311,7 @@ def rename_region(region: str, to: str) -> Edit:
         if to in regions:
             raise DeviceError(
                 f"already has a region `{to}`",
-                code="name-not-unique",
+                code="name-repeated",
                 where=DEVICE,
                 action="Choose another name",
                 name=to,

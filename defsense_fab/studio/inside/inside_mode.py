@@ -6,10 +6,11 @@ from dataclasses import replace
 
 from ...core.arrays import Float
 from ...core.curve import Plane, sample_path
-from ...core.errors import DefsenseError, LayoutError
-from ...optimize.prediction.body_section import BodySection
-from ...optimize.prediction.layout_judge import LayoutJudge
-from ...optimize.prediction.next_cord import NextCord, best_sensor, shortest_cord
+from ...core.errors import LayoutError
+from ...workflow.design.body_section import BodySection
+from ...workflow.design.layout_judge import LayoutJudge
+from ...workflow.design.next_cord import NextCord, best_sensor, shortest_cord
+from ...workflow.view import intersect_ray
 from ..edits.cords import add_cord
 from ..edits.edit import free_name
 from ..workbench.latest_worker import LatestWorker
@@ -20,7 +21,6 @@ from .section_panel import SectionPanel
 from .section_picture import SectionPicture, SectionRenderer, SectionRequest
 from .section_planes import PlaneGizmo, axis_plane, first_plane, first_state, plane_offsets
 from .section_quantities import NEXT_CORD
-from .section_view import hit_triangle
 from .section_worker import SectionWorker
 
 _NOT_SIMULATED = "Simulate the poses first to see the inside of the body."
@@ -50,11 +50,13 @@ class InsideMode(Mode):
         self.search_request: SearchRequest | None = None
         self.sections = SectionWorker(bench, self.click, self._show_section, self._show_error)
         self.search = NextCordSearch(
-            self._show_search_progress, self._show_map, self._show_search_error
+            lambda share: self.next_panel.show_progress(share),
+            self._show_map,
+            lambda error: self.next_panel.show_error(error),
         )
         self._gizmo: PlaneGizmo | None = None
         self._renderer: SectionRenderer | None = None
-        self._preparation = LatestWorker(_prepare_search, bench.show_error)
+        self._preparation = LatestWorker(_prepare_search, bench.status.show_error)
 
     @property
     def vertices(self) -> Float:
@@ -80,7 +82,7 @@ class InsideMode(Mode):
 
     def enter(self) -> None:
         if self._renderer is None or self.plane is None or self.bench.judge is None:
-            self.panel.show_text(_NOT_SIMULATED)
+            self.panel.status.show(_NOT_SIMULATED, "not-simulated")
             return
         if self.bench.body is not None:
             self.bench.body.visible = False
@@ -100,8 +102,7 @@ class InsideMode(Mode):
         self._preparation.close()
 
     def on_build_loaded(self) -> None:
-        is_active = self.bench.mode == self.label
-        if is_active:
+        if self.is_active:
             self._hide()
         self._renderer = None
         if self.bench.judge is not None and self.bench.surface is not None:
@@ -110,7 +111,7 @@ class InsideMode(Mode):
             self._renderer, self.plane = SectionRenderer(body), first_plane(self.vertices)
             self.panel.set_states(task.names, first_state(task.weights))
             self.next_panel.set_default_length(shortest_cord(task))
-        if is_active:
+        if self.is_active:
             self.enter()
 
     def on_device_changed(self) -> None:
@@ -165,7 +166,7 @@ class InsideMode(Mode):
             text = f"Added `{cord.name}`. Expected error: {-cord_map.best_drop:+.2f} mm"
             if request.length is not None:
                 text += ". Its ends are inside the body; drag them to the surface in *Cords*"
-            self.bench.show_message(text, "cord-drawn")
+            self.bench.status.show(text, "cord-drawn")
 
     def click(self, origin: Float, direction: Float) -> None:
         """Show the numbers of the point where a ray meets the section.
@@ -177,7 +178,7 @@ class InsideMode(Mode):
         picture, renderer = self.sections.picture, self._renderer
         if picture is None or renderer is None:
             return
-        hit = hit_triangle(origin, direction, picture.positions, picture.section.triangles)
+        hit = intersect_ray(picture.positions, picture.section.triangles, origin, direction)
         if hit is None:
             return
         values = renderer.probe(picture, *hit)
@@ -189,7 +190,7 @@ class InsideMode(Mode):
 
     def _set_axis(self, axis: int) -> None:
         if self._renderer is None:
-            self.bench.show_message(_NOT_SIMULATED, "not-simulated")
+            self.bench.status.show(_NOT_SIMULATED, "not-simulated")
             return
         self.set_plane(axis_plane(self.vertices, axis))
 
@@ -269,9 +270,6 @@ class InsideMode(Mode):
         self.search.cancel()
         self.search_request = self.cord_map = None
 
-    def _show_search_progress(self, share: float | None) -> None:
-        self.next_panel.show_progress(share)
-
     def _show_map(self, request: SearchRequest, cord_map: NextCord) -> None:
         with self.bench.drawing_lock:
             if request is not self.search_request:
@@ -287,23 +285,13 @@ class InsideMode(Mode):
             return
         position = plane.origin + _VIEW_DISTANCE * self.bench.size * plane.normal
         for client in self.bench.server.get_clients().values():
-            client.camera.up_direction = tuple(plane.axes[:, 1].tolist())
-            client.camera.position = tuple(position.tolist())
-            client.camera.look_at = tuple(plane.origin.tolist())
-
-    def _show_search_error(self, error: Exception) -> None:
-        self.next_panel.show_error(error, _error_text(error))
+            client.camera.up_direction = plane.axes[:, 1]
+            client.camera.position = position
+            client.camera.look_at = plane.origin
 
     def _show_error(self, error: Exception) -> None:
         """Show an error next to the section's controls."""
-        self.panel.show_error(error, _error_text(error))
-
-
-def _error_text(error: Exception) -> str:
-    """Return an error in markdown; a fault of the program has its kind, for a report."""
-    if isinstance(error, DefsenseError):
-        return f"**{error}**"
-    return f"**This failed ({type(error).__name__}: {error}).**"
+        self.panel.status.show_error(error, "The section")
 
 
 def _prepare_search(judge: LayoutJudge) -> None:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from ...core.arrays import Float, format_point
 from ...core.curve import Plane
 from ...core.device.device import Sensor
-from ...optimize.prediction.body_section import BodySection
-from ...optimize.prediction.layout_judge import LayoutJudge
-from ...optimize.prediction.next_cord import NextCord, map_next_cord
+from ...workflow.design.body_section import BodySection
+from ...workflow.design.layout_judge import LayoutJudge
+from ...workflow.design.next_cord import NextCord, map_next_cord
+from ..workbench.controls import on_user
 from ..workbench.latest_worker import LatestWorker
+from ..workbench.page_texts import StatusText
 from ..workbench.workbench import Workbench
 
 _SHORT, _THROUGH = "short cords", "from surface to surface"
@@ -91,7 +92,7 @@ class NextCordSearch:
             ):
                 if self._request is not request:
                     return
-                self._on_progress(cord_map.share if cord_map.fine else 0.0)
+                self._on_progress(cord_map.share if cord_map.is_fine else 0.0)
                 if cord_map.share == 1.0:
                     self._on_map(request, cord_map)
         finally:
@@ -108,9 +109,8 @@ class NextCordPanel:
         on_draw: Called to draw the best cord.
 
     Attributes:
-        status: State of the search that is shown.
-        is_searching: Whether the progress of a search is shown.
-        error: Error of the last search, or None.
+        status: What the search does or has found. Its code is "searching", "cancelled", "found" or
+            that of an error.
         cord_map: The map whose numbers are shown, or None.
     """
 
@@ -122,9 +122,7 @@ class NextCordPanel:
         on_draw: Callable[[], None],
     ) -> None:
         gui = bench.server.gui
-        self.status: Literal["idle", "searching", "cancelled", "failed", "found"] = "idle"
-        self.is_searching = False
-        self.error: Exception | None = None
+        self.status = StatusText()
         self.cord_map: NextCord | None = None
         self._folder = gui.add_folder("Another cord", visible=False)
         with self._folder:
@@ -142,17 +140,24 @@ class NextCordPanel:
                 hint="Set the length of a short cord",
             )
             self._bar = gui.add_progress_bar(0.0, visible=False)
-            self._text = gui.add_markdown("")
+            self.status.add_panel(gui)
             self._draw = bench.button(
                 "Draw the best cord", "Add the orange cord", on_draw, disabled=True
             )
             self._cancel = bench.button(
-                "Cancel the search", "Stop the search and keep the shown map", on_cancel
+                "Cancel the search",
+                "Stop the search and keep the shown map",
+                on_cancel,
+                visible=False,
             )
-            self._cancel.visible = False
         for control in (self._kind, self._length):
-            control.on_update(lambda event: on_change() if event.client is not None else None)
+            on_user(control, lambda _: on_change())
         self._kind.on_update(lambda _: self._show_length())
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether the progress of a search is shown."""
+        return bool(self._bar.visible)
 
     @property
     def length(self) -> float | None:
@@ -180,36 +185,32 @@ class NextCordPanel:
 
     def show_progress(self, share: float | None) -> None:
         """Show the completed share (0 to 1) of a search, or None when no search runs."""
-        self.is_searching = share is not None
-        self._bar.visible = self._cancel.visible = self.is_searching
+        self._bar.visible = self._cancel.visible = share is not None
         self._bar.value = 100 * (share or 0.0)
 
     def show_start(self) -> None:
         """Show that a search has started."""
-        self.status = "searching"
-        self._show_text("Searching for the best place of another cord ...")
+        self._forget_map()
+        self.status.show("Searching for the best place of another cord ...", "searching")
 
     def show_cancelled(self) -> None:
         """Show that the search was canceled."""
-        self.status = "cancelled"
-        self._show_text("Canceled. Move the plane or choose other cords to search again.")
+        self._forget_map()
+        text = "Canceled. Move the plane or choose other cords to search again."
+        self.status.show(text, "cancelled")
 
-    def show_error(self, error: Exception, text: str) -> None:
-        """Show the error of a search, as a text in markdown."""
-        self.status = "failed"
-        self._show_text(text)
-        self.error = error
+    def show_error(self, error: Exception) -> None:
+        """Show the error of a search."""
+        self._forget_map()
+        self.status.show_error(error, "The search")
 
     def show_map(self, cord_map: NextCord) -> None:
         """Show the numbers of a map."""
-        self.status = "found"
-        self._show_text(map_text(cord_map, self.length))
-        self.cord_map = cord_map
-        self._draw.disabled = cord_map.best is None
+        self.cord_map, self._draw.disabled = cord_map, cord_map.best is None
+        self.status.show(map_text(cord_map, self.length), "found")
 
-    def _show_text(self, text: str) -> None:
-        self.error = self.cord_map = None
-        self._text.content, self._draw.disabled = text, True
+    def _forget_map(self) -> None:
+        self.cord_map, self._draw.disabled = None, True
 
     def _show_length(self) -> None:
         self._length.visible = self._kind.value == _SHORT

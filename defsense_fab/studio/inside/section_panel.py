@@ -9,6 +9,8 @@ import numpy as np
 
 from ...core.curve import Plane
 from ...core.device.device import Sensor
+from ..workbench.controls import on_user
+from ..workbench.page_texts import StatusText
 from ..workbench.workbench import Workbench
 from .section_picture import SectionPicture
 from .section_quantities import (
@@ -32,7 +34,7 @@ class SectionPanel:
         on_axis: Called with the axis (0 to 2) of a plane's button; set by the mode.
         on_plane: Called with the plane of a cord; set by the mode.
         on_offset: Called with an offset of the plane, mm; set by the mode.
-        error: The error that is shown, or None.
+        status: How to use the section, or why it is not shown.
         point: Numbers of the clicked point, or None.
     """
 
@@ -42,10 +44,9 @@ class SectionPanel:
         self.on_axis: Callable[[int], None] = _ignore
         self.on_plane: Callable[[Plane], None] = _ignore
         self.on_offset: Callable[[float], None] = _ignore
-        self.error: Exception | None = None
+        self.status = StatusText(_HELP)
         self.point: PointValues | None = None
-        self._is_placing = False
-        self._text = self._gui.add_markdown(_HELP)
+        self.status.add_panel(self._gui)
         self._add_section_controls()
         self._add_direction_controls()
         self._bar = self._gui.add_html("")
@@ -72,7 +73,7 @@ class SectionPanel:
         self._cord = gui.add_dropdown(
             "Plane of", (_NO_CORD,), hint="Put the plane on the plane of a cord"
         )
-        self._cord.on_update(self._choose_cord)
+        on_user(self._cord, self._choose_cord)
         self._offset = gui.add_slider(
             "Offset (mm)",
             -1.0,
@@ -81,7 +82,7 @@ class SectionPanel:
             0.0,
             hint="Move the plane along its normal, from the body's middle",
         )
-        self._offset.on_update(self._slide)
+        on_user(self._offset, lambda offset: self.on_offset(float(offset)))
 
     def _add_direction_controls(self) -> None:
         gui = self._gui
@@ -148,18 +149,17 @@ class SectionPanel:
             states: Their names, rest first.
             first: Index of the state to show, unless a user's choice still exists.
         """
-        before, was_offered = self._state.value, len(self._state.options) > 1
+        was_offered = len(self._state.options) > 1 and self._state.value in states
         self._state.options = tuple(states)
-        self._state.value = before if was_offered and before in states else states[first]
+        if not was_offered:
+            self._state.value = states[first]
 
     def set_cords(self, sensors: Sequence[Sensor]) -> None:
         """Offer the cords of the device."""
         self._sensors = tuple(sensors)
         names = [sensor.name for sensor in sensors]
         for control, first in ((self._cord, _NO_CORD), (self._along, _ANGLE)):
-            before = control.value
             control.options = (first, *names)
-            control.value = before if before in names else first
 
     def choose(self, quantity: SectionQuantity, state: str = "rest") -> None:
         """Choose what the section shows."""
@@ -170,14 +170,6 @@ class SectionPanel:
         """Choose the next state, and rest after the last."""
         states = list(self._state.options)
         self._state.value = states[(self.state + 1) % len(states)]
-
-    def show_text(self, text: str) -> None:
-        """Show a text in markdown in place of the help."""
-        self.error, self._text.content = None, text
-
-    def show_error(self, error: Exception, text: str) -> None:
-        """Show an error, as a text in markdown."""
-        self.error, self._text.content = error, text
 
     def show_section(
         self, picture: SectionPicture, offset: float, limits: tuple[float, float]
@@ -190,13 +182,11 @@ class SectionPanel:
             limits: Smallest and largest offset that meet the body, mm.
         """
         low, high = limits
-        self.error = self.point = None
-        self._text.content, self._bar.content = _HELP, picture.bar
-        self._point_text.content = ""
-        self._is_placing = True
+        self.point = None
+        self.status.show(_HELP)
+        self._bar.content, self._point_text.content = picture.bar, ""
         self._offset.min, self._offset.max = round(low, 1), round(high, 1)
         self._offset.value = round(min(max(offset, low), high), 1)
-        self._is_placing = False
 
     def show_point(self, values: PointValues, note: str = "") -> None:
         """Show the numbers of a point, and a note in markdown below them."""
@@ -204,12 +194,10 @@ class SectionPanel:
         self._point_text.content = point_text(values) + (f"  \n{note}" if note else "")
 
     def _watch(self, control: Any) -> Any:
-        control.on_update(self._report_change)
+        on_user(control, self._report_change)
         return control
 
-    def _report_change(self, event: Any) -> None:
-        if event.client is None:  # set by the program, not by a user
-            return
+    def _report_change(self, _: Any) -> None:
         self._show_needed()
         self.on_change()
 
@@ -220,17 +208,11 @@ class SectionPanel:
         self._angle.visible = quantity.needs_direction and self.direction_cord is None
         self._state_range.visible = quantity.varies_by_state
 
-    def _choose_cord(self, event: Any) -> None:
-        if event.client is None:
-            return
-        cord = next((s for s in self._sensors if s.name == self._cord.value), None)
+    def _choose_cord(self, name: str) -> None:
+        cord = next((s for s in self._sensors if s.name == name), None)
         if cord is not None:
             self.on_plane(cord.plane)
             self._cord.value = _NO_CORD  # so that the same cord can be chosen again
-
-    def _slide(self, event: Any) -> None:
-        if event.client is not None and not self._is_placing:
-            self.on_offset(float(self._offset.value))
 
 
 def _ignore(*_: Any) -> None:

@@ -9,11 +9,16 @@ from scipy.spatial import cKDTree
 
 from ...core.arrays import Float
 from ...core.curve import Plane
-from ...mechanics.elements.point_location import LocatedPoints
-from ...mechanics.elements.section import Section
-from ...optimize.prediction.body_section import BodySection, Kind, Quantity, directions_along
-from ...optimize.prediction.next_cord import NextCord
-from .color_scale import ColorScale, color_bar
+from ...workflow.design.body_section import (
+    BodySection,
+    Kind,
+    LocatedPoints,
+    Quantity,
+    Section,
+    directions_along,
+)
+from ...workflow.design.next_cord import NextCord
+from ..workbench.colors import ColorScale, color_bar
 from .section_quantities import PointValues, SectionQuantity, range_text
 
 _COARSE_DOTS = 700  # about, of a quantity of one state

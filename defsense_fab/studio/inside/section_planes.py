@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
 from ...core.curve import Plane
+from ...workflow.view import quaternion, rotation_matrix
 
 _HANDLE_NAME = "/inside/plane"
 #: Normals and x axes of the planes normal to X, Y and Z, with z up where it lies in the plane.
@@ -71,8 +71,7 @@ def plane_at(origin: Float, wxyz: Float) -> Plane:
         origin: Position of the handle.
         wxyz: Quaternion of its rotation.
     """
-    w, x, y, z = np.asarray(wxyz, float).tolist()
-    axes = Rotation.from_quat([x, y, z, w]).as_matrix()
+    axes = rotation_matrix(wxyz)
     return Plane.from_normal(origin, axes[:, 2], axes[:, 0])
 
 
@@ -94,16 +93,16 @@ class PlaneGizmo:
             disable_sliders=True,
             depth_test=False,
             opacity=0.8,
-            wxyz=_quaternion(plane.axes),
-            position=tuple(plane.origin.tolist()),
+            wxyz=quaternion(plane.axes),
+            position=plane.origin,
         )
         self._on_moved = on_moved
         self._handle.on_update(self._follow)
 
     def place(self, plane: Plane) -> None:
         """Move the handle to another plane."""
-        self._handle.position = tuple(plane.origin.tolist())
-        self._handle.wxyz = _quaternion(plane.axes)
+        self._handle.position = plane.origin
+        self._handle.wxyz = quaternion(plane.axes)
 
     def remove(self) -> None:
         """Remove the handle from the scene."""
@@ -114,9 +113,3 @@ class PlaneGizmo:
             return
         position = np.array(self._handle.position, float)
         self._on_moved(plane_at(position, self._handle.wxyz), event.phase == "end")
-
-
-def _quaternion(axes: Float) -> tuple[float, float, float, float]:
-    """Return w, x, y, z of a rotation matrix (3, 3)."""
-    x, y, z, w = Rotation.from_matrix(axes).as_quat().tolist()
-    return w, x, y, z

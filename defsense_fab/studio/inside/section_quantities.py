@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...optimize.prediction.body_section import Quantity
-from .color_scale import ColorScale
+from ...workflow.design.body_section import Quantity
+from ..workbench.colors import ColorScale
 
 _PERCENT = 100.0
 _MIN_SHOWN_MOVE_MM = 5e-3  # below which only the rest position of a point is shown

@@ -2,40 +2,73 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
-from ...core.device.build_folder import build_folder
 from ...core.errors import DefsenseError
 from ...workflow.build.build import first_outdated
 from ...workflow.build.export import describe_changes, export, export_name
-from ...workflow.build.options import describe_options, recorded_options
+from ...workflow.build.recorded_options import recorded_options
+from ...workflow.build.results import has_parts
+from ...workflow.fabrication.assembly_guide import (
+    AssemblyGuide,
+    GuideStep,
+    GuideTable,
+    Note,
+    assembly_guide,
+)
+from ..workbench.controls import on_user
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
+from ..workbench.page_texts import bullet_list, escape_cell, markdown_table
 from ..workbench.workbench import Workbench
-from .built_device import (
-    BuildState,
-    BuiltDevice,
-    Note,
-    load_built,
-    state_text,
-    step_text,
-    table_text,
-)
 from .parts_scene import PartsScene, fly_to
 
 _ALL_PARTS = "All parts"
 _NOT_BUILT = "not built yet"
 _TABLES = ("Cut list", "Bill of materials", "Print", "Checked before writing")
 _MARK_COLOR, _MARK_RADIUS = (200, 30, 120), 0.02  # radius times the body's size
+_MAX_COLUMNS = 5  # columns that fit into the panel
+_BUILD_BUTTON = "*Build everything*"
+
+
+@dataclass(frozen=True)
+class BuildState:
+    """Which version of the device the parts belong to.
+
+    Attributes:
+        is_built: Whether there are parts.
+        outdated_stage: Title of the first stage that is outdated, or None if the parts are up to
+            date.
+        error: Error of the last build, or None.
+        changes: Options of the plates that have changed since the build; empty for none.
+        options: Options of the command with which up-to-date parts were built; empty for none.
+    """
+
+    is_built: bool
+    outdated_stage: str | None = None
+    error: str | None = None
+    changes: str = ""
+    options: str = ""
+
+    @property
+    def code(self) -> str:
+        """Identifier of the state: "not-built", "outdated", "other-options" or "up-to-date"."""
+        if not self.is_built:
+            return "not-built"
+        if self.outdated_stage is not None:
+            return "outdated"
+        return "other-options" if self.options else "up-to-date"
 
 
 class MakeMode(Mode):
     """Build the device in the background, and show its parts and the steps of their assembly.
 
     Attributes:
-        device: The built device, or None.
-        scene: Its parts in the scene, or None.
+        guide: The assembly guide of the built device, or None.
+        scene: The parts in the scene, or None.
         state: Which version of the device the parts belong to.
         step: Number of the shown step from 1, or 0 for all parts.
         marked_note: The note whose point is marked, or None.
@@ -50,18 +83,17 @@ class MakeMode(Mode):
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(bench)
-        self.device: BuiltDevice | None = None
+        self.guide: AssemblyGuide | None = None
         self.scene: PartsScene | None = None
         self.state = BuildState(is_built=False)
         self.step = 0
         self.marked_note: Note | None = None
-        self._is_active = False
         self._note_handles: list[Any] = []
         self._mark: Any = None
-        self.loading = LatestWorker(self._load, bench.show_error)
-        self.checking = LatestWorker(self._check, bench.show_error)
-        self.flying = LatestWorker(self._fly, bench.show_error)
-        self.exporting = LatestWorker(self._export, bench.show_error)
+        self.loading = LatestWorker(self._load, bench.status.show_error)
+        self.checking = LatestWorker(self._check, bench.status.show_error)
+        self.flying = LatestWorker(self._fly, bench.status.show_error)
+        self.exporting = LatestWorker(self._export, bench.status.show_error)
         bench.on_build_started.append(self._show_cancel)
 
     def add_panel(self) -> None:
@@ -86,7 +118,7 @@ class MakeMode(Mode):
         )
         self._save.on_click(lambda event: self.export(event.client))
         self._steps = gui.add_dropdown("Step", (_ALL_PARTS,), hint="Choose a step of the guide")
-        self._steps.on_update(self._choose_from_list)
+        on_user(self._steps, lambda title: self.choose(self._steps.options.index(title)))
         self._turn = gui.add_button_group("Go to", ("Back", "Next"))
         self._turn.on_click(lambda _: self.go(1 if self._turn.value == "Next" else -1))
         self._explosion = gui.add_slider(
@@ -103,12 +135,10 @@ class MakeMode(Mode):
                 self._tables[title] = gui.add_markdown(_NOT_BUILT)
 
     def enter(self) -> None:
-        self._is_active = True
         self._draw()
         self.on_device_changed()
 
     def leave(self) -> None:
-        self._is_active = False
         if self.scene is not None:
             self.scene.hide()
         self._unmark()
@@ -116,7 +146,7 @@ class MakeMode(Mode):
             self.bench.body.visible = True
 
     def on_build_loaded(self) -> None:
-        self._cancel.visible = self.bench.builds.running
+        self._cancel.visible = self.bench.builds.is_running
         self.loading.give(None)
 
     def on_device_changed(self) -> None:
@@ -128,7 +158,7 @@ class MakeMode(Mode):
 
     def go(self, count: int) -> None:
         """Go forward by a number of steps, or back if it is negative."""
-        last = 0 if self.device is None else len(self.device.steps)
+        last = 0 if self.guide is None else len(self.guide.steps)
         self.choose(min(max(self.step + count, 0), last))
 
     def choose(self, step: int) -> None:
@@ -150,51 +180,48 @@ class MakeMode(Mode):
 
     def export(self, client: Any) -> None:
         """Write the zip, and send it to a browser if one is given."""
-        self.bench.show_message("Writing the zip ...", "exporting")
+        self.bench.status.show("Writing the zip ...", "exporting")
         self.exporting.give(client)
 
     def _show_cancel(self) -> None:
         self._cancel.visible = True
 
-    def _choose_from_list(self, event: Any) -> None:
-        if event.client is not None:
-            self.choose(self._steps.options.index(self._steps.value))
-
     def _explode(self) -> None:
         with self.bench.drawing_lock:
-            if self.scene is not None and self._is_active:
+            if self.scene is not None and self.is_active:
                 self.scene.explode(self._explosion.value)
 
     def _load(self, _: None) -> None:
         bench = self.bench
-        device = bench.project.device
+        device, build = bench.project.device, bench.results
+        guide = None
         try:
-            built = load_built(device, build_folder(device))
+            if has_parts(build):
+                guide = assembly_guide(device, build)
         except (DefsenseError, OSError) as error:
-            built = None
-            bench.show_error(error)
+            bench.status.show_error(error)
         with bench.drawing_lock:
             if self.scene is not None:
                 self.scene.remove()
-            self.device, self.scene, self.step = built, None, 0
-            if built is not None:
+            self.guide, self.scene, self.step = guide, None, 0
+            if guide is not None:
                 wire_radius = device.fabrication.wire_diameter / 2
-                self.scene = PartsScene(bench.server, built, device.cord.diameter / 2, wire_radius)
+                self.scene = PartsScene(bench.server, guide, device.cord.diameter / 2, wire_radius)
             self._list_contents()
             self._draw()
         self.checking.give(None)
 
     def _check(self, _: None) -> None:
         device = self.bench.project.device
-        folder, stage = build_folder(device), first_outdated(device)
+        folder, stage = self.bench.results.folder, first_outdated(device)
         changes = options = ""
         if stage is not None:
             changes = describe_changes(device, folder)
         else:
-            options = describe_options(recorded_options(device, folder))
+            options = str(recorded_options(device, folder))
         error = self.bench.build_error
         self.state = BuildState(
-            is_built=self.device is not None,
+            is_built=self.guide is not None,
             outdated_stage=None if stage is None else stage.title,
             error=None if error is None else str(error),
             changes=changes,
@@ -204,15 +231,15 @@ class MakeMode(Mode):
 
     def _list_contents(self) -> None:
         """List the steps, notes and tables of the built device."""
-        gui, built = self.bench.server.gui, self.device
-        steps = () if built is None else built.steps
+        gui, guide = self.bench.server.gui, self.guide
+        steps = () if guide is None else guide.steps
         titles = (f"{number}. {step.title}" for number, step in enumerate(steps, start=1))
         self._steps.options = (_ALL_PARTS, *titles)
         self._steps.value = _ALL_PARTS
         for handle in self._note_handles:
             handle.remove()
         self._note_handles = []
-        notes = () if built is None else built.notes
+        notes = () if guide is None else guide.notes
         self._no_warnings.visible = not notes
         with self._warnings:
             for note in notes:
@@ -221,8 +248,8 @@ class MakeMode(Mode):
                     button = gui.add_button("Show the place", hint="Fly all cameras to the place")
                     button.on_click(self._note_action(note))
                     self._note_handles.append(button)
-        if built is not None:
-            for table in (*built.tables, built.checks):
+        if guide is not None:
+            for table in (*guide.tables, guide.checks):
                 self._tables[table.title].content = table_text(table)
         else:
             for text in self._tables.values():
@@ -232,10 +259,10 @@ class MakeMode(Mode):
         return lambda _: self.show_note(note)
 
     def _draw(self) -> None:
-        built, bench = self.device, self.bench
-        step = built.steps[self.step - 1] if built is not None and self.step else None
+        guide, bench = self.guide, self.bench
+        step = guide.steps[self.step - 1] if guide is not None and self.step else None
         self._step_text.content = "" if step is None else step_text(step, self.step)
-        if not self._is_active:
+        if not self.is_active:
             return
         if bench.body is not None:
             bench.body.visible = self.scene is None
@@ -251,14 +278,14 @@ class MakeMode(Mode):
             self.step = 0
             self._steps.value, self._explosion.value = _ALL_PARTS, 0.0
             self._draw()
-            if self.scene is not None and self._is_active:
+            if self.scene is not None and self.is_active:
                 self.scene.fade()
             self.marked_note = note
             self._mark = bench.server.scene.add_icosphere(
                 "/place",
                 _MARK_RADIUS * bench.size,
                 color=_MARK_COLOR,
-                position=tuple(note.point.tolist()),
+                position=note.point,
             )
         fly_to(bench.server, note.point, bench.surface.bounds.mean(axis=0), bench.size)
 
@@ -271,6 +298,46 @@ class MakeMode(Mode):
         device = self.bench.project.device
         path = device.source / export_name(device)
         names = export(device, path)
-        self.bench.show_message(f"Wrote {len(names)} files to {path}", "exported")
+        self.bench.status.show(f"Wrote {len(names)} files to {path}", "exported")
         if client is not None:
             client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
+
+
+def step_text(step: GuideStep, number: int) -> str:
+    """Return a step of the guide in markdown.
+
+    Args:
+        step: The step.
+        number: Its number in the guide, from 1.
+    """
+    return f"### {number}. {escape_cell(step.title)}\n{bullet_list(map(escape_cell, step.lines))}"
+
+
+def table_text(table: GuideTable) -> str:
+    """Return a table of the guide in markdown; a wide table is transposed."""
+    if not table.rows:
+        return "no entries"
+    rows = [[escape_cell(cell) for cell in row] for row in (table.header, *table.rows)]
+    if len(table.header) > _MAX_COLUMNS:
+        rows = [list(column) for column in zip(*rows, strict=True)]
+    return markdown_table(rows[0], rows[1:], "l")
+
+
+def state_text(state: BuildState) -> str:
+    """Return which version of the device the parts belong to, and what to do, in markdown."""
+    failure = "" if state.error is None else f" The last build failed: {html.escape(state.error)}."
+    if not state.is_built:
+        return f"**The device is not built yet.**{failure} Press {_BUILD_BUTTON}."
+    if state.outdated_stage is None:
+        text = "The parts are up to date."
+        if state.options:
+            text += (
+                f" Their plates were built with `{state.options}`; {_BUILD_BUTTON} uses the values"
+                " of device.toml. To keep these options, set them there under [fabrication]."
+            )
+        return text
+    changes = f" ({state.changes})" if state.changes else ""
+    return (
+        f"**The device has changed since the parts were built**{changes}. The first outdated stage"
+        f" is '{state.outdated_stage}'.{failure} Press {_BUILD_BUTTON}; the parts stay until then."
+    )

@@ -8,14 +8,11 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...report.guide.assembly.steps import GuideStep, Joint
-from ...report.pictures.sheet import COLORS
-from ...runtime.view.cord_mesh import tube_faces, tube_vertices
-from .built_device import BuiltDevice
+from ...workflow.fabrication.assembly_guide import PART_COLORS, AssemblyGuide, GuideStep, Joint
+from ..workbench.cord_tubes import Color, add_tube
 
 _CORD_COLOR, _WIRE_COLOR, _PIN_COLOR = (230, 140, 30), (31, 119, 180), (240, 228, 180)
 _FAINT_OPACITY = 0.25  # of parts that hide what a step is about
-_POINTS_PER_TUBE = 60
 _VIEW_DISTANCE = 0.45  # of a camera from its target, times the body's size
 _FLIGHT_FRAMES, _FLIGHT_FRAME_S = 15, 0.03  # half a second in all
 
@@ -27,25 +24,25 @@ class PartsScene:
 
     Args:
         server: The viser server.
-        built: The built device.
+        guide: The assembly guide of the device.
         cord_radius: Radius of the cords, mm.
         wire_radius: Radius of the wires, mm.
     """
 
     def __init__(
-        self, server: Any, built: BuiltDevice, cord_radius: float, wire_radius: float
+        self, server: Any, guide: AssemblyGuide, cord_radius: float, wire_radius: float
     ) -> None:
-        self._scene, self._built = server.scene, built
+        self._scene, self._guide = server.scene, guide
         self._cord_radius, self._wire_radius = cord_radius, wire_radius
         self._parts, self._labels = dict[str, Any](), dict[str, Any]()
         self._extras: list[Any] = []
         self._shifts: dict[str, Float] = {}
-        for k, (name, surface) in enumerate(built.parts.items()):
+        for k, (name, surface) in enumerate(guide.parts.items()):
             self._parts[name] = self._scene.add_mesh_simple(
                 f"/parts/{name}",
-                surface.vertices.astype(np.float32),
-                surface.faces.astype(np.uint32),
-                color=_parse_color(COLORS[k % len(COLORS)]),
+                surface.vertices,
+                surface.faces,
+                color=_parse_color(PART_COLORS[k % len(PART_COLORS)]),
                 flat_shading=True,
                 side="double",
                 visible=False,
@@ -86,8 +83,8 @@ class PartsScene:
         """
         self.hide()
         joint = None if step is None else step.joint
-        is_joined = step is not None and any(s.joint for s in self._built.steps[:index])
-        cords = () if not is_joined else tuple(s.name for s in self._built.layout.sensors)
+        is_joined = step is not None and any(s.joint for s in self._guide.steps[:index])
+        cords = () if not is_joined else tuple(s.name for s in self._guide.layout.sensors)
         if joint is not None:
             lifted = {n: joint.lift * joint.opens for n in joint.upper}
             self._shifts = {n: lifted.get(n, np.zeros(3)) for n in (*joint.lower, *joint.upper)}
@@ -95,7 +92,7 @@ class PartsScene:
         elif cords:
             self._shifts = {n: np.zeros(3) for n in self._parts}
         else:
-            self._shifts = dict(self._built.shifts)
+            self._shifts = dict(self._guide.shifts)
         is_faint = bool(cords) and joint is None
         for name in self._shifts:
             self._parts[name].visible = self._labels[name].visible = True
@@ -109,7 +106,7 @@ class PartsScene:
         """Move the parts to a share of the exploded view, from 0 (assembled) to 1."""
         for name, shift in self._shifts.items():
             self._parts[name].position = tuple((explosion * shift).tolist())
-            middle = self._built.parts[name].bounds.mean(axis=0)
+            middle = self._guide.parts[name].bounds.mean(axis=0)
             self._labels[name].position = tuple((middle + explosion * shift).tolist())
 
     def fade(self) -> None:
@@ -133,7 +130,7 @@ class PartsScene:
         self._parts, self._labels = {}, {}
 
     def _add_cords(self, names: tuple[str, ...]) -> None:
-        paths = {s.name: s.points for s in self._built.layout.sensors}
+        paths = {s.name: s.points for s in self._guide.layout.sensors}
         for name in names:
             self._add_tube(f"/step/cord/{name}", paths[name], self._cord_radius, _CORD_COLOR)
 
@@ -157,14 +154,8 @@ class PartsScene:
                 )
             )
 
-    def _add_tube(self, name: str, path: Float, radius: float, color: tuple[int, int, int]) -> None:
-        count = min(_POINTS_PER_TUBE, len(path))
-        indices = np.linspace(0, len(path) - 1, count).round().astype(int)
-        vertices = tube_vertices(path[indices], radius).astype(np.float32)
-        faces = tube_faces(len(indices)).astype(np.uint32)
-        self._extras.append(
-            self._scene.add_mesh_simple(name, vertices, faces, color=color, side="double")
-        )
+    def _add_tube(self, name: str, path: Float, radius: float, color: Color) -> None:
+        self._extras.append(add_tube(self._scene, name, path, radius, color, side="double"))
 
 
 def view_position(target: Float, middle: Float, camera: Float, size: float) -> Float:
@@ -220,7 +211,7 @@ def _unit_vector(vector: Float) -> Float:
     return np.zeros(3) if length < 1e-9 else vector / length
 
 
-def _parse_color(color: str) -> tuple[int, int, int]:
+def _parse_color(color: str) -> Color:
     """Return the RGB values of "#rrggbb"."""
     red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
     return red, green, blue

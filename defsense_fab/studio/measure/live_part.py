@@ -4,32 +4,32 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
-from ...runtime.live.live_run import RunOptions
-from ...runtime.live.run_choices import (
+from ...workflow.run.choices import (
+    TWIN,
     KnownModel,
     KnownPort,
     changed_since,
+    is_built,
     known_models,
     known_ports,
 )
-from ...runtime.outputs.live_file import LiveSettings, parse_output, read_live_file
-from ...runtime.view.live_view import PagePlace
-from ...store.layout import LAYOUT, load_layout
+from ...workflow.run.outputs import LIVE_FILE, read_settings
+from ...workflow.run.run import LiveSettings
+from ...workflow.view import PagePlace
+from ..workbench.controls import NONE
 from ..workbench.latest_worker import LatestWorker
+from ..workbench.page_texts import StatusText, bullet_list
 from ..workbench.workbench import Workbench
-from .live_session import LiveSession
-from .result_texts import StatusText, bullet_list, decoder_error_text
+from .live_session import LiveRequest, LiveSession
+from .result_texts import decoder_error_text
 
-_NONE = "none"
 _NO_MODEL = (
     "No model in this folder yet. Under *Training*, record a session and train on it, or train on"
     " the simulation alone."
 )
 _NOT_BUILT = "**The device is not built yet. Build it in *Make*.**"
-_LIVE_FILE = "live.toml"
 
 
 class LivePart:
@@ -51,13 +51,12 @@ class LivePart:
     """
 
     folder: Any
-    status: StatusText
 
     def __init__(self, bench: Workbench, mode_label: str) -> None:
-        self._bench, self._mode_label = bench, mode_label
-        self.session = LiveSession(self._show_status, self._follow_run)
+        self._bench, self._mode_label, self.status = bench, mode_label, StatusText()
+        self.session = LiveSession(self.status, self._follow_run)
         self.is_built, self.changes = False, list[str]()
-        self._search = LatestWorker(self._find_choices, self._show_error)
+        self._search = LatestWorker(self._find_choices, self.status.show_error)
         self._models: list[KnownModel] = []
         self._ports: list[KnownPort] = []
         self._hides_body = False
@@ -68,13 +67,13 @@ class LivePart:
         self.folder = gui.add_folder("Live")
         with self.folder:
             self._model = gui.add_dropdown(
-                "Model", (_NONE,), hint="Choose a model of the device's folder"
+                "Model", (NONE,), hint="Choose a model of the device's folder"
             )
             self._model.on_update(lambda _: self._describe_model())
             self._model_text = gui.add_markdown("")
             self._port = gui.add_dropdown(
                 "Source",
-                (_NONE,),
+                (NONE,),
                 hint="Choose the simulated twin, a serial port or a recording",
             )
             with gui.add_folder("More", expand_by_default=False):
@@ -90,7 +89,7 @@ class LivePart:
                     hint="List the outputs, for example osc,port=9000; websocket. Default: none",
                 )
                 self._uses_file = gui.add_checkbox(
-                    _LIVE_FILE, False, hint="Also send the outputs of live.toml in the folder"
+                    LIVE_FILE, False, hint="Also send the outputs of live.toml in the folder"
                 )
                 self._keeps_readings = gui.add_checkbox(
                     "Keep readings", True, hint="Save the readings in live/ of the device's folder"
@@ -98,7 +97,7 @@ class LivePart:
                 bench.button("Refresh", "Search for models, ports and sessions again", self.refresh)
             self._start = bench.button("Start", "Run the device here", self.start, color="green")
             self._stop = bench.button("Stop", "End the live loop", self.stop, visible=False)
-            self.status = StatusText(gui)
+            self.status.add_panel(gui)
 
     @property
     def model(self) -> KnownModel | None:
@@ -130,16 +129,16 @@ class LivePart:
 
     def enter(self) -> None:
         """Follow the activation of the mode."""
-        if self.session.busy:
-            self._bench.show_message("")  # the mode shows that it continues
+        if self.session.is_busy:
+            self._bench.status.show("")  # the mode shows that it continues
         self.refresh()
         self._show_run()
 
     def leave(self) -> None:
         """Follow the activation of another mode; the run continues."""
         self._show_run(is_active=False)
-        if self.session.busy:
-            self._bench.show_message(
+        if self.session.is_busy:
+            self._bench.status.show(
                 f"The live loop continues. Press *Stop* in {self._mode_label} to end it.",
                 "live-continues",
             )
@@ -162,11 +161,19 @@ class LivePart:
             self.status.show_problem(model.problem, "model-unusable")
             return
         try:
-            options = self._options()
+            settings = self._settings()
         except DefsenseError as error:
             self.status.show_error(error)
             return
-        if not self.session.start(model.path, self._bench.project.folder, options):
+        request = LiveRequest(
+            model.path,
+            self._bench.project.folder,
+            self._chosen_port(),
+            settings,
+            PagePlace(self._bench.server, self.folder),
+            self._keeps_readings.value,
+        )
+        if not self.session.start(request):
             self.status.show("The live loop is running or ending. Stop it first.", "busy")
             return
         self._show_buttons(is_running=True)
@@ -181,32 +188,19 @@ class LivePart:
         self.session.close()
         self._search.close()
 
-    def _options(self) -> RunOptions:
-        path = self._bench.project.folder / _LIVE_FILE
-        settings = read_live_file(path) if path.exists() else LiveSettings()
+    def _settings(self) -> LiveSettings:
+        folder = self._bench.project.folder
         words = [word.strip() for word in self._outputs.value.split(";")]
-        outputs = tuple(parse_output(word) for word in words if word)
-        if self._uses_file.value:
-            if not path.exists():
-                read_live_file(path)  # raises the error of a missing file
-            outputs = (*settings.outputs, *outputs)
-        ports = {p.label: p.port for p in self._ports}
-        return RunOptions(
-            port=self._other_port.value.strip() or ports.get(self._port.value, "twin"),
-            view=PagePlace(self._bench.server, self.folder),
-            outputs=outputs,
-            controls=settings.controls,
-            keep=self._keeps_readings.value,
-            live_file=path if path.exists() else None,
+        return read_settings(
+            folder,
+            folder / LIVE_FILE if self._uses_file.value else None,
+            [word for word in words if word],
+            sends_to_file_outputs=self._uses_file.value,
         )
 
-    def _show_status(self, text: str, error: Exception | None) -> None:
-        code = error.code if isinstance(error, DefsenseError) else ""
-        self.status.show(text, code)
-        self.status.error = error
-
-    def _show_error(self, error: Exception) -> None:
-        self.status.show_error(error)
+    def _chosen_port(self) -> str:
+        ports = {p.label: p.port for p in self._ports}
+        return self._other_port.value.strip() or ports.get(self._port.value, TWIN)
 
     def _follow_run(self) -> None:
         """Follow the start or the end of a run."""
@@ -235,13 +229,13 @@ class LivePart:
         models, ports = known_models(device), known_ports(device)
         with self._bench.drawing_lock:
             self._models, self._ports = models, ports
-            _offer(self._model, tuple(m.path.name for m in models) or (_NONE,))
-            _offer(self._port, tuple(dict.fromkeys(p.label for p in ports)))
+            self._model.options = tuple(m.path.name for m in models) or (NONE,)
+            self._port.options = tuple(dict.fromkeys(p.label for p in ports))
         self._describe_model()
 
     def _describe_model(self) -> None:
         device, model = self._bench.project.device, self.model
-        self.is_built = (build_folder(device) / LAYOUT).exists()
+        self.is_built = is_built(device)
         self.changes = []
         if model is None:
             text = _NO_MODEL if self.is_built else f"{_NO_MODEL}\n\n{_NOT_BUILT}"
@@ -256,7 +250,7 @@ class LivePart:
         if not self.is_built:
             return _NOT_BUILT
         try:
-            self.changes = changed_since(device, load_layout(build_folder(device)))
+            self.changes = changed_since(device)
         except DefsenseError as error:
             return f"**{error}**"
         if not self.changes:
@@ -265,12 +259,3 @@ class LivePart:
             "The cords have changed since the build. The built cords are used:\n\n"
             + bullet_list(self.changes)
         )
-
-
-def _offer(dropdown: Any, options: tuple[str, ...]) -> None:
-    """Offer other options, and keep the chosen one if it still exists."""
-    if tuple(dropdown.options) == options:
-        return
-    chosen = dropdown.value
-    dropdown.options = options
-    dropdown.value = chosen if chosen in options else options[0]

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import DefsenseError
-from ...runtime.live.live_device import live_device
-from ...runtime.live.live_run import LiveRun, RunOptions, live_run
+from ...workflow.run.live_device import live_device
+from ...workflow.run.run import LiveRun, LiveSettings, prepare_run
+from ...workflow.view import PagePlace
 from ..workbench.latest_worker import LatestWorker
+from ..workbench.page_texts import StatusText
 
 _STOP_CHECK_INTERVAL_S = 0.2
 _CLOSE_TIMEOUT_S = 10.0  # time in which a run has to end
@@ -19,57 +22,61 @@ class _StoppedError(Exception):
     """The run was stopped before it started."""
 
 
+@dataclass(frozen=True)
+class LiveRequest:
+    """A run that the user requests.
+
+    Attributes:
+        model: File of the model.
+        folder: Folder of the device.
+        port: Source of the samples.
+        settings: The outputs and controls.
+        place: Place of the view on the page.
+        keeps_readings: Whether the readings are saved.
+    """
+
+    model: Path
+    folder: Path
+    port: str
+    settings: LiveSettings
+    place: PagePlace
+    keeps_readings: bool
+
+
 class LiveSession:
     """Run the device live, one run at a time.
 
-    The callbacks are called on a thread of this object.
-
     Args:
-        on_status: Called with a text in markdown, and the error that it is about, or None.
-        on_change: Called when a run has started and when it has ended.
+        status: Shows what the run does.
+        on_change: Called, on a thread of this object, when a run has started or ended.
 
     Attributes:
         run: The run, or None while none runs.
     """
 
-    def __init__(
-        self,
-        on_status: Callable[[str, Exception | None], None],
-        on_change: Callable[[], None],
-    ) -> None:
-        self._on_status, self._on_change = on_status, on_change
+    def __init__(self, status: StatusText, on_change: Callable[[], None]) -> None:
+        self._status, self._on_change = status, on_change
         self._lock, self._stop = threading.Lock(), threading.Event()
-        self.worker = LatestWorker[Callable[[], None]](
-            lambda work: work(), lambda error: on_status(f"**{error}**", error)
-        )
+        self.worker = LatestWorker[Callable[[], None]](lambda work: work(), status.show_error)
         self.run: LiveRun | None = None
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """Whether a run is prepared, runs or ends."""
-        return self.worker.busy
+        return self.worker.is_busy
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until no run runs; return False after `timeout_s`."""
         return self.worker.wait(timeout_s)
 
-    def start(self, model: Path, folder: Path, options: RunOptions) -> bool:
-        """Run a model unless another run is running.
-
-        Args:
-            model: File of the model.
-            folder: Folder of the device.
-            options: Options of the run.
-
-        Returns:
-            Whether the run starts.
-        """
+    def start(self, request: LiveRequest) -> bool:
+        """Run a model unless another run is running; return whether the run starts."""
         with self._lock:
-            if self.busy:
+            if self.is_busy:
                 return False
             self._stop = threading.Event()
             stop = self._stop
-            self.worker.give(lambda: self._run(model, folder, options, stop))
+            self.worker.give(lambda: self._run(request, stop))
         return True
 
     def stop(self) -> None:
@@ -82,11 +89,11 @@ class LiveSession:
         self.worker.wait(_CLOSE_TIMEOUT_S)
         self.worker.close()
 
-    def _run(self, model: Path, folder: Path, options: RunOptions, stop: threading.Event) -> None:
+    def _run(self, request: LiveRequest, stop: threading.Event) -> None:
         run: LiveRun | None = None
         problem: Exception | None = None
         try:
-            run = self._start(model, folder, options, stop)
+            run = self._start(request, stop)
             while not stop.is_set() and run.loop.wait(_STOP_CHECK_INTERVAL_S):
                 pass
             outcome = "The live loop has ended."
@@ -105,19 +112,25 @@ class LiveSession:
             outcome, problem = f"{outcome}\n\n**{error}**", problem or error
         if run is not None and run.recording is not None and run.recording.path.exists():
             outcome += f" The readings are in `{run.recording.path}`."
-        self._on_status(outcome, problem)
+        code = problem.code if isinstance(problem, DefsenseError) else ""
+        self._status.show(outcome, code, problem)
         self._on_change()
 
-    def _start(
-        self, model: Path, folder: Path, options: RunOptions, stop: threading.Event
-    ) -> LiveRun:
+    def _start(self, request: LiveRequest, stop: threading.Event) -> LiveRun:
         def progress(stage: str, share: float, message: str) -> None:
             if stop.is_set():
                 raise _StoppedError
-            self._on_status(f"Preparing ({stage}, {share:.0%}): {message}", None)
+            self._status.show(f"Preparing ({stage}, {share:.0%}): {message}")
 
         progress("live", 0.0, "reading the model and the build")
-        run = live_run(live_device(model, folder), options, progress)
+        run = prepare_run(
+            live_device(request.model, request.folder),
+            request.port,
+            settings=request.settings,
+            view=request.place,
+            keeps_readings=request.keeps_readings,
+            progress=progress,
+        )
         try:
             if stop.is_set():
                 raise _StoppedError
@@ -127,6 +140,6 @@ class LiveSession:
             raise
         self.run = run
         notes = "".join(f"\n- {note}" for note in run.notes)
-        self._on_status(f"Live from `{options.port}`.{notes}", None)
+        self._status.show(f"Live from `{request.port}`.{notes}")
         self._on_change()
         return run

@@ -44,7 +44,7 @@ class MeasureMode(Mode):
         self.live.leave()
 
     def on_device_changed(self) -> None:
-        if self.bench.mode == self.label:
+        if self.is_active:
             self.live.refresh()
             self.training.refresh()
 

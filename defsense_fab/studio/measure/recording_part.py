@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...capture.sessions import session as sessions
-from ...core.markers import read_markers
 from ...core.storage.file_names import name_problem
 from ...core.storage.files import unused_path
-from ...twin.filming.camera_kinds import DEFAULT_CAMERA_KIND
-from ...twin.live.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
-from ..workbench.latest_worker import LatestWorker
+from ...workflow.sessions.options import CALIBRATION_FILE, RecordOptions
+from ...workflow.sessions.recording import (
+    NONE,
+    SESSION_FOLDER,
+    TWIN,
+    RecordedSession,
+    is_twin,
+    record_session,
+)
+from ..workbench.controls import add_option
+from ..workbench.page_texts import StatusText
 from ..workbench.workbench import Workbench
-from .recording_screen import RecordingScreen
-from .result_texts import StatusText
-
-_CLOSE_TIMEOUT_S = 10.0  # time in which a recording has to end
-_TWIN_CAMERAS = (1, 2, DEFAULT_CAMERA_KIND)  # seed, number and kind
+from .guided_screen import GuidedTask
 
 
 class RecordingPart:
@@ -32,33 +34,19 @@ class RecordingPart:
     Attributes:
         folder: Folder of the panel that holds the controls.
         status: What the recording does.
-        screen: The screen of the running recording, or None.
-        finished_steps: Number of finished steps of the last recording.
-        step_count: Number of its steps.
+        recording: The recording.
     """
 
     folder: Any
-    status: StatusText
 
     def __init__(self, bench: Workbench, on_end: Callable[[], None]) -> None:
-        self._bench, self._on_end = bench, on_end
-        self.worker = LatestWorker[Callable[[], None]](lambda work: work(), bench.show_error)
-        self.screen: RecordingScreen | None = None
-        self.finished_steps = self.step_count = 0
-
-    @property
-    def busy(self) -> bool:
-        """Whether a recording is prepared, runs or ends."""
-        return self.worker.busy
+        self._bench, self._on_end, self.status = bench, on_end, StatusText()
+        self.recording = GuidedTask(bench, "recording", self.status, self._follow)
 
     @property
     def shows_options(self) -> bool:
         """Whether the options of the next recording are visible."""
         return bool(self._options_folder.visible)
-
-    def wait(self, timeout_s: float) -> bool:
-        """Wait until no recording runs; return False after `timeout_s`."""
-        return self.worker.wait(timeout_s)
 
     def add_panel(self) -> None:
         """Add the controls to the open folder of the panel."""
@@ -71,7 +59,7 @@ class RecordingPart:
             self._start = bench.button(
                 "Record", "Record the device step by step", self.start, color="green"
             )
-            self.status = StatusText(gui)
+            self.status.add_panel(gui)
 
     def _add_options(self) -> None:
         gui = self._bench.server.gui
@@ -89,25 +77,16 @@ class RecordingPart:
         )
         self._calibration = gui.add_text(
             "Calibration",
-            "cameras.toml",
+            str(CALIBRATION_FILE),
             hint="Enter the cameras' calibration file in the device's folder",
         )
         self._name = gui.add_text(
             "Session",
-            "session",
-            hint="Enter the folder of the session. A stopped session is continued",
+            SESSION_FOLDER,
+            hint="Enter the folder of the session. A stopped session is resumed",
         )
-        self._rounds = gui.add_number(
-            "Rounds", 2, min=1, max=100, step=1, hint="Set the number of rounds through all poses"
-        )
-        self._seconds = gui.add_number(
-            "Time per pose (s)",
-            8.0,
-            min=1.0,
-            max=600.0,
-            step=0.5,
-            hint="Set the time for each pose",
-        )
+        self._rounds = add_option(gui, RecordOptions, "rounds", "Rounds", 1)
+        self._seconds = add_option(gui, RecordOptions, "seconds", "Time per pose (s)", 0.5)
 
     def set_options(
         self,
@@ -129,9 +108,6 @@ class RecordingPart:
 
     def start(self) -> None:
         """Prepare a recording and go through its steps, on a thread."""
-        if self.busy:
-            self.status.show("A recording is running. Stop it first.", "busy")
-            return
         name = self._name.value.strip()
         is_folder_name = name not in ("", "..") and Path(name).name == name
         problem = name_problem(name) if is_folder_name else "not a folder name"
@@ -141,43 +117,46 @@ class RecordingPart:
                 "invalid-session-name",
             )
             return
-        options, folder = self._options(), self._bench.project.folder / name
-        self._start.disabled, self._options_folder.visible = True, False
-        self.status.show("Preparing ...")
-        self.worker.give(lambda: self._run(folder, options))
-
-    def close(self) -> None:
-        """Stop the recording, which can be continued later."""
-        if self.screen is not None:
-            self.screen.press("q")
-        self.worker.wait(_CLOSE_TIMEOUT_S)
-        self.worker.close()
-
-    def _options(self) -> CaptureOptions:
-        cameras = tuple(self._cameras.value.replace(",", " ").split()) or (NONE,)
-        path = self._bench.project.folder / self._calibration.value.strip()
-        is_simulated = cameras == (TWIN,)
-        return CaptureOptions(
+        cameras, folder = self._camera_addresses(), self._bench.project.folder / name
+        record = partial(
+            record_session,
+            self._bench.project.device,
             cameras,
             self._port.value.strip() or NONE,
-            None if is_simulated else path,
-            _TWIN_CAMERAS if is_simulated else None,
-            int(self._rounds.value),
-            float(self._seconds.value),
+            self._options(folder, cameras),
+            open_screen=lambda _: self.recording.open_screen(self.folder),
+            note=self.status.show,
+        )
+        self.recording.start(lambda: self._show_result(record(), folder))
+
+    def close(self) -> None:
+        """Stop the recording, which can be resumed later."""
+        self.recording.close()
+
+    def _camera_addresses(self) -> tuple[str, ...]:
+        text = self._cameras.value.strip()
+        addresses = text if is_twin(text) else text.replace(",", " ")
+        return tuple(addresses.split()) or (NONE,)
+
+    def _options(self, folder: Path, cameras: tuple[str, ...]) -> RecordOptions:
+        calibration = self._bench.project.folder / self._calibration.value.strip()
+        return RecordOptions(
+            calibration=None if is_twin(cameras[0]) else calibration,
+            out=folder,
+            rounds=int(self._rounds.value),
+            seconds=float(self._seconds.value),
         )
 
-    def _run(self, folder: Path, options: CaptureOptions) -> None:
-        problem: Exception | None = None
-        try:
-            is_complete = self._record(folder, options)
-        except Exception as error:  # shown on the page: the studio continues
-            problem = error
-        screen, self.screen = self.screen, None
-        if screen is not None:
-            screen.close()
-        if problem is not None:
-            self.status.show_error(problem, "The recording")
-        elif is_complete:
+    def _follow(self, is_busy: bool) -> None:
+        self._start.disabled, self._options_folder.visible = is_busy, not is_busy
+        if not is_busy:
+            self._on_end()
+
+    def _show_result(self, result: RecordedSession, folder: Path) -> None:
+        finished, count = result.finished_steps, len(result.session.steps)
+        self.recording.finished_steps, self.recording.step_count = finished, count
+        if result.is_complete:
+            self._name.value = unused_path(folder).name
             self.status.show(
                 f"`{folder.name}`: all steps are recorded. Press *Process the recordings* under"
                 " *Training* to make it ready for training.",
@@ -185,28 +164,7 @@ class RecordingPart:
             )
         else:
             self.status.show(
-                f"`{folder.name}`: {self.finished_steps} of {self.step_count} steps are recorded."
-                " Press *Record* to continue.",
+                f"`{folder.name}`: {finished} of {count} steps are recorded."
+                " Press *Record* to resume.",
                 "recording-incomplete",
             )
-        self._start.disabled, self._options_folder.visible = False, True
-        self._on_end()
-
-    def _record(self, folder: Path, options: CaptureOptions) -> bool:
-        """Record a session, and return whether all steps are recorded."""
-        device = self._bench.project.device
-        markers = read_markers(device.source / "markers")
-        with ExitStack() as stack:
-            setup = set_up_capture(device, markers, folder, options, stack, self._show_note)
-            with self._bench.drawing_lock:
-                self.screen = RecordingScreen(self._bench, self.folder, setup.session.channels)
-            self.status.show("")
-            is_complete = setup.record(self.screen)
-        self.finished_steps = len(sessions.finished_steps(setup.session))
-        self.step_count = len(setup.session.steps)
-        if is_complete:
-            self._name.value = unused_path(folder).name
-        return is_complete
-
-    def _show_note(self, text: str) -> None:
-        self.status.show(text)

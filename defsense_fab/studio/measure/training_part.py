@@ -7,27 +7,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...capture.sessions.known_sessions import KnownSession, known_sessions
-from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
-from ...core.errors import DefsenseError
-from ...store.layout import LAYOUT
-from ...training.models.model_file import MODEL
+from ...workflow.run.choices import is_built
+from ...workflow.sessions.known_sessions import KnownSession, known_sessions
 from ...workflow.sessions.twin_sessions import session_folder
-from ..workbench.background_job import BackgroundJob, run_with_progress
+from ...workflow.train.options import TwinOptions
+from ...workflow.train.training import MODEL
+from ..workbench.controls import add_option
 from ..workbench.latest_worker import LatestWorker
+from ..workbench.page_texts import StatusText, bullet_list
 from ..workbench.workbench import Workbench
 from . import jobs
-from .result_texts import (
-    StatusText,
-    bullet_list,
-    evaluation_text,
-    relative_name,
-    training_text,
-)
+from .panel_job import PanelJob
+from .result_texts import evaluation_text, relative_name, training_text
 
 _NO_SESSION = "Choose a processed session, or record one first."
-_MAX_SEED = 1_000_000_000
 
 
 class TrainingPart:
@@ -44,17 +38,15 @@ class TrainingPart:
         sessions: The sessions of the device, newest last.
     """
 
-    status: StatusText
-
     def __init__(self, bench: Workbench, on_change: Callable[[], None]) -> None:
         self._bench, self._on_change = bench, on_change
-        self.job = BackgroundJob("job", self.show_progress, self.end_job)
+        self.status = StatusText()
+        self.job = PanelJob(bench, self.status)
         self.result: Any = None
         self.sessions: list[KnownSession] = []
-        self._search = LatestWorker(self._find_sessions, bench.show_error)
+        self._search = LatestWorker(self._find_sessions, bench.status.show_error)
         self._boxes: dict[Path, Any] = {}
         self._rows: list[Any] = []  # of the sessions' folder
-        self._result_text: Callable[[Any], str] = str
         self._page: Path | None = None  # of the evaluation
 
     def add_panel(self) -> None:
@@ -77,11 +69,7 @@ class TrainingPart:
                 f"Train {MODEL} without any session",
                 self.train_on_simulation,
             )
-            self._cancel = bench.button(
-                "Cancel", "Stop the job and keep all files", self.job.cancel, visible=False
-            )
-            self._bar = gui.add_progress_bar(0.0, visible=False)
-            self.status = StatusText(gui)
+            self.job.add_panel()
             self._result = gui.add_markdown("")
             self._download = gui.add_button(
                 "Download the evaluation", hint="Save its report as a file", visible=False
@@ -90,20 +78,9 @@ class TrainingPart:
 
     def _add_twin_controls(self) -> None:
         gui = self._bench.server.gui
-        self._minutes = gui.add_number(
-            "Duration (min)", 10.0, min=0.2, max=240.0, step=0.1, hint="Set the time of movement"
-        )
-        self._unit = gui.add_number(
-            "Unit",
-            1,
-            min=0,
-            max=_MAX_SEED,
-            step=1,
-            hint="Choose the built device: its tolerances and pieces of cord",
-        )
-        self._seed = gui.add_number(
-            "Seed", 1, min=0, max=_MAX_SEED, step=1, hint="Choose the movement of the hand"
-        )
+        self._minutes = add_option(gui, TwinOptions, "minutes", "Duration (min)", 0.1)
+        self._unit = add_option(gui, TwinOptions, "unit", "Unit", 1)
+        self._seed = add_option(gui, TwinOptions, "seed", "Seed", 1)
         self._bench.button(
             "Record the twin", "Simulate a session, as `defsense twin` does", self.record_twin
         )
@@ -127,11 +104,6 @@ class TrainingPart:
     def can_download(self) -> bool:
         """Whether the button that downloads the evaluation is visible."""
         return bool(self._download.visible)
-
-    @property
-    def shows_progress(self) -> bool:
-        """Whether the progress of a job is visible."""
-        return bool(self._bar.visible)
 
     @property
     def twin_seed(self) -> int:
@@ -161,7 +133,7 @@ class TrainingPart:
     def record_twin(self) -> None:
         """Record a session of the device's simulated twin."""
         device = self._bench.project.device
-        if not (build_folder(device) / LAYOUT).exists():
+        if not is_built(device):
             self.status.show_problem(
                 "The device is not built yet. Build it in *Make*.", "not-built"
             )
@@ -170,10 +142,11 @@ class TrainingPart:
         out = session_folder(device, unit, seed)
         if out.exists():
             self.status.show_problem(
-                f"`{out.name}` exists already. Choose another seed or unit.", "path-exists"
+                f"`{out.name}` exists already. Choose another seed or unit.", "file-exists"
             )
             return
-        task = partial(jobs.record_twin, device.source, float(self._minutes.value), unit, seed)
+        options = TwinOptions(minutes=float(self._minutes.value), unit=unit, seed=seed)
+        task = partial(jobs.record_twin, device.source, options)
         self._start_job(task, self._recording_text)
 
     def process(self) -> None:
@@ -192,9 +165,7 @@ class TrainingPart:
 
     def train_on_simulation(self) -> None:
         """Train a model on the simulated states alone."""
-        self._start_job(
-            partial(jobs.train_on_simulation, self._bench.project.folder), training_text
-        )
+        self._start_job(partial(jobs.train, self._bench.project.folder, []), training_text)
 
     def evaluate(self) -> None:
         """Evaluate the folder's model on the chosen sessions."""
@@ -222,38 +193,20 @@ class TrainingPart:
             return
         client.send_file_download(self._page.name, content)
 
-    def show_progress(self, share: float, message: str) -> None:
-        """Show the completed share (0 to 1) of the job and a message."""
-        self._bar.value = 100 * share
-        self.status.show(message)
-
-    def end_job(self, error: DefsenseError | None, result: Any) -> None:
-        """Show the error or the result of a job that has ended."""
-        self._bar.visible = self._cancel.visible = False
-        if error is not None:
-            self.status.show_error(error)
-            return
-        self.status.show("")
-        self.result = result
-        self._result.content = self._result_text(result)
-        self.refresh()
-        self._on_change()
-
     def close(self) -> None:
         """End the job and the threads."""
         self.job.close()
         self._search.close()
 
-    def _start_job(self, task: Any, result_text: Callable[[Any], str]) -> None:
-        if self.job.running:
-            self.status.show_problem("A job is running. Wait for it or cancel it.", "busy")
-            return
-        self._result_text, self.result = result_text, None
-        self.status.show("Starting ...")
-        self._bar.value = 0.0
+    def _start_job(self, task: Callable[..., Any], result_text: Callable[[Any], str]) -> None:
+        self.result = None
         self._result.content, self._download.visible = "", False
-        self._bar.visible = self._cancel.visible = True
-        self.job.start(run_with_progress, task)
+        self.job.start(task, lambda result: self._show_result(result, result_text(result)))
+
+    def _show_result(self, result: Any, text: str) -> None:
+        self.result, self._result.content = result, text
+        self.refresh()
+        self._on_change()
 
     def _recording_text(self, folders: list[str]) -> str:
         names = ", ".join(f"`{relative_name(f, self._bench.project.folder)}`" for f in folders)
@@ -270,8 +223,7 @@ class TrainingPart:
         seed = int(self._seed.value)
         while session_folder(device, int(self._unit.value), seed).exists():
             seed += 1
-        if seed != self._seed.value:
-            self._seed.value = seed
+        self._seed.value = seed
 
     def _find_sessions(self, device: Device) -> None:
         sessions = known_sessions(device)
@@ -291,7 +243,7 @@ class TrainingPart:
         self, sessions: list[KnownSession], was_chosen: dict[Path, bool], device: Device
     ) -> None:
         gui = self._bench.server.gui
-        usable = [s for s in sessions if s.problem is None]
+        usable = [s for s in sessions if s.is_usable]
         for session in usable:
             is_newest = session is usable[-1]  # the user most likely wants to train on it
             box = gui.add_checkbox(
@@ -305,7 +257,7 @@ class TrainingPart:
             [
                 f"`{relative_name(s.folder, device.source)}` {s.problem}"
                 for s in sessions
-                if s.problem is not None
+                if not s.is_usable
             ]
         )
         if not sessions:

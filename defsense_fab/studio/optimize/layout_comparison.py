@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import html
 import math
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...core.device.build_folder import build_folder
 from ...core.errors import DefsenseError, StorageError
-from ...core.storage.files import digest
-from ...optimize.prediction.compare_layouts import (
+from ...workflow.build.build import first_outdated
+from ...workflow.build.results import last_build, layout_digest
+from ...workflow.design.compare_layouts import (
     ComparedLayout,
     compare_layouts,
     estimate_seconds,
-    load_tried_layouts,
+    tried_layouts,
 )
-from ...store.layout import LAYOUT
-from ...workflow.build.build import first_outdated
 from ...workflow.study.cord_count import studied_layouts
 from ..edits.cords import take_cords
 from ..workbench.background_job import BackgroundJob, JobReporter
+from ..workbench.controls import NONE, on_user
 from ..workbench.cord_tubes import CordTubes
 from ..workbench.latest_worker import LatestWorker
+from ..workbench.page_texts import StatusText, bullet_list, escape_cell, markdown_table
 from ..workbench.workbench import Workbench
 
-_NONE = "none"
 _NO_LAYOUTS = "No layouts yet. Optimize the cords first."
 _COMPARE_LABEL = "Compare all"
 _CHOSEN_TUBE_COLOR = (148, 70, 170)  # purple, next to gray, orange and blue
@@ -52,21 +50,20 @@ class LayoutComparison:
         estimated_time_s: Estimated time of the comparison, s; 0 if unknown.
         job: Compares the layouts.
         worker: Reads the layouts of the last build.
-        error: Error of the last comparison, or None.
+        status: What the comparison does, or its error.
     """
 
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
-        self._lock = threading.Lock()
         self.layouts: list[ComparedLayout] = []
         self.estimated_time_s = 0
-        self.error: DefsenseError | None = None
-        self._chosen = _NONE
+        self.status = StatusText()
+        self._chosen = NONE
         self._layout_digest: str | None = None  # of the build's layout that is compared
         self._is_shown = False
         self._tubes = CordTubes(bench.server, "/compared")
         self.job = BackgroundJob("comparison", self._show_progress, self._end, self._add)
-        self.worker = LatestWorker(self._read, bench.show_error)
+        self.worker = LatestWorker(self._read, bench.status.show_error)
 
     @property
     def drawn_cords(self) -> set[str]:
@@ -79,9 +76,9 @@ class LayoutComparison:
         self._table = gui.add_markdown(_NO_LAYOUTS)
         self._charts = gui.add_html("")
         self._list = gui.add_dropdown(
-            "Layout", (_NONE,), hint="Choose the layout that is drawn in purple over the cords"
+            "Layout", (NONE,), hint="Choose the layout that is drawn in purple over the cords"
         )
-        self._list.on_update(self._choose_from_list)
+        on_user(self._list, self.choose)
         self._notes = gui.add_markdown("")
         button(
             "Take this layout",
@@ -99,7 +96,7 @@ class LayoutComparison:
             self.job.cancel,
             visible=False,
         )
-        self._state = gui.add_markdown("")
+        self.status.add_panel(gui)
 
     def load(self) -> None:
         """Follow another build."""
@@ -120,23 +117,22 @@ class LayoutComparison:
         """Replace the drawn cords by those of the chosen layout."""
         layout = self._chosen_layout()
         if layout is None or not layout.sensors:
-            self._bench.show_message("Choose a layout first.", "no-layout-chosen")
+            self._bench.status.show("Choose a layout first.", "no-layout-chosen")
             return
         self._bench.apply(take_cords(layout.sensors))
 
     def compare(self) -> None:
-        """Compute what is not known of the layouts, in a child process.
+        """Compute the missing numbers of the layouts in a child process.
 
         Raises:
             StorageError: The body, the mesh or the poses have changed since they were simulated.
         """
         bench = self._bench
-        folder = build_folder(bench.project.device)
         if not self.layouts:
-            bench.show_message(_NO_LAYOUTS, "no-layouts")
+            bench.status.show(_NO_LAYOUTS, "no-layouts")
             return
-        if bench.builds.running:
-            bench.show_message("A build is running. Cancel it or wait for it.", "build-running")
+        if bench.builds.is_running:
+            bench.status.show("A build is running. Cancel it or wait for it.", "build-running")
             return
         stage = first_outdated(bench.project.device, "simulate")
         if stage is not None:
@@ -146,8 +142,8 @@ class LayoutComparison:
                 action="Optimize the cords again before the comparison",
                 stage=stage.name,
             )
-        if not self.job.start(_compare, bench.project.folder, folder):
-            bench.show_message("The comparison is running already.", "comparison-running")
+        if not self.job.start(_compare, bench.project.folder):
+            bench.status.show("The comparison is running already.", "comparison-running")
             return
         self._stop.visible = True
 
@@ -159,28 +155,23 @@ class LayoutComparison:
     def _chosen_layout(self) -> ComparedLayout | None:
         return next((layout for layout in self.layouts if layout.name == self._chosen), None)
 
-    def _choose_from_list(self, event: object) -> None:
-        if getattr(event, "client", None) is not None:
-            self.choose(self._list.value)
-
     def _read(self, _: None) -> None:
-        device = self._bench.project.device
-        folder = build_folder(device)
+        device, build = self._bench.project.device, self._bench.results
         try:
-            layout_digest = digest(folder / LAYOUT)
-            tried, seconds = load_tried_layouts(folder), estimate_seconds(device, folder)
-            layouts = [*tried, *studied_layouts(device, folder)]
+            current = layout_digest(build)
+            tried, seconds = tried_layouts(build), estimate_seconds(device, build)
+            layouts = [*tried, *studied_layouts(device, build.folder)]
         except (DefsenseError, OSError):
-            layout_digest, layouts, seconds = None, [], 0.0
-        if layout_digest == self._layout_digest and layouts:
+            current, layouts, seconds = None, [], 0.0
+        if current == self._layout_digest and layouts:
             return  # another stage was built: the comparison is still valid
         self.job.cancel()
         with self._bench.drawing_lock:
-            self._layout_digest, self.layouts = layout_digest, _by_error(layouts)
+            self._layout_digest, self.layouts = current, _by_error(layouts)
             self.estimated_time_s = _round_time(seconds) if layouts else 0
             time_text = f" (about {self.estimated_time_s} s)" if layouts else ""
             self._compare.label = f"{_COMPARE_LABEL}{time_text}"
-            self._state.content = ""
+            self.status.show("")
             self._draw()
 
     def _add(self, layout: ComparedLayout) -> None:
@@ -190,17 +181,18 @@ class LayoutComparison:
             self._draw()
 
     def _show_progress(self, share: float, message: str) -> None:
-        self._state.content = f"{share:.0%}: {message}"
+        self.status.show(f"{share:.0%}: {message}")
 
     def _end(self, error: DefsenseError | None, _: None) -> None:
         self._stop.visible = False
-        self.error = error
-        self._state.content = "" if error is None else f"**{error}**"
+        self.status.show("")
+        if error is not None:
+            self.status.show_error(error)
 
     def _draw(self) -> None:
-        names = (_NONE, *(layout.name for layout in self.layouts))
+        names = (NONE, *(layout.name for layout in self.layouts))
         if self._chosen not in names:
-            self._chosen = _NONE
+            self._chosen = NONE
         self._list.options, self._list.value = names, self._chosen
         self._table.content = comparison_table(self.layouts) if self.layouts else _NO_LAYOUTS
         self._charts.content = error_charts(self.layouts, self._chosen)
@@ -216,33 +208,30 @@ class LayoutComparison:
 
 def comparison_table(layouts: Sequence[ComparedLayout]) -> str:
     """Return a table of layouts in markdown."""
-    lines = ["| Layout | mm | 90 % | Parts | Cords | Planes |", "|---|---:|---|---:|---:|---:|"]
+    rows = []
     for layout in layouts:
         band = f"{layout.band[0]:.2f}–{layout.band[1]:.2f}" if layout.band else "?"
         parts = "?" if layout.parts is None else str(layout.parts)
         if layout.problem:
             band, parts = "", "cannot be made"
-        name = html.escape(layout.name)
-        if layout.taken:
-            name = f"**{name}**"
-        lines.append(
-            f"| {name} | {_error_text(layout.error)} | {band} | {parts} |"
-            f" {len(layout.sensors)} | {layout.planes} |"
-        )
-    lines += [
-        "",
+        name = escape_cell(layout.name)
+        name = f"**{name}**" if layout.is_built else name
+        count, planes = str(len(layout.sensors)), str(layout.planes)
+        rows.append([name, _error_text(layout.error), band, parts, count, planes])
+    note = (
         "mm: error in unseen states. 90 %: range of 90 % of built devices. Bold: layout of the"
-        " build. ?: not computed; the error is that of the design.",
-    ]
-    if not any(layout.name.startswith("study") for layout in layouts):
-        lines[-1] += " `defsense study` adds other numbers of cords."
-    return "\n".join(lines)
+        " build. ?: not computed; the error is that of the design."
+    )
+    if not any(layout.is_studied for layout in layouts):
+        note += " `defsense study` adds other numbers of cords."
+    table = markdown_table(["Layout", "mm", "90 %", "Parts", "Cords", "Planes"], rows, "lrlr")
+    return f"{table}\n\n{note}"
 
 
 def layout_notes(layout: ComparedLayout) -> str:
     """Return the problem or the warnings of a layout in markdown."""
-    notes = [layout.problem] if layout.problem else list(layout.warnings)
-    return "\n".join(f"- {html.escape(note)}" for note in notes if note)
+    notes = [layout.problem] if layout.problem else layout.warnings
+    return bullet_list(html.escape(note) for note in notes if note)
 
 
 def error_charts(layouts: Sequence[ComparedLayout], chosen: str | None) -> str:
@@ -359,14 +348,15 @@ def _by_error(layouts: Sequence[ComparedLayout]) -> list[ComparedLayout]:
 
 
 def _round_time(seconds: float) -> int:
-    """Round an estimated time (s), which is not known better."""
+    """Round an estimated time (s) to its accuracy."""
     return max(_TIME_STEP_S * round(seconds / _TIME_STEP_S), _TIME_STEP_S)
 
 
-def _compare(reporter: JobReporter, source: Path, folder: Path) -> None:
+def _compare(reporter: JobReporter, folder: Path) -> None:
     """Compare the layouts, in the child process."""
     from ...core.device.device_file import load_device
     from ...core.machine.processes import one_blas_thread
 
     with one_blas_thread():  # as in builds
-        compare_layouts(load_device(source), folder, reporter.item, reporter.progress)
+        device = load_device(folder)
+        compare_layouts(device, last_build(device), reporter.item, reporter.progress)

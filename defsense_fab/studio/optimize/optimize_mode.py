@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ...core.device.build_folder import build_folder
-from ...store.layout import LAYOUT, load_layout
+from ...workflow.build.results import has_layout
 from ..edits.cords import take_cords
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
@@ -88,7 +87,7 @@ class OptimizeMode(Mode):
         self.error_map.leave()
 
     def on_build_loaded(self) -> None:
-        is_running = self.bench.builds.running
+        is_running = self.bench.builds.is_running
         self._show_build_controls(is_running)
         if not is_running:
             has_failed = self.bench.build_error is not None
@@ -105,32 +104,32 @@ class OptimizeMode(Mode):
     def pause(self) -> None:
         """Pause the build, or resume it after a pause."""
         builds = self.bench.builds
-        if not builds.running:
-            self.bench.show_message("No build is running.", "no-build-running")
+        if not builds.is_running:
+            self.bench.status.show("No build is running.", "no-build-running")
             return
         self.is_paused = not self.is_paused
         self._pause.label = _RESUME_LABEL if self.is_paused else _PAUSE_LABEL
         if self.is_paused:
             builds.pause()
-            self.bench.show_message("The build pauses at its next step.", "build-pausing")
+            self.bench.status.show("The build pauses at its next step.", "build-pausing")
         else:
             builds.resume()
-            self.bench.show_message("The build continues.", "build-resumed")
+            self.bench.status.show("The build continues.", "build-resumed")
 
     def take(self) -> None:
         """Replace the drawn cords by those of the last build."""
-        folder = build_folder(self.bench.project.device)
-        if not (folder / LAYOUT).exists():
-            self.bench.show_message("Optimize the cords first.", "not-optimized")
+        build = self.bench.results
+        if not has_layout(build):
+            self.bench.status.show("Optimize the cords first.", "not-optimized")
             return
-        sensors = [record.sensor() for record in load_layout(folder).by_channel()]
+        sensors = [record.sensor() for record in build.layout.by_channel()]
         self.bench.apply(take_cords(sensors))
 
     def take_best(self) -> None:
         """End the search and replace the drawn cords by its best ones."""
         best = self.search.record.best
         if best is None:
-            self.bench.show_message(
+            self.bench.status.show(
                 "The search has not found cords within all limits yet.", "no-cords-found"
             )
             return

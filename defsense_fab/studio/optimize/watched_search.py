@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device.build_folder import build_folder
 from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError
-from ...optimize.prediction.layout_judge import JudgedLayout, LayoutJudge
+from ...workflow.build.results import Build, last_build
+from ...workflow.design.layout_judge import JudgedLayout, LayoutJudge
 from ..workbench.build_job import CandidateLayout
 from ..workbench.cord_tubes import CordTubes
 from ..workbench.latest_worker import LatestWorker
-from ..workbench.page_tables import escape_cell, full_pose_errors
+from ..workbench.page_texts import escape_cell, markdown_table
 from ..workbench.workbench import Workbench
 
 _DRAWN_COLOR, _CURRENT_COLOR, _BEST_COLOR = (120, 120, 120), (230, 140, 30), (31, 119, 180)
@@ -53,7 +53,7 @@ class SearchRecord:
         """
         if judged is None:
             return False
-        is_best = candidate.kept and (self.judged is None or judged.error < self.judged.error)
+        is_best = candidate.is_best and (self.judged is None or judged.error < self.judged.error)
         if is_best:
             self.best, self.judged = candidate, judged
         best_error = math.nan if self.judged is None else self.judged.error
@@ -93,8 +93,9 @@ class _Run:
     def load(self, candidate: CandidateLayout) -> LayoutJudge:
         """Return the judge of this build's poses, which may be newer than those of the page."""
         if self.judge is None:
-            folder = candidate.folder if candidate.folder.exists() else build_folder(self.device)
-            self.judge = LayoutJudge(self.device, folder)
+            folder = candidate.folder
+            build = Build(folder) if folder.exists() else last_build(self.device)
+            self.judge = LayoutJudge(self.device, build)
             self.drawn = _judge(self.judge, self.device.sensors)
         return self.judge
 
@@ -115,7 +116,7 @@ class WatchedSearch:
         self._kept: list[CandidateLayout] = []
         self._latest: CandidateLayout | None = None
         self._run = _Run(bench.project.device)
-        self.worker = LatestWorker(self._judge_layouts, bench.show_error)
+        self.worker = LatestWorker(self._judge_layouts, bench.status.show_error)
         self._current_tubes = CordTubes(bench.server, "/optimize/current")
         self._best_tubes = CordTubes(bench.server, "/optimize/best")
         self._drawn_tubes = CordTubes(bench.server, "/optimize/drawn")
@@ -165,7 +166,7 @@ class WatchedSearch:
     def add(self, candidate: CandidateLayout) -> None:
         """Add a layout of the search and return at once; called on the build's thread."""
         with self._lock:
-            if candidate.kept:
+            if candidate.is_best:
                 self._kept.append(candidate)
             self._latest = candidate
         self.worker.give(None)
@@ -205,8 +206,8 @@ class WatchedSearch:
         judged, best = run.record.judged, run.record.best
         if judged is not None:
             self._text.content = _error_text(judged, run.drawn)
-            before = None if run.drawn is None else run.drawn.per_state
-            self._poses.content = pose_table(before, judged.per_state)
+            before = None if run.drawn is None else run.drawn.pose_errors
+            self._poses.content = pose_table(before, judged.pose_errors)
             self._curve.data, self._curve.visible = _curve_data(run.record), True
         if not self._is_shown:
             return
@@ -218,18 +219,18 @@ class WatchedSearch:
 
 
 def pose_table(before: Mapping[str, float] | None, now: Mapping[str, float]) -> str:
-    """Return the error of each pose at its extreme in markdown.
+    """Return the error of each pose at its largest level in markdown.
 
     Args:
-        before: Errors of the drawn cords by state, mm, or None.
-        now: Errors of the best cords by state, mm.
+        before: Errors of the drawn cords by pose, mm, or None.
+        now: Errors of the best cords by pose, mm.
     """
-    drawn = {} if before is None else full_pose_errors(before)
-    lines = ["| Pose | Drawn cords | Best cords |", "|---|---:|---:|"]
-    for pose, error in full_pose_errors(now).items():
-        drawn_error = f"{drawn[pose]:.2f}" if pose in drawn else "-"
-        lines.append(f"| {escape_cell(pose)} | {drawn_error} | **{error:.2f}** mm |")
-    return "\n".join(lines)
+    drawn = before or {}
+    rows = [
+        [escape_cell(pose), f"{drawn[pose]:.2f}" if pose in drawn else "-", f"**{error:.2f}** mm"]
+        for pose, error in now.items()
+    ]
+    return markdown_table(["Pose", "Drawn cords", "Best cords"], rows)
 
 
 def _judge(judge: LayoutJudge, sensors: Sequence[Sensor]) -> JudgedLayout | None:

@@ -12,17 +12,25 @@ from typing import Any
 from ...core.device.device_file import load_device
 from ...core.errors import DefsenseError
 from ...core.storage.file_names import safe_name
-from ...geometry.bodies.mesh_files import FORMAT_NAMES
-from ...runtime.view.upload_limit import MAX_UPLOAD_BYTES
-from ...workflow.starts.dropped_body import load_body_content
+from ...core.storage.package_data import read_rows
+from ...workflow.starts.body_file import (
+    FORMAT_NAMES,
+    BodyFile,
+    load_body_content,
+    notable_repairs,
+)
+from ...workflow.starts.first_device import create_first_device, default_material
+from ...workflow.starts.options import DEFAULT_PROCESS, UNITS, NewOptions
 from ...workflow.starts.starting_devices import (
     STARTING_DEVICES,
     StartingDevice,
     create_starting_device,
 )
+from ...workflow.upload_limit import MAX_UPLOAD_BYTES
+from ...workflow.view import look_at_body
 from ..project.agreement import Agreement
+from ..workbench.controls import add_field, on_user
 from ..workbench.latest_worker import LatestWorker
-from .body_form import BodyForm
 
 _PICTURE_HTML = (
     '<img alt="{title}" src="data:image/png;base64,{data}" style="display: block; width: 70%;'
@@ -31,6 +39,8 @@ _PICTURE_HTML = (
 _UPLOAD_HINT = (
     f"Upload a body: a STEP file or a mesh ({FORMAT_NAMES}) of up to {MAX_UPLOAD_BYTES // 2**20} MB"
 )
+
+_BODY_COLOR = (230, 159, 0)
 
 
 class StartPage:
@@ -73,9 +83,6 @@ class StartPage:
         with self._lock:
             self._is_closed = True
         self._reader.close()
-
-    def poll(self) -> None:
-        """Do nothing; the page does not change without the user."""
 
     def show_error(self, error: Exception) -> None:
         """Show an error at the top of the page."""
@@ -149,3 +156,108 @@ class StartPage:
         button = gui.add_button(f"Start with the {start.title.lower()}", hint=start.about)
         button.on_click(lambda _: self.create(start))
         return button
+
+
+class BodyForm:
+    """A form in the panel, hidden until a body is uploaded.
+
+    Args:
+        server: The viser server.
+        folder: Folder of the new device.
+        on_created: Called once the device is written.
+        on_error: Called with an error that prevents it.
+
+    Attributes:
+        panel: Folder of the panel that holds the form.
+        size_text: Text on the size of the body.
+        unit: Unit of the file.
+        name: Name of the device.
+        material: Material of the body.
+        edge: Edge length of the mesh, mm.
+    """
+
+    def __init__(
+        self,
+        server: Any,
+        folder: Path,
+        on_created: Callable[[], None],
+        on_error: Callable[[Exception], None],
+    ) -> None:
+        self._server, self._folder = server, folder
+        self._on_created, self._on_error = on_created, on_error
+        self.body: BodyFile | None = None
+        gui = server.gui
+        self.panel = gui.add_folder("Uploaded body", visible=False)
+        with self.panel:
+            self.size_text = gui.add_markdown("")
+            self.unit = gui.add_dropdown(
+                "Unit", tuple(UNITS), hint="Set the unit of lengths in the file"
+            )
+            self.name = add_field(gui, "name", "")
+            self.material = gui.add_dropdown(
+                "Material",
+                tuple(read_rows("materials.csv")),
+                initial_value=default_material(DEFAULT_PROCESS),
+                hint="Choose the material of the body",
+            )
+            self.edge = add_field(gui, "mesh.edge_length", 1.0, step=0.1)
+            gui.add_button("Create the device", color="blue").on_click(lambda _: self.create())
+        on_user(self.unit, self.choose_unit)
+
+    def show(self, body: BodyFile) -> None:
+        """Show the form for a body."""
+        self.body = body
+        self.name.value = body.name
+        self.unit.visible = body.key == "mesh"
+        self.panel.visible = True
+        self.choose_unit(body.unit)
+
+    def choose_unit(self, unit: str) -> None:
+        """Interpret the file in a unit, and show the body."""
+        body = self.body
+        if body is None:
+            return
+        self.unit.value = unit
+        self.edge.value = body.edge_length(unit)
+        self.size_text.content = _describe(body, unit)
+        vertices = body.in_mm(unit).vertices
+        scene = self._server.scene
+        scene.add_mesh_simple(
+            "/dropped",
+            vertices,
+            body.surface.faces,
+            color=_BODY_COLOR,
+            flat_shading=True,
+        )
+        scene.set_up_direction("+z")
+        look_at_body(self._server, vertices)
+
+    def create(self) -> None:
+        """Write the device."""
+        if self.body is None:
+            return
+        try:
+            options = NewOptions(
+                name=self.name.value.strip(),
+                units=self.unit.value,
+                material=self.material.value,
+                edge_length=float(self.edge.value),
+            )
+            create_first_device(self.body, self._folder, options, is_draft=True)
+        except DefsenseError as error:
+            self._on_error(error)
+            return
+        self._on_created()
+
+
+def _describe(body: BodyFile, unit: str) -> str:
+    """Return the size of the body, doubts about its unit, and repairs."""
+    size = " × ".join(f"{x:.4g}" for x in body.size(unit))
+    lines = [f"**{size} mm**"]
+    if body.is_doubtful:
+        lines.append("The file does not state its unit, and this size is a guess. Check it.")
+    repairs = notable_repairs(body.repairs(unit))
+    if repairs:
+        lines.append(f"Repairs: {', '.join(repairs)}.")
+    lines.append("One end of the body is held and the other is moved. You can change this later.")
+    return "\n\n".join(lines)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
 from ...core.device.device_file import DEVICE
 from ...core.errors import DefsenseError, StorageError
-from ...runtime.view.upload_limit import limit_uploads
+from ...workflow.upload_limit import UploadLimit
 from ..project.agreement import Agreement
 from ..project.project import Project
 from .start_page import StartPage
@@ -19,7 +20,6 @@ _MAX_NAME_LENGTH = 80  # of a refused file in the notification
 
 
 class _Page(Protocol):
-    def poll(self) -> None: ...
     def close(self) -> None: ...
 
 
@@ -40,9 +40,6 @@ class ErrorPage:
         server.gui.add_markdown(
             f"## {folder.absolute().name}\n**{error}**\n\nFix the file in any editor to continue."
         )
-
-    def poll(self) -> None:
-        """Do nothing; the studio itself checks the file."""
 
     def close(self) -> None:
         """Do nothing; the page runs no work."""
@@ -77,7 +74,7 @@ class Studio:
         self._server, self._folder, self._agreement = server, folder, agreement
         self._lock = threading.RLock()
         self.page: _Page | None = None
-        limit_uploads(server, self.refuse_upload)
+        UploadLimit(server, self.refuse_upload)
         self.poll()
 
     def poll(self) -> None:
@@ -111,9 +108,9 @@ class Studio:
             project = Project(self._folder)
         except DefsenseError as error:
             shown = self.page.error if isinstance(self.page, ErrorPage) else None
-            problem = error
-            if shown is None or str(shown) != str(problem):
-                self._show_page(lambda: ErrorPage(self._server, self._folder, problem))
+            page = partial(ErrorPage, self._server, self._folder, error)
+            if shown is None or str(shown) != str(error):
+                self._show_page(page)
             return
         self._show_page(lambda: StudioPage(self._server, project, self._agreement))
 

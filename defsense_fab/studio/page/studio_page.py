@@ -16,6 +16,7 @@ from ..poses.poses_mode import PosesMode
 from ..project.agreement import Agreement
 from ..project.project import Project
 from ..workbench.mode import Mode
+from ..workbench.page_texts import markdown_table
 from ..workbench.workbench import Workbench
 
 MODES: tuple[type[Mode], ...] = (
@@ -114,15 +115,15 @@ class StudioPage:
             self.bench.project.refresh()
             if self._has_file_error:
                 self._has_file_error = False
-                self.bench.show_message("")
+                self.bench.status.show("")
         except DefsenseError as error:
             self._has_file_error = True
-            self.bench.show_error(error)
+            self.bench.status.show_error(error)
         for mode in self.modes.values():
             try:
                 mode.poll()
             except Exception as error:  # shown on the page: the studio continues
-                self.bench.show_error(error)
+                self.bench.status.show_error(error)
 
     def enter(self, label: str) -> None:
         """Activate a mode: show its panel and its objects in the scene."""
@@ -146,7 +147,7 @@ class StudioPage:
         step_buttons = gui.add_button_group("Step", tuple(steps), hint="Ctrl+Z and Ctrl+Shift+Z")
         step_buttons.on_click(lambda _: bench.run_action(steps[step_buttons.value]))
         self._steps_text = gui.add_markdown("")
-        bench.add_message()
+        bench.status.add_panel(gui)
         self.introduction = Introduction(gui, self.modes, self.enter)
         for at, mode in enumerate(self.modes.values(), start=1):
             self._folders[mode.label] = gui.add_folder(mode.label, visible=False)
@@ -175,10 +176,9 @@ class StudioPage:
 
     def _show_keys(self) -> None:
         gui = self.bench.server.gui
-        rows = [f"| {key} | {text} |" for key, text in self.bench.keys]
         modal = gui.add_modal("Keys")
         with modal:
-            gui.add_markdown("\n".join(["| Key | Action |", "|---|---|", *rows]))
+            gui.add_markdown(markdown_table(["Key", "Action"], self.bench.keys, "l"))
             gui.add_markdown("Press Ctrl+K to find a command by its name.")
             gui.add_button("Close").on_click(lambda _: modal.close())
 
@@ -189,7 +189,7 @@ class StudioPage:
 
     def _on_device_changed(self, name: str) -> None:
         # The name of an applied edit is shown next to Undo already.
-        self.bench.show_message("" if name == self.bench.project.undo_name else name)
+        self.bench.status.show("" if name == self.bench.project.undo_name else name)
         self._update()
 
     def _on_build_loaded(self) -> None:

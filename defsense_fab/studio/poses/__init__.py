@@ -1,1 +1,1 @@
-"""The mode in which regions are chosen and poses made by hand, their shape following."""
+"""The mode in which the user defines regions and poses, and the body follows."""

@@ -1,315 +1,385 @@
-"""Poses: listed, changed by hand, their shape following."""
+"""The poses of the device: choose one, and change it while the body follows."""
 
 from __future__ import annotations
 
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Literal
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import Device, Pose
-from ...mechanics.solver.load_stepping import Status
-from ...optimize.prediction.pose_preview import unreached_message
+from ...core.errors import DefsenseError
+from ...workflow.design.pose_ramp import unreached_message
+from ...workflow.design.region_points import points_in_regions
 from ..edits.edit import Edit, free_name
-from ..edits.poses import add_pose, duplicate_pose, remove_pose, rename_pose, set_role, shift_handle
+from ..edits.poses import (
+    PoseRole,
+    add_pose,
+    duplicate_pose,
+    pose_edits,
+    remove_pose,
+    rename_pose,
+    role_of,
+    set_role,
+)
+from ..workbench.controls import NONE, add_field, on_user
+from ..workbench.page_texts import StatusText
 from ..workbench.workbench import Workbench
-from .gizmos import center, edits_of, grips_of, with_grip
+from .grips import move_grip, pose_grips, rotation_center
 from .poses_scene import PosesScene
-from .preview_work import Answer, Wanted
+from .preview_work import PreviewAnswer, PreviewRequest
 from .pull_list import PullList
 from .ramp_part import RampPart
 
-# What a pose does with each region: a drop-down each.
+_NOT_MESHED = "Mesh the body first. Poses are solved on its mesh."
+_TOO_FEW_REGIONS = "Add two regions first: one to hold and one to move."
 
-FREE, HELD, TURNED, MOVED = "left alone", "held", "turned, its place free", "turned and shifted"
-ROLES = (FREE, HELD, TURNED, MOVED)
-
-
-def role_of(pose: Pose, region: str) -> str:
-    """One of ROLES."""
-    if region in pose.fixed:
-        return HELD
-    for handle in pose.handles:
-        if handle.region == region:
-            return TURNED if np.isnan(handle.translation).any() else MOVED
-    return FREE
-
-
-def role_edits(pose: Pose, region: str, role: str, shift: list[float]) -> list[Edit]:
-    """What is to be written for a role; `shift` (3,) mm is where a region lies that is moved from
-    now on, so that nothing jumps."""
-    if role == role_of(pose, region):
-        return []
-    if role in (FREE, HELD):
-        return [set_role(pose.name, region, "held" if role == HELD else "free")]
-    out = []
-    if role_of(pose, region) in (FREE, HELD):
-        out.append(set_role(pose.name, region, "moved"))
-        if role == TURNED:  # which it begins with
-            return out
-    out.append(shift_handle(pose.name, region, "free" if role == TURNED else shift))
-    return out
+_ROLE_LABELS: dict[PoseRole, str] = {
+    "free": "free",
+    "held": "held",
+    "turned": "turned, position free",
+    "moved": "turned and shifted",
+}
+_ROLES = {label: role for role, label in _ROLE_LABELS.items()}
+#: State of the shown pose: "coarse" and "solved" while the user changes it or at a share of its
+#: ramp, "checked" if it was solved as a build does, and "invalid" if its equilibrium is not.
+ShapeState = Literal[
+    "none",
+    "solving",
+    "coarse",
+    "solved",
+    "checked",
+    "cancelled",
+    "not-reached",
+    "invalid",
+]
 
 
 class RoleList:
-    """In a folder of the panel. `chosen` hears of a region and its role."""
+    """A drop-down for each region of the device.
 
-    def __init__(self, bench: Workbench, chosen: Any) -> None:
-        self._bench, self._chosen = bench, chosen
+    Args:
+        bench: The workbench.
+        on_choose: Called with a region and the role that the user has chosen.
+    """
+
+    def __init__(self, bench: Workbench, on_choose: Callable[[str, PoseRole], None]) -> None:
+        self._bench, self._on_choose = bench, on_choose
         self._lists: dict[str, Any] = {}
 
+    @property
+    def roles(self) -> dict[str, PoseRole]:
+        """The shown role of each region."""
+        return {region: _ROLES[control.value] for region, control in self._lists.items()}
+
     def add_panel(self) -> None:
-        """In the folder that is open."""
-        self._folder = self._bench.server.gui.add_folder("What it does with regions")
+        """Add the controls to the open folder of the panel."""
+        self._folder = self._bench.server.gui.add_folder("Roles of the regions")
 
     def show(self, device: Device, pose: Pose | None) -> None:
-        """The roles that a pose has now."""
+        """Show what a pose does with the regions."""
         regions = list(device.regions)
         if list(self._lists) != regions:
-            for made in self._lists.values():
-                made.remove()
+            for control in self._lists.values():
+                control.remove()
             with self._folder:
-                self._lists = {name: self._add(name) for name in regions}
+                self._lists = {region: self._add_list(region) for region in regions}
         self._folder.visible = pose is not None
         if pose is not None:
-            for name, made in self._lists.items():
-                made.value = role_of(pose, name)
+            for region, control in self._lists.items():
+                control.value = _ROLE_LABELS[role_of(pose, region)]
 
-    def _add(self, region: str) -> Any:
-        made = self._bench.server.gui.add_dropdown(
-            region, ROLES, hint="Moved regions have a gizmo: rings turn them, arrows shift them"
+    def _add_list(self, region: str) -> Any:
+        control = self._bench.server.gui.add_dropdown(
+            region,
+            tuple(_ROLES),
+            hint="Choose what the pose does with the region. Gizmos move it: rings turn, arrows"
+            " shift",
         )
 
-        def updated(event: Any) -> None:
-            if event.client is not None:
-                self._chosen(region, made.value)
-
-        made.on_update(updated)
-        return made
-
-
-NONE = "none"
-_NO_BODY = "Mesh the body first: poses are solved on it."
-_FIRST = "Make two regions first, one to hold and one to move."
+        on_user(control, lambda label: self._on_choose(region, _ROLES[label]))
+        return control
 
 
 class PosePart:
-    """In the panel of the mode."""
+    """The controls of the chosen pose.
+
+    Args:
+        scene: The body and its gizmos.
+        ramp: The controls of the pose's ramp.
+
+    Attributes:
+        chosen: Name of the chosen pose, or None.
+        roles: What the pose does with each region.
+        pulls: The points that the pose pulls.
+        status: State of the shape that is shown, a `ShapeState`, or the error of a pose that the
+            body cannot have.
+        centers: Centers (3,) mm of moved regions in the solved pose, by region.
+    """
 
     def __init__(self, scene: PosesScene, ramp: RampPart) -> None:
         self._scene, self._bench, self._ramp = scene, scene.bench, ramp
         self.chosen: str | None = None
         self.roles, self.pulls = RoleList(scene.bench, self.set_role), PullList(scene)
-        self._shown = self._filling = self._dragging = False
-        self._posed: str | None = None  # the pose that was asked for last
-        self._centers: dict[str, Float] = {}
-        self._good: Float | None = None  # the vertices (v, 3) mm of the last fine shape
-
-    def add_panel(self) -> None:
-        """Its buttons and words, in the folder that is open."""
-        gui = self._bench.server.gui
-        self._list = gui.add_dropdown("Pose", (NONE,), hint="Its gizmos can be dragged")
-        self._list.on_update(lambda event: self._listed(event))
-        self.words = gui.add_markdown(_NO_BODY)
-        self._stop = self._bench.button(
-            "Cancel", "The last shape stays", self._scene.work.cancel, disabled=True
-        )
-        self._name = gui.add_text("Name", "", hint="Letters, digits, - and _: it names files")
-        self._bench.button_row("Pose", {
-            "New": self.add, "Copy": self.duplicate, "Rename": self.rename, "Delete": self.delete,
-        }, "A new one holds a region and turns another; mixed states follow names")  # fmt: skip
-        self.roles.add_panel()
-        self.pulls.add_panel()
-
-    def redraw(self, shown: bool) -> None:
-        """As the device is now; its shape is sought where the part is `shown`."""
-        device = self._bench.project.device
-        names = [p.name for p in device.poses]
-        if self.chosen not in names:
-            self.chosen = names[0] if names else None
-        self._filling = True
-        self._list.options = tuple(names) or (NONE,)
-        self._list.value = self.chosen or NONE
-        self._name.value = self.chosen or ""
-        pose = self.pose
-        self.roles.show(device, pose)
-        self._filling = False
-        self._shown = shown
-        if not shown or self._scene.body is None:
-            self.pulls.clear()
-            self._posed = self._good = None
-            self.words.content = _NO_BODY if self._scene.body is None else ""
-            return
-        self.pulls.show(pose)
-        self.pulls.listen()
-        if pose is None:
-            self._scene.rest()
-            self._scene.grips(())
-            self.words.content = "There is no pose yet." if len(device.regions) > 1 else _FIRST
-            return
-        if self._posed != pose.name:
-            self._centers = {}
-        self._place_grips()
-        self._seek(pose, check=True)
+        self.status = StatusText(_NOT_MESHED, "none")
+        self.centers: dict[str, Float] = {}
+        self._is_shown = self._is_dragging = False
+        self._requested_pose: str | None = None  # name of the pose that was requested last
+        self._last_shape: Float | None = None  # vertices (v, 3) mm of the last fine shape
 
     @property
     def pose(self) -> Pose | None:
-        """The chosen one, as the device has it."""
+        """The chosen pose of the device."""
         poses = self._bench.project.device.poses
-        return next((p for p in poses if p.name == self.chosen), None)
+        return next((pose for pose in poses if pose.name == self.chosen), None)
+
+    @property
+    def new_name(self) -> str:
+        """The name in the field, which `rename` gives to the chosen pose."""
+        return str(self._name.value).strip()
+
+    @new_name.setter
+    def new_name(self, name: str) -> None:
+        self._name.value = name
+
+    def add_panel(self) -> None:
+        """Add the controls to the open folder of the panel."""
+        gui = self._bench.server.gui
+        self._list = gui.add_dropdown(
+            "Pose", (NONE,), hint="Choose the pose that is shown and has gizmos"
+        )
+        on_user(self._list, self._choose_from_list)
+        self.status.add_panel(gui)
+        self._stop = self._bench.button(
+            "Cancel",
+            "Stop the solver and keep the last shape",
+            self._scene.work.cancel,
+            disabled=True,
+        )
+        self._name = add_field(gui, "poses.name", "")
+        actions = {
+            "New": self.add,
+            "Copy": self.duplicate,
+            "Rename": self.rename,
+            "Delete": self.delete,
+        }
+        hint = "New: holds a region and turns another. Rename: also in mixed states"
+        self._bench.button_row("Pose", actions, hint)
+        self.roles.add_panel()
+        self.pulls.add_panel()
+
+    def redraw(self, is_shown: bool) -> None:
+        """Show the device's poses, and solve the chosen one if the part is shown."""
+        device = self._bench.project.device
+        self._update_controls(device)
+        self._is_shown = is_shown
+        if not is_shown or self._scene.body is None:
+            self.pulls.clear()
+            self._requested_pose = self._last_shape = None
+            self._set_state("none", _NOT_MESHED if self._scene.body is None else "")
+            return
+        pose = self.pose
+        self.pulls.show(pose)
+        self.pulls.update_clicks()
+        if pose is None:
+            self._scene.show_rest()
+            self._scene.show_grips(())
+            has_regions = len(device.regions) > 1
+            self._set_state("none", "There is no pose yet." if has_regions else _TOO_FEW_REGIONS)
+            return
+        if self._requested_pose != pose.name:
+            self.centers = {}
+        self._show_grips()
+        self._request(pose, is_final=True)
 
     def choose(self, name: str | None) -> None:
         """Show a pose."""
         self.chosen = name
         self.redraw(True)
 
-    def moved(self, name: str, position: Float, rotation: Float, ended: bool) -> None:
-        """A hand has a gizmo; what it did is written once it lets go."""
-        asked = time.perf_counter()
+    def follow_grip(self, name: str, position: Float, rotation: Float, has_ended: bool) -> None:
+        """Follow a gizmo; write the pose once the user releases it.
+
+        Args:
+            name: Name of the grip.
+            position: Its position (3,) mm.
+            rotation: Its rotation vector (3,) rad.
+            has_ended: Whether the user has released it.
+        """
+        requested_at = time.perf_counter()
         pose, device = self.pose, self._bench.project.device
         if pose is None or self._scene.body is None:
             return
-        new = with_grip(pose, device, self._scene.points, name, position, rotation)
-        self._dragging = not ended
-        if not ended:
-            self.pulls.draw(new)
-            self._seek(new, check=False, asked=asked)
-        elif not self._write(edits_of(pose, new)):
+        moved = move_grip(pose, device, self._scene.points, name, position, rotation)
+        self._is_dragging = not has_ended
+        if not has_ended:
+            self.pulls.draw(moved)
+            self._request(moved, is_final=False, requested_at=requested_at)
+        elif not self._apply(pose_edits(pose, moved)):
             self.redraw(True)
 
-    def set_role(self, region: str, role: str) -> None:
-        """What the pose does with a region."""
+    def set_role(self, region: str, role: PoseRole) -> None:
+        """Set what the pose does with a region; a region that is moved stays where it is."""
         pose, device = self.pose, self._bench.project.device
         if pose is None:
             return
         shift = [0.0, 0.0, 0.0]
         handle = next((h for h in pose.handles if h.region == region), None)
-        if handle is not None and region in self._centers:
-            away = self._centers[region] - center(handle, device, self._scene.points)
-            shift = np.round(away, 1).tolist()
-        if not self._write(role_edits(pose, region, role, shift)):
+        if handle is not None and region in self.centers:
+            rest = rotation_center(handle, device, self._scene.points)
+            shift = np.round(self.centers[region] - rest, 1).tolist()
+        is_same = role_of(pose, region) == role
+        if is_same or not self._bench.apply(set_role(pose.name, region, role, shift)):
             self.redraw(True)
 
-    def answered(self, wanted: Wanted, answer: Answer) -> None:
-        """The solver has a shape, or says why it has none."""
+    def show_answer(self, request: PreviewRequest, answer: PreviewAnswer) -> None:
+        """Show the shape of a request, or why there is none."""
         with self._bench.drawing_lock:
-            if not self._shown or wanted.pose.name != self._posed or self._scene.body is None:
+            is_current = self._is_shown and request.pose.name == self._requested_pose
+            if not is_current or self._scene.body is None:
                 return
-            vertices, found = answer.vertices, answer.found
-            if found is not None and vertices is not None:
-                self._good = vertices
-            elif vertices is None:  # a coarse shape may have been shown on the way
-                vertices = self._good
+            vertices, fine = answer.vertices, answer.fine
+            if fine is not None and vertices is not None:
+                self._last_shape = vertices
+            elif vertices is None:  # a coarse shape may have been shown meanwhile
+                vertices = self._last_shape
             if vertices is not None:
                 self._scene.body.move(vertices)
-                self.pulls.draw(wanted.pose if self._dragging else None)
-            self.words.content = self._told(wanted, answer)
-            self._stop.disabled = answer.found is not None
-            if found is not None and found.moved is not None and wanted.share == 1.0:
-                self._centers = dict(found.centers)
-                if not self._dragging:
-                    self._place_grips()
+                self.pulls.draw(request.pose if self._is_dragging else None)
+            self._set_state(*_describe(request, answer))
+            self._stop.disabled = fine is not None
+            if fine is not None and fine.moved is not None and request.share == 1.0:
+                self.centers = dict(fine.centers)
+                if not self._is_dragging:
+                    self._show_grips()
 
-    def failed(self, error: Exception) -> None:
-        """A pose that the body cannot have; the last shape stays."""
+    def show_error(self, error: Exception) -> None:
+        """Show why the body cannot have a pose; the last shape stays."""
         with self._bench.drawing_lock:
             self._stop.disabled = True
-            self.words.content = f"**{error}.** The last shape stays."
-            if self._shown and self._good is not None and self._scene.body is not None:
-                self._scene.body.move(self._good)
+            code = error.code if isinstance(error, DefsenseError) else "task-failed"
+            self.status.show(f"**{error}** The last shape stays.", code, error)
+            if self._is_shown and self._last_shape is not None and self._scene.body is not None:
+                self._scene.body.move(self._last_shape)
 
     def rename(self) -> None:
-        """The chosen pose, to what is written in the field."""
-        name = self._name.value.strip()
+        """Rename the chosen pose to the name in the field."""
+        name = self.new_name
         if self.chosen is None:
-            self._bench.show_message("Choose a pose first.", "no-pose-chosen")
+            self._show_no_pose()
         elif name != self.chosen:
             before, self.chosen = self.chosen, name
             if not self._bench.apply(rename_pose(before, name)):
                 self.chosen = before
 
     def add(self) -> None:
-        """One that holds the first region and turns another that does not overlap it."""
+        """Add a pose that holds a region and turns another that does not overlap it."""
         device = self._bench.project.device
         regions = list(device.regions)
         if len(regions) < 2:
-            self._bench.show_message(_FIRST, "regions-too-few")
+            self._bench.status.show(_TOO_FEW_REGIONS, "regions-too-few")
             return
         held = device.outputs.anchor or regions[0]
         points = self._scene.points if self._scene.body is not None else np.zeros((0, 3))
-        taken = device.regions[held].contains(points)
-        others = [n for n in regions if n != held]
-        apart = [n for n in others if not (device.regions[n].contains(points) & taken).any()]
-        name = free_name("pose", [p.name for p in device.poses])
-        self._take(name, add_pose(name, [held], (apart or others)[-1]))
+        inside = points_in_regions(device.regions, points)
+        others = [name for name in regions if name != held]
+        separate = [name for name in others if not (inside[name] & inside[held]).any()]
+        name = free_name("pose", [pose.name for pose in device.poses])
+        self._add(name, add_pose(name, [held], (separate or others)[-1]))
 
     def duplicate(self) -> None:
-        """The chosen pose."""
+        """Copy the chosen pose."""
         if self.chosen is None:
-            self._bench.show_message("Choose a pose first.", "no-pose-chosen")
+            self._show_no_pose()
             return
-        names = [p.name for p in self._bench.project.device.poses]
-        name = free_name(self.chosen, names)
-        self._take(name, duplicate_pose(self.chosen, name))
+        name = free_name(self.chosen, [pose.name for pose in self._bench.project.device.poses])
+        self._add(name, duplicate_pose(self.chosen, name))
 
     def delete(self) -> None:
-        """The chosen pose."""
+        """Delete the chosen pose."""
         if self.chosen is None:
-            self._bench.show_message("Choose a pose first.", "no-pose-chosen")
+            self._show_no_pose()
         else:
             self._bench.apply(remove_pose(self.chosen))
 
-    def seek_share(self, share: float) -> None:
-        """The chosen pose at a share of its ramp."""
+    def solve_share(self, share: float) -> None:
+        """Solve the chosen pose at a share of its ramp."""
         if self.pose is not None:
-            self._seek(self.pose, check=False, share=share)
+            self._request(self.pose, is_final=False, share=share)
 
-    def _take(self, name: str, edit: Edit) -> None:
+    def _update_controls(self, device: Device) -> None:
+        names = [pose.name for pose in device.poses]
+        if self.chosen not in names:
+            self.chosen = names[0] if names else None
+        self._list.options = tuple(names) or (NONE,)
+        self._list.value = self.chosen or NONE
+        self._name.value = self.chosen or ""
+        self.roles.show(device, self.pose)
+
+    def _choose_from_list(self, name: str) -> None:
+        with self._bench.drawing_lock:
+            self.choose(None if name == NONE else name)
+
+    def _add(self, name: str, edit: Edit) -> None:
         before, self.chosen = self.chosen, name
         if not self._bench.apply(edit):
             self.chosen = before
 
-    def _write(self, edits: list[Edit]) -> bool:
+    def _apply(self, edits: list[Edit]) -> bool:
         return bool(edits) and all([self._bench.apply(edit) for edit in edits])
 
-    def _listed(self, event: Any) -> None:
-        if event.client is None or self._filling:
-            return
-        with self._bench.drawing_lock:
-            self.choose(None if self._list.value == NONE else self._list.value)
-
-    def _seek(
-        self, pose: Pose, *, check: bool, share: float = 1.0, asked: float | None = None
+    def _request(
+        self,
+        pose: Pose,
+        *,
+        is_final: bool,
+        share: float = 1.0,
+        requested_at: float | None = None,
     ) -> None:
-        asked = time.perf_counter() if asked is None else asked
-        # A coarse shape would take a step back from the fine one that a hand has come to.
-        quick = self._posed != pose.name or not check
-        self._posed = pose.name
+        if requested_at is None:
+            requested_at = time.perf_counter()
+        # After a drag a coarse shape would be a step back from the fine one that is shown.
+        wants_coarse = self._requested_pose != pose.name or not is_final
+        self._requested_pose = pose.name
         if share == 1.0:
             self._ramp.reset()
         device = self._bench.project.device
-        self._scene.work.give(Wanted(device, pose, share, check, quick, asked))
+        self._scene.work.give(
+            PreviewRequest(device, pose, share, is_final, wants_coarse, requested_at)
+        )
         if self._stop.disabled:
             self._stop.disabled = False
-        if check:
-            self.words.content = f"solving `{pose.name}`"
+        if is_final:
+            self._set_state("solving", f"Solving `{pose.name}` ...")
 
-    def _place_grips(self) -> None:
+    def _show_grips(self) -> None:
         pose = self.pose
         if pose is not None and self._scene.body is not None:
             device = self._bench.project.device
-            self._scene.grips(grips_of(pose, device, self._scene.points, self._centers))
+            self._scene.show_grips(pose_grips(pose, device, self._scene.points, self.centers))
 
-    def _told(self, wanted: Wanted, answer: Answer) -> str:
-        name, found = wanted.pose.name, answer.found
-        if found is None:
-            return "coarse shape; the fine one follows"
-        if found.status is Status.CANCELLED:
-            return "Cancelled: the last shape stays."
-        if found.moved is None:
-            return f"**{unreached_message(name, found.share)}** The last shape stays."
-        if found.problem:
-            return f"**`{name}`: {found.problem}.** Lower its movement, or enlarge its regions."
-        at = f" at {wanted.share:.0%}" if wanted.share < 1 else ""
-        return f"`{name}`{at}, as a build has it" if wanted.check else f"`{name}`{at}"
+    def _show_no_pose(self) -> None:
+        self._bench.status.show("Choose a pose first.", "no-pose-chosen")
+
+    def _set_state(self, state: ShapeState, text: str) -> None:
+        self.status.show(text, state)
+
+
+def _describe(request: PreviewRequest, answer: PreviewAnswer) -> tuple[ShapeState, str]:
+    """Return the state and the description of a shape."""
+    name, fine = request.pose.name, answer.fine
+    if fine is None:
+        return "coarse", "Coarse shape. The fine shape follows."
+    if fine.is_cancelled:
+        return "cancelled", "Cancelled. The last shape stays."
+    if fine.moved is None:
+        return "not-reached", f"**{unreached_message(name, fine.share)}** The last shape stays."
+    if fine.problem:
+        action = "Reduce its movement, or enlarge its regions."
+        return "invalid", f"**`{name}`: {fine.problem}.** {action}"
+    share = f" at {request.share:.0%}" if request.share < 1 else ""
+    if request.is_final:
+        return "checked", f"`{name}`{share}, as a build simulates it."
+    return "solved", f"`{name}`{share}"

@@ -1,4 +1,4 @@
-"""Shapes of poses, sought beside the page: the newest that was asked for counts."""
+"""Solve poses on a thread while the user changes them; the latest request counts."""
 
 from __future__ import annotations
 
@@ -12,158 +12,190 @@ from ...core.arrays import Float
 from ...core.device.device import Device, Pose
 from ...core.errors import DefsenseError
 from ...core.mesh import TetMesh
-from ...mechanics.solver.load_stepping import Status
-from ...optimize.prediction.pose_preview import PosePreview, PreviewedPose, load_coarse_mesh
+from ...workflow.design.pose_preview import PosePreview, PreviewedPose, load_coarse_mesh
 from ..workbench.latest_worker import LatestWorker
 
-_TIMES = 500  # answers whose times are kept
+_MAX_RESPONSE_TIMES = 500
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """A pose of a device at a share of its ramp; `check` where no hand moves it any more: then it
-    is led to from rest, as a build does it; `quick` where a coarse shape is wanted before; `asked`
-    is when that was (s of `time.perf_counter`)."""
+class PreviewRequest:
+    """A request to solve a pose.
+
+    Attributes:
+        device: The device.
+        pose: The pose, which may differ from that of the device.
+        share: Share of the pose's ramp.
+        is_final: Whether the user has finished the change; then the pose is solved from rest, as
+            accurately as a build does, and checked.
+        wants_coarse: Whether a coarse shape is shown before the fine one.
+        requested_at: Time of the user's action, s of `time.perf_counter`.
+    """
 
     device: Device
     pose: Pose
     share: float = 1.0
-    check: bool = False
-    quick: bool = True
-    asked: float = 0.0
+    is_final: bool = False
+    wants_coarse: bool = True
+    requested_at: float = 0.0
 
 
 @dataclass(frozen=True)
-class Answer:
-    """Vertices (v, 3) mm of the surface; of the fine mesh with what came of it, of the coarse one
-    without; neither where there was none."""
+class PreviewAnswer:
+    """A shape of a requested pose.
+
+    Attributes:
+        vertices: Vertices (v, 3) mm of the surface; None if the pose was not reached.
+        fine: Result on the fine mesh; None for the coarse shape.
+    """
 
     vertices: Float | None
-    found: PreviewedPose | None
+    fine: PreviewedPose | None
 
 
 @dataclass(frozen=True)
-class Times:
-    """From a hand's message to vertices being sent, s; None where a newer one came before."""
+class ResponseTimes:
+    """Times from the user's action to the answers.
 
-    coarse: float | None
-    fine: float | None
+    Attributes:
+        coarse_s: Time to the coarse shape, s; None if there was none.
+        fine_s: Time to the fine shape, s; None if the pose was not reached.
+    """
+
+    coarse_s: float | None
+    fine_s: float | None
 
 
 class PreviewWork:
-    """`answered` hears of shapes, `solved` of the newest fine one with the solver that found it,
-    `failed` of what cannot be; all on a thread of this."""
+    """Solve the latest requested pose. The callbacks are called on a thread of this object.
+
+    Args:
+        on_answer: Called with each shape.
+        on_solved: Called with the fine result of the latest request, and the preview that solved
+            it.
+        on_error: Called with an error, such as that of a pose that the body cannot have.
+
+    Attributes:
+        response_times: Times of the last answers.
+    """
 
     def __init__(
         self,
-        answered: Callable[[Wanted, Answer], None],
-        solved: Callable[[PosePreview, Wanted, PreviewedPose], None],
-        failed: Callable[[Exception], None],
+        on_answer: Callable[[PreviewRequest, PreviewAnswer], None],
+        on_solved: Callable[[PosePreview, PreviewRequest, PreviewedPose], None],
+        on_error: Callable[[Exception], None],
     ) -> None:
-        self._answered, self._solved = answered, solved
-        self._newest: object = None
-        self._cancelled = 0.0
+        self._on_answer, self._on_solved = on_answer, on_solved
+        self._latest: object = None
+        self._cancelled_at = 0.0
         self._lock = threading.Lock()
         self._preview: PosePreview | None = None
-        self._other: list[PosePreview | None] = []  # of another build, not taken up yet
-        self._coarse: list[tuple[PosePreview, TetMesh]] = []
-        self.times: deque[Times] = deque(maxlen=_TIMES)
-        self._work: LatestWorker[Wanted | Callable[[PosePreview], None]] = LatestWorker(
-            self._do, failed
+        self._next_preview: list[PosePreview | None] = []  # at most one, of another build
+        self._coarse_meshes: list[tuple[PosePreview, TetMesh]] = []  # not used yet
+        self.response_times: deque[ResponseTimes] = deque(maxlen=_MAX_RESPONSE_TIMES)
+        self._worker: LatestWorker[PreviewRequest | Callable[[PosePreview], None]] = LatestWorker(
+            self._handle, on_error
         )
 
     @property
     def has_coarse(self) -> bool:
-        """Whether the next answer is a coarse one first."""
+        """Whether the next request is answered by a coarse shape first."""
         with self._lock:
-            preview = self._other[0] if self._other else self._preview
-            waits = any(owner is preview for owner, _ in self._coarse)
-            return preview is not None and (waits or preview.has_coarse)
+            preview = self._next_preview[0] if self._next_preview else self._preview
+            is_meshed = any(owner is preview for owner, _ in self._coarse_meshes)
+            return preview is not None and (is_meshed or preview.has_coarse)
 
-    def begin(self, preview: PosePreview | None) -> None:
-        """Go on with another build, or none; its coarse mesh is made meanwhile."""
+    def use(self, preview: PosePreview | None) -> None:
+        """Continue with the preview of another build, or with none; make its coarse mesh."""
         with self._lock:
-            self._other = [preview]
+            self._next_preview = [preview]
         if preview is not None:
-            threading.Thread(target=self._mesh, args=(preview,), daemon=True).start()
+            threading.Thread(target=self._make_coarse_mesh, args=(preview,), daemon=True).start()
 
-    def give(self, wanted: Wanted) -> None:
-        """From any thread; returns at once."""
-        self._newest = wanted
-        self._work.give(wanted)
+    def give(self, request: PreviewRequest) -> None:
+        """Request a pose and return at once; call it from any thread."""
+        self._latest = request
+        self._worker.give(request)
 
     def call(self, action: Callable[[PosePreview], None]) -> None:
-        """Something longer with the solver, in its turn."""
-        self._newest = action
-        self._work.give(action)
+        """Call a longer action with the preview, on the thread that solves poses."""
+        self._latest = action
+        self._worker.give(action)
 
-    def is_newest(self, thing: object) -> bool:
-        """Whether nothing was asked for since."""
-        return self._newest is thing
+    def is_latest(self, item: object) -> bool:
+        """Return whether a request or action is the latest one."""
+        return self._latest is item
 
     def cancel(self) -> None:
-        """End what is being sought; the last shape stays."""
-        self._cancelled = time.perf_counter()
+        """Cancel the running request."""
+        self._cancelled_at = time.perf_counter()
 
-    def cancelled_since(self, begun: float) -> bool:
-        """Whether somebody cancelled since then (s of `time.perf_counter`)."""
-        return self._cancelled > begun
+    def is_cancelled_since(self, started_at: float) -> bool:
+        """Return whether `cancel` was called after a time, s of `time.perf_counter`."""
+        return self._cancelled_at > started_at
 
-    def wait(self, seconds: float) -> bool:
-        """Whether all that was asked for is done within so many s."""
-        return self._work.wait(seconds)
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until all requests are handled; return False after `timeout_s`."""
+        return self._worker.wait(timeout_s)
 
     def close(self) -> None:
         """End the thread."""
         self.cancel()
-        self._work.close()
+        self._worker.close()
 
-    def _mesh(self, preview: PosePreview) -> None:
+    def _make_coarse_mesh(self, preview: PosePreview) -> None:
         try:
-            made = load_coarse_mesh(preview.device)
-        except (DefsenseError, OSError):  # fine answers alone, which come later
-            made = None
-        if made is not None:
+            mesh = load_coarse_mesh(preview.device)
+        except (DefsenseError, OSError):  # there are only fine shapes, which take longer
+            mesh = None
+        if mesh is not None:
             with self._lock:
-                self._coarse = [(preview, made)]
+                self._coarse_meshes = [(preview, mesh)]
 
-    def _do(self, thing: Wanted | Callable[[PosePreview], None]) -> None:
-        preview = self._ready()
+    def _handle(self, item: PreviewRequest | Callable[[PosePreview], None]) -> None:
+        preview = self._current_preview()
         if preview is None:
             return
-        if not isinstance(thing, Wanted):
-            thing(preview)
-            return
-        begun = time.perf_counter()
-        preview.take(thing.device)
-        rest, sent = preview.surface.vertices, list[float]()
+        if isinstance(item, PreviewRequest):
+            self._solve(preview, item)
+        else:
+            item(preview)
 
-        def coarse(moved: Float) -> None:
-            self._answered(thing, Answer(rest + moved, None))
-            sent.append(time.perf_counter() - thing.asked)
+    def _solve(self, preview: PosePreview, request: PreviewRequest) -> None:
+        started_at = time.perf_counter()
+        preview.take(request.device)
+        rest, coarse_times = preview.surface.vertices, list[float]()
 
-        found = preview.edit(
-            thing.pose, thing.share, coarse if thing.quick else None,
-            lambda: self.cancelled_since(begun), lambda: not self.is_newest(thing),
-            check=thing.check, from_rest=thing.check,
-        )  # fmt: skip
-        shape = None if found.moved is None else rest + found.moved
-        if found.status is not Status.CANCELLED or self.is_newest(thing):
-            self._answered(thing, Answer(shape, found))
-        fine = None if shape is None else time.perf_counter() - thing.asked
-        self.times.append(Times(sent[0] if sent else None, fine))
-        if self.is_newest(thing):
-            self._solved(preview, thing, found)
+        def show_coarse(displacements: Float) -> None:
+            self._on_answer(request, PreviewAnswer(rest + displacements, None))
+            coarse_times.append(time.perf_counter() - request.requested_at)
 
-    def _ready(self) -> PosePreview | None:
+        fine = preview.edit(
+            request.pose,
+            request.share,
+            show_coarse if request.wants_coarse else None,
+            lambda: self.is_cancelled_since(started_at),
+            lambda: not self.is_latest(request),
+            check=request.is_final,
+            from_rest=request.is_final,
+        )
+        vertices = None if fine.moved is None else rest + fine.moved
+        if not fine.is_cancelled or self.is_latest(request):
+            self._on_answer(request, PreviewAnswer(vertices, fine))
+        fine_s = None if vertices is None else time.perf_counter() - request.requested_at
+        self.response_times.append(ResponseTimes(coarse_times[0] if coarse_times else None, fine_s))
+        if self.is_latest(request):
+            self._on_solved(preview, request, fine)
+
+    def _current_preview(self) -> PosePreview | None:
         with self._lock:
-            if self._other:
+            if self._next_preview:
                 if self._preview is not None:
                     self._preview.close()
-                self._preview = self._other.pop()
-            for preview, made in self._coarse:
+                self._preview = self._next_preview.pop()
+            for preview, mesh in self._coarse_meshes:
                 if preview is self._preview:
-                    preview.take_coarse(made)
+                    preview.take_coarse(mesh)
             if self._preview is not None:
-                self._coarse = [c for c in self._coarse if c[0] is not self._preview]
+                self._coarse_meshes = [m for m in self._coarse_meshes if m[0] is not self._preview]
         return self._preview

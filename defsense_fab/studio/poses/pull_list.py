@@ -1,4 +1,4 @@
-"""Points of the body that a pose pulls with a spring."""
+"""The points of the body that a pose pulls by springs."""
 
 from __future__ import annotations
 
@@ -8,100 +8,128 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import PointDrag, Pose
-from ...runtime.view.camera import intersect_ray
+from ...workflow.view import intersect_ray
 from ..edits.poses import drag_point, remove_drag, stiffen_drag
+from ..workbench.controls import NONE, add_field, device_field, on_user
 from .poses_scene import PosesScene
 
-NONE = "none"
-_FAR = 0.15  # of the body: how far a point is pulled to begin with
-_SOFT = 1.0  # N/mm, to begin with
-_LINE = (213, 94, 0)
+_STIFFNESS_KEY = "poses.drags.stiffness"
+_INITIAL_PULL = 0.15  # of a new pull, times the body's size
+_LINE_COLOR = (213, 94, 0)
 
 
 class PullList:
-    """In a folder of the panel, of the pose that is `show`n."""
+    """The controls and lines of the pulls of the pose that is shown.
+
+    Args:
+        scene: The body and its gizmos.
+    """
 
     def __init__(self, scene: PosesScene) -> None:
         self._scene, self._bench = scene, scene.bench
         self._pose: Pose | None = None
         self._lines: Any = None
-        self._filling = False
+
+    @property
+    def takes_clicks(self) -> bool:
+        """Whether a click on the body pulls at the point."""
+        return bool(self._click_switch.value)
+
+    @takes_clicks.setter
+    def takes_clicks(self, value: bool) -> None:
+        self._click_switch.value = value
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Labels of the pulls of the shown pose."""
+        return () if self._pose is None else tuple(_label(pull) for pull in self._pose.drags)
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether the pulls are drawn in the scene."""
+        return self._lines is not None
 
     def add_panel(self) -> None:
-        """In the folder that is open."""
+        """Add the controls to the open folder of the panel."""
         gui, button = self._bench.server.gui, self._bench.button
-        self._folder = gui.add_folder("Points that are pulled")
+        self._folder = gui.add_folder("Pulled points")
         with self._folder:
-            self._clicks = gui.add_checkbox(
-                "Click to pull", False, hint="A click on the body pulls at that point by a spring"
+            self._click_switch = gui.add_checkbox(
+                "Click to pull", False, hint="Pull at a point of the body by clicking it"
             )
-            self._clicks.on_update(lambda _: self.listen())
-            self._list = gui.add_dropdown("Pull", (NONE,), hint="Its gizmo says where to")
-            self._list.on_update(lambda _: self._fill())
-            self._stiffness = gui.add_number(
-                "Spring", _SOFT, min=0.001, step=0.1, hint="N/mm; a stiff one comes nearer"
+            self._click_switch.on_update(lambda _: self.update_clicks())
+            self._list = gui.add_dropdown(
+                "Pull", (NONE,), hint="Choose a pull. Its gizmo sets where to"
             )
-            self._stiffness.on_update(lambda event: self._stiffened(event))
-            self._remove = button("Pull no more", "The chosen one", self.remove)
+            self._list.on_update(lambda _: self._show_stiffness())
+            self._stiffness = add_field(gui, _STIFFNESS_KEY, step=0.1)
+            on_user(self._stiffness, lambda value: self.stiffen(float(value)))
+            self._remove = button("Remove the pull", "Remove the chosen pull", self.remove)
 
     def show(self, pose: Pose | None) -> None:
-        """The pulls that a pose has now."""
+        """Show the pulls of a pose."""
         self._pose = pose
         self._folder.visible = pose is not None
-        names = [] if pose is None else [_name(d) for d in pose.drags]
-        before = self._list.value
-        self._list.options = tuple(names) or (NONE,)
-        if names:
-            self._list.value = before if before in names else names[-1]
-        for part in (self._list, self._stiffness, self._remove):
-            part.visible = bool(names)
-        self._fill()
+        names, before = self.names, self._list.value
+        self._list.options = names or (NONE,)
+        if names and before not in names:
+            self._list.value = names[-1]
+        for control in (self._list, self._stiffness, self._remove):
+            control.visible = bool(names)
+        self._show_stiffness()
         self.draw()
 
-    def listen(self) -> None:
-        """Take clicks on the body while that is asked for."""
+    def update_clicks(self) -> None:
+        """Take clicks on the body if the user wants to pull."""
         if self._scene.body is not None:
-            self._scene.body.take_clicks(self._pose is not None and self._clicks.value)
+            self._scene.body.take_clicks(self._pose is not None and self.takes_clicks)
 
-    def clicked(self, event: Any) -> None:
-        """A click on the body."""
+    def click(self, event: Any) -> None:
+        """Pull at the point of the body that the user has clicked."""
         self.pull(np.asarray(event.ray_origin, float), np.asarray(event.ray_direction, float))
 
     def pull(self, origin: Float, direction: Float) -> None:
-        """At the point of the body that a ray meets, outwards."""
+        """Pull outwards at the point where a ray meets the body.
+
+        Args:
+            origin: Origin of the ray (3,) mm.
+            direction: Its direction (3,).
+        """
         body, pose = self._scene.body, self._pose
         if body is None or pose is None:
             return
-        met = intersect_ray(body.vertices, body.faces, origin, direction)
-        if met is None:
-            self._bench.show_message(
-                "There is no point of the body at this place.", "no-body-point"
-            )
+        hit = intersect_ray(body.vertices, body.faces, origin, direction)
+        if hit is None:
+            self._bench.status.show("No point of the body is there. Click it.", "no-body-point")
             return
-        face, weights = met
-        at = weights @ body.rest[body.faces[face]]
+        face, weights = hit
+        point = weights @ body.rest[body.faces[face]]
         a, b, c = body.vertices[body.faces[face]]
         normal = np.cross(b - a, c - a)
-        by = np.round(_FAR * self._scene.size * normal / np.linalg.norm(normal), 1)
-        self._clicks.value = False
-        self._bench.apply(
-            drag_point(pose.name, np.asarray(np.round(at, 2)), np.asarray(by, float), _SOFT)
-        )
+        normal /= np.linalg.norm(normal)
+        by = np.round(_INITIAL_PULL * self._scene.size * normal, 1)
+        self.takes_clicks = False
+        stiffness = float(device_field(_STIFFNESS_KEY).default)
+        self._bench.apply(drag_point(pose.name, np.round(point, 2), by, stiffness))
 
     def remove(self) -> None:
-        """The chosen pull."""
-        drag = self._drag()
-        if drag is not None and self._pose is not None:
-            self._bench.apply(remove_drag(self._pose.name, drag.at))
+        """Remove the chosen pull."""
+        pull = self._chosen_pull()
+        if pull is not None and self._pose is not None:
+            self._bench.apply(remove_drag(self._pose.name, pull.at))
 
     def stiffen(self, stiffness: float) -> None:
-        """The chosen pull's spring, N/mm."""
-        drag = self._drag()
-        if drag is not None and self._pose is not None:
-            self._bench.apply(stiffen_drag(self._pose.name, drag.at, stiffness))
+        """Set the stiffness of the chosen pull's spring, N/mm."""
+        pull = self._chosen_pull()
+        if pull is not None and self._pose is not None:
+            self._bench.apply(stiffen_drag(self._pose.name, pull.at, stiffness))
 
     def draw(self, pose: Pose | None = None) -> None:
-        """Lines from points to what they are pulled to, in the pose as a hand has it."""
+        """Draw lines from the pulled points to their goals.
+
+        Args:
+            pose: The pose while the user drags it; by default as the device has it.
+        """
         pose = pose or self._pose
         if self._lines is not None:
             self._lines.remove()
@@ -110,38 +138,33 @@ class PullList:
         if pose is None or body is None or not pose.drags or self._scene.gizmos is None:
             return
         ends = []
-        for d in pose.drags:
-            near = int(np.linalg.norm(body.rest - d.at, axis=1).argmin())
-            ends.append([d.at + body.vertices[near] - body.rest[near], d.at + d.by])
+        for pull in pose.drags:
+            nearest = int(np.linalg.norm(body.rest - pull.at, axis=1).argmin())
+            point = pull.at + body.vertices[nearest] - body.rest[nearest]
+            ends.append([point, pull.at + pull.by])
         self._lines = self._bench.server.scene.add_line_segments(
             "/poses/pulls",
             np.array(ends, np.float32),
-            _LINE,
+            _LINE_COLOR,
             thickness=4.0,
             thickness_units="screen",
         )
 
     def clear(self) -> None:
-        """Out of the scene."""
+        """Remove the lines, and take no clicks."""
         self._pose = None
         self.draw()
-        self.listen()
+        self.update_clicks()
 
-    def _fill(self) -> None:
-        drag = self._drag()
-        if drag is not None:
-            self._filling = True
-            self._stiffness.value = drag.stiffness
-            self._filling = False
+    def _show_stiffness(self) -> None:
+        pull = self._chosen_pull()
+        if pull is not None:
+            self._stiffness.value = pull.stiffness
 
-    def _stiffened(self, event: Any) -> None:
-        if event.client is not None and not self._filling:
-            self.stiffen(float(self._stiffness.value))
-
-    def _drag(self) -> PointDrag | None:
-        drags = () if self._pose is None else self._pose.drags
-        return next((d for d in drags if _name(d) == self._list.value), None)
+    def _chosen_pull(self) -> PointDrag | None:
+        pulls = () if self._pose is None else self._pose.drags
+        return next((pull for pull in pulls if _label(pull) == self._list.value), None)
 
 
-def _name(drag: PointDrag) -> str:
-    return "at " + ", ".join(f"{v:g}" for v in drag.at)
+def _label(pull: PointDrag) -> str:
+    return "at " + ", ".join(f"{v:g}" for v in pull.at)

@@ -1,170 +1,181 @@
-"""A pose's ramp: at any share by a slider, or played."""
+"""The ramp of a pose: any share of it by a slider, or all of it as a film."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import Pose
 from ...core.errors import DefsenseError
-from ...optimize.prediction.pose_preview import (
-    RAMP_SHARES,
-    PosePreview,
-    PreviewedPose,
-    Ramp,
-    follow_ramp,
-    load_ramp,
-)
+from ...workflow.design.pose_preview import PosePreview, PreviewedPose
+from ...workflow.design.pose_ramp import RAMP_SHARES, Ramp, follow_ramp, load_ramp
+from ..workbench.controls import on_user
+from ..workbench.page_texts import StatusText
 from .poses_scene import PosesScene
-from .preview_work import Wanted
+from .preview_work import PreviewRequest
 
-_SECONDS, _FRAMES = 2.0, 40  # of a ramp that is played
-_PLAY, _STOP = "Play the ramp", "Stop"
+_FILM_S, _FILM_FRAMES = 2.0, 40
+_PLAY_LABEL, _STOP_LABEL = "Play the ramp", "Stop"
 
 
 class RampPart:
-    """Of the pose that is shown; `seek` asks the solver for a share while no ramp is known."""
+    """The controls of the ramp of the pose that is shown.
+
+    Args:
+        scene: The body and its gizmos.
+
+    Attributes:
+        solve_share: Called to solve a share of the pose while the ramp is not known.
+        pose: Called for the pose that is shown, or None.
+        ramp: The ramp of the pose, or None until it is loaded or solved.
+        status: Origin of the ramp and remarks on it, with their code; empty if it is not known.
+    """
 
     def __init__(self, scene: PosesScene) -> None:
         self._scene, self._bench = scene, scene.bench
-        self.seek: Callable[[float], None] = lambda _: None
+        self.solve_share: Callable[[float], None] = lambda _: None
         self.pose: Callable[[], Pose | None] = lambda: None
         self.ramp: Ramp | None = None
+        self.status = StatusText()
         self._rest: Float = np.zeros((0, 3))
-        self._full: Float | None = None
-        self._over = threading.Event()
-        self._over.set()
+        self._full: Float | None = None  # displacements (v, 3) mm of the full pose
+        self._has_stopped = threading.Event()
+        self._has_stopped.set()
 
     @property
-    def playing(self) -> bool:
-        """Whether it is being played, or solved to be played."""
-        return not self._over.is_set()
+    def is_playing(self) -> bool:
+        """Whether the ramp is being played, or solved to be played."""
+        return not self._has_stopped.is_set()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until the ramp is not played; return False after `timeout_s`."""
+        return self._has_stopped.wait(timeout_s)
 
     def add_panel(self) -> None:
-        """In the folder that is open."""
+        """Add the controls to the open folder of the panel."""
         gui = self._bench.server.gui
         self._slider = gui.add_slider(
-            "Ramp", 0.0, 1.0, 0.01, 1.0, hint="Share of the pose: 0 is rest, 1 the whole pose"
+            "Share of the pose", 0.0, 1.0, 0.01, 1.0, hint="0: at rest; 1: the full pose"
         )
-        self._slider.on_update(lambda event: self._slid(event))
-        self._button = self._bench.button(_PLAY, "From rest to the whole pose", self.play)
+        on_user(self._slider, self._follow_slider)
+        self._button = self._bench.button(
+            _PLAY_LABEL, "Show the body from rest to the full pose", self.play
+        )
         self._bar = gui.add_progress_bar(0.0, visible=False)
-        self.words = gui.add_markdown("")
+        self.status.add_panel(gui)
 
     def reset(self) -> None:
-        """The pose has changed: what is known of its ramp is no more."""
+        """Forget the ramp, because the pose has changed."""
         self.stop()
         self.ramp = self._full = None
-        if self._slider.value != 1.0:
-            self._slider.value = 1.0
-        if self.words.content:
-            self.words.content = ""
+        self._slider.value = 1.0
+        if self.status.text:
+            self.status.show("")
 
-    def solved(self, preview: PosePreview, wanted: Wanted, found: PreviewedPose) -> None:
-        """The whole pose has been solved and no hand moves it: what a build has of its ramp."""
-        if found.moved is None or wanted.share != 1.0 or not wanted.check:
+    def follow(self, preview: PosePreview, request: PreviewRequest, solved: PreviewedPose) -> None:
+        """Load the ramp from the build once the full pose is solved and no gizmo is dragged."""
+        if solved.moved is None or request.share != 1.0 or not request.is_final:
             return
-        ramp = load_ramp(self._scene.folder, preview, wanted.pose, found.moved)
+        ramp = load_ramp(self._bench.results.folder, preview, request.pose, solved.moved)
         with self._bench.drawing_lock:
-            self._rest, self._full = preview.surface.vertices, found.moved
-            self._know(ramp)
+            self._rest, self._full = preview.surface.vertices, solved.moved
+            self._set_ramp(ramp)
 
     def show(self, share: float) -> None:
-        """The pose at a share."""
+        """Show a share of the pose."""
         if self.ramp is None:
-            self.seek(share)
+            self.solve_share(share)
             return
-        if share > self.ramp.shares[-1]:
-            share = float(self.ramp.shares[-1])
+        share = min(share, float(self.ramp.shares[-1]))
         if self._scene.body is not None:
             self._scene.body.move(self._rest + self.ramp.at(share))
 
     def play(self) -> None:
-        """From rest on; what is not known of the ramp is solved first. Stops where it is played."""
-        if self.playing:
+        """Play the ramp from rest, and solve it first if necessary; stop it if it is played."""
+        if self.is_playing:
             self.stop()
             return
         pose = self.pose()
         if pose is None or self._scene.body is None:
-            self._bench.show_message("Choose a pose of a meshed body first.", "no-pose-chosen")
+            self._bench.status.show("Choose a pose of a meshed body first.", "no-pose-chosen")
             return
-        self._over = over = threading.Event()
-        self._button.label = _STOP
+        self._has_stopped = has_stopped = threading.Event()
+        self._button.label = _STOP_LABEL
         if self.ramp is None:
             self._bar.visible, self._bar.value = True, 0.0
-            self._scene.work.call(lambda preview: self._solve(preview, pose, over))
+            self._scene.work.call(lambda preview: self._solve(preview, pose, has_stopped))
         else:
-            self._start(over)
+            self._start(has_stopped)
 
     def stop(self) -> None:
-        """The body stays as it is."""
-        if not self.playing:
+        """Stop the film; the body stays as it is shown."""
+        if not self.is_playing:
             return
-        self._over.set()
-        self._button.label = _PLAY
+        self._has_stopped.set()
+        self._button.label = _PLAY_LABEL
         self._bar.visible = False
 
-    def _slid(self, event: Any) -> None:
-        if event.client is not None:
-            with self._bench.drawing_lock:
-                self.stop()
-                self.show(float(self._slider.value))
+    def _follow_slider(self, share: float) -> None:
+        with self._bench.drawing_lock:
+            self.stop()
+            self.show(float(share))
 
-    def _know(self, ramp: Ramp | None) -> None:
+    def _set_ramp(self, ramp: Ramp | None) -> None:
         self.ramp = ramp
         if ramp is None:
             return
-        where = "the build's fields" if ramp.simulated else "the solver"
-        shares = ", ".join(f"{s:g}" for s in ramp.shares)
+        origin = "the build" if ramp.is_simulated else "the solver"
+        shares = ", ".join(f"{share:g}" for share in ramp.shares)
         remark = f" **{ramp.remark}.**" if ramp.remark else ""
-        self.words.content = f"at {shares} from {where}, between them by splines{remark}"
+        self.status.show(
+            f"Shapes at {shares} from {origin}, splines in between.{remark}", ramp.code
+        )
 
-    def _solve(self, preview: PosePreview, pose: Pose, over: threading.Event) -> None:
-        """On the solver's thread."""
-        begun = time.perf_counter()
+    def _solve(self, preview: PosePreview, pose: Pose, has_stopped: threading.Event) -> None:
+        """Solve the ramp and play it; called on the thread that solves poses."""
+        started_at = time.perf_counter()
         rest = preview.surface.vertices
 
-        def frame(share: float, moved: Float) -> None:
+        def show_frame(share: float, displacements: Float) -> None:
             with self._bench.drawing_lock:
-                if not over.is_set() and self._scene.body is not None:
-                    self._scene.body.move(rest + moved)
+                if not has_stopped.is_set() and self._scene.body is not None:
+                    self._scene.body.move(rest + displacements)
                     self._bar.value = 100 * share
                     self._bar.visible = share < RAMP_SHARES[-1]
 
-        def stopped() -> bool:
-            return over.is_set() or self._scene.work.cancelled_since(begun)
+        def should_stop() -> bool:
+            return has_stopped.is_set() or self._scene.work.is_cancelled_since(started_at)
 
         try:
-            ramp = follow_ramp(preview, pose, self._full, stopped, frame)
+            ramp = follow_ramp(preview, pose, self._full, should_stop, show_frame)
         except DefsenseError as error:
             self.stop()
-            self.words.content = f"**{error}**"
+            self.status.show_error(error)
             return
-        if ramp is None or over.is_set():
+        if ramp is None or has_stopped.is_set():
             self.stop()
             return
         with self._bench.drawing_lock:
             self._rest = rest
-            self._know(ramp)
-            self._start(over)
+            self._set_ramp(ramp)
+            self._start(has_stopped)
 
-    def _start(self, over: threading.Event) -> None:
+    def _start(self, has_stopped: threading.Event) -> None:
         self._bar.visible = False
-        threading.Thread(target=self._go_on, args=(over,), daemon=True).start()
+        threading.Thread(target=self._play_frames, args=(has_stopped,), daemon=True).start()
 
-    def _go_on(self, over: threading.Event) -> None:
-        for share in np.linspace(0.0, 1.0, _FRAMES + 1).tolist():
+    def _play_frames(self, has_stopped: threading.Event) -> None:
+        for share in np.linspace(0.0, 1.0, _FILM_FRAMES + 1).tolist():
             with self._bench.drawing_lock:
-                if over.is_set() or self.ramp is None:
+                if has_stopped.is_set() or self.ramp is None:
                     return
                 self._slider.value = round(share, 2)
                 self.show(share)
-            if over.wait(_SECONDS / _FRAMES):
+            if has_stopped.wait(_FILM_S / _FILM_FRAMES):
                 return
         with self._bench.drawing_lock:
             self.stop()

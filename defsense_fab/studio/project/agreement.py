@@ -13,7 +13,7 @@ from platformdirs import user_config_path
 
 from ...core.device.device import BodySpec
 from ...core.storage.files import storage_errors, write_json
-from ...geometry.bodies.script_source import ScriptText, read_script
+from ...workflow.starts.body_scripts import ScriptText, read_script
 
 _FILE = "agreed-scripts.json"
 

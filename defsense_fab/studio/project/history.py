@@ -72,12 +72,12 @@ class History:
 
     @property
     def undo_name(self) -> str | None:
-        """Name of the step that `move(-1)` undo_name, or None."""
+        """Name of the step that `move(-1)` undoes, or None."""
         return self.steps[self.at].name if self.at else None
 
     @property
     def redo_name(self) -> str | None:
-        """Name of the step that `move(1)` redo_name, or None."""
+        """Name of the step that `move(1)` redoes, or None."""
         return self.steps[self.at + 1].name if self.at + 1 < len(self.steps) else None
 
     def add(self, name: str, text: str) -> None:

@@ -93,12 +93,7 @@ class Project:
         Raises:
             StorageError: The file or the history cannot be written.
         """
-        with self._lock:
-            self.refresh()
-            name = self.undo_name
-            if name is not None:
-                self._move(-1, f"undo: {name}")
-            return name
+        return self._move(-1, "undo")
 
     def redo(self) -> str | None:
         """Redo an edit that was undone and return its name; None if there is none.
@@ -106,12 +101,7 @@ class Project:
         Raises:
             StorageError: The file or the history cannot be written.
         """
-        with self._lock:
-            self.refresh()
-            name = self.redo_name
-            if name is not None:
-                self._move(1, f"redo: {name}")
-            return name
+        return self._move(1, "redo")
 
     def refresh(self) -> bool:
         """Read a change by another program and return whether there was one.
@@ -136,14 +126,21 @@ class Project:
         with self._lock:
             write_text(self._path, self.text)
 
-    def _move(self, by: int, name: str) -> None:
-        step = self._history.steps[self._history.at + by]
-        device = self._parse(step.text)
-        write_text(self._path, step.text)
-        try:
-            self._history.move(by)
-        finally:
-            self._set_device(device, name)
+    def _move(self, by: int, verb: str) -> str | None:
+        """Undo (`by=-1`) or redo (`by=1`) a step, and return its name."""
+        with self._lock:
+            self.refresh()
+            name = self.undo_name if by < 0 else self.redo_name
+            if name is None:
+                return None
+            step = self._history.steps[self._history.at + by]
+            device = self._parse(step.text)
+            write_text(self._path, step.text)
+            try:
+                self._history.move(by)
+            finally:
+                self._set_device(device, f"{verb}: {name}")
+            return name
 
     def _add_step(self, device: Device, name: str, text: str) -> None:
         """Add a step; the device changes even if the history cannot be written."""

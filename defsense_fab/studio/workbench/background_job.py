@@ -15,7 +15,6 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from ...core.errors import DefsenseError, StorageError
-from ...core.progress import Progress
 
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection as Connection
@@ -95,14 +94,14 @@ class BackgroundJob:
         self._is_cancelled = self._is_paused = False
 
     @property
-    def running(self) -> bool:
+    def is_running(self) -> bool:
         """Whether a job runs or is paused."""
         return self._process is not None
 
     @property
     def state(self) -> Literal["idle", "running", "paused"]:
         """What the job does now."""
-        if not self.running:
+        if not self.is_running:
             return "idle"
         return "paused" if self._is_paused else "running"
 
@@ -225,9 +224,9 @@ class BackgroundJob:
             _log.exception("a report of the %s was not handled", self._name)
 
 
-def run_with_progress(reporter: JobReporter, job: Callable[[Progress], Any]) -> Any:
-    """Call a job that takes a progress callback; pass this to `BackgroundJob.start`."""
-    return job(reporter.stage_progress)
+def run_with_progress(reporter: JobReporter, job: Callable[..., Any]) -> Any:
+    """Call a job that takes the argument `progress`; pass this to `BackgroundJob.start`."""
+    return job(progress=reporter.stage_progress)
 
 
 def _run_in_child(

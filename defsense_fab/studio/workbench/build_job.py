@@ -23,14 +23,14 @@ class CandidateLayout:
         folder: Build folder of the search.
         sensors: The cords.
         rmse: Error of the layout by the search's measure, mm.
-        kept: Whether it is the best of its search so far.
+        is_best: Whether it is the best of its search so far.
         seconds: Time that the search has worked, without pauses, s.
     """
 
     folder: Path
     sensors: tuple[Sensor, ...]
     rmse: float
-    kept: bool
+    is_best: bool
     seconds: float
 
 

@@ -45,7 +45,7 @@ class LatestWorker(Generic[T]):
         self.done_count = 0
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """Whether an item waits or is being handled."""
         with self._changed:
             return bool(self._waiting) or self._is_working

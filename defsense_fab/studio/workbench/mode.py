@@ -28,6 +28,11 @@ class Mode(ABC):
     def __init__(self, bench: Workbench) -> None:
         self.bench = bench
 
+    @property
+    def is_active(self) -> bool:
+        """Whether this is the active mode."""
+        return self.bench.mode == self.label
+
     @abstractmethod
     def add_panel(self) -> None:
         """Add the mode's controls to the open folder of the panel."""

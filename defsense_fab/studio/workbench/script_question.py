@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Callable
 from typing import Any
 
-from ...geometry.bodies.script_source import ScriptText
+from ...workflow.starts.body_scripts import ScriptText
 
 RUN_LABEL, REFUSE_LABEL = "Run it: I know where it comes from", "Do not run it"
 _MAX_SHOWN_CHARACTERS = 100_000
@@ -29,7 +29,7 @@ class ScriptQuestion:
         self._answers: dict[str, Callable[[], None]] = {}
 
     @property
-    def open(self) -> bool:
+    def is_open(self) -> bool:
         """Whether the dialog waits for an answer."""
         return self._window is not None
 

@@ -8,20 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
-from ...optimize.prediction.layout_judge import LayoutJudge
-from ...runtime.view.camera import look_at_body
-from ...store.body import load_surface
-from ...store.fields import INDEX
+from ...workflow.build.results import Build, has_poses, last_build
+from ...workflow.design.layout_judge import LayoutJudge
+from ...workflow.view import look_at_body
 from ..edits.edit import Edit
 from ..project.agreement import Agreement
 from ..project.project import Project
 from .background_job import BackgroundJob
 from .build_job import CandidateLayout, run_build
 from .latest_worker import LatestWorker
+from .page_texts import StatusText
 from .script_question import ScriptQuestion
 
 _BODY_COLOR = (150, 180, 205)
@@ -42,15 +41,14 @@ class Workbench:
         drawing_lock: Held while the scene or the panel changes; buttons, gizmos and builds have
             threads of their own.
         mode: Label of the active mode.
+        results: Results of the last build, each read when it is first used.
         surface: The body at rest, or None until it has been made.
-        built: Whether `surface` belongs to a build.
+        is_built: Whether `surface` belongs to a build.
         judge: Predicts the error of cords; None until the poses are simulated.
         body: The body's mesh in the scene; the active mode sets its `visible`.
         keys: Keyboard shortcuts and their descriptions.
         builds: The build in the background.
-        message: Text of the last message, in markdown; empty if there is none.
-        message_code: Code of the last message or error, for programs and tests.
-        error: The last error that was shown, or None after another message.
+        status: The last message or error.
         build_error: Error of the last build, or None.
         on_build_started: Called when a build starts.
         on_layout_found: Called with each layout that the build's search tries, on the build's
@@ -65,13 +63,13 @@ class Workbench:
         self.question = ScriptQuestion(server)
         self.drawing_lock = threading.RLock()
         self.mode = ""
+        self.results: Build = last_build(project.device)
         self.surface: Surface | None = None
-        self.built = False
+        self.is_built = False
         self.judge: LayoutJudge | None = None
         self.body: Any = None
         self.keys: list[tuple[str, str]] = []
-        self.message, self.message_code = "", ""
-        self.error: Exception | None = None
+        self.status = StatusText()
         self.builds = BackgroundJob(
             "build", self._show_progress, self._end_build, self._report_layout, self._show_pause
         )
@@ -80,8 +78,7 @@ class Workbench:
         self.on_layout_found: list[Callable[[CandidateLayout], None]] = []
         self.on_build_loaded: list[Callable[[], None]] = []
         self._judge_settings = ""
-        self._judge_worker = LatestWorker(self._update_judge, self.show_error)
-        self._message: Any = None
+        self._judge_worker = LatestWorker(self._update_judge, self.status.show_error)
         self._progress_bar: Any = None
         self._progress_text: Any = None
 
@@ -92,36 +89,17 @@ class Workbench:
             return _DEFAULT_SIZE_MM
         return float(np.ptp(self.surface.vertices, axis=0).max())
 
-    def add_message(self) -> None:
-        """Add the place for messages at the current position of the panel."""
-        self._message = self.server.gui.add_markdown("")
-
     def add_progress(self) -> None:
         """Add the progress of builds at the current position of the panel."""
         self._progress_bar = self.server.gui.add_progress_bar(0.0, visible=False)
         self._progress_text = self.server.gui.add_markdown("")
-
-    def show_message(self, text: str, code: str = "") -> None:
-        """Show a text in markdown until the next message.
-
-        Args:
-            text: The text; empty to remove the previous message.
-            code: Stable identifier of the kind of message, such as "no-cord-chosen".
-        """
-        self.message, self.message_code, self.error = text, code, None
-        self._message.content = text
-
-    def show_error(self, error: Exception) -> None:
-        """Show an error until the next message; the studio continues."""
-        self.show_message(f"**{error}**", error.code if isinstance(error, DefsenseError) else "")
-        self.error = error
 
     def apply(self, edit: Edit) -> bool:
         """Change `device.toml`; on failure show the error and return False."""
         try:
             self.project.apply(edit)
         except DefsenseError as error:
-            self.show_error(error)
+            self.status.show_error(error)
             return False
         return True
 
@@ -171,7 +149,7 @@ class Workbench:
         try:
             action()
         except DefsenseError as error:
-            self.show_error(error)
+            self.status.show_error(error)
 
     def may_run_script(self, on_agreed: Callable[[], Any]) -> bool:
         """Return whether the body's script may run, and ask the user if necessary.
@@ -193,7 +171,7 @@ class Workbench:
             self.run_action(on_agreed)
 
         def refuse() -> None:
-            self.show_message(
+            self.status.show(
                 f"`{script.path.name}` was not run. To be asked again, make the body.",
                 "script-refused",
             )
@@ -212,7 +190,7 @@ class Workbench:
         if not self.may_run_script(lambda: self.build(stage)):
             return False
         if not self.builds.start(run_build, self.project.folder, stage):
-            self.show_message(
+            self.status.show(
                 "A build is running. Cancel it, or wait until it ends.", "build-running"
             )
             return False
@@ -232,14 +210,14 @@ class Workbench:
 
     def load(self) -> None:
         """Load the body and the fields of the poses from the last build."""
-        folder = build_folder(self.project.device)
+        self.results = last_build(self.project.device)
         try:
-            self.surface = load_surface(folder)
-            self.built = True
+            self.surface = self.results.surface
+            self.is_built = True
         except OSError:
-            self.built = False  # a body may have been made without a build
+            self.is_built = False  # a body may have been made without a build
         except Exception as error:  # files of other programs, or truncated: readers raise anything
-            self.built = False
+            self.is_built = False
             self._show_damage(error)
         self._load_judge(self.project.device)
         if self.surface is not None:
@@ -261,12 +239,11 @@ class Workbench:
         self.builds.close()
 
     def _load_judge(self, device: Device) -> None:
-        folder = build_folder(device)
         self.judge, self._judge_settings = None, judge_settings(device)
         try:
-            self.judge = LayoutJudge(device, folder)
+            self.judge = LayoutJudge(device, self.results)
         except StorageError as error:
-            if (folder / INDEX).exists():
+            if has_poses(self.results):
                 self._show_damage(error)
         except (DefsenseError, OSError):
             return  # nothing is simulated yet
@@ -284,8 +261,8 @@ class Workbench:
         is_visible = is_first or self.body.visible
         self.body = self.server.scene.add_mesh_simple(
             "/body",
-            surface.vertices.astype(np.float32),
-            surface.faces.astype(np.uint32),
+            surface.vertices,
+            surface.faces,
             color=_BODY_COLOR,
             opacity=0.35,
             side="double",
@@ -305,7 +282,7 @@ class Workbench:
                 where="the build",
                 action="Build again",
             )
-        self.show_error(error)
+        self.status.show_error(error)
 
     def _show_progress(self, share: float, message: str) -> None:
         self._progress_bar.value = 100 * share

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -25,7 +25,8 @@ _MIN_CORRELATION_GAIN = 0.15  # by which the mean correlation is higher in anoth
 _RIDGE = 1e-3
 _MIN_FRAMES = 100
 _MIN_VISIBLE_SHARE = 0.5  # of the frames, for a marker to be used
-_BY_PREDICTION, _BY_SESSIONS = "the prediction", "the other sessions"
+#: What signals are compared with, by its code.
+_REFERENCES = {"prediction": "the prediction", "sessions": "the other sessions"}
 
 
 def check_channels(dataset: Dataset, predicted: Mapping[str, Float] | None = None) -> list[Problem]:
@@ -72,23 +73,20 @@ def longest_run(flags: Bool) -> tuple[int, int]:
     return int(start[k]), int(end[k])
 
 
-def _check_range(dataset: Dataset, r: Recording) -> list[Problem]:
+def _check_range(dataset: Dataset, r: Recording) -> Iterator[Problem]:
     """Find channels that are open, shorted, or at an end of the converter's range."""
-    problems = []
     step = float(np.median(np.diff(r.sample_time))) if len(r.sample_time) > 1 else 0.0
     for k, name in enumerate(dataset.channels):
         R, R0 = r.ohm[:, k], r.rest[k]
         is_bad = ~np.isfinite(R) | (R <= 0)
         if is_bad.all() or not np.isfinite(R0):
-            problems.append(
-                Problem(
-                    "missing-channel",
-                    True,
-                    f"{r.name}: {name} has no resistance",
-                    "Leave the recording out, or record it again",
-                    recordings=(r.name,),
-                    data={"channels": (name,)},
-                )
+            yield Problem(
+                "missing-channel",
+                True,
+                f"{r.name}: {name} has no resistance",
+                "Leave the recording out, or record it again",
+                recordings=(r.name,),
+                data={"channels": (name,)},
             )
             continue
         is_shorted = 2 * (R <= 0).sum() > is_bad.sum()
@@ -103,19 +101,16 @@ def _check_range(dataset: Dataset, r: Recording) -> list[Problem]:
             is_clipped = has_changes and share > _MIN_CLIPPED_SHARE and longest > _MAX_INVALID_S / 2
             if not (is_clipped and _do_others_move(r, k, *longest_run(is_bad))):
                 continue
-        problems.append(
-            Problem(
-                "saturated-channel",
-                share > _FATAL_SHARE,
-                f"{r.name}: {name} is {description} for {share:.0%} of the samples,"
-                f" {longest:.1f} s at once",
-                "Check its wires and reference resistor; these samples hold no information",
-                share,
-                (r.name,),
-                {"channel": name, "state": state, "longest_s": longest},
-            )
+        yield Problem(
+            "saturated-channel",
+            share > _FATAL_SHARE,
+            f"{r.name}: {name} is {description} for {share:.0%} of the samples,"
+            f" {longest:.1f} s at once",
+            "Check its wires and reference resistor; these samples hold no information",
+            share,
+            (r.name,),
+            {"channel": name, "state": state, "longest_s": longest},
         )
-    return problems
 
 
 def _is_at_end(R: Float) -> Bool:
@@ -134,11 +129,10 @@ def _do_others_move(r: Recording, k: int, start: int, end: int) -> bool:
     )
 
 
-def _check_stuck(dataset: Dataset, r: Recording, constant: Sequence[str]) -> list[Problem]:
+def _check_stuck(dataset: Dataset, r: Recording, constant: Sequence[str]) -> Iterator[Problem]:
     """Find channels that do not change while others move, except those that never change."""
     if len(r.sample_time) < 2:
-        return []
-    problems = []
+        return
     step = float(np.median(np.diff(r.sample_time)))
     for k, name in enumerate(dataset.channels):
         if name in constant:
@@ -150,26 +144,22 @@ def _check_stuck(dataset: Dataset, r: Recording, constant: Sequence[str]) -> lis
         duration = step * (end - start)
         if duration > _MAX_STUCK_S and _do_others_move(r, k, start, end):
             is_fatal = (end - start) / len(R) > _FATAL_SHARE
-            problems.append(
-                Problem(
-                    "stuck-channel",
-                    is_fatal,
-                    f"{r.name}: {name} stays the same for {duration:.1f} s, from"
-                    f" {r.sample_time[start]:.1f} s on, while others move",
-                    "Check its wires, and leave the recording out"
-                    if is_fatal
-                    else "Check its wires; leave the recording out if this lasts long",
-                    duration,
-                    (r.name,),
-                    {"channel": name, "start_s": float(r.sample_time[start])},
-                )
+            yield Problem(
+                "stuck-channel",
+                is_fatal,
+                f"{r.name}: {name} stays the same for {duration:.1f} s, from"
+                f" {r.sample_time[start]:.1f} s on, while others move",
+                "Check its wires, and leave the recording out"
+                if is_fatal
+                else "Check its wires; leave the recording out if this lasts long",
+                duration,
+                (r.name,),
+                {"channel": name, "start_s": float(r.sample_time[start])},
             )
-    return problems
 
 
-def _check_rest(dataset: Dataset) -> list[Problem]:
+def _check_rest(dataset: Dataset) -> Iterator[Problem]:
     """Find sessions in which R0 of one channel differs from the unit's other sessions."""
-    problems = []
     for unit, sessions in _sessions_by_unit(dataset).items():
         names = list(sessions)
         if len(names) < 2:
@@ -190,47 +180,43 @@ def _check_rest(dataset: Dataset) -> list[Problem]:
                 deviation = float(relative[c] - usual)
                 if abs(deviation) > max(np.log1p(_MAX_REST_CHANGE), _MAX_REST_DEVIATIONS * spread):
                     ratio = float(np.exp(deviation))
-                    problems.append(
-                        Problem(
-                            "replaced-cord",
-                            False,
-                            f"{name}: R0 of {channel} is {ratio:.2f} times that of the other"
-                            f" sessions of {unit}; its cord or wires may have been replaced",
-                            "Train on the sessions since then, or give later sessions another unit"
-                            " name",
-                            ratio,
-                            tuple(r.name for r in sessions[name]),
-                            {"session": name, "channel": channel},
-                        )
+                    yield Problem(
+                        "replaced-cord",
+                        False,
+                        f"{name}: R0 of {channel} is {ratio:.2f} times that of the other"
+                        f" sessions of {unit}; its cord or wires may have been replaced",
+                        "Train on the sessions since then, or give later sessions another unit"
+                        " name",
+                        ratio,
+                        tuple(r.name for r in sessions[name]),
+                        {"session": name, "channel": channel},
                     )
-    return problems
 
 
-def _check_expected(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
+def _check_expected(dataset: Dataset, predicted: Mapping[str, Float]) -> Iterator[Problem]:
     """Find sessions whose channels are permuted or scaled.
 
     Their signals are compared with predicted ones, or with those that the unit's other sessions
     have at similar marker positions.
     """
-    problems = []
     for sessions in _sessions_by_unit(dataset).values():
         names = list(sessions)
         for k, name in enumerate(names):
             others = [r for n in names if n != name for r in sessions[n]]
-            measured, expected, source = [], [], _BY_PREDICTION
+            measured, expected, source = [], [], "prediction"
             for r in sessions[name]:
                 signals = r.signals_at(r.time)
                 if r.name in predicted:
                     reference: Float | None = predicted[r.name]
                 elif others and (k > 0 or len(names) > 2):
-                    reference, source = _signals_of_others(others, r), _BY_SESSIONS
+                    reference, source = _signals_of_others(others, r), "sessions"
                 else:
                     reference = None
                 if reference is not None:
                     measured.append(signals)
                     expected.append(reference)
             if measured:
-                problems += _compare_signals(
+                yield from _compare_signals(
                     dataset.channels,
                     name,
                     tuple(r.name for r in sessions[name]),
@@ -238,7 +224,6 @@ def _check_expected(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Pr
                     np.concatenate(expected),
                     source,
                 )
-    return problems
 
 
 def _compare_signals(
@@ -271,7 +256,8 @@ def _compare_signals(
             Problem(
                 "permuted-channels",
                 True,
-                f"{session}: by {source}, {pairs}; its channels may be in another order",
+                f"{session}: by {_REFERENCES[source]}, {pairs}; its channels may be in"
+                " another order",
                 "Check how the cords are plugged in, or rename the columns",
                 best - current,
                 recordings,
@@ -281,13 +267,13 @@ def _compare_signals(
     gain = np.array([np.polyfit(e[:, k], m[:, k], 1)[0] for k in range(c)])
     is_certain = np.diag(correlation) > _MIN_CORRELATION
     # Predictions use the response of some cord, measurements have that of this device's cords.
-    ratio = gain / (float(np.median(gain)) if source == _BY_PREDICTION else 1.0)
+    ratio = gain / (float(np.median(gain)) if source == "prediction" else 1.0)
     return [
         Problem(
             "changed-gain",
             False,
             f"{session}: {channels[k]} changes {ratio[k]:.2f} times as much as expected by"
-            f" {source}; its cord may have been replaced",
+            f" {_REFERENCES[source]}; its cord may have been replaced",
             "Train on the sessions since then, or give later sessions another unit name",
             float(ratio[k]),
             recordings,

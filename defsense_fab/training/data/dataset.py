@@ -136,7 +136,7 @@ class Dataset:
         if len(set(self.channels)) < c:
             raise TrainingError(
                 f"names of channels repeat in {', '.join(self.channels)}",
-                code="duplicate-names",
+                code="name-repeated",
                 where=self.device,
             )
         if self.rest_points.shape != (m, 3):

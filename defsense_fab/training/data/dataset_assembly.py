@@ -11,9 +11,7 @@ from ...core.arrays import Bool, Int
 from ...core.errors import TrainingError
 from .dataset import Dataset, Recording
 
-#: Largest distance between the rest positions of one marker in two sessions.
-MAX_REST_DISTANCE_MM = 0.5
-
+_MAX_MARKER_SHIFT_MM = 0.5  # between the rest positions of one marker in two sessions
 _UNCERTAIN_RATIO = 5.0  # times the median standard deviation, beyond which a position is uncertain
 _UNCERTAIN_MM = 1.0  # smaller standard deviations are never uncertain
 
@@ -51,7 +49,7 @@ def join_datasets(parts: Sequence[Dataset]) -> Dataset:
         index = _marker_indices(ids, part.ids)
         is_known = np.isfinite(rest_points[index, 0])
         distance = np.linalg.norm(rest_points[index] - part.rest_points, axis=1)
-        if (distance[is_known] > MAX_REST_DISTANCE_MM).any():
+        if (distance[is_known] > _MAX_MARKER_SHIFT_MM).any():
             k = int(np.argmax(np.where(is_known, distance, 0.0)))
             raise TrainingError(
                 f"the rest position of marker {part.ids[k]} is {distance[k]:.1f} mm from that in"
@@ -91,57 +89,6 @@ def select_channels(dataset: Dataset, channels: Sequence[str]) -> Dataset:
     """
     recordings = tuple(_rearrange(dataset, tuple(channels), dataset.ids))
     return replace(dataset, channels=tuple(channels), recordings=recordings)
-
-
-def exclude(
-    dataset: Dataset, channels: Sequence[str] = (), recordings: Sequence[str] = ()
-) -> Dataset:
-    """Leave out some channels and recordings.
-
-    Args:
-        dataset: The dataset.
-        channels: Names of the channels to leave out.
-        recordings: Names of the recordings to leave out.
-
-    Returns:
-        The dataset without them.
-
-    Raises:
-        TrainingError: If a name is unknown, or if no channel or recording is left.
-    """
-    for noun, names, known, unknown, empty in (
-        ("channel", channels, dataset.channels, "unknown-channel", "no-channels-left"),
-        (
-            "recording",
-            recordings,
-            tuple(r.name for r in dataset.recordings),
-            "unknown-recording",
-            "no-recordings-left",
-        ),
-    ):
-        others = [name for name in names if name not in known]
-        if others:
-            raise TrainingError(
-                f"there is no {noun} {others[0]}",
-                code=unknown,
-                action=f"Choose from {', '.join(known)}",
-                name=others[0],
-                known=known,
-            )
-        if len(set(names)) == len(known):
-            raise TrainingError(
-                f"no {noun} is left", code=empty, action=f"Keep at least one {noun}"
-            )
-    kept = [k for k, name in enumerate(dataset.channels) if name not in channels]
-    return replace(
-        dataset,
-        channels=tuple(dataset.channels[k] for k in kept),
-        recordings=tuple(
-            replace(r, ohm=r.ohm[:, kept], rest=r.rest[kept])
-            for r in dataset.recordings
-            if r.name not in recordings
-        ),
-    )
 
 
 def exclude_markers(dataset: Dataset, ids: Sequence[int]) -> Dataset:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -29,16 +29,12 @@ _ALIGNMENT_CODES = _UNINFORMATIVE, _OUT_OF_STEP = "signals-tell-nothing", "out-o
 
 
 def check_dataset(
-    dataset: Dataset,
-    *,
-    channels: Sequence[str] | None = None,
-    predicted: Mapping[str, Float] | None = None,
+    dataset: Dataset, predicted: Mapping[str, Float] | None = None
 ) -> tuple[Problem, ...]:
     """Find all problems of a dataset.
 
     Args:
         dataset: The dataset.
-        channels: Names of the channels that the device has; None to skip this check.
         predicted: Predicted signals (R - R0)/R0 at the frames of recordings, shape (t, c), by the
             recordings' names, where known.
 
@@ -48,7 +44,6 @@ def check_dataset(
     problems = [
         *_check_devices(dataset),
         *_check_copies(dataset),
-        *_check_names(dataset, channels),
         *_check_numbers(dataset),
         *check_units(dataset),
         *_check_overlap(dataset),
@@ -67,7 +62,6 @@ def check_dataset(
 
 def require_trainable(
     dataset: Dataset,
-    channels: Sequence[str] | None = None,
     predicted: Mapping[str, Float] | None = None,
     is_synchronized: bool = False,
 ) -> tuple[Problem, ...]:
@@ -75,7 +69,6 @@ def require_trainable(
 
     Args:
         dataset: The dataset.
-        channels: As in `check_dataset`.
         predicted: As in `check_dataset`.
         is_synchronized: Whether signals and markers are known to be in step, as those of a twin
             are. If so, uninformative and seemingly shifted signals do not forbid training.
@@ -86,41 +79,37 @@ def require_trainable(
     Raises:
         TrainingError: If a problem forbids training; it has the code of the first one.
     """
-    problems = check_dataset(dataset, channels=channels, predicted=predicted)
+    problems = check_dataset(dataset, predicted)
     raise_fatal(p for p in problems if not (is_synchronized and p.code in _ALIGNMENT_CODES))
     return problems
 
 
-def usable_frames(r: Recording) -> Bool:
+def _usable_frames(r: Recording) -> Bool:
     """Return which frames (t,) have a visible marker and a signal of every channel."""
     signals = r.signals_at(r.time)
     return np.asarray(np.isfinite(signals).all(axis=1) & r.visible.any(axis=1))
 
 
-def _check_devices(dataset: Dataset) -> list[Problem]:
+def _check_devices(dataset: Dataset) -> Iterator[Problem]:
     """Find sessions of different devices or layouts."""
-    problems = []
     for key, noun, code in (
         ("device", "devices", "different-devices"),
         ("layout", "layouts of cords", "different-layouts-of-cords"),
     ):
-        found = {
+        folders = {
             str(s[key]): str(s.get("folder", "?"))
             for s in dataset.provenance.get("sessions", ())
             if s.get(key)
         }
-        if len(found) > 1:
-            values = ", ".join(f"{value} ({folder})" for value, folder in found.items())
-            problems.append(
-                Problem(
-                    code,
-                    True,
-                    f"the sessions have different {noun}: {values}",
-                    "Train a model for each",
-                    data={"found": found},
-                )
+        if len(folders) > 1:
+            values = ", ".join(f"{value} ({folder})" for value, folder in folders.items())
+            yield Problem(
+                code,
+                True,
+                f"the sessions have different {noun}: {values}",
+                "Train a model for each",
+                data={"folders": folders},
             )
-    return problems
 
 
 def _check_copies(dataset: Dataset) -> list[Problem]:
@@ -143,80 +132,53 @@ def _are_equal(a: Float, b: Float) -> bool:
     return a.shape == b.shape and np.allclose(a, b, rtol=0, atol=1e-5, equal_nan=True)
 
 
-def _check_names(dataset: Dataset, channels: Sequence[str] | None) -> list[Problem]:
-    """Find channels of the device that the dataset does not have."""
-    missing = [c for c in channels or () if c not in dataset.channels]
-    if not missing:
-        return []
-    return [
-        Problem(
-            "missing-channel",
-            True,
-            f"{', '.join(missing)} of {dataset.device} is not among the channels"
-            f" {', '.join(dataset.channels)}",
-            "Name the columns as the cords are named",
-            data={"channels": tuple(missing)},
-        )
-    ]
-
-
-def _check_numbers(dataset: Dataset) -> list[Problem]:
+def _check_numbers(dataset: Dataset) -> Iterator[Problem]:
     """Find markers without a rest position, and positions that are partly not a number."""
-    problems = []
     unknown = dataset.ids[~np.isfinite(dataset.rest_points).all(axis=1)]
     if len(unknown):
-        problems.append(
-            Problem(
-                "no-number",
-                True,
-                f"markers {', '.join(map(str, unknown.tolist()))} have no rest position",
-                "Give their markers.json, or leave them out",
-                data={"markers": tuple(unknown.tolist())},
-            )
+        yield Problem(
+            "no-number",
+            True,
+            f"markers {', '.join(map(str, unknown.tolist()))} have no rest position",
+            "Give their markers.json, or leave them out",
+            data={"markers": tuple(unknown.tolist())},
         )
     for r in dataset.recordings:
         is_partial = np.isfinite(r.points).any(axis=2) != np.isfinite(r.points).all(axis=2)
         is_invalid = is_partial | np.isinf(r.points).any(axis=2)
         if is_invalid.any():
             frame, k = (int(i) for i in np.argwhere(is_invalid)[0])
-            problems.append(
-                Problem(
-                    "no-number",
-                    True,
-                    f"{r.name}: the position of marker {dataset.ids[k]} at {r.time[frame]:.2f} s is"
-                    " not three finite numbers",
-                    "Write three numbers, or none",
-                    recordings=(r.name,),
-                    data={"markers": (int(dataset.ids[k]),), "time_s": float(r.time[frame])},
-                )
+            yield Problem(
+                "no-number",
+                True,
+                f"{r.name}: the position of marker {dataset.ids[k]} at {r.time[frame]:.2f} s is"
+                " not three finite numbers",
+                "Write three numbers, or none",
+                recordings=(r.name,),
+                data={"markers": (int(dataset.ids[k]),), "time_s": float(r.time[frame])},
             )
-    return problems
 
 
-def _check_overlap(dataset: Dataset) -> list[Problem]:
+def _check_overlap(dataset: Dataset) -> Iterator[Problem]:
     """Find recordings whose samples and frames have no time in common."""
-    problems = []
     for r in dataset.recordings:
         if not (len(r.time) and len(r.sample_time)):
             continue
         (a, b), (c, d) = r.sample_time[[0, -1]], r.time[[0, -1]]
         if b < c or a > d:
-            problems.append(
-                Problem(
-                    "out-of-step",
-                    True,
-                    f"{r.name}: samples ({a:.1f} to {b:.1f} s) and frames ({c:.1f} to {d:.1f} s)"
-                    " have no time in common",
-                    "Process the session again, or give the shift between the clocks",
-                    recordings=(r.name,),
-                )
+            yield Problem(
+                "out-of-step",
+                True,
+                f"{r.name}: samples ({a:.1f} to {b:.1f} s) and frames ({c:.1f} to {d:.1f} s)"
+                " have no time in common",
+                "Process the session again, or give the shift between the clocks",
+                recordings=(r.name,),
             )
-    return problems
 
 
 def _check_amount(dataset: Dataset) -> list[Problem]:
     """Check the number and duration of usable frames."""
-    counts = {r.name: int(usable_frames(r).sum()) for r in dataset.recordings}
+    counts = {r.name: int(_usable_frames(r).sum()) for r in dataset.recordings}
     total, c = sum(counts.values()), len(dataset.channels)
     needed = max(_MIN_FRAMES, _FRAMES_PER_WEIGHT * (1 + c))
     duration = sum(
@@ -249,52 +211,44 @@ def _check_amount(dataset: Dataset) -> list[Problem]:
     return []
 
 
-def _check_gaps(dataset: Dataset) -> list[Problem]:
+def _check_gaps(dataset: Dataset) -> Iterator[Problem]:
     """Find frames outside of the samples, frames without markers, and markers never visible."""
-    problems = []
     for r in dataset.recordings:
         is_outside = (r.time < r.sample_time[0]) | (r.time > r.sample_time[-1])
         if is_outside.mean() > _MAX_SHARE_WITHOUT_SAMPLES:
-            problems.append(
-                Problem(
-                    "frames-without-samples",
-                    False,
-                    f"{r.name}: {is_outside.mean():.0%} of the frames are before or after all"
-                    f" samples (samples {r.sample_time[0]:.1f} to {r.sample_time[-1]:.1f} s, frames"
-                    f" {r.time[0]:.1f} to {r.time[-1]:.1f} s)",
-                    "Check whether the file of the signals is truncated",
-                    float(is_outside.mean()),
-                    (r.name,),
-                )
+            yield Problem(
+                "frames-without-samples",
+                False,
+                f"{r.name}: {is_outside.mean():.0%} of the frames are before or after all"
+                f" samples (samples {r.sample_time[0]:.1f} to {r.sample_time[-1]:.1f} s, frames"
+                f" {r.time[0]:.1f} to {r.time[-1]:.1f} s)",
+                "Check whether the file of the signals is truncated",
+                float(is_outside.mean()),
+                (r.name,),
             )
         share = float((~r.visible.any(axis=1)).mean()) if len(r.time) else 1.0
         if share > _MAX_SHARE_WITHOUT_MARKERS:
-            problems.append(
-                Problem(
-                    "frames-without-markers",
-                    share == 1,
-                    f"{r.name}: {share:.0%} of the frames show no marker",
-                    "Move the cameras, or the hands that cover the markers, and record again"
-                    if share < 1
-                    else "Leave the recording out",
-                    share,
-                    (r.name,),
-                )
+            yield Problem(
+                "frames-without-markers",
+                share == 1,
+                f"{r.name}: {share:.0%} of the frames show no marker",
+                "Move the cameras, or the hands that cover the markers, and record again"
+                if share < 1
+                else "Leave the recording out",
+                share,
+                (r.name,),
             )
     never = dataset.ids[~np.any([r.visible.any(axis=0) for r in dataset.recordings], axis=0)]
     if len(never):
-        problems.append(
-            Problem(
-                "markers-never-seen",
-                False,
-                f"markers {', '.join(map(str, never.tolist()))} were never visible and cannot be"
-                " decoded",
-                "Turn the device so that the cameras see them",
-                len(never),
-                data={"markers": tuple(never.tolist())},
-            )
+        yield Problem(
+            "markers-never-seen",
+            False,
+            f"markers {', '.join(map(str, never.tolist()))} were never visible and cannot be"
+            " decoded",
+            "Turn the device so that the cameras see them",
+            len(never),
+            data={"markers": tuple(never.tolist())},
         )
-    return problems
 
 
 def _check_rest_pose(dataset: Dataset) -> list[Problem]:
@@ -361,9 +315,8 @@ def _is_layout_uninformative(r: Recording, predicted: Float | None) -> bool:
     return False
 
 
-def _check_alignment(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
+def _check_alignment(dataset: Dataset, predicted: Mapping[str, Float]) -> Iterator[Problem]:
     """Find recordings whose signals are not in step with the markers."""
-    problems = []
     for r in dataset.recordings:
         shift = find_time_shift(r)
         if shift is None:
@@ -374,40 +327,33 @@ def _check_alignment(dataset: Dataset, predicted: Mapping[str, Float]) -> list[P
                 " movement"
             )
             if _is_layout_uninformative(r, predicted.get(r.name)):
-                problems.append(
-                    Problem(
-                        "cords-tell-little",
-                        False,
-                        f"{message}, as the simulation predicts for this layout",
-                        "Improve the layout of the cords; a build reports its expected error",
-                        shift.explained,
-                        (r.name,),
-                    )
-                )
-                continue
-            problems.append(
-                Problem(
-                    _UNINFORMATIVE,
-                    shift.explained < _FATAL_EXPLAINED,
-                    f"{message}, at any shift of up to {MAX_SHIFT_S:.0f} s",
-                    "Check whether the clocks are further apart, and whether signals and markers"
-                    " are of one device and time",
+                yield Problem(
+                    "cords-tell-little",
+                    False,
+                    f"{message}, as the simulation predicts for this layout",
+                    "Improve the layout of the cords; a build reports its expected error",
                     shift.explained,
                     (r.name,),
                 )
+                continue
+            yield Problem(
+                _UNINFORMATIVE,
+                shift.explained < _FATAL_EXPLAINED,
+                f"{message}, at any shift of up to {MAX_SHIFT_S:.0f} s",
+                "Check whether the clocks are further apart, and whether signals and markers"
+                " are of one device and time",
+                shift.explained,
+                (r.name,),
             )
         if shift.is_significant:
-            problems.append(
-                Problem(
-                    _OUT_OF_STEP,
-                    abs(shift.seconds) > _FATAL_SHIFT_S,
-                    f"{r.name}: signals are {abs(shift.seconds):.2f} s"
-                    f" {'late' if shift.seconds < 0 else 'early'}: they explain"
-                    f" {shift.explained:.0%} of the markers' movement when shifted by"
-                    f" {shift.seconds:+.2f} s, and {shift.explained_before:.0%} as they are",
-                    f"Shift the signals automatically, or by {shift.seconds:.2f} s",
-                    shift.seconds,
-                    (r.name,),
-                )
+            yield Problem(
+                _OUT_OF_STEP,
+                abs(shift.seconds) > _FATAL_SHIFT_S,
+                f"{r.name}: signals are {abs(shift.seconds):.2f} s"
+                f" {'late' if shift.seconds < 0 else 'early'}: they explain"
+                f" {shift.explained:.0%} of the markers' movement when shifted by"
+                f" {shift.seconds:+.2f} s, and {shift.explained_before:.0%} as they are",
+                f"Shift the signals automatically, or by {shift.seconds:.2f} s",
+                shift.seconds,
+                (r.name,),
             )
-    return problems

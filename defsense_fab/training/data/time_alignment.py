@@ -65,12 +65,11 @@ class TimeShift:
         return self.is_informative and abs(self.seconds) > _MIN_SHIFT_S and is_better
 
 
-def find_time_shift(r: Recording, max_shift_s: float = MAX_SHIFT_S) -> TimeShift | None:
+def find_time_shift(r: Recording) -> TimeShift | None:
     """Find the time shift between the signals and the markers of a recording.
 
     Args:
         r: The recording.
-        max_shift_s: Largest shift to try in either direction, s.
 
     Returns:
         The best shift; None if nothing moves or too few frames are complete.
@@ -79,7 +78,7 @@ def find_time_shift(r: Recording, max_shift_s: float = MAX_SHIFT_S) -> TimeShift
     if main is None:
         return None
     time, movements = main
-    count = round(max_shift_s / _SHIFT_STEP_S)
+    count = round(MAX_SHIFT_S / _SHIFT_STEP_S)
     shifts = _SHIFT_STEP_S * np.arange(-count, count + 1)
     # The same frames at all shifts: those that have signals at each.
     signals = np.stack([r.signals_at(time - shift) for shift in shifts])
@@ -99,63 +98,26 @@ def find_time_shift(r: Recording, max_shift_s: float = MAX_SHIFT_S) -> TimeShift
     return TimeShift(seconds, float(scores[k]), float(scores[zero]), fold_share)
 
 
-def shift_samples(
-    dataset: Dataset, seconds: float | Mapping[str, float] | Literal["auto"]
-) -> Dataset:
-    """Add seconds to the times of the samples.
-
-    Args:
-        dataset: The dataset.
-        seconds: One shift for all recordings, shifts by the recordings' names, or "auto" to find
-            the shifts of the recordings that are out of step.
-
-    Returns:
-        The shifted dataset; its provenance has the `shifts` that are not 0.
-
-    Raises:
-        TrainingError: If a shift is not a finite number.
-    """
-    if seconds == "auto":
-        found = {r.name: find_time_shift(r) for r in dataset.recordings}
-        shifts = {
-            name: s.seconds for name, s in found.items() if s is not None and s.is_significant
-        }
-    elif isinstance(seconds, int | float):
-        shifts = {r.name: float(seconds) for r in dataset.recordings}
-    else:
-        assert isinstance(seconds, Mapping)
-        shifts = dict(seconds)
-    if not all(np.isfinite(s) for s in shifts.values()):
-        raise TrainingError(
-            f"{seconds} s is not a valid shift",
-            code="not-a-number",
-            where="shift",
-            action="Give a finite number of seconds, or auto",
-        )
-    recordings = tuple(
-        replace(r, sample_time=r.sample_time + shifts.get(r.name, 0.0)) for r in dataset.recordings
-    )
-    provenance = dict(dataset.provenance) | {"shifts": {k: v for k, v in shifts.items() if v}}
-    return replace(dataset, recordings=recordings, provenance=provenance)
-
-
 def align_samples(dataset: Dataset, shift: float | Literal["auto"]) -> tuple[Dataset, list[str]]:
     """Shift the samples so that they are in step with the markers.
 
     Args:
         dataset: The dataset.
-        shift: Seconds to add to the times of the samples, or "auto" to find them.
+        shift: Seconds to add to the times of the samples, or "auto" to find them for the
+            recordings that are out of step.
 
     Returns:
-        The dataset, and notes on the shifts that were found.
+        The dataset, whose provenance has the `shifts` that are not 0, and notes on the shifts that
+        were found.
 
     Raises:
         TrainingError: If a recording is out of step by more than the largest shift that is tried.
     """
     if shift != "auto":
-        return (shift_samples(dataset, shift) if shift else dataset), []
-    dataset = shift_samples(dataset, "auto")
-    shifts = dataset.provenance["shifts"]
+        shifts = {r.name: float(shift) for r in dataset.recordings} if shift else {}
+        return _shift(dataset, shifts), []
+    found = {r.name: find_time_shift(r) for r in dataset.recordings}
+    shifts = {name: s.seconds for name, s in found.items() if s is not None and s.is_significant}
     too_large = [name for name, s in shifts.items() if abs(s) > 0.95 * MAX_SHIFT_S]
     if too_large:
         raise TrainingError(
@@ -165,7 +127,19 @@ def align_samples(dataset: Dataset, shift: float | Literal["auto"]) -> tuple[Dat
             action="Give the shift between the clocks as a number",
             recording=too_large[0],
         )
-    return dataset, [f"{name}: signals were shifted by {s:+.2f} s" for name, s in shifts.items()]
+    notes = [f"{name}: signals were shifted by {s:+.2f} s" for name, s in shifts.items()]
+    return _shift(dataset, shifts), notes
+
+
+def _shift(dataset: Dataset, shifts: Mapping[str, float]) -> Dataset:
+    """Add shifts in s to the times of the samples of recordings, by their names."""
+    if not shifts:
+        return dataset
+    recordings = tuple(
+        replace(r, sample_time=r.sample_time + shifts.get(r.name, 0.0)) for r in dataset.recordings
+    )
+    provenance = {**dataset.provenance, "shifts": dict(shifts)}
+    return replace(dataset, recordings=recordings, provenance=provenance)
 
 
 def _main_movements(r: Recording) -> tuple[Float, Float] | None:

@@ -5,6 +5,7 @@ Only values that no device and no camera can have are fatal.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -109,8 +110,7 @@ def _check_positions(dataset: Dataset) -> list[Problem]:
     return [Problem("wrong-unit", True, message, "Give positions in mm", spread, data=data)]
 
 
-def _check_times(dataset: Dataset) -> list[Problem]:
-    problems = []
+def _check_times(dataset: Dataset) -> Iterator[Problem]:
     for r in dataset.recordings:
         if len(r.time) < 2:
             continue
@@ -127,26 +127,20 @@ def _check_times(dataset: Dataset) -> list[Problem]:
             continue
         is_fatal = step < _MIN_FRAME_STEP_S or duration > _MAX_SLOW_DURATION_S
         data = {"quantity": "times", "unit": unit}
-        problems.append(
-            Problem("wrong-unit", is_fatal, message, "Give times in s", step, (r.name,), data)
-        )
-    return problems
+        yield Problem("wrong-unit", is_fatal, message, "Give times in s", step, (r.name,), data)
 
 
-def _check_resistances(dataset: Dataset) -> list[Problem]:
-    problems = [
-        replace(p, message=f"{r.name}: {p.message}", recordings=(r.name,))
-        for r in dataset.recordings
-        for p in check_resistance_unit(r.ohm, r.rest)
-    ]
+def _check_resistances(dataset: Dataset) -> Iterator[Problem]:
+    for r in dataset.recordings:
+        for p in check_resistance_unit(r.ohm, r.rest):
+            yield replace(p, message=f"{r.name}: {p.message}", recordings=(r.name,))
     largest = _largest_rest(dataset)
     if 0 < largest < _MIN_REST_OHM:
         message = (
             f"R0 is at most {largest:.3g} ohm, which is little for rubber cord; resistances may be"
             " in kiloohm"
         )
-        problems.append(Problem("wrong-unit", False, message, _GIVE_OHM, largest, data=_KILOOHM))
-    return problems
+        yield Problem("wrong-unit", False, message, _GIVE_OHM, largest, data=_KILOOHM)
 
 
 def _largest_rest(dataset: Dataset) -> float:

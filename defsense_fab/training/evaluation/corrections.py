@@ -78,11 +78,11 @@ def residual_of(frames: DecodedFrames) -> Residual:
     has_enough = is_inside.mean() >= _MIN_INSIDE_SHARE
     fitting = frames.weights * is_inside[:, None] if has_enough else frames.weights
     return Residual(
-        np.nan_to_num(frames.error), frames.weights, fitting, assign_block_folds(frames)
+        np.nan_to_num(frames.error), frames.weights, fitting, _assign_block_folds(frames)
     )
 
 
-def assign_block_folds(frames: DecodedFrames) -> Int:
+def _assign_block_folds(frames: DecodedFrames) -> Int:
     """Return the fold (t,) of each frame, from 0 to 4, in turn in blocks of frames."""
     count = len(frames.time)
     independent = block_length(autocorrelation_time(frames.frame_error, frames.run))
@@ -90,7 +90,7 @@ def assign_block_folds(frames: DecodedFrames) -> Int:
     return np.asarray(np.arange(count) // length % _FOLDS)
 
 
-def fit_parameters(residual: Residual, slopes: Float) -> tuple[Float, Float]:
+def _fit_parameters(residual: Residual, slopes: Float) -> tuple[Float, Float]:
     """Fit parameters that all markers share.
 
     Args:
@@ -129,46 +129,19 @@ def fit_features(residual: Residual, features: Float, ridge: float) -> Float:
     Returns:
         The correction of each fold by the fit to the others, shape (t, m, 3), mm.
     """
-    return fit_features_to(residual, residual, features, features, ridge, is_same=True)
-
-
-def fit_features_to(
-    residual: Residual,
-    training: Residual,
-    features: Float,
-    training_features: Float,
-    ridge: float,
-    is_same: bool = False,
-) -> Float:
-    """Fit a linear function of features for each marker to other errors.
-
-    Args:
-        residual: The errors to explain.
-        training: The errors to fit.
-        features: Features of the frames of `residual`, shape (t, f).
-        training_features: Features of the frames of `training`, shape (n, f).
-        ridge: Ridge, for features scaled to a standard deviation of 1.
-        is_same: Whether both are the same frames; then each fold is left out in turn.
-
-    Returns:
-        The correction, shape (t, m, 3), mm.
-    """
-    center, spread = training_features.mean(0), training_features.std(0)
+    center, spread = features.mean(0), features.std(0)
     spread[spread <= 1e-12 * (1 + np.abs(center))] = np.inf
-    x, z = (features - center) / spread, (training_features - center) / spread
+    x = (features - center) / spread
+    folds: list[Bool] = [np.asarray(residual.fold == k) for k in range(_FOLDS)]
     correction = np.zeros_like(residual.error)
-    parts: list[Bool] = [np.ones(len(z), bool)]
-    if is_same:
-        parts = [np.asarray(training.fold == k) for k in range(_FOLDS)]
     for m in range(correction.shape[1]):
-        w = training.fitting[:, m]
-        weighted = z * w[:, None]
-        normal = np.array([weighted[p].T @ z[p] for p in parts])
-        right = np.array([weighted[p].T @ training.error[p, m] for p in parts])
-        weight = np.array([w[p].sum() for p in parts])
-        for k in range(len(parts)):
-            test = parts[k] if is_same else np.ones(len(x), bool)
-            N, r, W = (v.sum(0) - v[k] if is_same else v[0] for v in (normal, right, weight))
+        w = residual.fitting[:, m]
+        weighted = x * w[:, None]
+        normal = np.array([weighted[f].T @ x[f] for f in folds])
+        right = np.array([weighted[f].T @ residual.error[f, m] for f in folds])
+        weight = np.array([w[f].sum() for f in folds])
+        for k, test in enumerate(folds):
+            N, r, W = (v.sum(0) - v[k] for v in (normal, right, weight))
             if W > 0:
                 beta = np.linalg.solve(N + ridge * W * np.eye(x.shape[1]), r)
                 correction[test, m] = x[test] @ beta
@@ -235,7 +208,7 @@ class ChannelCorrection:
         for _ in range(_NEWTON_ROUNDS):
             points = self._decode(self._parameters)
             start = self._residual_at(points)
-            change, step = fit_parameters(start, self._slopes(points))
+            change, step = _fit_parameters(start, self._slopes(points))
             correction = change - (points - self.frames.predicted)
             self._parameters = self._parameters - step
         return np.asarray(correction)
@@ -249,7 +222,7 @@ class ChannelCorrection:
         assert self._initial is not None
         points = self._decode(self._parameters)
         slopes = np.concatenate([self._slopes(points), self._drift_slopes(points)], axis=-1)
-        change, step = fit_parameters(self._residual_at(points), slopes)
+        change, step = _fit_parameters(self._residual_at(points), slopes)
         gains, self._drift = np.split(-step, [len(self._parameters)])
         self._parameters = self._parameters + gains
         both = change - (points - self.frames.predicted)

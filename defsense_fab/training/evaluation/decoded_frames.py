@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,7 +18,20 @@ ALL_FRAMES, BEFORE_FIRST_POSE = "all", "before the first pose"
 
 _BATCH_FRAMES = 1000  # features of more frames at once would take much memory
 # Rest positions from pairs of files are estimated from their tracks, and so inexact.
-_MAX_REST_DISTANCE_MM = 5.0
+_MAX_REST_MISMATCH_MM = 5.0
+
+
+@dataclass(frozen=True)
+class OmittedFrames:
+    """Numbers of frames that cannot be tested.
+
+    Attributes:
+        without_samples: Frames without samples of all channels.
+        without_markers: Frames without a visible marker.
+    """
+
+    without_samples: int
+    without_markers: int
 
 
 @dataclass(frozen=True)
@@ -36,8 +50,7 @@ class DecodedFrames:
         sigma: Standard deviations of the measured positions, shape (t, m, 3), mm.
         radius: Radius of the intervals, shape (t, m), mm.
         distance: Distance of the inputs from the trained range, shape (t,).
-        without_samples: Number of frames left out for missing samples.
-        without_markers: Number of frames left out for missing markers.
+        omitted: Frames that were left out.
     """
 
     runs: tuple[str, ...]
@@ -51,8 +64,7 @@ class DecodedFrames:
     sigma: Float
     radius: Float
     distance: Float
-    without_samples: int
-    without_markers: int
+    omitted: OmittedFrames
 
     @cached_property
     def error(self) -> Float:
@@ -121,7 +133,7 @@ def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float) -> D
     if not 0 < last_share <= 1:
         raise TrainingError(
             f"must be above 0 and at most 1, not {last_share:g}",
-            code="share-out-of-range",
+            code="out-of-range",
             where="last_share",
             share=last_share,
         )
@@ -159,9 +171,28 @@ def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float) -> D
         sigma=np.concatenate([r.sigma for r in runs])[index],
         radius=np.concatenate([d.radius for d in outputs])[index],
         distance=np.concatenate([d.distance for d in outputs])[index],
-        without_samples=int((has_markers & ~has_samples)[first:].sum()),
-        without_markers=int((~has_markers)[first:].sum()),
+        omitted=OmittedFrames(
+            without_samples=int((has_markers & ~has_samples)[first:].sum()),
+            without_markers=int((~has_markers)[first:].sum()),
+        ),
     )
+
+
+def select_common(decoded: Sequence[DecodedFrames]) -> list[DecodedFrames]:
+    """Select the frames that several decodings of one dataset have in common.
+
+    Args:
+        decoded: The decoded frames, at least one.
+
+    Returns:
+        Each decoding with only the frames, by run and time, that are in all of them.
+    """
+    keys = [list(zip(f.run.tolist(), f.time.tolist(), strict=True)) for f in decoded]
+    common = set(keys[0]).intersection(*keys[1:])
+    return [
+        f.select(np.array([key in common for key in frame_keys], bool))
+        for f, frame_keys in zip(decoded, keys, strict=True)
+    ]
 
 
 def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
@@ -178,22 +209,7 @@ def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
         TrainingError: If the dataset is of another device or layout, lacks a channel or marker, or
             has a marker at another rest position.
     """
-    if model.layout and dataset.layout and model.layout != dataset.layout:
-        raise TrainingError(
-            f"was recorded with the layout {dataset.layout}, but the model was trained on"
-            f" {model.layout}",
-            code="layouts-differ",
-            where=dataset.device,
-            action="Test the model on a device with the same layout of cords",
-            layouts=(model.layout, dataset.layout),
-        )
-    if model.device != dataset.device:
-        raise TrainingError(
-            f"the recordings are of {dataset.device}, but the model is of {model.device}",
-            code="devices-differ",
-            action="Test the model on its own device",
-            devices=(model.device, dataset.device),
-        )
+    _require_same_device(model, dataset)
     missing = [c for c in model.channels if c not in dataset.channels]
     missing += [f"marker {i}" for i in model.ids if i not in dataset.ids]
     if missing:
@@ -207,7 +223,7 @@ def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
     c = [dataset.channels.index(name) for name in model.channels]
     m = np.array([int(np.flatnonzero(dataset.ids == i)[0]) for i in model.ids], int)
     distance = np.linalg.norm(dataset.rest_points[m] - model.rest_points, axis=1)
-    if distance.max() > _MAX_REST_DISTANCE_MM:
+    if distance.max() > _MAX_REST_MISMATCH_MM:
         k = int(distance.argmax())
         raise TrainingError(
             f"the rest position of marker {model.ids[k]} is {distance[k]:.1f} mm from the model's",
@@ -228,6 +244,25 @@ def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
         rest_points=dataset.rest_points[m],
         recordings=recordings,
     )
+
+
+def _require_same_device(model: TrainedModel, dataset: Dataset) -> None:
+    if model.layout and dataset.layout and model.layout != dataset.layout:
+        raise TrainingError(
+            f"was recorded with the layout {dataset.layout}, but the model was trained on"
+            f" {model.layout}",
+            code="layouts-differ",
+            where=dataset.device,
+            action="Test the model on a device with the same layout of cords",
+            layouts=(model.layout, dataset.layout),
+        )
+    if model.device != dataset.device:
+        raise TrainingError(
+            f"the recordings are of {dataset.device}, but the model is of {model.device}",
+            code="devices-differ",
+            action="Test the model on its own device",
+            devices=(model.device, dataset.device),
+        )
 
 
 def decode_signals(model: TrainedModel, time: Float, signals: Float, at: Float) -> Decoded:

@@ -11,8 +11,7 @@ Five are what a correction would gain on frames that it was not fitted to, one a
 - clocks: one delay for each run, at most twice the standard error of the clock synchronization;
 - placement and gain: an offset and a gain for each channel, the same in all runs;
 - drift: in addition, an offset for each channel and run that changes linearly in time;
-- decoder: products and radial basis functions of the decoder's inputs, within the trained range,
-  fitted to the decoder's errors on its own training data where those are given;
+- decoder: products and radial basis functions of the decoder's inputs, within the trained range;
 - hysteresis: memories of the signals (`decoding/signal_history.py`), fitted to what remains.
 
 Of the remaining error,
@@ -25,14 +24,13 @@ and the rest is unexplained. It can be negative if a noise was stated larger tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.errors import TrainingError
 from ...decoding.input_decoder import InputFeatures
 from ...decoding.signal_history import Past, interpolate_at
 from ...decoding.trained_model import TrainedModel
@@ -43,7 +41,6 @@ from .corrections import (
     Residual,
     decode_changed,
     fit_features,
-    fit_features_to,
     residual_of,
 )
 from .decoded_frames import DecodedFrames, decode_frames, match_to_model
@@ -76,20 +73,19 @@ class ErrorBudget:
     total: float
     shares: dict[str, float]
 
+    @staticmethod
+    def complete(total: float, shares: dict[str, float]) -> ErrorBudget:
+        """Add the unexplained share, so that the shares add up to the total."""
+        return ErrorBudget(total, {**shares, UNEXPLAINED: total - sum(shares.values())})
 
-def error_budget(
-    model: TrainedModel,
-    dataset: Dataset,
-    last_share: float = 1.0,
-    training: Dataset | None = None,
-) -> ErrorBudget:
+
+def error_budget(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> ErrorBudget:
     """Split the error of a model on the last frames of a dataset.
 
     Args:
         model: The model.
         dataset: The dataset to test on.
         last_share: Share of the frames to test on, at the end of all runs.
-        training: The dataset that the model was trained on, if available.
 
     Returns:
         The shares by cause.
@@ -108,76 +104,15 @@ def error_budget(
     placed, drifted, frames = _correct_channels(model, data, frames, synchronized)
     shares[PLACEMENT] = synchronized.square - placed.square
     shares[DRIFT] = placed.square - drifted.square
-    enriched = _correct_decoder(model, data, frames, drifted, training)
+    enriched = correct_decoder(model, data, frames, drifted)
     shares[DECODER] = drifted.square - enriched.square
     memories = _memory_features(model, data, frames)
     remaining = _reduce_best(enriched, partial(fit_features, enriched, memories))
     shares[HYSTERESIS] = enriched.square - remaining.square
     # Noise moves frames beyond the range too; it must not count twice.
     noise = shares[READ_OUT] + shares[CAMERAS]
-    shares[UNSEEN] = min(_unseen_share(frames, remaining), max(remaining.square - noise, 0.0))
-    return _complete(total, shares)
-
-
-def budget_by_substitution(
-    model: TrainedModel, stages: Sequence[tuple[str, Dataset]], last_share: float = 1.0
-) -> ErrorBudget:
-    """Split the error of a model where the truth is known, as for a twin.
-
-    Args:
-        model: The model.
-        stages: Datasets by name. The first is as recorded; each of the others has one more cause
-            removed, which its name states (true positions, signals without noise or drift).
-        last_share: Share of the frames to test on, at the end of all runs.
-
-    Returns:
-        The shares by cause. That of a stage is what the error loses by it, and can be negative.
-        The remaining error is divided among the decoder, unseen poses, and unexplained.
-
-    Raises:
-        TrainingError: If there are fewer than two stages, or no frame is in all of them.
-    """
-    if len(stages) < 2:
-        raise TrainingError(
-            "the recorded data and at least one further stage are needed",
-            code="too-few-stages",
-            where="stages",
-        )
-    data = [match_to_model(model, d) for _, d in stages]
-    frames = [decode_frames(model, d, last_share) for d in data]
-    keys = [list(zip(f.run.tolist(), f.time.tolist(), strict=True)) for f in frames]
-    common = set(keys[0]).intersection(*keys[1:])
-    if not common:
-        raise TrainingError(
-            "the datasets have no frames in common",
-            code="no-common-frames",
-            where=stages[0][1].device,
-        )
-    frames = [
-        f.select(np.array([key in common for key in stage_keys]))
-        for f, stage_keys in zip(frames, keys, strict=True)
-    ]
-    visible = np.logical_and.reduce([f.visible for f in frames])
-    frames = [
-        replace(f, measured=np.where(visible[..., None], f.measured, np.nan)).select(
-            visible.any(axis=1)
-        )
-        for f in frames
-    ]
-    squares = [f.mean(f.marker_error**2) for f in frames]
-    shares = {
-        cause: before - after
-        for (cause, _), before, after in zip(stages[1:], squares, squares[1:], strict=False)
-    }
-    remaining = residual_of(frames[-1])
-    enriched = _correct_decoder(model, data[-1], frames[-1], remaining, None)
-    shares[DECODER] = remaining.square - enriched.square
-    shares[UNSEEN] = _unseen_share(frames[-1], enriched)
-    return _complete(squares[0], shares)
-
-
-def _complete(total: float, shares: dict[str, float]) -> ErrorBudget:
-    return ErrorBudget(total, {**shares, UNEXPLAINED: total - sum(shares.values())})
+    shares[UNSEEN] = min(unseen_share(frames, remaining), max(remaining.square - noise, 0.0))
+    return ErrorBudget.complete(total, shares)
 
 
 def _read_out_noise(model: TrainedModel, data: Dataset, frames: DecodedFrames) -> float:
@@ -283,39 +218,30 @@ def _reduce_best(residual: Residual, correct: Callable[[float], Float]) -> Resid
     return min((residual.reduced_by(correct(ridge)) for ridge in RIDGES), key=lambda r: r.square)
 
 
-def _correct_decoder(
-    model: TrainedModel,
-    data: Dataset,
-    frames: DecodedFrames,
-    residual: Residual,
-    training: Dataset | None,
+def correct_decoder(
+    model: TrainedModel, data: Dataset, frames: DecodedFrames, residual: Residual
 ) -> Residual:
-    """Return the residual after a much richer decoder of the same inputs, in the trained range."""
-    inputs = _branch_inputs(model, data, frames)
-    source, training_inputs = residual, inputs
-    if training is not None:
-        training_data = match_to_model(model, training)
-        training_frames = decode_frames(model, training_data, 1.0)
-        source = residual_of(training_frames)
-        training_inputs = _branch_inputs(model, training_data, training_frames)
-    basis = _rich_basis(training_inputs)
+    """Correct errors by a much richer decoder of the same inputs, within the trained range.
+
+    Args:
+        model: The model.
+        data: The dataset, matched to the model.
+        frames: Its decoded frames.
+        residual: The errors to explain.
+
+    Returns:
+        The remaining errors.
+    """
+    features = _rich_features(_branch_inputs(model, data, frames))
     is_inside = (frames.distance <= 1)[:, None, None]
 
     def correct(ridge: float) -> Float:
-        correction = fit_features_to(
-            residual,
-            source,
-            basis(inputs),
-            basis(training_inputs),
-            ridge,
-            is_same=training is None,
-        )
-        return np.where(is_inside, correction, 0.0)
+        return np.where(is_inside, fit_features(residual, features, ridge), 0.0)
 
     return _reduce_best(residual, correct)
 
 
-def _unseen_share(frames: DecodedFrames, residual: Residual) -> float:
+def unseen_share(frames: DecodedFrames, residual: Residual) -> float:
     """Return by how much frames beyond the trained range have a larger square than those within."""
     squares = (residual.weights * (residual.error**2).sum(axis=2)).sum(axis=1)
     is_inside = frames.distance <= 1
@@ -332,17 +258,15 @@ def _branch_inputs(model: TrainedModel, data: Dataset, frames: DecodedFrames) ->
     return np.asarray(inputs[:, columns])
 
 
-def _rich_basis(inputs: Float) -> Callable[[Float], Float]:
-    """Return a function that computes features of inputs (t, d).
+def _rich_features(inputs: Float) -> Float:
+    """Return rich features (t, f) of inputs (t, d).
 
-    The features are the inputs, products of pairs if there are few inputs, and radial basis
-    functions around inputs evenly spaced over time, wider than the spread of the inputs.
+    They are the inputs, products of pairs if there are few inputs, and radial basis functions
+    around inputs evenly spaced over time, wider than the spread of the inputs.
     """
     d = inputs.shape[1]
     center, spread = inputs.mean(axis=0), inputs.std(axis=0)
-    scale = np.where(spread > 0, spread, np.inf)
+    scaled = (inputs - center) / np.where(spread > 0, spread, np.inf)
     subset = np.linspace(0, len(inputs) - 1, min(_CENTER_COUNT, len(inputs))).astype(int)
-    centers = (inputs[subset] - center) / scale
     pairs = np.stack(np.triu_indices(d if d <= _MAX_SQUARED_INPUTS else 0), axis=1)
-    features = InputFeatures(d, pairs, centers, np.full(d, np.sqrt(d)))
-    return lambda z: features((z - center) / scale)
+    return InputFeatures(d, pairs, scaled[subset], np.full(d, np.sqrt(d)))(scaled)

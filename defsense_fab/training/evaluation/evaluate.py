@@ -101,7 +101,6 @@ class Evaluation:
         outside: Errors beyond the trained range; None without such frames.
         camera_noise: Root mean square of the stated standard deviations of the marker positions,
             mm; None if unknown.
-        rmse_without_noise: sqrt(rmse^2 - camera_noise^2), mm; at least 0.
     """
 
     frames: DecodedFrames
@@ -116,7 +115,13 @@ class Evaluation:
     inside: Measures | None
     outside: Measures | None
     camera_noise: float | None
-    rmse_without_noise: float | None
+
+    @property
+    def rmse_without_noise(self) -> float | None:
+        """sqrt(rmse^2 - camera_noise^2), mm, at least 0; None if the noise is unknown."""
+        if self.camera_noise is None:
+            return None
+        return float(np.sqrt(max(self.total.rmse**2 - self.camera_noise**2, 0.0)))
 
 
 def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> Evaluation:
@@ -142,7 +147,6 @@ def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> 
         is_returning = outward_component(velocity, displacements) < 0
         speed = rms_length(velocity) * np.where(is_returning, -1.0, 1.0)
     too_far = outward_component(frames.error, displacements)
-    noise = measure_camera_noise(frames)
     is_inside = np.asarray(frames.distance <= 1)
     squares = np.where(frames.visible, frames.marker_error**2, 0.0).sum(0)
     with np.errstate(all="ignore"):
@@ -161,10 +165,7 @@ def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> 
         coverage=None if level is None else _measure_coverage(frames, level),
         inside=measure_frames(frames, is_inside) if is_inside.any() else None,
         outside=measure_frames(frames, ~is_inside) if (~is_inside).any() else None,
-        camera_noise=noise,
-        rmse_without_noise=(
-            None if noise is None else float(np.sqrt(max(total.rmse**2 - noise**2, 0.0)))
-        ),
+        camera_noise=_measure_camera_noise(frames),
     )
 
 
@@ -195,11 +196,8 @@ def measure_frames(frames: DecodedFrames, which: Bool | None = None) -> Measures
     )
 
 
-def measure_camera_noise(frames: DecodedFrames) -> float | None:
-    """Return the root mean square standard deviation of the marker positions, mm.
-
-    All axes are taken together; the result is None if no standard deviation is known.
-    """
+def _measure_camera_noise(frames: DecodedFrames) -> float | None:
+    """Return the RMS standard deviation of the marker positions in mm; None if none is known."""
     variance = (frames.sigma**2).sum(axis=2)
     is_known = frames.visible & np.isfinite(variance)
     weight = np.where(is_known, frames.weights, 0.0)

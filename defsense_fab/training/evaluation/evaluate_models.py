@@ -4,32 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from ...core.device.device import Device
 from ...core.errors import TrainingError
 from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
-from ...core.storage.files import digest
 from ...decoding.trained_model import TrainedModel
 from ...store.layout import LayoutRecord
 from ..data.dataset import Dataset, Recording, is_same_recording, recording_fingerprint
-from ..data.dataset_assembly import exclude_uncertain_positions
-from ..data.dataset_checks import check_dataset
-from ..models.model_file import load_model
-from ..models.prepare import AUTO, describe_uncertain, load_prior, predict_recordings
-from ..recordings.datasets import DataFiles, describe_files
-from ..recordings.session_dataset import device_layout
 from .error_budget import ErrorBudget, error_budget
 from .evaluate import Evaluation, evaluate
-from .model_comparison import Comparison, FrameErrors, compare
+from .model_comparison import Comparison, compare
 from .predicted_error import PredictedError, predict_model_error
 from .twin_truth import budget_of_truth
-
-#: Codes of problems that matter for training data, but not for test data.
-_TRAINING_CODES = ("too-few-frames", "few-frames", "markers-never-seen")
 
 _MIN_FRAMES = 200  # fewer are noted
 _MIN_LEFT_OUT_SHARE = 0.01  # of the frames; a smaller share is not noted
@@ -80,51 +68,6 @@ class SessionEvaluation:
     notes: tuple[str, ...]
 
 
-def evaluate_files(
-    models: Sequence[Path],
-    files: DataFiles,
-    device: Device | None = None,
-    last_share: float | None = None,
-    progress: Progress = silent,
-) -> SessionEvaluation:
-    """Evaluate model files on data files.
-
-    Args:
-        models: Files of the models, the one of interest first.
-        files: The data. Files that do not name their device count as the first model's.
-        device: The device to check the data against, if available.
-        last_share: As in `evaluate_models`.
-        progress: Called with the stage "evaluate".
-
-    Returns:
-        The evaluation, with notes on the data.
-
-    Raises:
-        TrainingError: If a file cannot be read, or models and data do not match.
-    """
-    progress("evaluate", 0.0, "reading")
-    loaded = list(zip(short_names(models), map(load_model, models), strict=True))
-    recorded = files.load(device, loaded[0][1].device)
-    dataset, uncertain = exclude_uncertain_positions(recorded)
-    dataset, shift_notes = files.align(dataset)
-    progress("evaluate", 0.1, "checking")
-    prior, prior_notes = load_prior(dataset, device, AUTO)
-    problems = check_dataset(dataset, predicted=predict_recordings(prior, dataset))
-    doubts = [str(p) for p in problems if p.code not in _TRAINING_CODES]
-    for name, model in loaded:
-        doubts += note_changed_cords(name, model, dataset)
-    result = evaluate_models(loaded, dataset, last_share, progress, device_layout(device))
-    notes = [
-        *result.notes,
-        *describe_uncertain(uncertain),
-        *describe_files(dataset),
-        *shift_notes,
-        *prior_notes,
-        *doubts,
-    ]
-    return replace(result, notes=tuple(notes))
-
-
 @one_blas_thread()
 def evaluate_models(
     models: Sequence[tuple[str, TrainedModel]],
@@ -153,7 +96,7 @@ def evaluate_models(
     if len(set(names)) < len(names):
         raise TrainingError(
             f"a model is given twice: {', '.join(names)}",
-            code="duplicate-names",
+            code="name-repeated",
             action="Give each model once",
         )
     frame_count, notes = dataset.frame_count, list[str]()
@@ -162,14 +105,7 @@ def evaluate_models(
         share, stated_share = 1.0, dataset.frame_count / max(frame_count, 1)
     else:
         share = stated_share = last_share
-        for name, model in models:
-            known = [r.name for r in dataset.recordings if _test_starts(model, r)]
-            if known:
-                notes.append(
-                    f"{name} was trained on frames of {', '.join(known)}, so its error seems"
-                    " smaller than it is: test on all frames it was not trained on, or on another"
-                    " session"
-                )
+        notes += [note for name, model in models for note in _note_training(name, model, dataset)]
     evaluated = []
     for k, (name, model) in enumerate(models):
         progress("evaluate", (k + 0.2) / len(models), f"{name}: errors")
@@ -181,8 +117,9 @@ def evaluate_models(
         evaluated.append(Evaluated(name, model, evaluation, budget, predicted, truth))
     notes += _describe_frames(evaluated[0].evaluation)
     progress("evaluate", 0.95, "comparing")
-    comparison, comparison_notes = _compare_models(evaluated)
-    notes += comparison_notes
+    comparison = None
+    if len(evaluated) > 1:
+        comparison = compare([(e.name, e.evaluation.frames) for e in evaluated])
     progress("evaluate", 1.0, "done")
     return SessionEvaluation(
         device=dataset.device,
@@ -233,22 +170,6 @@ def note_changed_cords(name: str, model: TrainedModel, dataset: Dataset) -> list
     return notes
 
 
-def _compare_models(evaluated: Sequence[Evaluated]) -> tuple[Comparison | None, list[str]]:
-    """Compare the models if there are several; return notes on why this is not possible."""
-    if len(evaluated) < 2:
-        return None, []
-    try:
-        comparison = compare([_frame_errors(e) for e in evaluated])
-    except TrainingError as error:  # the models' own errors are useful without it
-        return None, [str(error)]
-    if comparison.by_block is None and not comparison.paired:
-        return comparison, [
-            f"errors are correlated for so long (blocks of {comparison.block_frames} frames) that"
-            " these sessions are too short to distinguish the models; record for longer"
-        ]
-    return comparison, []
-
-
 def _test_starts(model: TrainedModel, r: Recording) -> list[float]:
     """Return from when on, in s, a training of the model held out frames of a recording.
 
@@ -260,6 +181,17 @@ def _test_starts(model: TrainedModel, r: Recording) -> list[float]:
         np.inf if entry["after"] is None else r.time[0] + entry["after"]
         for entry in model.metadata.get("held_out", ())
         if is_same_recording(fingerprint, entry["fingerprint"])
+    ]
+
+
+def _note_training(name: str, model: TrainedModel, dataset: Dataset) -> list[str]:
+    """Return a note if a model was trained on recordings of the dataset."""
+    known = [r.name for r in dataset.recordings if _test_starts(model, r)]
+    if not known:
+        return []
+    return [
+        f"{name} was trained on frames of {', '.join(known)}, so its error seems smaller than it"
+        " is: test on all frames it was not trained on, or on another session"
     ]
 
 
@@ -282,22 +214,17 @@ def _exclude_trained(models: Sequence[TrainedModel], dataset: Dataset) -> Datase
     return replace(dataset, recordings=tuple(recordings))
 
 
-def _frame_errors(evaluated: Evaluated) -> FrameErrors:
-    frames = evaluated.evaluation.frames
-    test = digest(frames.run.tolist(), frames.time.tolist())
-    return FrameErrors(evaluated.name, frames.frame_error, frames.run, test)
-
-
 def _describe_frames(evaluation: Evaluation) -> list[str]:
     """Return notes on the test frames."""
     frames, notes = evaluation.frames, []
     count = len(frames.time)
-    if frames.without_samples > _MIN_LEFT_OUT_SHARE * count:
+    omitted = frames.omitted
+    if omitted.without_samples > _MIN_LEFT_OUT_SHARE * count:
         notes.append(
-            f"{frames.without_samples} frames without samples of all channels were left out"
+            f"{omitted.without_samples} frames without samples of all channels were left out"
         )
-    if frames.without_markers > _MIN_LEFT_OUT_SHARE * count:
-        notes.append(f"{frames.without_markers} frames without markers were left out")
+    if omitted.without_markers > _MIN_LEFT_OUT_SHARE * count:
+        notes.append(f"{omitted.without_markers} frames without markers were left out")
     if not frames.visible.any(axis=0).all():
         notes.append(f"{int((~frames.visible.any(axis=0)).sum())} markers were never visible")
     if count < _MIN_FRAMES:
@@ -307,11 +234,3 @@ def _describe_frames(evaluation: Evaluation) -> list[str]:
         share = outside.frames / total.frames
         notes.append(f"{share:.0%} of the frames are beyond what the model was trained on")
     return notes
-
-
-def short_names(models: Sequence[Path]) -> list[str]:
-    """Return short distinct names: of the files, of their folders, or the paths themselves."""
-    names = [
-        p.resolve().parent.name if p.stem == "model" and not p.is_dir() else p.stem for p in models
-    ]
-    return names if len(set(names)) == len(names) else [str(p) for p in models]

@@ -116,8 +116,7 @@ def predict_model_error(
         layout: Layout of the device, if known; a layout other than the model's is not used.
 
     Returns:
-        The prediction; None if the model's training did not measure repeatability, because it was
-        too short or of an older version.
+        The prediction; None if the model's training was too short to measure repeatability.
     """
     stated = model.metadata.get("repeatability")
     if not stated:

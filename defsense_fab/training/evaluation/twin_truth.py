@@ -8,6 +8,7 @@ signal moved counts noise as movement, so for such decoders read-out noise is no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +16,20 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from ...core.arrays import Float
-from ...core.errors import TrainingError
 from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Dataset, Recording
-from .error_budget import CAMERAS, CLOCKS, READ_OUT, ErrorBudget, budget_by_substitution
+from .corrections import residual_of
+from .decoded_frames import decode_frames, match_to_model, select_common
+from .error_budget import (
+    CAMERAS,
+    CLOCKS,
+    DECODER,
+    READ_OUT,
+    UNSEEN,
+    ErrorBudget,
+    correct_decoder,
+    unseen_share,
+)
 
 TRUTH = "truth.npz"
 MEMORY = "memory and drift of the cords"
@@ -52,10 +63,46 @@ def budget_of_truth(model: TrainedModel, dataset: Dataset, last_share: float) ->
         (name, replace(dataset, recordings=tuple(parts[k] for parts in stages)))
         for k, name in enumerate(names)
     ]
-    try:
-        return budget_by_substitution(model, datasets, last_share)
-    except TrainingError:  # no frame is in all stages
+    return split_by_substitution(model, datasets, last_share)
+
+
+def split_by_substitution(
+    model: TrainedModel, stages: Sequence[tuple[str, Dataset]], last_share: float = 1.0
+) -> ErrorBudget | None:
+    """Split the error of a model by removing one cause after another from the data.
+
+    Args:
+        model: The model.
+        stages: Datasets by name. The first is as recorded; each of the others has one more cause
+            removed, which its name states.
+        last_share: Share of the frames to test on, at the end of all runs.
+
+    Returns:
+        The shares by cause; None if no frame is in all stages. The share of a stage is what the
+        error loses by it, and can be negative. The remaining error is divided among the decoder,
+        unseen poses, and unexplained.
+    """
+    data = [match_to_model(model, d) for _, d in stages]
+    frames = select_common([decode_frames(model, d, last_share) for d in data])
+    visible = np.logical_and.reduce([f.visible for f in frames])
+    if not visible.any():
         return None
+    frames = [
+        replace(f, measured=np.where(visible[..., None], f.measured, np.nan)).select(
+            visible.any(axis=1)
+        )
+        for f in frames
+    ]
+    squares = [f.mean(f.marker_error**2) for f in frames]
+    shares = {
+        cause: before - after
+        for (cause, _), before, after in zip(stages[1:], squares, squares[1:], strict=False)
+    }
+    remaining = residual_of(frames[-1])
+    enriched = correct_decoder(model, data[-1], frames[-1], remaining)
+    shares[DECODER] = remaining.square - enriched.square
+    shares[UNSEEN] = unseen_share(frames[-1], enriched)
+    return ErrorBudget.complete(squares[0], shares)
 
 
 def _load_stages(r: Recording, dataset: Dataset) -> list[Recording] | None:

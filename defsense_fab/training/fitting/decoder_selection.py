@@ -158,12 +158,11 @@ def fit_candidate(
     """
     z = data.inputs(candidate.past)
     features = candidate.features(z, len(data.channels))
-    phi = features(z)
-    whitening = Whitening.of(phi, features.slopes(z), features.roughness())
+    whitening, x = Whitening.fit(features, z)
     outputs = data.outputs
     if simulated is not None:
         outputs = outputs - simulated.whole(z).reshape(outputs.shape)
-    sums = accumulate_sums(whitening(phi), outputs, data.weights, data.fold)
+    sums = accumulate_sums(x, outputs, data.weights, data.fold)
     return FittedCandidate(candidate, features, cross_validate(sums), whitening, sums, simulated)
 
 
@@ -230,7 +229,7 @@ def fit_all_candidates(
     if not use_memory or has_few_frames:
         return fitted
     progress("train", 0.4, "fitting time constants")
-    best = fit_time_constants(data)
+    best = _fit_time_constants(data)
     pasts = [Past(best.moved)] * bool(best.moved) + [best] * bool(best.worked)
     for k, past in enumerate(pasts):
         for candidate in [Candidate(c.form, past) for c in static]:
@@ -246,17 +245,11 @@ def select_simplest(fitted: Sequence[FittedCandidate]) -> FittedCandidate:
     return min(nearly_best, key=lambda c: c.count)
 
 
-def fit_time_constants(data: FitData) -> Past:
+def _fit_time_constants(data: FitData) -> Past:
     """Find the time constants with which a quadratic decoder has the smallest error.
 
     Up to two memories of where the signals were are added, then one of how much they moved; each
     only if it reduces the error on the folds left out by 1 %.
-
-    Args:
-        data: The data to fit.
-
-    Returns:
-        The memory.
     """
     principal = _principal_outputs(data.outputs, data.weights)
     equal = np.ones((len(principal), 1))

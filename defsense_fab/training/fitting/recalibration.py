@@ -123,13 +123,13 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
     shown = {name: pose for name, pose in poses.items() if pose.reach >= _MIN_REACH}
     if len(shown) < 2:
         incomplete = {name: pose.reach for name, pose in poses.items() if name not in shown}
-        found = [
+        shown_poses = [
             *shown,
             *(f"{n} ({reach:.0%} as far as trained)" for n, reach in incomplete.items()),
         ]
         raise TrainingError(
             f"recalibration needs two poses or more of {', '.join(model.poses) or 'none'}, but the"
-            f" recording shows {', '.join(found) or 'none'}",
+            f" recording shows {', '.join(shown_poses) or 'none'}",
             code="too-few-poses",
             action=(
                 "Record rest and three poses, each as far as in the training; if this was done,"

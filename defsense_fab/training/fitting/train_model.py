@@ -9,14 +9,14 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
-from ...decoding.decoders import FOLDS
 from ...decoding.expected_errors import ErrorMeasures
 from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
+from ..options import TrainOptions
 from ..regression.candidates import AFFINE, FORMS
-from ..regression.frames import MIN_FRAMES, TEST_SHARE, Frames, assign_folds, split_frames
-from ..regression.intervals import INTERVAL_LEVEL, fit_intervals, fit_trained_range
+from ..regression.frames import MIN_FRAMES, Frames, assign_folds, split_frames
+from ..regression.intervals import fit_intervals, fit_trained_range
 from ..regression.marker_weights import find_wrong_markers, weight_by_certainty
 from ..regression.simulated_decoder import fit_simulated_decoder
 from ..regression.simulation_prior import Prior
@@ -32,57 +32,9 @@ from .fault_limits import fit_fault_limits
 from .pose_signals import extract_pose_signals
 from .repeatability import Repeatability, measure_repeatability
 
-AUTO = "auto"
-
 _MIN_FOLD_S = 2.0
 _MIN_MARKER_FRAMES = 20  # in which a marker must be visible
 _RECORDING_GAP_S = 1e6  # between recordings on the common clock
-
-
-@dataclass(frozen=True)
-class TrainingOptions:
-    """Options of a training.
-
-    Attributes:
-        decoder: Form of the decoder, or "auto" to select the best.
-        memory: Whether to try memories of past signals.
-        weighted: Whether to weight markers by their certainty and to leave out wrong ones.
-        test_share: Share of the frames to test on, at the end.
-        folds: Number of contiguous folds for cross-validation.
-        level: Probability that a marker lies within its interval.
-
-    Raises:
-        TrainingError: If the form is unknown, or a number is out of range.
-    """
-
-    decoder: str = AUTO
-    memory: bool = True
-    weighted: bool = True
-    test_share: float = TEST_SHARE
-    folds: int = FOLDS
-    level: float = INTERVAL_LEVEL
-
-    def __post_init__(self) -> None:
-        if self.decoder != AUTO and self.decoder not in FORMS:
-            raise TrainingError(
-                f"there is no decoder {self.decoder!r}",
-                code="unknown-decoder",
-                where="decoder",
-                action=f"Choose {AUTO}, {', '.join(FORMS)}",
-                decoder=self.decoder,
-            )
-        if self.folds < 2:
-            raise TrainingError(
-                f"cross-validation needs 2 folds or more, not {self.folds}",
-                code="too-few-folds",
-                where="folds",
-            )
-        if not 0 < self.level < 1:
-            raise TrainingError(
-                f"must be between 0 and 1, not {self.level:g}",
-                code="level-out-of-range",
-                where="level",
-            )
 
 
 @dataclass(frozen=True)
@@ -140,7 +92,7 @@ class Training:
 
 def train(
     dataset: Dataset,
-    options: TrainingOptions | None = None,
+    options: TrainOptions | None = None,
     progress: Progress = silent,
     prior: Prior | None = None,
 ) -> Training:
@@ -158,7 +110,7 @@ def train(
     Raises:
         TrainingError: If there is too little to train on.
     """
-    options = options or TrainingOptions()
+    options = options or TrainOptions()
     frames, test_frames = split_frames(Frames.from_dataset(dataset), options.test_share)
     _require_long_folds(frames, options.folds)
     progress("train", 0.0, "looking for wrong markers")
@@ -171,7 +123,7 @@ def train(
         weights,
         assign_folds(len(frames), options.folds),
     )
-    forms = FORMS if options.decoder == AUTO else (options.decoder,)
+    forms = FORMS if options.decoder == "auto" else (options.decoder,)
     fitted = fit_all_candidates(
         data,
         forms,
@@ -179,21 +131,15 @@ def train(
         decoder=None if prior is None else fit_simulated_decoder(prior),
         progress=progress,
     )
-    is_free = options.decoder == AUTO
+    is_free = options.decoder == "auto"
     best = select_simplest(fitted if is_free else [c for c in fitted if c.candidate.form in forms])
     progress("train", 0.8, "intervals, and decoders without each channel")
     main = _make_branch(best, data, options.level)
-    without = {
-        name: _branch_without(k, best, data, options, prior)
-        for k, name in enumerate(dataset.channels)
-        if len(data.channels) > 1
-    }
+    names = dataset.channels if len(data.channels) > 1 else ()
+    without = {n: _branch_without(k, best, data, options, prior) for k, n in enumerate(names)}
     candidates = tuple(_summarize(c, data, test_frames) for c in fitted)
     model = _make_model(dataset, best.name, main, without)
     progress("train", 1.0, "done")
-    wrong_test_markers = np.zeros_like(test_frames.visible)
-    if options.weighted and len(test_frames) >= MIN_FRAMES:
-        wrong_test_markers = _weight_markers(test_frames, options)[1]
     decoded, _ = _decode_left_out(best, data)
     repeatability = measure_repeatability(_hide_unweighted(frames, weights), decoded)
     return Training(
@@ -203,7 +149,7 @@ def train(
         frames,
         test_frames,
         wrong_markers,
-        wrong_test_markers,
+        _find_wrong_test_markers(test_frames, options),
         repeatability,
     )
 
@@ -256,7 +202,7 @@ def _common_time(frames: Frames) -> Float:
     return frames.time + _RECORDING_GAP_S * frames.recording_index
 
 
-def _weight_markers(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
+def _weight_markers(frames: Frames, options: TrainOptions) -> tuple[Float, Bool]:
     """Return weights of the markers (t, m), and which are wrong (t, m)."""
     visible = frames.visible
     if not options.weighted:
@@ -264,6 +210,13 @@ def _weight_markers(frames: Frames, options: TrainingOptions) -> tuple[Float, Bo
     signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
     is_wrong, scale = find_wrong_markers(signals, frames.points, _common_time(frames))
     return weight_by_certainty(frames.sigma, visible & ~is_wrong, scale), is_wrong
+
+
+def _find_wrong_test_markers(frames: Frames, options: TrainOptions) -> Bool:
+    """Return which markers (t, m) are wrong; none if there are too few frames to know."""
+    if options.weighted and len(frames) >= MIN_FRAMES:
+        return _weight_markers(frames, options)[1]
+    return np.zeros_like(frames.visible)
 
 
 def _require_long_folds(frames: Frames, folds: int) -> None:
@@ -277,8 +230,8 @@ def _require_long_folds(frames: Frames, folds: int) -> None:
             needed=MIN_FRAMES,
         )
     duration = frames.duration_s
-    if folds > FOLDS and duration / folds < _MIN_FOLD_S:
-        largest = max(int(duration / _MIN_FOLD_S), FOLDS)
+    if folds > TrainOptions.folds and duration / folds < _MIN_FOLD_S:
+        largest = max(int(duration / _MIN_FOLD_S), TrainOptions.folds)
         raise TrainingError(
             f"{folds} folds of {duration / folds:.1f} s each are too short: they are predicted by"
             " their neighbors",
@@ -342,7 +295,7 @@ def _hide_unweighted(frames: Frames, weights: Float) -> Frames:
 
 
 def _branch_without(
-    lost: int, best: FittedCandidate, data: FitData, options: TrainingOptions, prior: Prior | None
+    lost: int, best: FittedCandidate, data: FitData, options: TrainOptions, prior: Prior | None
 ) -> Branch:
     """Return a branch of the same form and memory from the channels other than `lost`."""
     others = [k for k in range(len(data.frames.dataset.channels)) if k != lost]

@@ -2,99 +2,73 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
+from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import TrainingError
 from ...core.markers import FILE as MARKERS
 from ...core.markers import Markers, read_markers
 from ...core.storage.session_manifest import manifest_path
-from ...store.layout import layout_hash
+from ...store.build import Build
+from ...store.layout import LAYOUT, LayoutRecord, layout_hash
 from ..data.dataset import Dataset
 from ..data.dataset_assembly import join_datasets, select_channels
-from ..data.time_alignment import align_samples
+from ..options import DataFiles
 from .dataset_parquet import is_dataset, read_dataset
-from .pair_dataset import Offset, RecordingInfo, pair_dataset
-from .session_dataset import device_layout, session_dataset
+from .pair_dataset import RecordingInfo, pair_dataset
+from .session_dataset import session_dataset
 from .xdf_dataset import xdf_dataset
 
 _XDF_SUFFIXES = (".xdf", ".xdfz")
 
 
-@dataclass(frozen=True)
-class DataFiles:
-    """Data to train or test on.
+def load_dataset(
+    files: DataFiles,
+    device: Device | None = None,
+    *,
+    build: Build | None = None,
+    fallback_device: str = "",
+) -> Dataset:
+    """Load data as one dataset, not shifted.
 
-    Attributes:
-        sources: Folders of processed sessions and of datasets, and .xdf files; the kind is detected
-            from the content.
-        signals: A table of signals of another system; `tracks` is needed too.
-        tracks: A file of tracks of another system.
-        markers: The markers.json of XDF files and of `tracks`; None for the device's own.
-        offset: Seconds that the tracks' clock is ahead of the signals', or "auto" to find it.
-        shift: Seconds to add to the times of all samples, or "auto" to find them.
-        unit: Name of the built device of XDF files and of `signals`.
+    Args:
+        files: The data.
+        device: The device, if available; its order of the channels is used.
+        build: The device's build; by default that in its folder.
+        fallback_device: Name of the device for files that do not state it.
+
+    Returns:
+        The dataset.
+
+    Raises:
+        TrainingError: A source is of no known kind, is damaged, is given twice, or does not match
+            the others or the device.
     """
-
-    sources: tuple[Path, ...] = ()
-    signals: Path | None = None
-    tracks: Path | None = None
-    markers: Path | None = None
-    offset: Offset = 0.0
-    shift: Offset = 0.0
-    unit: str = ""
-
-    def load(self, device: Device | None = None, fallback_device: str = "") -> Dataset:
-        """Load all data as one dataset, not shifted.
-
-        Args:
-            device: The device, if available; its order of the channels is used.
-            fallback_device: Name of the device for files that do not state it.
-
-        Returns:
-            The dataset.
-
-        Raises:
-            TrainingError: If a source is of no known kind, is damaged, is given twice, or does not
-                match the others or the device.
-        """
-        if (self.signals is None) != (self.tracks is None):
-            given, missing = ("signals", "tracks") if self.tracks is None else ("tracks", "signals")
-            raise TrainingError(
-                f"a file of {given} needs one of {missing}",
-                code="file-missing",
-                where=missing,
-                action="Give both",
-                missing=missing,
-            )
-        layout = device_layout(device)
-        info = RecordingInfo(
-            device=None if device is None else device.name,
-            layout="" if layout is None else layout_hash(layout),
-            unit=self.unit,
-            markers=_load_markers(device, self.markers),
-            offset=self.offset,
-            fallback_device=fallback_device,
+    layout = device_layout(device, build)
+    info = RecordingInfo(
+        device=None if device is None else device.name,
+        layout="" if layout is None else layout_hash(layout),
+        unit=files.unit,
+        markers=_load_markers(device, files.markers),
+        offset=files.offset,
+        fallback_device=fallback_device,
+    )
+    parts = [_load_source(source, info) for source in files.sources]
+    if files.signals is not None and files.tracks is not None:
+        parts.append(pair_dataset(files.signals, files.tracks, info))
+    names = [r.name for part in parts for r in part.recordings]
+    duplicates = [name for k, name in enumerate(names) if name in names[:k]]
+    if duplicates:
+        raise TrainingError(
+            "is given twice",
+            code="recording-repeated",
+            where=duplicates[0],
+            action="Give each recording once",
+            recording=duplicates[0],
         )
-        parts = [_load_source(source, device, info) for source in self.sources]
-        if self.signals is not None and self.tracks is not None:
-            parts.append(pair_dataset(self.signals, self.tracks, info))
-        names = [r.name for part in parts for r in part.recordings]
-        duplicates = [name for k, name in enumerate(names) if name in names[:k]]
-        if duplicates:
-            raise TrainingError(
-                "is given twice",
-                code="duplicate-recording",
-                where=duplicates[0],
-                action="Give each recording once",
-                recording=duplicates[0],
-            )
-        return match_to_device(join_datasets(parts), device)
-
-    def align(self, dataset: Dataset) -> tuple[Dataset, list[str]]:
-        """Shift the samples of a dataset as requested, and return notes; see `align_samples`."""
-        return align_samples(dataset, self.shift)
+    return match_to_device(join_datasets(parts), device, build)
 
 
 def describe_files(dataset: Dataset) -> list[str]:
@@ -104,23 +78,37 @@ def describe_files(dataset: Dataset) -> list[str]:
         name = session.get("folder", dataset.device)
         notes += [f"{name}: {run}; it is left out" for run in session.get("skipped", ())]
         notes += [f"{name}: {note}" for note in session.get("notes", ())]
-        if " by motion" in (offset := str(session.get("offset", ""))):
-            notes.append(f"{name}: the tracks' clock is ahead by {offset}")
+        if session.get("offset_by") == "motion":
+            notes.append(f"{name}: the tracks' clock is ahead by {session['offset']}")
     return notes
 
 
-def match_to_device(dataset: Dataset, device: Device | None) -> Dataset:
+def device_layout(device: Device | None, build: Build | None = None) -> LayoutRecord | None:
+    """Return the layout of a device's build; None if it is not built.
+
+    Args:
+        device: The device, if available.
+        build: Its build; by default that in its folder.
+    """
+    if device is None:
+        return None
+    build = build or Build(build_folder(device))
+    return build.layout if (build.folder / LAYOUT).exists() else None
+
+
+def match_to_device(dataset: Dataset, device: Device | None, build: Build | None = None) -> Dataset:
     """Put the channels into the order of a device's cords, if it is built.
 
     Args:
         dataset: The dataset.
         device: The device, if available.
+        build: The device's build; by default that in its folder.
 
     Returns:
         The dataset.
 
     Raises:
-        TrainingError: If the recordings are of another device, layout or other channels.
+        TrainingError: The recordings are of another device, layout or other channels.
     """
     if device is None:
         return dataset
@@ -131,7 +119,7 @@ def match_to_device(dataset: Dataset, device: Device | None) -> Dataset:
             action=f"Give recordings of {device.name}",
             devices=(device.name, dataset.device),
         )
-    layout = device_layout(device)
+    layout = device_layout(device, build)
     if layout is None:
         return dataset
     built = layout_hash(layout)
@@ -147,13 +135,13 @@ def match_to_device(dataset: Dataset, device: Device | None) -> Dataset:
     return replace(ordered, layout=built)
 
 
-def _load_source(source: Path, device: Device | None, info: RecordingInfo) -> Dataset:
+def _load_source(source: Path, info: RecordingInfo) -> Dataset:
     if source.suffix.lower() in _XDF_SUFFIXES:
         return xdf_dataset(source, info)
     if is_dataset(source):
         return read_dataset(source)
     if source.is_dir() and manifest_path(source) is not None:
-        return session_dataset([source], device)
+        return session_dataset(source)
     if not source.exists():
         raise TrainingError(
             "the file or folder does not exist",

@@ -63,7 +63,7 @@ def check_free(folder: Path) -> None:
     if folder.exists():
         raise TrainingError(
             "exists already",
-            code="path-exists",
+            code="file-exists",
             where=folder,
             action="Name a folder that does not exist",
         )

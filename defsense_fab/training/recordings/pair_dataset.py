@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -17,17 +17,14 @@ from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError, TrainingError
 from ...core.markers import Markers, Tracks
 from ..data.dataset import Dataset, Recording
-from .series import Series, read_series
-from .session_dataset import increasing_times
+from ..options import ClockShift
+from .series import Series, increasing_times, read_series
 
-Offset = float | Literal["auto"]
-#: Time at the start in which the device is taken to be at rest, if nothing else is known.
-INITIAL_REST_S = 3.0
-
+_INITIAL_REST_S = 3.0  # at the start, in which the device is taken to be at rest
 _MIN_ANCHOR_MARKERS = 3  # fixed markers that determine the device's frame
 _MIN_INCREASING_SHARE = 0.99  # of the samples
 _MAX_EXTRA_SHARE = 0.1  # of the samples' time after the end of the tracks, without a note
-_MAX_REST_DISTANCE_MM = 1.0  # root mean square distance of the markers from rest, at rest
+_MAX_REST_RMS_MM = 1.0  # root mean square distance of the markers from rest, at rest
 _MIN_REST_S = 0.5  # at the rest positions, for R0
 _MIN_REST_MARKERS = 3  # visible markers of a frame at rest
 
@@ -44,7 +41,6 @@ class RecordingInfo:
             tracks, which then must be in the device's rest frame.
         offset: Seconds such that tracks' time = signals' time + offset; "auto" to find it from the
             relation of motion and signals.
-        initial_rest_s: Time at the start in which the device is at rest, s.
         fallback_device: Name of the device if neither `device` nor `markers` is given.
     """
 
@@ -52,9 +48,16 @@ class RecordingInfo:
     layout: str = ""
     unit: str = ""
     markers: Markers | None = None
-    offset: Offset = 0.0
-    initial_rest_s: float = INITIAL_REST_S
+    offset: ClockShift = 0.0
     fallback_device: str = ""
+
+    def device_name(self, source: str) -> str:
+        """Return the name of the device, by default that of the tracks' file without suffix."""
+        if self.device:
+            return self.device
+        if self.markers is not None:
+            return self.markers.device
+        return self.fallback_device or Path(source).stem
 
 
 def pair_dataset(signals: Path, tracks: Path, info: RecordingInfo | None = None) -> Dataset:
@@ -103,32 +106,20 @@ def dataset_of_series(series: Series, tracks: Tracks, source: str, info: Recordi
             frames=len(tracks.time),
         )
     series = _select_increasing(series)
-    time, error, offset = _synchronize(series, tracks, source, info.offset)
-    if time[-1] < tracks.time[0] or time[0] > tracks.time[-1]:
-        raise TrainingError(
-            f"{series.source} and {source} have no time in common ({time[0]:.1f} to"
-            f" {time[-1]:.1f} s, {tracks.time[0]:.1f} to {tracks.time[-1]:.1f} s)",
-            code="no-common-time",
-            action="Give the offset between them, or let it be found (auto)",
-            signals=(float(time[0]), float(time[-1])),
-            tracks=(float(tracks.time[0]), float(tracks.time[-1])),
-        )
+    time, error, offset_text = _synchronize(series, tracks, source, info.offset)
+    _require_common_time(series, time, tracks, source)
     start = max(float(tracks.time[0]), float(time[0]))
-    is_initial = np.asarray(tracks.time <= start + info.initial_rest_s)
+    is_initial = np.asarray(tracks.time <= start + _INITIAL_REST_S)
     tracks, rest_points, notes = _find_rest(tracks, source, is_initial, info)
     extra = float(time[-1] - tracks.time[-1])
-    if extra > max(_MAX_EXTRA_SHARE * float(np.ptp(time)), info.initial_rest_s):
+    if extra > max(_MAX_EXTRA_SHARE * float(np.ptp(time)), _INITIAL_REST_S):
         notes.append(
             f"the tracks end {extra:.0f} s before the signals: check whether {source} is truncated"
         )
     rest, note = _find_resistances(series, time, tracks, rest_points, is_initial, info)
     notes.append(note)
     ohm = series.ohm if series.ohm is not None else rest * (1 + _changes(series))
-    name = info.device or (
-        info.markers.device
-        if info.markers is not None
-        else info.fallback_device or Path(source).stem
-    )
+    name = info.device_name(source)
     recording = Recording(
         name=series.source,
         session=series.source,
@@ -147,7 +138,8 @@ def dataset_of_series(series: Series, tracks: Tracks, source: str, info: Recordi
         "device": name,
         "unit": info.unit,
         "layout": info.layout,
-        "offset": offset,
+        "offset": offset_text,
+        "offset_by": "motion" if info.offset == "auto" else "user",
         "notes": notes,
     }
     return Dataset(
@@ -161,25 +153,27 @@ def dataset_of_series(series: Series, tracks: Tracks, source: str, info: Recordi
     )
 
 
-def align_to_design(
+def _require_common_time(series: Series, time: Float, tracks: Tracks, source: str) -> None:
+    """Raise an error if the samples at times (n,) s and the tracks have no time in common."""
+    if time[-1] < tracks.time[0] or time[0] > tracks.time[-1]:
+        raise TrainingError(
+            f"{series.source} and {source} have no time in common ({time[0]:.1f} to"
+            f" {time[-1]:.1f} s, {tracks.time[0]:.1f} to {tracks.time[-1]:.1f} s)",
+            code="no-common-time",
+            action="Give the offset between them, or let it be found (auto)",
+            signals=(float(time[0]), float(time[-1])),
+            tracks=(float(tracks.time[0]), float(tracks.time[-1])),
+        )
+
+
+def _align_to_design(
     tracks: Tracks, markers: Markers, is_initial: Bool, source: str
 ) -> tuple[Tracks, list[str]]:
     """Transform tracks into the device's rest frame.
 
     Tracks whose anchor markers are already at their positions stay as they are. Others are aligned
-    to the anchor frame by frame (Kabsch).
-
-    Args:
-        tracks: The tracks.
-        markers: The device's markers.
-        is_initial: In which frames the device is at rest, shape (t,).
-        source: Name of the tracks' file.
-
-    Returns:
-        The tracks of these markers, and notes on what was done.
-
-    Raises:
-        TrainingError: If the tracks have other markers, or markers at other positions.
+    to the anchor frame by frame (Kabsch). The device is at rest in the frames `is_initial` (t,).
+    Returns the tracks of the device's markers, and notes on what was done.
     """
     named = _select_markers(tracks, markers, source)
     distance, subject = _rest_distance(named.points, markers, is_initial)
@@ -223,9 +217,9 @@ def _select_markers(tracks: Tracks, markers: Markers, source: str) -> Tracks:
     """Return the tracks with the device's markers, in their order."""
     is_tracked = np.isin(markers.ids, tracks.ids)
     if is_tracked.sum() < _MIN_ANCHOR_MARKERS:
-        found, expected = (", ".join(map(str, i.tolist())) for i in (tracks.ids, markers.ids))
+        track_ids, device_ids = (", ".join(map(str, i.tolist())) for i in (tracks.ids, markers.ids))
         raise TrainingError(
-            f"its markers are {found}, but the device's are {expected}",
+            f"its markers are {track_ids}, but the device's are {device_ids}",
             code="markers-differ",
             where=source,
             action="Name the markers by the device's numbers (tag_1, tag_2, ...)",
@@ -281,19 +275,19 @@ def _find_rest(
 ) -> tuple[Tracks, Float, list[str]]:
     """Return tracks in the rest frame, marker positions at rest (m, 3) mm, and notes."""
     if info.markers is not None:
-        tracks, notes = align_to_design(tracks, info.markers, is_initial, source)
+        tracks, notes = _align_to_design(tracks, info.markers, is_initial, source)
         return tracks, info.markers.centers, notes
-    rest_s = info.initial_rest_s
     rest_points = _median_positions(tracks.points, is_initial)
     notes = [
-        f"rest positions of the markers are those of the first {rest_s:g} s; the tracks are taken"
-        " to be in the device's frame"
+        f"rest positions of the markers are those of the first {_INITIAL_REST_S:g} s; the tracks"
+        " are taken to be in the device's frame"
     ]
     movement = _movement(tracks.points, rest_points, is_initial)
-    if movement > _MAX_REST_DISTANCE_MM:
+    if movement > _MAX_REST_RMS_MM:
         notes.append(
-            f"markers move by {movement:.0f} mm in the first {rest_s:g} s, which are taken for the"
-            " rest, so rest positions and R0 are wrong: start with a rest, or give markers.json"
+            f"markers move by {movement:.0f} mm in the first {_INITIAL_REST_S:g} s, which are taken"
+            " for the rest, so rest positions and R0 are wrong: start with a rest, or give"
+            " markers.json"
         )
     return tracks, rest_points, notes
 
@@ -307,7 +301,7 @@ def _find_resistances(
     info: RecordingInfo,
 ) -> tuple[Float, str]:
     """Return the resistances at rest (c,) ohm, and a note on their origin."""
-    is_at_rest, period = is_initial, f"of the first {info.initial_rest_s:g} s"
+    is_at_rest, period = is_initial, f"of the first {_INITIAL_REST_S:g} s"
     if info.markers is not None:
         is_still = _is_still(tracks, rest_points)
         duration = float(is_still.mean()) * float(np.ptp(tracks.time))
@@ -324,7 +318,7 @@ def _changes(series: Series) -> Float:
 
 
 def _synchronize(
-    series: Series, tracks: Tracks, source: str, offset: Offset
+    series: Series, tracks: Tracks, source: str, offset: ClockShift
 ) -> tuple[Float, float | None, str]:
     """Return sample times (n,) s on the tracks' clock, their standard error, and a description."""
     if offset != "auto":
@@ -366,7 +360,7 @@ def _is_still(tracks: Tracks, rest_points: Float) -> Bool:
         distance = np.linalg.norm(tracks.points - rest_points, axis=2)
         visible = np.isfinite(distance)
         rms = np.sqrt(np.where(visible, distance**2, 0).sum(axis=1) / visible.sum(axis=1))
-    return np.asarray((visible.sum(axis=1) >= _MIN_REST_MARKERS) & (rms < _MAX_REST_DISTANCE_MM))
+    return np.asarray((visible.sum(axis=1) >= _MIN_REST_MARKERS) & (rms < _MAX_REST_RMS_MM))
 
 
 def _nearest_flag(sample_time: Float, time: Float, flags: Bool) -> Bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from bisect import bisect_left
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,8 +20,15 @@ OHM = "_ohm"
 _BLOCK_LINES = 10_000  # lines that are split at once
 # Columns that are not channels, in addition to `run`.
 _OTHER_COLUMNS = (
-    "frame", "time", "alignment_residual", "counter", "device_us", "host_ns", "led", "late",
-)  # fmt: skip
+    "frame",
+    "time",
+    "alignment_residual",
+    "counter",
+    "device_us",
+    "host_ns",
+    "led",
+    "late",
+)
 _MAX_SAMPLE_STEP_S = 1.0  # beyond which times are hardly in seconds
 _MAX_CHANGE = 10.0  # no cord's resistance grows to more than eleven times R0
 
@@ -46,7 +54,7 @@ class Table:
         if name not in self.names:
             raise TrainingError(
                 f"has no column {name}; its columns are {', '.join(self.names)}",
-                code="missing-column",
+                code="column-missing",
                 where=self.path,
                 action="Check whether this is the right file",
                 column=name,
@@ -85,7 +93,7 @@ def read_table(path: Path) -> Table:
     if duplicates:
         raise TrainingError(
             f"has two columns {duplicates[0]!r}",
-            code="duplicate-column",
+            code="column-repeated",
             where=f"{path}:1",
             action="Rename one",
             column=duplicates[0],
@@ -307,3 +315,27 @@ def make_series(source: str, names: list[str], time: Float, values: Float) -> Se
         columns(OHM)[is_sample] if with_ohm else None,
         columns("")[is_sample] if with_change else None,
     )
+
+
+def increasing_times(time: Float) -> Bool:
+    """Return which of the times (n,) are known and increase, keeping as many as possible.
+
+    After the read-out board restarted, its clock is known to some ms only, and samples may seem to
+    come twice.
+    """
+    is_known = np.isfinite(time)
+    if (np.diff(time[is_known]) > 0).all():
+        return np.asarray(is_known)
+    # The longest increasing subsequence (Fredman 1975, On computing the length of longest
+    # increasing subsequences): for each length, the smallest last time and its row.
+    ends, rows, previous = list[float](), list[int](), np.full(len(time), -1)
+    for k in np.flatnonzero(is_known).tolist():
+        at = bisect_left(ends, time[k])
+        previous[k] = rows[at - 1] if at else -1
+        ends[at : at + 1], rows[at : at + 1] = [float(time[k])], [k]
+    is_kept = np.zeros(len(time), bool)
+    k = rows[-1]
+    while k >= 0:
+        is_kept[k] = True
+        k = int(previous[k])
+    return is_kept

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,103 +13,32 @@ from ...capture.files.formats import read_tracks
 from ...capture.sessions.results import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ...capture.sessions.session import CaptureSession, load
 from ...core.arrays import Bool, Float
-from ...core.device.build_folder import build_folder
-from ...core.device.device import Device
 from ...core.errors import TrainingError
 from ...core.markers import Tracks
-from ...core.storage import typed_json
 from ...core.storage.files import load_json
 from ...core.storage.session_manifest import manifest_path
 from ...sensing.response import relative_change
-from ...store.layout import LAYOUT, LayoutRecord, layout_hash, load_layout
 from ..data.dataset import Dataset, Recording
-from ..data.dataset_assembly import join_datasets, select_channels
-from .series import Table, read_table
+from .series import Table, increasing_times, read_table
 
 _MIN_INCREASING_SHARE = 0.995  # of the samples; a smaller share is noted
 _TIME_ROUNDING_S = 1e-6  # by which times in different files may differ
 
 
-def session_dataset(folders: Sequence[Path], device: Device | None = None) -> Dataset:
-    """Make a dataset of the runs of processed sessions.
+def session_dataset(folder: Path) -> Dataset:
+    """Make a dataset of the runs of a processed session.
 
     Args:
-        folders: Folders of the sessions.
-        device: The device, if available. Sessions must then be of it and of its built layout, and
-            the channels have its order.
+        folder: Folder of the session.
 
     Returns:
         The dataset.
 
     Raises:
-        TrainingError: If a session is not processed, does not match the others, or has no usable
-            run.
-        CaptureError: If a session is damaged.
+        TrainingError: If the session is not processed, or has no usable run.
+        CaptureError: If the session is damaged.
     """
-    layout = device_layout(device)
-    return join_datasets([_load_session(folder, device, layout) for folder in folders])
-
-
-def device_layout(device: Device | None) -> LayoutRecord | None:
-    """Return the layout of a device's build; None if it is not built."""
-    if device is None or not (build_folder(device) / LAYOUT).exists():
-        return None
-    return load_layout(build_folder(device), TrainingError)
-
-
-def increasing_times(time: Float) -> Bool:
-    """Return which of the times (n,) are known and increase, keeping as many as possible.
-
-    After the read-out board restarted, its clock is known to some ms only, and samples may seem to
-    come twice.
-    """
-    is_known = np.isfinite(time)
-    if (np.diff(time[is_known]) > 0).all():
-        return np.asarray(is_known)
-    # The longest increasing subsequence (Fredman 1975, On computing the length of longest
-    # increasing subsequences): for each length, the smallest last time and its row.
-    ends, rows, previous = list[float](), list[int](), np.full(len(time), -1)
-    for k in np.flatnonzero(is_known).tolist():
-        at = bisect_left(ends, time[k])
-        previous[k] = rows[at - 1] if at else -1
-        ends[at : at + 1], rows[at : at + 1] = [float(time[k])], [k]
-    is_kept = np.zeros(len(time), bool)
-    k = rows[-1]
-    while k >= 0:
-        is_kept[k] = True
-        k = int(previous[k])
-    return is_kept
-
-
-@dataclass(frozen=True)
-class _Processed:
-    """A processed session.
-
-    Attributes:
-        folder: Its folder.
-        session: The session as recorded.
-        quality: Content of its quality.json.
-        tracks: Tracks in the device's rest frame.
-        signals: Signals at the frames.
-        samples: Samples of the read-out board; None in older sessions.
-    """
-
-    folder: Path
-    session: CaptureSession
-    quality: Mapping[str, Any]
-    tracks: Tracks
-    signals: Table
-    samples: Table | None
-
-    @property
-    def has_one_run(self) -> bool:
-        """Whether the session has one run, to which all frames belong."""
-        return len(self.quality["runs"]) == 1
-
-
-def _load_session(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Dataset:
     session, quality = _load_processed(folder)
-    _check_device(folder, session, device, layout)
     processed = _load_tables(folder, session, quality)
     notes = list[str]()
     recordings, skipped = [], [f"{s['run']}: {s['why']}" for s in quality.get("skipped", [])]
@@ -138,51 +66,43 @@ def _load_session(folder: Path, device: Device | None, layout: LayoutRecord | No
         "cameras": [camera.name for camera in session.rig.cameras],
         "version": quality.get("version"),
         "aligned_by": quality.get("aligned_by"),
-        "signals": SIGNALS if processed.samples is None else SAMPLES,
+        "signals": SAMPLES,
         "skipped": skipped,
         "warnings": list(quality.get("warnings", [])),
     }
-    provenance: dict[str, Any] = {"sessions": [entry]}
-    if layout is not None and layout.response is not None:
-        provenance["response"] = typed_json.to_json(layout.response)
-    dataset = Dataset(
+    return Dataset(
         session.device,
         session.layout,
         session.channels,
         session.markers.ids,
         session.markers.centers,
         tuple(recordings),
-        provenance,
+        {"sessions": [entry]},
     )
-    channels = session.channels
-    if layout is not None:
-        channels = tuple(c.name for c in layout.by_channel())
-    return select_channels(dataset, channels)
 
 
-def _check_device(
-    folder: Path, session: CaptureSession, device: Device | None, layout: LayoutRecord | None
-) -> None:
-    """Raise an error for a session of another device or layout."""
-    if device is None:
-        return
-    if session.device != device.name:
-        raise TrainingError(
-            f"is a session of {session.device}, not of {device.name}",
-            code="devices-differ",
-            where=folder,
-            action=f"Give sessions of {device.name}",
-            devices=(device.name, session.device),
-        )
-    if layout is not None and session.layout and session.layout != layout_hash(layout):
-        raise TrainingError(
-            f"was recorded with another layout of cords ({session.layout}) than"
-            f" {build_folder(device)} has ({layout_hash(layout)})",
-            code="layouts-differ",
-            where=folder,
-            action="Train with the build that it was recorded with, or record again",
-            layouts=(layout_hash(layout), session.layout),
-        )
+@dataclass(frozen=True)
+class _Processed:
+    """A processed session.
+
+    Attributes:
+        folder: Its folder.
+        session: The session as recorded.
+        quality: Content of its quality.json.
+        tracks: Tracks in the device's rest frame.
+        samples: Samples of the read-out board.
+    """
+
+    folder: Path
+    session: CaptureSession
+    quality: Mapping[str, Any]
+    tracks: Tracks
+    samples: Table
+
+    @property
+    def has_one_run(self) -> bool:
+        """Whether the session has one run, to which all frames belong."""
+        return len(self.quality["runs"]) == 1
 
 
 def _load_processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
@@ -203,7 +123,7 @@ def _load_processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
             where=folder,
             action="Record it again with the read-out board's port",
         )
-    for name in (QUALITY, ALIGNED, SIGNALS):
+    for name in (QUALITY, ALIGNED, SIGNALS, SAMPLES):
         if not (folder / name).exists():
             raise TrainingError(
                 f"is not processed yet: {name} is missing",
@@ -214,7 +134,7 @@ def _load_processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
             )
     quality = load_json(folder / QUALITY, TrainingError, process)
     try:
-        processed, is_old = _read_runs(quality)
+        processed = _read_runs(quality)
     except (KeyError, TypeError):
         raise TrainingError(
             "lacks facts on the runs",
@@ -222,13 +142,6 @@ def _load_processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
             where=folder / QUALITY,
             action=process,
         ) from None
-    if is_old:
-        raise TrainingError(
-            "was processed by an older version",
-            code="session-outdated",
-            where=folder,
-            action=process,
-        )
     later = [run.name for run in session.runs if run.name not in processed]
     if later:
         raise TrainingError(
@@ -241,17 +154,14 @@ def _load_processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
     return session, quality
 
 
-def _read_runs(quality: dict[str, Any]) -> tuple[list[str], bool]:
-    """Return the names of the processed runs, and whether an older version processed them."""
+def _read_runs(quality: dict[str, Any]) -> list[str]:
+    """Return the names of the processed runs; check that times separate several runs."""
     names = [str(run["run"]) for run in [*quality["runs"], *quality["skipped"]]]
-    has_several = len(quality["runs"]) > 1
-    is_old = has_several and not all({"begin", "end"} <= set(run) for run in quality["runs"])
-    if not isinstance(quality["R0"], dict):
-        is_old = True
-    for run in quality["runs"]:
-        if not all(isinstance(run.get(key, 0.0), int | float) for key in ("begin", "end")):
-            raise TypeError
-    return names, is_old
+    if len(quality["runs"]) > 1:
+        for run in quality["runs"]:
+            if not all(isinstance(run[key], int | float) for key in ("begin", "end")):
+                raise TypeError
+    return names
 
 
 def _load_tables(folder: Path, session: CaptureSession, quality: dict[str, Any]) -> _Processed:
@@ -268,9 +178,8 @@ def _load_tables(folder: Path, session: CaptureSession, quality: dict[str, Any])
                 count=count,
                 expected=quality["frames"],
             )
-    samples = read_table(folder / SAMPLES) if (folder / SAMPLES).exists() else None
     tracks = _exclude_dropped(tracks, signals)
-    return _Processed(folder, session, quality, tracks, signals, samples)
+    return _Processed(folder, session, quality, tracks, read_table(folder / SAMPLES))
 
 
 def _make_recording(
@@ -286,12 +195,7 @@ def _make_recording(
     if not tracks.visible.any():
         return "no marker was visible"
     rest, error, steps = _read_run(run, processed)
-    if processed.samples is not None:
-        time, ohm = _samples_of_run(processed.samples, name, session.channels)
-    else:
-        rest = np.where(np.isfinite(rest), rest, 1.0)
-        time, signals = _signals_of_run(processed, run, tracks.time)
-        ohm = rest * (1 + signals)
+    time, ohm = _samples_of_run(processed.samples, name, session.channels)
     is_kept = increasing_times(time)
     if not np.isfinite(relative_change(ohm[is_kept], rest)).any():
         return "there is no sample of the read-out board"
@@ -322,20 +226,6 @@ def _samples_of_run(samples: Table, name: str, channels: tuple[str, ...]) -> tup
     rows = np.array([r == name for r in samples.run], bool)
     ohm = samples.columns([f"{channel}_ohm" for channel in channels])[rows]
     return samples["time"][rows], ohm
-
-
-def _signals_of_run(
-    processed: _Processed, run: Mapping[str, Any], frame_time: Float
-) -> tuple[Float, Float]:
-    """Return times (n,) s and signals (n, c) of a run's frames, without dropped frames."""
-    table = processed.signals
-    rows = np.ones(len(table.values), bool)
-    if not processed.has_one_run:
-        rows = _is_within(table["time"], run)
-    time, signals = table["time"][rows], table.columns(processed.session.channels)[rows]
-    time = _undo_rounding(time, frame_time)
-    has_signal = np.isfinite(signals).any(axis=1)
-    return time[has_signal], signals[has_signal]
 
 
 def _read_run(

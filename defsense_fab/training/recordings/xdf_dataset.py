@@ -18,8 +18,7 @@ from ...core.machine.optional_libraries import optional
 from ...core.markers import Tracks
 from ..data.dataset import Dataset
 from .pair_dataset import RecordingInfo, dataset_of_series
-from .series import OHM, Series, make_series
-from .session_dataset import increasing_times
+from .series import OHM, Series, increasing_times, make_series
 
 _MAGIC = b"XDF:"
 _GZIP_MAGIC = b"\x1f\x8b"
@@ -138,9 +137,9 @@ def _choose(
     else:
         problem = f"has {len(candidates)} streams that may be the {content}"
         action = f"Name the stream of {content}"
-    found = "; ".join(s.description for s in streams) or "none with numbers"
+    descriptions = "; ".join(s.description for s in streams) or "none with numbers"
     raise TrainingError(
-        f"{problem}; its streams are: {found}",
+        f"{problem}; its streams are: {descriptions}",
         code="stream-not-found" if not candidates else "stream-ambiguous",
         where=path,
         action=action,

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.input_decoder import InputFeatures, all_products, no_products
 from ...decoding.signal_history import Past
+from ..options import DecoderForm
 
-AFFINE, QUADRATIC, KERNEL = "affine", "quadratic", "kernel"
 #: Forms of decoders, from simple to rich. Of equally good ones, the first is selected.
-FORMS = (AFFINE, QUADRATIC, KERNEL)
+FORMS: tuple[str, ...] = get_args(DecoderForm)
+AFFINE, QUADRATIC, KERNEL = FORMS
 MEMORY, WORK, SIMULATED = "memory", "work", "simulated"
 
 _CENTER_COUNT = 40

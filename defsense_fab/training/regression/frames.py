@@ -17,14 +17,12 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
-from ...decoding.decoders import FOLDS
 from ...decoding.signal_history import Past, interpolate_at
 from ..data.dataset import Dataset
+from ..options import TrainOptions
 
 #: Fewer frames cannot be divided into meaningful folds.
 MIN_FRAMES = 50
-#: Share of the frames, at the end, that a model is tested on (DefSense, CHI 2016, section 6).
-TEST_SHARE = 0.3
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,9 @@ class Frames:
         return inputs
 
 
-def split_frames(frames: Frames, test_share: float = TEST_SHARE) -> tuple[Frames, Frames]:
+def split_frames(
+    frames: Frames, test_share: float = TrainOptions.test_share
+) -> tuple[Frames, Frames]:
     """Divide frames into those to train on and those to test on.
 
     Args:
@@ -152,7 +152,7 @@ def split_frames(frames: Frames, test_share: float = TEST_SHARE) -> tuple[Frames
     if not 0 <= test_share < 1:
         raise TrainingError(
             f"must be from 0 to below 1, not {test_share:g}",
-            code="share-out-of-range",
+            code="out-of-range",
             where="test_share",
             share=test_share,
         )
@@ -160,7 +160,7 @@ def split_frames(frames: Frames, test_share: float = TEST_SHARE) -> tuple[Frames
     return frames.select(slice(0, cut)), frames.select(slice(cut, len(frames)))
 
 
-def assign_folds(count: int, folds: int = FOLDS) -> Int:
+def assign_folds(count: int, folds: int = TrainOptions.folds) -> Int:
     """Assign frames to contiguous folds of nearly equal sizes.
 
     Args:

@@ -17,9 +17,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.trained_model import Intervals, TrainedRange
-
-#: Default probability that a marker lies within its interval.
-INTERVAL_LEVEL = 0.9
+from ..options import TrainOptions
 
 _BLOCK_S = 5.0
 _BIN_COUNT = 6  # of the distance; the usual error is a straight line through their means
@@ -48,7 +46,7 @@ def fit_trained_range(inputs: Float, signals: Float) -> TrainedRange:
 
 
 def fit_intervals(
-    errors: Float, distance: Float, time: Float, level: float = INTERVAL_LEVEL
+    errors: Float, distance: Float, time: Float, level: float = TrainOptions.level
 ) -> Intervals:
     """Fit conformal intervals to errors on frames that a decoder was not trained on.
 

@@ -67,9 +67,7 @@ def find_wrong_markers(inputs: Float, points: Float, time: Float) -> tuple[Bool,
     t, c = inputs.shape
     visible = np.isfinite(points[..., 0])
     features = InputFeatures(c, all_products(c), np.zeros((0, c)), np.ones(c))
-    phi = features(inputs)
-    whitening = Whitening.of(phi, features.slopes(inputs), features.roughness())
-    x = whitening(phi)
+    _, x = Whitening.fit(features, inputs)
     outputs = np.where(visible[..., None], points, 0.0)
     weights, one_fold = visible.astype(float), np.zeros(t, np.int64)
     is_wrong, scale = np.zeros_like(visible), np.zeros(points.shape[1])

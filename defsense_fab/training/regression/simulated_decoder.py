@@ -46,9 +46,8 @@ def fit_simulated_decoder(prior: Prior, channels: Sequence[int] | None = None) -
     """
     signals = prior.signals if channels is None else prior.signals[:, list(channels)]
     features = Candidate(QUADRATIC, Past()).features(signals, signals.shape[1])
-    phi = features(signals)
-    whitening = Whitening.of(phi, features.slopes(signals), features.roughness())
-    beta, constant = solve_ridge(prior.accumulate_sums(phi, whitening), np.array([_INPUT_NOISE]))
+    whitening, x = Whitening.fit(features, signals)
+    beta, constant = solve_ridge(prior.accumulate_sums(x), np.array([_INPUT_NOISE]))
     return InputDecoder(features, *whitening.undo(beta[0], constant[0]))
 
 

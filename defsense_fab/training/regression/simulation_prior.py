@@ -58,19 +58,18 @@ class Prior:
                 action="Build the device again",
             )
 
-    def accumulate_sums(self, phi: Float, whitening: Whitening) -> Sums:
+    def accumulate_sums(self, features: Float) -> Sums:
         """Compute sums over the states for ridge regression; the weights add up to one.
 
         Args:
-            phi: Features of the states, shape (s, f).
-            whitening: Transform of the features.
+            features: Whitened features of the states, shape (s, f).
 
         Returns:
             The sums, of one fold.
         """
         s, m = self.displacements.shape[:2]
         weights = np.full((s, m), 1 / s)
-        return accumulate_sums(whitening(phi), self.displacements, weights, np.zeros(s, np.int64))
+        return accumulate_sums(features, self.displacements, weights, np.zeros(s, np.int64))
 
 
 def predict_signals(prior: Prior, r: Recording, rest_points: Float) -> Float:
@@ -105,10 +104,9 @@ def predict_signals(prior: Prior, r: Recording, rest_points: Float) -> Float:
     states = flat @ V.T
     spread = np.maximum(states.std(0), 1e-9)
     features = InputFeatures(k, all_products(k), np.zeros((0, k)), np.ones(k))
-    phi = features(states / spread)
-    whitening = Whitening.of(phi, features.slopes(states / spread), features.roughness())
+    whitening, x = Whitening.fit(features, states / spread)
     sums = accumulate_sums(
-        whitening(phi),
+        x,
         prior.signals[:, :, None],
         np.ones_like(prior.signals),
         np.zeros(s, np.int64),

@@ -18,12 +18,14 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from ...core.arrays import Float, Int
+from ...decoding.input_decoder import InputFeatures
 from ...decoding.ridge import regularize
 
 #: Standard deviations of the inputs among which cross-validation chooses.
 INPUT_NOISES = np.logspace(-6, 1, 29)
 
 _BLOCK_SIZE = 2_000_000  # products of features computed at once
+_AXES = 3  # outputs of a marker
 _NOISE_TOLERANCE = 1.001  # of the smallest error; the largest noise within it is chosen
 
 
@@ -42,22 +44,24 @@ class Whitening:
     transform: Float
 
     @staticmethod
-    def of(phi: Float, slopes: Float, roughness: Float) -> Whitening:
-        """Compute the transform for features.
+    def fit(features: InputFeatures, inputs: Float) -> tuple[Whitening, Float]:
+        """Compute the transform for the features of inputs.
 
         Args:
-            phi: Features, shape (t, f).
-            slopes: Slopes of the features by the inputs, shape (t, f, d).
-            roughness: Matrix added to the penalty, shape (f, f).
+            features: The features.
+            inputs: Inputs, shape (t, d).
 
         Returns:
-            The transform.
+            The transform, and the transformed features, shape (t, f).
         """
-        flat = np.ascontiguousarray(np.moveaxis(slopes, 2, 1)).reshape(-1, phi.shape[1])
-        P = regularize(flat.T @ flat / len(phi) + roughness)
+        phi = features(inputs)
+        slopes = np.moveaxis(features.slopes(inputs), 2, 1)
+        flat = np.ascontiguousarray(slopes).reshape(-1, phi.shape[1])
+        P = regularize(flat.T @ flat / len(phi) + features.roughness())
         lower = np.linalg.cholesky(P)
         transform = solve_triangular(lower, np.eye(len(P)), lower=True).T
-        return Whitening(phi.mean(0), transform)
+        whitening = Whitening(phi.mean(0), transform)
+        return whitening, whitening(phi)
 
     def __call__(self, phi: Float) -> Float:
         """Transform features (t, f)."""
@@ -253,13 +257,12 @@ def _combine_folds(errors: Float) -> Float:
     return np.asarray(np.sqrt((errors**2).mean(0)))
 
 
-def cross_validate(sums: Sums, noises: Float = INPUT_NOISES, axes: int = 3) -> RidgePath:
+def cross_validate(sums: Sums, noises: Float = INPUT_NOISES) -> RidgePath:
     """Compute the errors on each fold of decoders fitted to the other folds.
 
     Args:
         sums: Sums over whitened features.
         noises: Standard deviations of the inputs to try, shape (s,).
-        axes: Number of outputs of a marker.
 
     Returns:
         The errors for each noise.
@@ -269,6 +272,6 @@ def cross_validate(sums: Sums, noises: Float = INPUT_NOISES, axes: int = 3) -> R
         beta, constant = solve_ridge(sums.without(k), noises)
         tested = sums.only(k)
         square = np.maximum(sum_squared_errors(tested, beta, constant), 0.0).sum(1)
-        weight = tested.weight[0][tested.group].sum() / axes
+        weight = tested.weight[0][tested.group].sum() / _AXES
         errors.append(np.sqrt(square / max(weight, 1e-300)))
     return RidgePath(noises, np.array(errors))

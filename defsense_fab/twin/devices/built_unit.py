@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import Device
-from ...optimize.studies.tolerance_monte_carlo import Tolerances, sample_built_cord
+from ...optimization.studies.tolerance_monte_carlo import Tolerances, sample_built_cord
 from ...sensing.built_cord import BuiltCord, CordReading
 from ...store.layout import LayoutRecord
 from ..electronics.rubber_cords import RubberPieces, RubberTraits
@@ -16,7 +16,7 @@ from ..scenes.assumptions import assume
 from .device_fields import DeviceFields
 
 _DEFAULT = Tolerances()
-_SOURCE = "optimize/studies/tolerance_monte_carlo.py"
+_SOURCE = "optimization/studies/tolerance_monte_carlo.py"
 BLOCK_FRAMES = 1024  # frames evaluated at once
 UNIT_SEED = 71  # combined with the number of the unit
 

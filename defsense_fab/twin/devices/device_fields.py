@@ -31,9 +31,9 @@ from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.batch import Job, solve_all
 from ...sensing.built_cord import CordReading
-from ...store.body import load_surface
-from ...store.layout import LAYOUT, PREDICTION, load_layout, load_prediction
-from ...store.mesh import RECORD, load_mesh, load_mesh_record
+from ...store.build import Build
+from ...store.layout import LAYOUT, PREDICTION
+from ...store.mesh import RECORD
 from ..scenes.assumptions import assume
 from ..scenes.pose_space import PoseSpace
 from .pose_samples import Ray, corner_rays, draw_rays, find_mixable_poses, pose_axes, single_rays
@@ -113,6 +113,7 @@ def solve_fields(
     traits: MechanicsTraits | None = None,
     progress: Progress = silent,
     poses: Sequence[Pose] | None = None,
+    build: Build | None = None,
 ) -> DeviceFields:
     """Solve the displacement fields of a built device, or load them if they were solved before.
 
@@ -123,6 +124,7 @@ def solve_fields(
         traits: Mesh, material and accuracy.
         progress: Called with the progress.
         poses: Poses that replace those of the device.
+        build: The device's build, if it was opened before.
 
     Raises:
         CaptureError: The device is not built, or a pose cannot be solved (`pose-not-reached`).
@@ -130,14 +132,15 @@ def solve_fields(
     traits = traits or MechanicsTraits()
     all_poses = tuple(poses or device.poses)
     folder = finished_build(device, LAYOUT, PREDICTION, RECORD)
-    path = folder / FOLDER / f"{_cache_key(device, folder, traits, all_poses)}.npz"
+    build = build or Build(folder)
+    path = folder / FOLDER / f"{_cache_key(device, build, traits, all_poses)}.npz"
     loaded = _load(path) if path.exists() else None
-    fields, groups = loaded or _solve(device, folder, traits, all_poses, progress)
+    fields, groups = loaded or _solve(device, build, traits, all_poses, progress)
     if loaded is None:
         with storage_errors(path):
             path.parent.mkdir(exist_ok=True)
             _save(path, fields, groups)
-    return replace(fields, signal_error=_signal_error(device, folder, fields, groups))
+    return replace(fields, signal_error=_signal_error(device, build, fields, groups))
 
 
 def share_fields(source: Device, device: Device) -> None:
@@ -158,7 +161,8 @@ def share_fields(source: Device, device: Device) -> None:
                     shutil.copyfile(path, temporary)
 
 
-def _cache_key(device: Device, folder: Path, traits: MechanicsTraits, poses: Sequence[Pose]) -> str:
+def _cache_key(device: Device, build: Build, traits: MechanicsTraits, poses: Sequence[Pose]) -> str:
+    folder = build.folder
     surface = folder / "body" / "surface.npz"
     regions = sorted((k, type(s).__name__, str(vars(s))) for k, s in device.regions.items())
     with storage_errors(folder):
@@ -170,7 +174,7 @@ def _cache_key(device: Device, folder: Path, traits: MechanicsTraits, poses: Seq
             repr(device.material),
             surface,
             folder / RECORD,
-            load_prediction(folder).markers.tolist(),
+            build.prediction.markers.tolist(),
         )
 
 
@@ -187,14 +191,14 @@ def choose_material(device: Device, traits: MechanicsTraits) -> Material:
 
 def _solve(
     device: Device,
-    folder: Path,
+    build: Build,
     traits: MechanicsTraits,
     poses: tuple[Pose, ...],
     progress: Progress,
 ) -> tuple[DeviceFields, Int]:
     """Return the fields without the error of signals, and the groups for cross-validation."""
     progress("twin", 0.0, "meshing the body more finely")
-    mesh = QuadraticMesh.from_linear(_make_mesh(device, folder, traits.edge))
+    mesh = QuadraticMesh.from_linear(_make_mesh(device, build, traits.edge))
     rng, mixable = np.random.default_rng(RAY_SEED), find_mixable_poses(poses)
     axes = pose_axes(poses)
     sampler = _Sampler(device, poses, mesh, choose_material(device, traits), progress)
@@ -206,7 +210,7 @@ def _solve(
     count = max(remaining // 2, RAYS_PER_STEP // 2)
     sampler.add(draw_rays(mixable & ~sampler.failed_pairs, count, rng), is_random=True)
     mixable &= ~sampler.failed_pairs
-    markers = load_prediction(folder).markers
+    markers = build.prediction.markers
     while True:
         space = PoseSpace(axes, np.array(sampler.states))
         fields = DeviceFields(
@@ -238,11 +242,11 @@ def _solve(
     return fields, np.array(sampler.groups)
 
 
-def _make_mesh(device: Device, folder: Path, edge: float) -> TetMesh:
-    record = load_mesh_record(folder)
-    if edge == 1.0 or record.edge_length is None:
-        return load_mesh(folder)
-    mesh = tetrahedralize(load_surface(folder), edge * record.edge_length).mesh
+def _make_mesh(device: Device, build: Build, edge: float) -> TetMesh:
+    edge_length = build.mesh_record.edge_length
+    if edge == 1.0 or edge_length is None:
+        return build.mesh
+    mesh = tetrahedralize(build.surface, edge * edge_length).mesh
     return conform_to_regions(mesh, list(device.regions.values()))
 
 
@@ -338,10 +342,10 @@ class _Sampler:
             self.failed_pairs[np.ix_(mixed, mixed)] = True
 
 
-def _signal_error(device: Device, folder: Path, fields: DeviceFields, groups: Int) -> float:
+def _signal_error(device: Device, build: Build, fields: DeviceFields, groups: Int) -> float:
     """Return the RMS error of (R - R0)/R0 of the cords as designed, in states left out."""
     reading, errors = CordReading.from_device(device), []
-    for record in load_layout(folder).by_channel():
+    for record in build.layout.by_channel():
         cord = record.built
         displacements = fields.displacements(cord.path)
         difference, indices = fields.space.predict_left_out(displacements, groups)

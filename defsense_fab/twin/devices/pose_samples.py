@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ...core.arrays import Bool, Float
 from ...core.device.device import Device, PointDrag, Pose
 from ...core.device.states import are_opposite, can_mix, pose_actions
 from ...core.errors import CaptureError
-from ...store.body import load_surface
+from ...store.build import Build
 from ..scenes.hand_walk import MIXTURE_LIMITS
 
 #: Largest level of a pose that is simulated.
@@ -139,23 +138,24 @@ def draw_rays(mixable: Bool, count: int, rng: np.random.Generator) -> list[Ray]:
     return rays
 
 
-def place_grips(device: Device, folder: Path, count: int) -> tuple[Pose, ...]:
-    """Return poses that pull sideways at points of the skin, which no pose of the device does.
+def add_grips(device: Device, build: Build, count: int) -> tuple[Pose, ...]:
+    """Return the poses of a device, and poses that pull sideways at other points of its skin.
 
     The points are outside of the regions that poses hold or move, and as far apart as possible.
+    Grips hold what the first pose holds, and the handles of that pose stay at rest.
 
     Args:
         device: The device.
-        folder: Folder of its build.
+        build: Its build.
         count: Number of grips.
 
     Raises:
         CaptureError: The poses hold the whole skin (`no-place-to-grip`).
     """
     if not count:
-        return ()
+        return device.poses
     rng = np.random.default_rng(GRIP_SEED)
-    points = load_surface(folder).scatter(GRIP_CANDIDATES, rng)
+    points = build.surface.scatter(GRIP_CANDIDATES, rng)
     regions = {n for p in device.poses for n in (*p.fixed, *(h.region for h in p.handles))}
     for name in regions:
         points = points[~device.regions[name].contains(points)]
@@ -173,19 +173,12 @@ def place_grips(device: Device, folder: Path, count: int) -> tuple[Pose, ...]:
     directions = rng.normal(size=(count, 3))
     pulls = GRIP_PULL_MM * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     stiffness = GRIP_STIFFNESS_MM * device.material.young_modulus
-    return tuple(
-        Pose(f"grip_{k + 1}", (), (), drags=(PointDrag(point, pull, stiffness),))
-        for k, (point, pull) in enumerate(zip(chosen, pulls, strict=True))
-    )
-
-
-def add_grips(poses: Sequence[Pose], grips: Sequence[Pose]) -> tuple[Pose, ...]:
-    """Return the poses and the grips, which hold what the first pose holds.
-
-    The handles of the first pose stay at rest while the device is gripped.
-    """
-    first = poses[0]
+    first = device.poses[0]
     at_rest = tuple(
         replace(h, rotation=0 * h.rotation, translation=0 * h.translation) for h in first.handles
     )
-    return (*poses, *(replace(g, fixed=first.fixed, handles=at_rest) for g in grips))
+    grips = (
+        Pose(f"grip_{k + 1}", first.fixed, at_rest, drags=(PointDrag(point, pull, stiffness),))
+        for k, (point, pull) in enumerate(zip(chosen, pulls, strict=True))
+    )
+    return (*device.poses, *grips)

@@ -11,12 +11,10 @@ from ...core.device.build_folder import finished_build
 from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.mesh import Surface
-from ...mechanics.elements.point_location import PointLocator
-from ...mechanics.elements.tet10 import QuadraticMesh
 from ...sensing.built_cord import BuiltCord, CordReading
-from ...store.fields import INDEX, load_fields
-from ...store.layout import LAYOUT, load_layout
-from ...store.mesh import load_mesh
+from ...store.build import Build
+from ...store.fields import INDEX
+from ...store.layout import LAYOUT
 from ..scenes.device_motion import Ramp
 
 
@@ -45,18 +43,22 @@ class SimulatedDevice:
     shown: Float
 
 
-def load_simulated_device(device: Device, points: Float) -> SimulatedDevice:
+def load_simulated_device(
+    device: Device, points: Float, build: Build | None = None
+) -> SimulatedDevice:
     """Load the motion of a device from its build.
 
     Args:
         device: The device.
         points: Points (m, 3) mm whose displacements are requested.
+        build: Its build; by default that in its folder.
 
     Raises:
         CaptureError: The device is not built, or the build has no simulated pose (`no-poses`).
     """
     folder = finished_build(device, LAYOUT, INDEX)
-    states = load_fields(folder)
+    build = build or Build(folder)
+    states = build.fields
     ramps = []
     for pose in device.poses:
         state_at = {
@@ -74,15 +76,14 @@ def load_simulated_device(device: Device, points: Float) -> SimulatedDevice:
             where=folder,
             action="Build the device again",
         )
-    mesh = load_mesh(folder)
-    locator = PointLocator(QuadraticMesh.from_linear(mesh))
+    locator = build.locator
     # The boundary of the tets bends where the body's own triangles, which may be long, do not.
-    surface, _ = mesh.boundary().compact()
+    surface, _ = build.mesh.boundary().compact()
 
     def displacements(points: Float) -> Float:
         return locator.displacement(locator.find(points), states.displacements)
 
-    records = load_layout(folder).by_channel()
+    records = build.layout.by_channel()
     cords = tuple(r.built for r in records)
     reading = CordReading.from_device(device)
     return SimulatedDevice(

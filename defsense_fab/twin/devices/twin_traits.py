@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from ...core.device.device import Device
-from ...core.errors import CaptureError
+from ...core.errors import CaptureError, DeviceError
 from ..electronics.readout_board import BoardTraits
 from ..electronics.rubber_cords import RubberTraits
-from ..filming.camera_kinds import CAMERA_KINDS, DEFAULT_CAMERA_KIND
+from ..filming.camera_kinds import CAMERA_KINDS
+from ..options import TWIN, TwinCameras, TwinOptions
 from ..scenes.assumptions import Assumption, assume, disable_traits, list_assumptions
 from ..scenes.hand_walk import WalkTraits
 from ..scenes.marker_measurement import MarkerTraits
@@ -19,17 +19,6 @@ from .device_fields import MechanicsTraits
 
 #: Traits that cannot be disabled; their numbers can be changed.
 PERMANENT_TRAITS = ("read-out board", "cameras", "hand", "time")
-
-
-def unknown_camera_kind(kind: str) -> CaptureError:
-    """Return the error for a kind of cameras that does not exist."""
-    return CaptureError(
-        f"there is no kind of cameras {kind!r}",
-        code="unknown-camera-kind",
-        where="twin",
-        action=f"Use one of {', '.join(CAMERA_KINDS)}",
-        camera_kind=kind,
-    )
 
 
 @dataclass(frozen=True)
@@ -50,8 +39,8 @@ class FilmTraits:
         CaptureError: There is no such kind of cameras (`unknown-camera-kind`).
     """
 
-    kind: str = DEFAULT_CAMERA_KIND
-    count: int = 2
+    kind: str = TwinCameras.kind
+    count: int = TwinCameras.count
     rate: float = assume(15.0, "cameras", "Hz", "frame rate", off=15.0)
     focal: float = assume(
         5e-4,
@@ -73,7 +62,13 @@ class FilmTraits:
 
     def __post_init__(self) -> None:
         if self.kind not in CAMERA_KINDS:
-            raise unknown_camera_kind(self.kind)
+            raise CaptureError(
+                f"there is no kind of cameras {self.kind!r}",
+                code="unknown-camera-kind",
+                where="twin",
+                action=f"Use one of {', '.join(CAMERA_KINDS)}",
+                camera_kind=self.kind,
+            )
 
 
 @dataclass(frozen=True)
@@ -85,8 +80,8 @@ class TwinTraits:
         building: Tolerances of its maker.
         rubber: Properties of its cords.
         board: Properties of its read-out board.
-        markers: How cameras measure markers, if no film is rendered.
         hand: How the hand moves.
+        markers: How cameras measure markers, if no film is rendered.
         film: The cameras that film the device; None for measured markers.
         age: Age of the device at its first session, days.
         between: Time between sessions, h.
@@ -96,35 +91,45 @@ class TwinTraits:
     building: BuildingTraits = field(default_factory=BuildingTraits)
     rubber: RubberTraits = field(default_factory=RubberTraits)
     board: BoardTraits = field(default_factory=BoardTraits)
-    markers: MarkerTraits = field(default_factory=MarkerTraits)
     hand: WalkTraits = field(default_factory=WalkTraits)
+    markers: MarkerTraits = field(default_factory=MarkerTraits)
     film: FilmTraits | None = None
     age: float = assume(3.0, "time", "days", "age of the device at its first session")
     between: float = assume(20.0, "time", "h", "time between sessions")
 
     @classmethod
-    def for_device(cls, device: Device) -> TwinTraits:
-        """Return the traits with the noise and the joints of the device's cord."""
-        cord = device.cord
-        return cls(rubber=RubberTraits(noise=cord.noise, contact=cord.contact))
+    def for_device(cls, device: Device, options: TwinOptions | None = None) -> TwinTraits:
+        """Return the traits with the noise and the joints of the device's cord.
 
-    @property
-    def _parts(self) -> dict[str, Any]:
-        cameras = {"film": self.film} if self.film is not None else {"markers": self.markers}
-        return {
-            "mechanics": self.mechanics,
-            "building": self.building,
-            "rubber": self.rubber,
-            "board": self.board,
-            "hand": self.hand,
-            **cameras,
-        }
+        Args:
+            device: The device.
+            options: Options of simulated sessions, whose wrong markers and cameras are used.
+
+        Raises:
+            DeviceError: The cameras of the options are invalid, or have a seed of their own
+                (`options-conflict`).
+        """
+        cord, options = device.cord, options or TwinOptions()
+        markers, film = MarkerTraits(), None
+        if options.wrong is not None:
+            markers = replace(markers, wrong=options.wrong)
+        if options.cameras:
+            if "seed" in options.cameras:
+                raise DeviceError(
+                    f"{options.cameras} contains a seed",
+                    code="options-conflict",
+                    where="cameras",
+                    action="Give the seed of the session instead",
+                )
+            cameras = TwinCameras.parse(f"{TWIN}:{options.cameras}")
+            film = FilmTraits(cameras.kind, cameras.count, options.rate)
+        rubber = RubberTraits(noise=cord.noise, contact=cord.contact)
+        return cls(rubber=rubber, markers=markers, film=film)
 
     @property
     def assumptions(self) -> list[Assumption]:
         """Every assumed number with its source."""
-        parts = [a for part in self._parts.values() for a in list_assumptions(part)]
-        return parts + list_assumptions(self)
+        return list_assumptions(self, skip="" if self.film is None else "markers")
 
     @property
     def names(self) -> list[str]:
@@ -147,4 +152,4 @@ class TwinTraits:
                     action=f"Use one of {', '.join(self.names)}",
                     trait=name,
                 )
-        return replace(self, **{k: disable_traits(part, names) for k, part in self._parts.items()})
+        return disable_traits(self, names)

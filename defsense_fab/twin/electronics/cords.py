@@ -1,4 +1,6 @@
-"""Simulated cords with hysteresis and relaxation, on a bending specimen or on a moving device.
+"""Simulated cords that a board reads: of a specimen, of a moving device, or of a recording.
+
+Cords of specimens and moving devices have hysteresis and relaxation:
 
 R = R0 (1 + drift) (1 + g (p + y) + noise)
 
@@ -13,12 +15,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.response import bent_strain
-from ...sensing.response import Response
+from ...core.response import (
+    CORD_OFFSET_MM,
+    SPECIMEN_LENGTH_MM,
+    SPECIMEN_THICKNESS_MM,
+    bent_strain,
+)
+
+if TYPE_CHECKING:  # it imports SciPy; options records read the defaults of `CordTraits`
+    from ...sensing.response import Response
 
 # Play of the gears, relative to the play of the cord.
 RELATIVE_PLAYS = np.array([0.5, 1.0, 1.5])[:, None]
@@ -27,6 +37,10 @@ RELATIVE_TIMES, HEALING_SHARES = np.array([1.0, 6.0])[:, None], np.array([0.8, 0
 REST_SPREAD = 0.05  # of R0 of pieces of one length, relative standard deviation
 READING_SHARE = 1e-3  # of a time step, for the reading itself
 SPECIMEN_EXTRA_MM = 20.0  # length of a specimen's cords beyond the specimen
+CUT, SHORT, STUCK, SWAP = "cut", "short", "stuck", "swap"
+FAULT_KINDS = (CUT, SHORT, STUCK, SWAP)
+OPEN_OHM, SHORTED_OHM = 1e9, 1e-3
+REST_SHARE = 200  # the first 1/200 of a recording is at rest
 
 
 @dataclass(frozen=True)
@@ -126,7 +140,6 @@ class DeviceCords:
 
     Attributes:
         rest: Resistances at rest (c,) ohm.
-        time: Time since the start, s.
     """
 
     def __init__(
@@ -137,32 +150,19 @@ class DeviceCords:
         traits: CordTraits,
         rng: np.random.Generator,
     ) -> None:
+        from ...sensing.response import Response
+
         self.channels = channels
         self._signals_at = signals_at
         # The ideal signal takes the place of the strain: it contains the response already.
         self._cords = CordTwins(replace(traits, response=Response.line(1.0)), lengths, rng)
         self.rest = self._cords.rest
-        self.time = 0.0
 
-    def measure(self, duration: float, rate: float) -> tuple[Float, Float]:
-        """Let the device move on and measure.
-
-        Args:
-            duration: Duration, s.
-            rate: Sample rate, Hz.
-
-        Returns:
-            Times (t,) s from now on, and resistances (t, c) ohm.
-        """
-        count = max(round(duration * rate), 1)
-        step = duration / count
-        rows = []
-        for _ in range(count):
-            self.time += step
-            self._cords.stretch(self._signals_at(self.time), step * (1 - READING_SHARE))
-            _, ohm = self._cords.measure(step * READING_SHARE, 1 / (step * READING_SHARE))
-            rows.append(ohm[0])
-        return np.asarray(step * np.arange(1, count + 1), float), np.array(rows)
+    def sample(self, start: float, step: float) -> Float:
+        """Let the device move on; return the resistances (c,) ohm, `step` s after `start`, s."""
+        self._cords.stretch(self._signals_at(start + step), step * (1 - READING_SHARE))
+        _, ohm = self._cords.measure(step * READING_SHARE, 1 / (step * READING_SHARE))
+        return np.asarray(ohm[0])
 
 
 class SpecimenTwin:
@@ -186,9 +186,9 @@ class SpecimenTwin:
         self,
         traits: CordTraits,
         rng: np.random.Generator,
-        length: float = 150.0,
-        thickness: float = 15.0,
-        offset: float = 2.0,
+        length: float = SPECIMEN_LENGTH_MM,
+        thickness: float = SPECIMEN_THICKNESS_MM,
+        offset: float = CORD_OFFSET_MM,
         misplaced: float = 0.0,
     ) -> None:
         self._thickness = thickness
@@ -208,3 +208,72 @@ class SpecimenTwin:
             0.0 if radius is None else bent_strain(radius, z, self._thickness) for z in heights
         ]
         self.cords.stretch(np.array(strain))
+
+    def sample(self, start: float, step: float) -> Float:  # noqa: ARG002 - it stands still
+        """Return the resistances (3,) ohm, `step` s later."""
+        _, ohm = self.cords.measure(step, 1 / step)
+        return np.asarray(ohm[0])
+
+
+@dataclass(frozen=True)
+class CordFault:
+    """A fault of cords or plugs.
+
+    Attributes:
+        kind: `cut`, `short`, `stuck` (the reading stays as it was at the start) or `swap`.
+        channels: Indices of the channels: two for `swap`, else one.
+        begin: Start, s.
+        end: End, s.
+    """
+
+    kind: str
+    channels: tuple[int, ...]
+    begin: float
+    end: float = np.inf
+
+
+class ReplayedCords:
+    """Cords that repeat a recording forwards and backwards without end.
+
+    Args:
+        channels: Names of the channels (c).
+        time: Times of the recording (n,) s, from 0 on.
+        ohm: Resistances (n, c) ohm; interpolated linearly.
+        faults: Faults by time.
+
+    Attributes:
+        rest: Resistances at rest (c,) ohm.
+    """
+
+    def __init__(
+        self,
+        channels: tuple[str, ...],
+        time: Float,
+        ohm: Float,
+        faults: tuple[CordFault, ...] = (),
+    ) -> None:
+        self.channels = channels
+        self.rest = ohm[: max(len(ohm) // REST_SHARE, 1)].mean(axis=0)
+        self._recorded_time, self._recorded_ohm, self._faults = time, ohm, faults
+
+    def sample(self, start: float, step: float) -> Float:
+        """Return the resistances (c,) ohm, with the faults, `step` s after `start`, s."""
+        time = start + step
+        ohm = self._replay(time)
+        for fault in self._faults:
+            if not fault.begin <= time < fault.end:
+                continue
+            channels = np.array(fault.channels)
+            if fault.kind == SWAP:
+                ohm[channels] = ohm[channels[::-1]]
+            elif fault.kind == STUCK:
+                ohm[channels] = self._replay(fault.begin)[channels]
+            else:
+                ohm[channels] = OPEN_OHM if fault.kind == CUT else SHORTED_OHM
+        return ohm
+
+    def _replay(self, time: float) -> Float:
+        end = float(self._recorded_time[-1])
+        phase = time % (2 * end)
+        position = 2 * end - phase if phase > end else phase
+        return np.array([np.interp(position, self._recorded_time, c) for c in self._recorded_ohm.T])

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.device.device import CONVERTERS
 from ...sensing.serial_frames import MAX_COUNT, PROTOCOL, Info, Message, Sample, Text, encode
-from ...sensing.voltage_divider import Dividers, conversion_time
+from ...sensing.voltage_divider import REFERENCE_OHM, Dividers, conversion_time
 from ..scenes.assumptions import assume
-from .cords import DeviceCords, SpecimenTwin
-from .replayed_cords import ReplayedCords
+from .cords import DeviceCords, ReplayedCords, SpecimenTwin
+
+FloatOrArray = TypeVar("FloatOrArray", float, Float)
 
 CONTINUOUS_FULL_SCALE = 500_000_000  # counts of a converter whose steps are negligible
 MAX_READ_WAIT_S = 0.02
@@ -66,6 +68,10 @@ class BoardTraits:
         "s",
         "standard deviation of the clocks' synchronization, reported to the decoder",
     )
+
+    def clock(self, seconds: FloatOrArray) -> FloatOrArray:
+        """Return the times of the board's clock, s, at times of the cameras' clock, s."""
+        return self.offset + (1 + self.drift) * seconds
 
 
 @dataclass(frozen=True)
@@ -135,7 +141,7 @@ class ReadoutTwin:
     def __init__(
         self,
         source: SpecimenTwin | DeviceCords | ReplayedCords,
-        reference: float | Float = 2200.0,
+        reference: float | Float = REFERENCE_OHM,
         speed: float = 1.0,
         offset: float = 0.0,
         drift: float = 0.0,
@@ -246,15 +252,10 @@ class ReadoutTwin:
 
     def _sample(self, step: float) -> None:
         """Produce the next sample, `step` s after the last one."""
-        source = self._source
-        if isinstance(source, SpecimenTwin):
-            _, ohm = source.cords.measure(step, 1 / step)
-        else:
-            source.time = self._sampled_until  # the device moves on while nothing is read
-            _, ohm = source.measure(step, 1 / step)
+        ohm = self._source.sample(self._sampled_until, step)
         self._sampled_until += step
         averages = self._settings["average"]
-        counts = self._dividers.counts(ohm[0])[: self._settings["channels"]]
+        counts = self._dividers.counts(ohm)[: self._settings["channels"]]
         if self._converter:  # its range ends below the supply voltage
             counts = np.minimum(counts, MAX_COUNT)
         sums = np.round(counts * averages).astype(int)

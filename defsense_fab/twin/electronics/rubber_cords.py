@@ -21,7 +21,7 @@ The resistance is R = R0 (1 + drift) (1 + alpha dT) (1 + ageing) (1 + a) + joint
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -45,10 +45,11 @@ BREEZE_PERIODS_S = (300, 1200)  # range of the periods of slow temperature chang
 
 
 @dataclass(frozen=True)
-class RubberTraits:
-    """Assumptions on what pieces of one cord have in common.
+class MemoryTraits:
+    """Assumptions on the memory of a cord: relaxation, hysteresis and softening.
 
     The declaration of each field states its unit, meaning and source. Signals are (R - R0)/R0.
+    `_respond` reads the fields in this order.
     """
 
     tear: tuple[float, ...] = assume(
@@ -107,6 +108,19 @@ class RubberTraits:
     recovery: float = assume(
         6.0, "mullins", "h", "time constant with which softening is forgotten", off=6.0
     )
+
+
+@dataclass(frozen=True)
+class RubberTraits:
+    """Assumptions on what pieces of one cord have in common.
+
+    The declaration of each field states its unit, meaning and source.
+
+    Attributes:
+        memory: Relaxation, hysteresis and softening.
+    """
+
+    memory: MemoryTraits = MemoryTraits()
     drift_walk: float = assume(
         0.004, "drift", "1/sqrt(h)", "random walk of R0, standard deviation", _USERS
     )
@@ -160,9 +174,9 @@ class RubberState:
     def new(cls, traits: RubberTraits, count: int) -> RubberState:
         """Return the state of `count` new cords."""
         return cls(
-            y=np.zeros((len(traits.tear), count)),
+            y=np.zeros((len(traits.memory.tear), count)),
             z=np.zeros(count),
-            m=np.full(count, traits.fresh),
+            m=np.full(count, traits.memory.fresh),
             drift=np.zeros(count),
         )
 
@@ -171,10 +185,8 @@ class RubberState:
 
         Friction stays as it was.
         """
-        remaining = np.exp(-hours / traits.recovery)
-        return replace(
-            self, y=np.zeros_like(self.y), m=traits.fresh + remaining * (self.m - traits.fresh)
-        )
+        fresh, remaining = traits.memory.fresh, np.exp(-hours / traits.memory.recovery)
+        return replace(self, y=np.zeros_like(self.y), m=fresh + remaining * (self.m - fresh))
 
 
 @dataclass(frozen=True)
@@ -224,20 +236,7 @@ class RubberPieces:
             state.y,
             state.z,
             state.m,
-            np.array(t.tear),
-            np.array(t.times),
-            t.steeper,
-            t.released,
-            t.heal_stretched,
-            t.heal_released,
-            t.turn,
-            t.flow,
-            t.friction,
-            t.width_stretched,
-            t.width_released,
-            t.mullins,
-            t.fresh,
-            3600 * t.recovery,
+            astuple(t.memory),
         )
         n, c = signals.shape
         step = np.diff(time, prepend=time[0])[:, None]
@@ -260,33 +259,16 @@ class RubberPieces:
 
 
 @compiled(error_model="numpy")
-def _respond(  # type: ignore[no-untyped-def]
-    time,
-    s,
-    y0,
-    z0,
-    m0,
-    tear,
-    times,
-    steeper,
-    released,
-    heal_stretched,
-    heal_released,
-    turn,
-    flow,
-    friction,
-    width_stretched,
-    width_released,
-    mullins,
-    fresh,
-    recovery,
-):
+def _respond(time, s, y0, z0, m0, memory):  # type: ignore[no-untyped-def]
     """Return a (n, c) without the gain, and y, z and m at the end.
 
     Healing and friction are exact for signals that are linear between samples, except that h and
     the speed of the flow are those at the start of each step.
     """
+    (tear, times, steeper, released, heal_stretched, heal_released, turn, flow, friction,
+     width_stretched, width_released, mullins, fresh, recovery_h) = memory  # fmt: skip
     n, c = s.shape
+    recovery = 3600 * recovery_h
     out = np.empty((n, c))
     y, z, m = y0.copy(), z0.copy(), m0.copy()
     for j in range(c):
@@ -359,6 +341,6 @@ CORD_KINDS = {
         "the same model, with ten times the resistance that a stretch adds and that heals, four"
         " times the friction and five times the softening: chosen to look similar to the paper's"
         " Fig. 10, which gives no numbers",
-        RubberTraits(tear=(0.6, 0.5, 0.5), flow=0.3, friction=0.48, mullins=0.6),
+        RubberTraits(MemoryTraits(tear=(0.6, 0.5, 0.5), flow=0.3, friction=0.48, mullins=0.6)),
     ),
 }

@@ -13,6 +13,9 @@ from ...core.errors import CaptureError
 from ..scenes.scene import WHITE, Ball, Patch
 from .camera_optics import ImageProcessing, Optics
 
+# Of all simulated cameras: size of the image, focal length and distortions of the lens.
+IMAGE_SIZE, FOCAL_PX = (1280, 720), 900.0
+DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
 INK_STEPS_PER_CELL = 50  # resolution in which ink spreads
 FINGER_PERIOD_S, FINGER_PASS_S = 6.0, 1.2
 FINGER_RADIUS_MM, FINGER_CLEARANCE_MM = 8.0, 14.0
@@ -44,12 +47,10 @@ class CameraKind:
     passing: bool = False
 
 
-#: The kind of camera that most people have.
-DEFAULT_CAMERA_KIND = "webcam"
 #: `industrial` has a global shutter, a trigger, unprocessed values and good prints. The others are
 #: free-running, with a rolling shutter, light that flickers at 100 Hz, processed images and
 #: office prints.
-CAMERA_KINDS = {
+CAMERA_KINDS: dict[str, CameraKind] = {
     "webcam": CameraKind(
         Optics(
             blur=0.4,

@@ -34,7 +34,7 @@ class ImageProcessing:
         quality: JPEG quality, 1 to 100; None for no compression.
 
     Raises:
-        CaptureError: A value is out of range (`setting-out-of-range`).
+        CaptureError: A value is out of range (`out-of-range`).
     """
 
     mosaic: bool = True
@@ -50,7 +50,7 @@ class ImageProcessing:
             raise CaptureError(
                 "gamma and radius must be positive, sharpening at least 0, and quality from 1 to"
                 " 100",
-                code="setting-out-of-range",
+                code="out-of-range",
                 where="image processing",
                 record="image processing",
             )
@@ -110,7 +110,7 @@ class Optics:
         processing: Processing of the sensor's values; None for none.
 
     Raises:
-        CaptureError: A value is out of range (`setting-out-of-range`).
+        CaptureError: A value is out of range (`out-of-range`).
     """
 
     blur: float = 0.6
@@ -135,7 +135,7 @@ class Optics:
             raise CaptureError(
                 "blur, times and noise must be at least 0, the gain positive, and shares of the"
                 " light from 0 to 1",
-                code="setting-out-of-range",
+                code="out-of-range",
                 where="optics",
                 record="optics",
             )

@@ -15,12 +15,11 @@ from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
-from ..filming.camera_kinds import CAMERA_KINDS, DEFAULT_CAMERA_KIND
+from ..filming.camera_kinds import CAMERA_KINDS, DISTORTIONS, FOCAL_PX, IMAGE_SIZE
 from ..filming.cameras import RenderedCamera
+from ..options import TwinCameras
 from ..scenes.scene import Backdrop, Patch, Scene
 
-IMAGE_SIZE, FOCAL_PX = (1280, 720), 900.0
-DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
 BOARD_SHARE = 0.4  # of the image's width, by the board where all cameras look
 CAMERA_SPACING, MAX_SPREAD = 0.45, 1.2  # of the distance to the board: between two, and in all
 FRAME_RATE_HZ = 10.0
@@ -39,6 +38,7 @@ TILT_DIRECTIONS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1), (0, 0)], float)
 TILT_DEG = 33.0
 # Of the positions and widths, if several cameras must see the board at once.
 SHARED_SPOTS, SHARED_WIDTHS = 0.4, 0.85
+DEFAULT_CAMERAS = TwinCameras()
 
 Pose = tuple[Rotation, Float]
 
@@ -48,18 +48,15 @@ class BoardTwin:
 
     Args:
         board: The board, with its measured size.
-        seed: Seed of everything that is random.
-        count: Number of cameras.
-        kind: Kind of the cameras, a key of `CAMERA_KINDS`.
+        cameras: Number and kind of the cameras, and the seed of everything that is random.
 
     Attributes:
         cameras: The true cameras.
     """
 
-    def __init__(
-        self, board: CharucoBoard, seed: int = 1, count: int = 2, kind: str = DEFAULT_CAMERA_KIND
-    ) -> None:
-        self._optics = CAMERA_KINDS[kind].optics
+    def __init__(self, board: CharucoBoard, cameras: TwinCameras = DEFAULT_CAMERAS) -> None:
+        seed, count = cameras.seed, cameras.count
+        self._optics = CAMERA_KINDS[cameras.kind].optics
         self._width = board.columns * board.scale * board.square
         self._patch, self._seed = _board_patch(board, self._width), seed
         distance = FOCAL_PX * self._width / (BOARD_SHARE * IMAGE_SIZE[0])
@@ -148,7 +145,7 @@ def _frame_times(name: str) -> Iterator[tuple[float, int]]:
         yield k / FRAME_RATE_HZ, round(k / FRAME_RATE_HZ * 1e9)
     raise CaptureError(
         f"the board was held in {MAX_POSITIONS} positions, and too few of them were good views",
-        code="views-too-few",
+        code="too-few-views",
         where=f"twin camera {name}",
         action="Take fewer views, or use a board with fewer and larger squares",
         camera=name,

@@ -15,6 +15,7 @@ from ...capture.readout.reader import Reader, ReadoutSettings
 from ...capture.readout.recording import Replay
 from ...capture.readout.source import Source
 from ...core.errors import CaptureError
+from ...core.response import SPECIMEN_LENGTH_MM
 from ...sensing.response import Response
 from ..electronics.cords import CordTraits, SpecimenTwin
 from ..electronics.readout_board import ReadoutTwin
@@ -37,7 +38,10 @@ class OpenedSource:
 
 
 def open_source(
-    text: str, settings: ReadoutSettings, geometry: Geometry | None = None, length: float = 150.0
+    text: str,
+    settings: ReadoutSettings,
+    geometry: Geometry | None = None,
+    length: float = SPECIMEN_LENGTH_MM,
 ) -> OpenedSource:
     """Open a source of samples.
 
@@ -49,7 +53,7 @@ def open_source(
         length: Length of the simulated specimen, mm.
 
     Raises:
-        CaptureError: The text is not a valid source (`invalid-source`, `setting-out-of-range`).
+        CaptureError: The text is not a valid source (`source-invalid`, `out-of-range`).
     """
     if text == "twin" or text.startswith("twin:"):
         return _open_twin(text, settings, geometry or Geometry(), length)
@@ -71,7 +75,7 @@ def _open_twin(
         except ValueError:
             raise CaptureError(
                 f"{pair!r} is not a valid setting",
-                code="invalid-source",
+                code="source-invalid",
                 where=text,
                 action="Write any of the settings in twin:speed=20,k=2,seed=1",
                 setting=pair,
@@ -79,7 +83,7 @@ def _open_twin(
     if not 0 < values["speed"] <= MAX_SPEED or values["seed"] < 0:
         raise CaptureError(
             f"the speed must be above 0 and at most {MAX_SPEED:g}, and the seed at least 0",
-            code="setting-out-of-range",
+            code="out-of-range",
             where=text,
             record="twin",
         )

@@ -34,8 +34,7 @@ def is_led_on(runs: TwinRuns, seconds: float, period: int) -> bool:
         seconds: Time, s.
         period: Time after which the LED toggles, ms of the board's clock.
     """
-    b = runs.traits.board
-    return bool(int((b.offset + (1 + b.drift) * seconds) * 1000 / period) % 2)
+    return bool(int(runs.traits.board.clock(seconds) * 1000 / period) % 2)
 
 
 def write_samples(path: Path, runs: TwinRuns, run: TwinRun, converter: str, led: int = 0) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import igl
@@ -19,22 +17,16 @@ from ...core.errors import CaptureError
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
 from ...sensing.voltage_divider import choose_reference
-from ...store.body import load_surface
-from ...store.layout import (
-    LAYOUT,
-    PREDICTION,
-    LayoutRecord,
-    layout_hash,
-    load_layout,
-    load_prediction,
-)
+from ...store.build import Build
+from ...store.layout import LAYOUT, PREDICTION, LayoutRecord, layout_hash
 from ...training.data.dataset import Dataset, Recording
 from ..devices.built_unit import BuiltUnit, build_unit
 from ..devices.device_fields import DeviceFields, solve_fields
-from ..devices.pose_samples import add_grips, place_grips
+from ..devices.pose_samples import add_grips
 from ..devices.twin_traits import TwinTraits
 from ..electronics.readout_board import Converter
 from ..electronics.rubber_cords import RubberState
+from ..options import TwinOptions
 from ..scenes.device_motion import REST
 from ..scenes.hand_walk import Walk, plan_walk
 from ..scenes.marker_measurement import measure_markers
@@ -115,97 +107,75 @@ class TwinRuns:
     fields: DeviceFields
 
 
-def simulate_recordings(device: Device, **options: Any) -> Dataset:
-    """Return the data set of `simulate_runs`, which takes the same options."""
-    return simulate_runs(device, **options).dataset
-
-
 def simulate_runs(
     device: Device,
+    options: TwinOptions | None = None,
     *,
-    seconds: float = 600.0,
-    sessions: int = 1,
-    seed: int = 1,
-    unit: int = 1,
-    off: Sequence[str] = (),
+    seconds: float | None = None,
     traits: TwinTraits | None = None,
     markers: Markers | None = None,
-    grip_count: int = 0,
     progress: Progress = silent,
 ) -> TwinRuns:
     """Simulate training sessions of a built device.
 
     Args:
         device: The device.
-        seconds: Duration of a session, s.
-        sessions: Number of sessions.
-        seed: Seed of the hand's motion.
-        unit: Number of the built device (see `build_unit`).
-        off: Names of traits to disable.
-        traits: The assumptions.
+        options: Options of the sessions.
+        seconds: Exact duration of a session, s; None for that of the options.
+        traits: Assumptions that replace those of the options, except for `options.off`.
         markers: Tags on the device; None for the device's outputs.
-        grip_count: Number of points that are also pulled at.
         progress: Called with the progress.
 
     Raises:
         CaptureError: The device is not built, or there is no such trait.
     """
-    traits = (traits or TwinTraits.for_device(device)).disable_traits(off)
-    folder = finished_build(device, LAYOUT, PREDICTION)
-    layout = load_layout(folder)
-    markers = markers or make_design_markers(device, folder)
-    poses = add_grips(device.poses, place_grips(device, folder, grip_count))
-    fields = solve_fields(device, traits.mechanics, progress, poses)
-    built = build_unit(device, layout, fields, unit, traits.building, traits.rubber)
+    options = options or TwinOptions()
+    traits = traits or TwinTraits.for_device(device, options)
+    traits = traits.disable_traits(options.off)
+    seconds = 60 * options.minutes if seconds is None else seconds
+    build = Build(finished_build(device, LAYOUT, PREDICTION))
+    markers = markers or make_design_markers(device, build)
+    poses = add_grips(device, build, options.grips)
+    fields = solve_fields(device, traits.mechanics, progress, poses, build)
+    built = build_unit(device, build.layout, fields, options.unit, traits.building, traits.rubber)
     displacements = fields.displacements(markers.centers)
-    setup = _Setup(device, layout, traits, markers, fields, built, displacements)
+    setup = _Setup(device, build.layout, traits, markers, fields, built, displacements)
     state, runs = RubberState.new(traits.rubber, len(built.cords)), []
-    for k in range(sessions):
-        progress("recording", k / sessions, f"session {k + 1} of {sessions}")
-        run, state = _simulate_run(setup, k, seconds, seed, unit, state)
+    for k in range(options.sessions):
+        progress("recording", k / options.sessions, f"session {k + 1} of {options.sessions}")
+        run, state = _simulate_run(setup, k, seconds, options, state)
         state = state.after_rest(traits.rubber, traits.between)
         runs.append(run)
     progress("recording", 1.0, "done")
-    provenance = {
-        "twin": True,
-        "seed": seed,
-        "unit": unit,
-        "off": sorted(off),
-        "grips": grip_count,
-        "response": _response(device),
-        "assembly": device.fabrication.assembly,
-        "interpolation_mm": fields.error,
-        "interpolation_signal": fields.signal_error,
-    }
     dataset = Dataset(
         device.name,
-        layout_hash(layout),
-        tuple(r.name for r in layout.by_channel()),
+        layout_hash(build.layout),
+        tuple(r.name for r in build.layout.by_channel()),
         markers.ids,
         markers.centers,
         tuple(r.recording for r in runs),
-        provenance,
+        _provenance(device, options, fields),
     )
     return TwinRuns(dataset, tuple(runs), markers, setup.converter, traits, fields)
 
 
-def make_design_markers(device: Device, folder: Path) -> Markers:
+def make_design_markers(device: Device, build: Build) -> Markers:
     """Return upright markers at the points of the design's prediction, numbered from 0.
 
     Raises:
-        CaptureError: There are more points than tags in a dictionary (`markers-too-many`).
+        CaptureError: There are more points than tags in a dictionary (`too-many-markers`).
     """
-    centers = load_prediction(folder).markers
+    centers = build.prediction.markers
     family = next((n for n in DICTIONARY_SIZES if n >= len(centers)), None)
     if family is None:
         raise CaptureError(
             f"has {len(centers)} markers; a twin has {DICTIONARY_SIZES[-1]} at most",
-            code="markers-too-many",
+            code="too-many-markers",
             where=device.source,
             action="Give tags, or set a number of markers in [outputs]",
             count=len(centers),
         )
-    surface = load_surface(folder)
+    surface = build.surface
     _, face, _ = igl.point_mesh_squared_distance(centers, surface.vertices, surface.faces)[:3]
     a, b, c = np.moveaxis(surface.vertices[surface.faces[face]], 1, 0)
     anchor = device.outputs.anchor
@@ -228,6 +198,20 @@ def _upright_axes(normals: Float) -> Float:
     x = np.cross(across, z)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def _provenance(device: Device, options: TwinOptions, fields: DeviceFields) -> dict[str, Any]:
+    return {
+        "twin": True,
+        "seed": options.seed,
+        "unit": options.unit,
+        "off": sorted(options.off),
+        "grips": options.grips,
+        "response": _response(device),
+        "assembly": device.fabrication.assembly,
+        "interpolation_mm": fields.error,
+        "interpolation_signal": fields.signal_error,
+    }
 
 
 def _response(device: Device) -> dict[str, Any]:
@@ -265,11 +249,12 @@ class _Setup:
 
 
 def _simulate_run(
-    setup: _Setup, number: int, seconds: float, seed: int, unit: int, state: RubberState
+    setup: _Setup, number: int, seconds: float, options: TwinOptions, state: RubberState
 ) -> tuple[TwinRun, RubberState]:
     """Return a session and the state of the cords after it."""
     # Each part has its own generator, so that the draws of one trait do not change the others, and
     # all units are moved in the same way.
+    seed, unit = options.seed, options.unit
     hand = np.random.default_rng([seed, number])
     rubber, board, camera = (np.random.default_rng([seed, number, unit, k]) for k in range(3))
     t, b = setup.traits, setup.traits.board
@@ -284,7 +269,7 @@ def _simulate_run(
     ohm, state = pieces.simulate(true_time, signals, state, rubber)
     converter = setup.converter
     sums = converter.convert(ohm, b.own_noise, board)
-    device_us = np.round(1e6 * (b.offset + (1 + b.drift) * true_time)).astype(np.int64)
+    device_us = np.round(1e6 * b.clock(true_time)).astype(np.int64)
     arrival = true_time + ARRIVAL_DELAY_S + board.exponential(ARRIVAL_DELAY_S, len(true_time))
     host_ns = np.maximum.accumulate(np.round(1e9 * arrival).astype(np.int64))
     sync_error = b.sync_error * float(board.normal())

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
+from ..electronics.cords import FAULT_KINDS, SWAP, CordFault, ReplayedCords
 from ..electronics.readout_board import ReadoutTwin
-from ..electronics.replayed_cords import FAULT_KINDS, SWAP, CordFault, ReplayedCords
+from ..options import TwinOptions
 from .twin_recordings import TwinRuns, simulate_runs
 
 
@@ -65,7 +66,8 @@ def simulate_walking_board(
     Raises:
         CaptureError: The device is not built, or there is no such trait.
     """
-    runs = simulate_runs(device, seconds=seconds, seed=seed, unit=unit, off=off, progress=progress)
+    options = TwinOptions(seed=seed, unit=unit, off=tuple(off))
+    runs = simulate_runs(device, options, seconds=seconds, progress=progress)
     truth = runs.runs[0].truth
     cords = ReplayedCords(runs.dataset.channels, truth.sample_time, truth.ohm, tuple(faults))
     return WalkingBoard(device, cords, runs)
@@ -79,7 +81,7 @@ def parse_faults(channels: Sequence[str], words: Sequence[str]) -> tuple[CordFau
         words: One fault each: kind, channels, and the seconds from which to which it lasts.
 
     Raises:
-        CaptureError: A fault has another form (`invalid-fault`), names channels that do not exist
+        CaptureError: A fault has another form (`fault-invalid`), names channels that do not exist
             (`unknown-channel`), or ends before it starts (`fault-ends-early`).
     """
     return tuple(_parse_fault(channels, word) for word in words)
@@ -94,7 +96,7 @@ def _parse_fault(channels: Sequence[str], word: str) -> CordFault:
     if not equals or not at or kind not in FAULT_KINDS:
         raise CaptureError(
             "is not a valid fault",
-            code="invalid-fault",
+            code="fault-invalid",
             where=where,
             action=f"Write {', '.join(FAULT_KINDS)} as in cut=left@20-30",
         )
@@ -115,7 +117,7 @@ def _parse_fault(channels: Sequence[str], word: str) -> CordFault:
     except ValueError:
         raise CaptureError(
             "does not say from which second the fault lasts",
-            code="invalid-fault",
+            code="fault-invalid",
             where=where,
             action="Write seconds as in @20-30",
         ) from None

@@ -7,7 +7,7 @@ Fields are declared with `assume`. Every field belongs to a *trait* of the twin,
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 #: The source of a number that nobody has measured.
@@ -56,24 +56,28 @@ def assume(
     return field(default=default, metadata=metadata)
 
 
-def list_assumptions(record: Any) -> list[Assumption]:
-    """Return the assumptions of a record, in the order of its fields."""
-    return [
-        Assumption(
-            trait=f.metadata["trait"],
-            name=f.name,
-            value=getattr(record, f.name),
-            unit=f.metadata["unit"],
-            meaning=f.metadata["meaning"],
-            source=f.metadata["source"],
-        )
-        for f in fields(record)
-        if f.metadata
-    ]
+def list_assumptions(record: Any, skip: str = "") -> list[Assumption]:
+    """Return the assumptions of a record and of the records in it, in the order of their fields.
+
+    Args:
+        record: A dataclass.
+        skip: Name of a field to leave out.
+    """
+    assumptions: list[Assumption] = []
+    for f in fields(record):
+        value = getattr(record, f.name)
+        if is_dataclass(value) and f.name != skip:
+            assumptions += list_assumptions(value)
+        elif f.metadata:
+            m = f.metadata
+            assumptions.append(
+                Assumption(m["trait"], f.name, value, m["unit"], m["meaning"], m["source"])
+            )
+    return assumptions
 
 
 def disable_traits(record: T, traits: Collection[str]) -> T:
-    """Return the record with traits disabled.
+    """Return the record with traits disabled, also in the records in it.
 
     Args:
         record: A dataclass whose fields were declared with `assume`.
@@ -82,9 +86,11 @@ def disable_traits(record: T, traits: Collection[str]) -> T:
     Returns:
         A copy in which the fields of these traits have their `off` values.
     """
-    values = {
-        f.name: f.metadata["off"]
-        for f in fields(record)  # type: ignore[arg-type]
-        if f.metadata.get("trait") in traits
-    }
-    return replace(record, **values)  # type: ignore[type-var]
+    changes = {}
+    for f in fields(record):  # type: ignore[arg-type]
+        value = getattr(record, f.name)
+        if is_dataclass(value):
+            changes[f.name] = disable_traits(value, traits)
+        elif f.metadata.get("trait") in traits:
+            changes[f.name] = f.metadata["off"]
+    return replace(record, **changes)  # type: ignore[type-var]

@@ -20,6 +20,8 @@ SWAY_WAVES = 3  # sines that are added up
 CYCLE_S = 4.0  # of a pose from rest to full and back
 REACTION_S = 0.4  # until the hand moves; it is back at rest by as much before the end
 RETURN_S = 0.8  # in which free motion fades to rest at the end
+MEAN_MOVE_S, MEAN_PAUSE_S = 0.9, 0.2  # from one key of free motion to the next, and at a key
+MIXED_SHARE = 0.3  # of keys that mix in a second pose, and of keys that are followed by rest
 
 
 @dataclass(frozen=True)
@@ -88,111 +90,46 @@ def interpolate_keys(times: Float, keys: Float, time: float | Float) -> Float:
     return np.asarray(keys[i] + s * (keys[j] - keys[i]))
 
 
-@dataclass(frozen=True)
-class Motion:
-    """A motion through levels of poses.
-
-    Attributes:
-        ramps: The r poses.
-        times: Times of the keys (q,) s, increasing.
-        keys: Levels of the poses at the keys (q, r), at least 0.
-
-    Raises:
-        CaptureError: The sizes differ (`motion-sizes-differ`), or times or levels are invalid
-            (`motion-not-increasing`).
-    """
-
-    ramps: tuple[Ramp, ...]
-    times: Float
-    keys: Float
-
-    def __post_init__(self) -> None:
-        if self.keys.shape != (len(self.times), len(self.ramps)) or not len(self.times):
-            raise CaptureError(
-                f"keys of shape {self.keys.shape} do not fit {len(self.times)} times and"
-                f" {len(self.ramps)} ramps",
-                code="motion-sizes-differ",
-                where="motion",
-            )
-        if (np.diff(self.times) <= 0).any() or not (self.keys >= 0).all():
-            raise CaptureError(
-                "times must increase, and levels must be at least 0",
-                code="motion-not-increasing",
-                where="motion",
-            )
-
-    @property
-    def state_count(self) -> int:
-        """Number of states that the ramps refer to."""
-        return _count_states(self.ramps)
-
-    def levels(self, time: float | Float) -> Float:
-        """Return the levels (..., r) of the poses at times (...) s."""
-        return interpolate_keys(self.times, self.keys, time)
-
-    def weights(self, time: float | Float) -> Float:
-        """Return the weights (..., s) of the states at times (...) s; those of poses add up."""
-        levels = self.levels(time)
-        weights = np.zeros((*levels.shape[:-1], self.state_count))
-        for k, ramp in enumerate(self.ramps):
-            weights[..., ramp.states] += ramp.weights(levels[..., k])
-        return weights
-
-
-def _count_states(ramps: Sequence[Ramp]) -> int:
-    return 1 + max((int(r.states.max()) for r in ramps), default=-1)
-
-
-def draw_motion(
-    ramps: Sequence[Ramp],
-    duration: float,
-    rng: np.random.Generator,
-    pace: float = 1.2,
-    pause: float = 0.4,
-    mixed: float = 0.3,
-) -> Motion:
-    """Draw a random motion through all poses in turns, each to a random level.
+def draw_keys(count: int, duration: float, rng: np.random.Generator) -> tuple[Float, Float]:
+    """Draw a random path through all poses in turns, each to a random level, from rest on.
 
     Args:
-        ramps: The poses.
+        count: Number of poses.
         duration: Shortest duration, s.
         rng: Random generator.
-        pace: Mean time from one key to the next, s.
-        pause: Mean time at a key, s.
-        mixed: Share of keys that mix in a second pose, and share of keys followed by rest.
 
     Returns:
-        The motion; it starts at rest.
+        Times of the keys (q,) s, and levels of the poses at the keys (q, count).
     """
-    count, time = len(ramps), pause
-    times, keys = [0.0, pause], [np.zeros(count), np.zeros(count)]
+    time = MEAN_PAUSE_S
+    times, keys = [0.0, time], [np.zeros(count), np.zeros(count)]
     while time < duration:
         for k in rng.permutation(count):
             key = np.zeros(count)
             level = rng.uniform(0.5, 1.0)
             key[k] = level
-            if count > 1 and rng.random() < mixed:
+            if count > 1 and rng.random() < MIXED_SHARE:
                 share = rng.uniform(0.3, 0.7)
                 other = (k + 1 + rng.integers(count - 1)) % count
                 key[k], key[other] = share * level, (1 - share) * level
-            stops = [key, np.zeros(count)] if rng.random() < mixed else [key]
+            stops = [key, np.zeros(count)] if rng.random() < MIXED_SHARE else [key]
             for stop in stops:
-                arrival = time + pace * rng.uniform(0.7, 1.3)
-                time = arrival + pause * rng.uniform(0.5, 1.5)
+                arrival = time + MEAN_MOVE_S * rng.uniform(0.7, 1.3)
+                time = arrival + MEAN_PAUSE_S * rng.uniform(0.5, 1.5)
                 times += [arrival, time]
                 keys += [stop, stop]
-    return Motion(tuple(ramps), np.array(times), np.stack(keys))
+    return np.array(times), np.stack(keys)
 
 
 @dataclass(frozen=True)
 class _Performance:
-    """A pose that is shown from `start` to `end` s; `motion` is set for free mixtures."""
+    """A pose that is shown from `start` to `end` s; `keys` are those of free motion."""
 
     start: float
     end: float
     name: str
     reach: float
-    motion: Motion | None
+    keys: tuple[Float, Float] | None
 
 
 class PosePlayer:
@@ -218,12 +155,10 @@ class PosePlayer:
             seconds: Duration, s.
         """
         first, last = start + REACTION_S, start + max(seconds - REACTION_S, 2 * REACTION_S)
-        motion = None
-        if name == FREE:
-            motion = draw_motion(self._ramps, last - first, self._rng, pace=0.9, pause=0.2)
+        keys = draw_keys(len(self._ramps), last - first, self._rng) if name == FREE else None
         with self._lock:
             reach = self._rng.uniform(0.9, 1.0)
-            self._performances.append(_Performance(first, last, name, reach, motion))
+            self._performances.append(_Performance(first, last, name, reach, keys))
 
     def levels(self, time: float) -> Mapping[str, float]:
         """Return the level of each pose, 0 to 1, at a time, s."""
@@ -235,10 +170,10 @@ class PosePlayer:
         if current is None or current.name == REST:
             return levels
         elapsed, remaining = time - current.start, current.end - time
-        if current.motion is not None:
+        if current.keys is not None:
             x = min(1.0, remaining / RETURN_S)
             fade = x * x * (3 - 2 * x)
-            free = current.motion.levels(elapsed)
+            free = interpolate_keys(*current.keys, elapsed)
             return {n: float(v) * fade for n, v in zip(self._names, free, strict=True)}
         if current.name in levels:
             cycles = max(1, round((current.end - current.start) / CYCLE_S))
@@ -248,7 +183,7 @@ class PosePlayer:
 
     def weights(self, time: float) -> Float:
         """Return the weights (s,) of the simulated states at a time, s."""
-        weights = np.zeros(_count_states(self._ramps))
+        weights = np.zeros(1 + max((int(r.states.max()) for r in self._ramps), default=-1))
         levels = self.levels(time)
         for ramp in self._ramps:
             level = levels[ramp.name]

@@ -35,7 +35,7 @@ class PoseSpace:
         states: Pose weights (s, d) of the simulated states, without rest.
 
     Raises:
-        CaptureError: There are too few states for the number of axes (`states-too-few`).
+        CaptureError: There are too few states for the number of axes (`too-few-states`).
     """
 
     axes: Float
@@ -46,7 +46,7 @@ class PoseSpace:
             raise CaptureError(
                 f"{len(self.states)} solved states are too few for {self.axes.shape[0]} independent"
                 " poses",
-                code="states-too-few",
+                code="too-few-states",
                 where="twin",
                 action="Simulate more combinations of poses",
                 states=len(self.states),

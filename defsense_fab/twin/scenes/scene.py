@@ -64,7 +64,7 @@ class Patch:
         if not all(map(math.isfinite, center)) or not self.size > 0 or not self.margin >= 0:
             raise CaptureError(
                 "its center must be finite, its size positive, and its margin at least 0",
-                code="patch-out-of-range",
+                code="out-of-range",
                 where=f"patch {self.number}",
             )
         if not _is_rotation(self.axes.tolist()):

@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,7 +24,9 @@ from ...core.storage.files import file_lock, storage_errors, write_json
 from ...store.build import Build
 from ...store.layout import LAYOUT, name_layout
 from . import body_sources
-from .options import BuildOptions, plates_record, recorded_options
+from .cluster import cluster_solver
+from .options import BuildOptions
+from .recorded_options import plates_record, recorded_options
 from .stage_files import (
     STATE,
     complete_key,
@@ -34,7 +37,7 @@ from .stage_files import (
     remove_files,
     save_stage_record,
 )
-from .stages import PLATES, STAGES, Solve, Stage, StageKeys, Watch, installed_versions
+from .stages import PLATES, STAGES, Stage, StageKeys, Watch, installed_versions
 
 LOCK = ".build-lock"
 Freshness = Literal["current", "old", "missing"]
@@ -72,7 +75,6 @@ def build(
     progress: Progress = silent,
     watch: Watch | None = None,
     options: BuildOptions = _NO_OPTIONS,
-    solve: Solve | None = None,
 ) -> BuildResult:
     """Run all stages up to `until`, reusing those that are up to date.
 
@@ -84,7 +86,6 @@ def build(
             result.
         options: Options that override `device.toml`; they are recorded with the build, and also
             apply to builds that end before the parts.
-        solve: Solves the poses, for instance on a cluster; None: on this machine.
 
     Returns:
         The build's folder and results, and which stages were run.
@@ -109,7 +110,7 @@ def build(
             else:
                 old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
-        if options.is_empty and all(s.name != PLATES for s in stages):
+        if not options.overrides and all(s.name != PLATES for s in stages):
             options = recorded_options(device, final)
         plan = _Plan(device, options, stages)
         expected = plan.keys.of(final)
@@ -120,7 +121,8 @@ def build(
             return BuildResult(final, (), tuple(s.name for s in stages), Build(final))
         working.mkdir()
         extra: dict[str, dict[str, Any]] = {}
-        if solve is not None:
+        if options.scheduler is not None:
+            solve = cluster_solver(options.scheduler, partial(progress, "simulate", 0.0))
             extra["simulate"] = {"solve": solve}
         if watch is not None:
             extra["optimize"] = {"watch": watch}

@@ -13,8 +13,8 @@ from ...geometry.channels.channel_ends import End
 from ...geometry.channels.cord_assembly import JointSides, Stretch, find_late_joints, find_stretches
 from ...geometry.channels.cord_channels import Channel
 from ...geometry.parts.records import PartSet
-from ...optimize.prediction.design_task import TRIM_SLACK_MM
-from ...optimize.prediction.predict import ScoredLayout
+from ...optimization.prediction.design_task import TRIM_SLACK_MM
+from ...optimization.prediction.predict import ScoredLayout
 from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import choose_reference
 from ...store.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
@@ -266,25 +266,27 @@ def bill(
         for name, count in pins.items()
     ]
     for value in sorted({c.reference_resistor for c in cords}):
-        count = sum(c.reference_resistor == value for c in cords)
+        names = [c.sensor for c in cords if c.reference_resistor == value]
         rows.append(
             BillItem(
                 f"resistor {value:g} ohm, 1 %",
-                str(copies * count),
-                "reference of the voltage divider of "
-                + ", ".join(c.sensor for c in cords if c.reference_resistor == value),
+                str(copies * len(names)),
+                f"reference of the voltage divider of {', '.join(names)}",
             )
         )
     if len(part_set.parts) > 1:
-        area = copies * sum(c.area for c in part_set.contacts) / 100
-        rows.append(
-            BillItem(
-                "silicone glue" if device.fabrication.kind == "cast" else "flexible glue",
-                f"{area:.0f} cm2 of faces",
-                f"the silicone itself, or a glue for cured {device.material.name}: others do not"
-                " hold on it"
-                if device.fabrication.kind == "cast"
-                else f"one that stays as soft as {device.material.name}",
-            )
-        )
+        rows.append(_glue(device, copies * sum(c.area for c in part_set.contacts)))
     return tuple(rows)
+
+
+def _glue(device: Device, area_mm2: float) -> BillItem:
+    """Return the glue for the faces of the joints."""
+    if device.fabrication.kind == "cast":
+        name = "silicone glue"
+        use = (
+            f"the silicone itself, or a glue for cured {device.material.name}: others do not hold"
+            " on it"
+        )
+    else:
+        name, use = "flexible glue", f"one that stays as soft as {device.material.name}"
+    return BillItem(name, f"{area_mm2 / 100:.0f} cm2 of faces", use)

@@ -14,15 +14,15 @@ from ...core.device.device_file import DEVICE
 from ...core.errors import StorageError
 from ...core.storage.file_names import fold_name, is_reserved
 from ...core.storage.files import replace_file
-from ...geometry.bodies.meshing import mesh_lock
+from ...geometry.bodies.meshing import mesh_store
 from ...report.guide.tables import guide_tables
 from ...store.layout import LAYOUT
 from ...store.manifest import FOLDER, Manifest, load_manifest
 from . import body_sources
 from .build import build_lock, first_outdated
-from .options import changed_options
+from .recorded_options import changed_options
 
-_BUILD_FILES = ("guide.html", "guide.json", "guide.pdf", "report.html", LAYOUT)
+_BUILD_FILES = ("guide.html", "guide.json", "templates.pdf", "report.html", LAYOUT)
 _FILE_TIME = (1980, 1, 1, 0, 0, 0)  # so that the same build gives the same bytes
 
 
@@ -98,7 +98,9 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
     }
     out |= {name: folder / name for name in _BUILD_FILES}
     out |= {
-        p.name: p for p in (device.source / DEVICE, device.source / mesh_lock.FILE) if p.exists()
+        p.name: p
+        for p in (device.source / DEVICE, device.source / mesh_store.DEVICE_MESH)
+        if p.exists()
     }
     inside = device.source.resolve()
     for path in out.values():
@@ -119,7 +121,7 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
         if taken.setdefault(fold_name(name), path) != path:
             raise StorageError(
                 "another file of the zip has the same name, apart from upper and lower case",
-                code="names-collide",
+                code="name-repeated",
                 where=path,
                 action="Rename it, or move it to another folder of the device",
                 name=name,

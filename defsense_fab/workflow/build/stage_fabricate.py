@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
+from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
-from ...core.prediction import Prediction
+from ...core.progress import subrange
 from ...geometry.moulds.moulds import make_moulds
 from ...geometry.moulds.records import Mould
 from ...geometry.parts.parts import add_solids
@@ -17,18 +17,17 @@ from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
 from ...geometry.printing.print_bed import lay_flat
 from ...geometry.splitting.long_parts import split_long_parts
-from ...optimize.prediction.as_built import (
+from ...optimization.prediction.as_built import (
     decide_strain_relief,
     fabricate,
     mould_rules,
     part_rules,
     score_channels,
 )
-from ...optimize.prediction.assembly_effects import check_cord_pull, find_overstretched_cords
-from ...optimize.prediction.design_task import load_task
-from ...optimize.refinement.refine import report_part
+from ...optimization.prediction.assembly_effects import check_cord_pull, find_overstretched_cords
+from ...optimization.prediction.design_task import load_task
 from ...store.build import Build
-from ...store.layout import LayoutRecord
+from ...store.layout import LayoutRecord, Prediction
 from ...store.manifest import (
     CutCord,
     JoinedPin,
@@ -40,8 +39,14 @@ from ...store.manifest import (
     save_manifest,
 )
 from ..fabrication import casting
-from ..fabrication.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
-from ..fabrication.print_advice import print_advice
+from ..fabrication.printing import (
+    LYING,
+    on_plates,
+    pin_kinds,
+    print_advice,
+    write_pins,
+    write_plates,
+)
 from .cut_list import behind, bill, cut_list
 from .stage_optimize import Winner
 from .stages import Report
@@ -77,15 +82,16 @@ def run(device: Device, build: Build, report: Report, winner: Winner | None = No
     device = winner.device
     report(0.75, "predicting with joints")
     built = score_channels(winner.task, parts.channels)
-    warnings = (
-        *parts.warnings,
-        *winner.notes,
-        *map(str, find_overstretched_cords(device, parts, built.cords)),
-        *map(str, check_cord_pull(device, winner.task, built.cords, layout.band.median)),
+    middles = layout.middles
+    notes = (
+        *find_overstretched_cords(device, parts, built.cords),
+        *check_cord_pull(device, winner.task, built.cords, layout.band.median),
     )
-    parts = replace(parts, warnings=warnings)
+    parts = parts.with_warnings(
+        dict.fromkeys(winner.notes) | {str(note): middles.get(note.where) for note in notes}
+    )
     cords = cut_list(device, parts, built)
-    show = partial(report_part, report, 0.8, 1.0)
+    show = subrange(report, 0.8, 1.0)
     build.manifest = write_parts(device, parts, build.folder, layout, cords, built.prediction, show)
 
 
@@ -126,11 +132,11 @@ def write_parts(
     is_cast = device.fabrication.kind == "cast"
     moulds = []
     if is_cast:
-        moulds = make_moulds(parts, mould_rules(device), partial(report_part, report, 0, 0.9))
+        moulds = make_moulds(parts, mould_rules(device), subrange(report, 0, 0.9))
     else:
-        split = split_long_parts(parts, device.fabrication.bed, part_rules(device))
-        cords = behind(cords, len(split.made.cuts) - len(parts.cuts))  # pieces are joined first
-        parts = replace(split.made, warnings=(*split.made.warnings, *split.notes))
+        cut_count = len(parts.cuts)
+        parts = split_long_parts(parts, device.fabrication.bed, part_rules(device))
+        cords = behind(cords, len(parts.cuts) - cut_count)  # pieces are joined first
     report(0.9 if is_cast else 0.0, "writing parts")
     if is_cast:
         flat = casting.lying(moulds)
@@ -183,17 +189,15 @@ def _add_casting(
 ) -> Manifest:
     """Write the moulds, and return the manifest with them and their silicone."""
     silicone = casting.casting(device, moulds)
+    notes = casting.notes(device, moulds)
     return replace(
         manifest,
         moulds=casting.write_moulds(moulds, flat, out, LYING),
         casting=silicone,
         bill=(*casting.bill_items(device, moulds, silicone), *manifest.bill[1:]),
         checks=(*manifest.checks, *(c for m in moulds for c in m.checks)),
-        warnings=(
-            *manifest.warnings,
-            *casting.notes(device, moulds),
-            *(c.note for m in moulds for c in m.checks if c.note),
-        ),
+        warnings=(*manifest.warnings, *notes),
+        places={**manifest.places, **{t: p for t, p in notes.items() if p is not None}},
     )
 
 
@@ -205,6 +209,9 @@ def _manifest(
     cords: tuple[CutCord, ...],
     prediction: Prediction,
 ) -> Manifest:
+    parts = parts.with_warnings(
+        cord_warnings(device, layout) | _length_warnings(device, cords, layout.middles)
+    )
     return Manifest(
         device=device.name,
         unit="mm",
@@ -225,18 +232,17 @@ def _manifest(
         removed_volume=parts.cut_out,
         body_volume=parts.body_volume,
         assembly_of_cords=device.fabrication.assembly,
-        warnings=(
-            *parts.warnings,
-            *cord_warnings(device, layout),
-            *_length_warnings(device, cords),
-        ),
+        warnings=tuple(parts.warnings),
+        places={text: point for text, point in parts.warnings.items() if point is not None},
     )
 
 
-def _length_warnings(device: Device, cords: Sequence[CutCord]) -> list[str]:
-    """Return warnings of cords that need a longer piece than is available."""
+def _length_warnings(
+    device: Device, cords: Sequence[CutCord], middles: Mapping[str, Float]
+) -> dict[str, Float | None]:
+    """Return warnings of cords that need a longer piece than is available, with their middles."""
     longest = device.cord.lengths[1]
-    return [
+    return {
         f"cord {c.sensor} needs a piece of {c.cut_length:.0f} mm, more than the {longest:g} mm of"
         " [cord] length: "
         + (
@@ -245,46 +251,53 @@ def _length_warnings(device: Device, cords: Sequence[CutCord]) -> list[str]:
             if all(e.after is None for e in c.ends)
             else "an end hangs out until a joint that it passes through is closed. Use a longer"
             " piece"
-        )
+        ): middles.get(c.sensor)
         for c in cords
         if c.cut_length > longest
-    ]
+    }
 
 
-def cord_warnings(device: Device, layout: LayoutRecord) -> list[str]:
+def cord_warnings(device: Device, layout: LayoutRecord) -> dict[str, Float | None]:
     """Return warnings about the strains of the cords as they are built in.
 
     Args:
         device: The device.
         layout: The layout.
+
+    Returns:
+        The middle (3,) mm of the cord that each warning is about, by its text; None for all cords.
     """
+    middles = layout.middles
     cord, bonded = device.cord, device.fabrication.assembly == "bonded"
-    warnings = [
+    warnings: dict[str, Float | None] = {
         f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than the allowed"
-        f" {cord.max_strain:.0%}"
+        f" {cord.max_strain:.0%}": middles[s.name]
         for s in layout.sensors
         if s.peak_strain > cord.max_strain
-    ]
-    warnings += [
+    }
+    warnings |= {
         f"cord {s.name} is slack by {-s.least_strain:.1%} where the body is compressed most along"
-        " it, and does not sense that. Remove prestretch from [fabrication], or increase it"
+        " it, and does not sense that."
+        " Remove prestretch from [fabrication], or increase it": middles[s.name]
         for s in layout.sensors
         if not bonded and s.least_strain < 0
-    ]
+    }
     is_compressed = any(s.least_strain < 0 for s in layout.sensors)
     if bonded and is_compressed and cord.compression != "measured":
-        warnings.append(
+        text = (
             "bonded cords are compressed, and their response to compression was not measured; it"
             f" is assumed to be {COMPRESSION_RESPONSES[cord.compression]}. Calibrate the cord, or"
             ' use assembly = "held", which stretches cords so far that none is compressed'
         )
+        warnings[text] = None
     body_stiffness = device.material.young_modulus * device.channel_diameter**2
     if bonded and cord.modulus * cord.diameter**2 > _MAX_STIFFNESS_RATIO * body_stiffness:
-        warnings.append(
+        text = (
             f"the cord ({cord.modulus:g} MPa) is stiffer than {device.material.name}"
             f" ({device.material.young_modulus:.2g} MPa), which the simulation ignores. Bonded"
             " cords are strained some per cent less than predicted; training corrects for that"
         )
+        warnings[text] = None
     return warnings
 
 

@@ -11,7 +11,7 @@ from ...core.device.device import Device
 from ...core.errors import DeviceError
 from ...core.mesh import Surface, TetMesh
 from ...geometry.bodies import regions
-from ...geometry.bodies.meshing import mesh_lock, mesh_store
+from ...geometry.bodies.meshing import mesh_store
 from ...geometry.bodies.meshing.mesh_quality import measure_quality
 from ...geometry.bodies.meshing.meshers import FTETWILD
 from ...geometry.bodies.meshing.region_conforming import conform_to_regions
@@ -69,8 +69,8 @@ def run(device: Device, build: Build, report: Report) -> None:
     if source.lock_meshes():
         report(
             0.9,
-            f"{mesh_lock.FILE} keeps the mesh, which cannot be made again. It belongs to the"
-            " device, as device.toml does",
+            f"{mesh_store.DEVICE_MESH} keeps the mesh, which cannot be made again. It belongs to"
+            " the device, as device.toml does",
         )
 
 
@@ -84,7 +84,7 @@ class _MeshSource:
     def __init__(self, device: Device, surface: Surface, report: Report) -> None:
         self._device, self._surface, self._report = device, surface, report
         self._limit = device.mesh.time_limit
-        self._in_file = mesh_lock.read_meshes(device.source)
+        self._in_file = mesh_store.read_meshes(device.source)
         self._locked = {
             k: tets for k, tets in self._in_file.items() if not tets.is_outgrown(self._limit)
         }
@@ -93,7 +93,7 @@ class _MeshSource:
     def make(self, edge_length: float) -> TetMesh:
         """Return the mesh of an edge length in mm, whose facets end at the borders of regions."""
         surface, limit = self._surface, self._limit
-        key = mesh_lock.mesh_key(surface, edge_length)
+        key = mesh_store.mesh_key(surface, edge_length)
         if key in self._locked:
             tets: Tetrahedra | None = self._locked[key]
         else:
@@ -111,13 +111,13 @@ class _MeshSource:
             Whether one of them is new.
         """
         kept = {
-            mesh_lock.mesh_key(self._surface, edge): tets
+            mesh_store.mesh_key(self._surface, edge): tets
             for edge, tets in self.used.items()
             if not tets.repeatable
         }
         new = kept.keys() - self._locked.keys()
         if new or len(self._locked) < len(self._in_file):
-            mesh_lock.write_meshes(self._device.source, kept if new else self._locked)
+            mesh_store.write_meshes(self._device.source, kept if new else self._locked)
         return bool(new)
 
 
@@ -156,7 +156,7 @@ def _note(tets: Tetrahedra) -> str:
                 "as another mesher was stopped by the limits of time or memory, which may not"
                 " happen elsewhere"
             )
-        notes.append(f"{mesh_lock.FILE} keeps the mesh, {reason}.")
+        notes.append(f"{mesh_store.DEVICE_MESH} keeps the mesh, {reason}.")
     if tets.tried:
         notes.append(f"It was made by {tets.way}. Tried before: {'; '.join(tets.tried)}.")
     return " ".join(notes)

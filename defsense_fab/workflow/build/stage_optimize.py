@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,29 +13,29 @@ from ...core.arrays import Float
 from ...core.curve import distinct_planes, sample_path
 from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
+from ...core.progress import subrange
 from ...decoding.ridge import FEATURES
 from ...geometry.parts.records import PartSet
-from ...optimize.limits.verification import LayoutCheck, verify
-from ...optimize.prediction.as_built import assumed_cords, score_paths
-from ...optimize.prediction.choose_layout import Trial, choose_layout
-from ...optimize.prediction.design_task import (
+from ...optimization.limits.verification import LayoutCheck, verify
+from ...optimization.prediction.as_built import assumed_cords, score_paths
+from ...optimization.prediction.choose_layout import Trial, choose_layout
+from ...optimization.prediction.design_task import (
     SEED,
     DesignTask,
     candidate_decoders,
     device_tolerances,
     load_task,
 )
-from ...optimize.prediction.predict import ScoredLayout, left_out_error, predict
-from ...optimize.refinement.refine import (
+from ...optimization.prediction.predict import ScoredLayout, left_out_error, predict
+from ...optimization.refinement.refine import (
     OptimizedLayout,
     evaluate_unchanged,
     optimize_layout,
-    report_part,
 )
-from ...optimize.search.plane_directions import face_directions
-from ...optimize.search.starting_layouts import FREE, Layout
-from ...optimize.studies.risks import check_cord_count, find_risks
-from ...optimize.studies.tolerance_monte_carlo import tolerance_band
+from ...optimization.search.plane_directions import face_directions
+from ...optimization.search.starting_layouts import FREE, Layout, LayoutSearch
+from ...optimization.studies.risks import check_cord_count, find_risks
+from ...optimization.studies.tolerance_monte_carlo import tolerance_band
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
 from ...store.build import Build
@@ -93,18 +92,16 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
     """
     observer = _SearchObserver(build.folder, watch)
     task, first = _search_decoders(
-        device, load_task(device, build), partial(report_part, report, 0.0, 0.4), observer
+        device, load_task(device, build), subrange(report, 0.0, 0.4), observer
     )
-    candidates = _search_alternatives(
-        device, task, first, partial(report_part, report, 0.4, 0.8), observer
-    )
+    candidates = _search_alternatives(device, task, first, subrange(report, 0.4, 0.8), observer)
     chosen, trials = choose_layout(
         device,
         task,
         [as_stored(c) for c in candidates],
         build.surface,
         build.body.bay,
-        partial(report_part, report, 0.8, 1.0),
+        subrange(report, 0.8, 1.0),
     )
     build.layout = _layout_record(device, build, task, chosen, trials)
     build.prediction = PredictionRecord(
@@ -115,13 +112,13 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
         chosen.scored.decoder.to_json(),
     )
     build.weighed = WeighedCords(
-        tuple(tuple(CordPath.of(s) for s in t.found.sensors) for t in trials)
+        tuple(tuple(CordPath.of(s) for s in t.layout.sensors) for t in trials)
     )
     save_layout(build.folder, build.layout, build.prediction)
     save_weighed(build.folder, build.weighed)
-    if chosen.made is None or chosen.as_built is None:
+    if chosen.part_set is None or chosen.as_built is None:
         return None
-    return Winner(chosen.as_built, chosen.relief_notes, chosen.made, task)
+    return Winner(chosen.as_built, chosen.relief_notes, chosen.part_set, task)
 
 
 def _search_decoders(
@@ -134,7 +131,7 @@ def _search_decoders(
         task = task.with_decoder(kind)
         # Decoders with the same features have the same design objective.
         same = next((k for k in found if FEATURES[k] is FEATURES[kind]), None)
-        show = partial(report_part, report, n / len(kinds), (n + 1) / len(kinds))
+        show = subrange(report, n / len(kinds), (n + 1) / len(kinds))
         layout = found[same][1] if same else _search(device, task, 0, device.planes, show, observer)
         scored = predict(task, assumed_cords(task, layout.sensors))
         found[kind] = (scored.prediction.unseen, layout)
@@ -145,7 +142,7 @@ def _search_decoders(
 def _layout_record(
     device: Device, build: Build, task: DesignTask, chosen: Trial, trials: Sequence[Trial]
 ) -> LayoutRecord:
-    layout, final, limits = chosen.found, chosen.scored, task.design.limits
+    layout, final, limits = chosen.layout, chosen.scored, task.design.limits
     # What decoders that were not designed for would make of the chosen cords.
     decoded = {kind: task.with_decoder(kind) for kind in DECODERS}
     predicted = {kind: predict(t, final.cords).prediction for kind, t in decoded.items()}
@@ -167,6 +164,8 @@ def _layout_record(
         task.unseen,
         tolerances=tolerances,
     )
+    risks = find_risks(task.design, layout.sensors)
+    uncalibrated = warn_uncalibrated_strains(device, sensors)
     return LayoutRecord(
         device=device.name,
         mesh=build.mesh_record.hash,
@@ -175,9 +174,9 @@ def _layout_record(
         sensors=sensors,
         min_clearance=check.min_clearance,
         warnings=(
-            *map(str, find_risks(task.design, layout.sensors)),
+            *map(str, risks),
             *map(str, check_cord_count(task.everything, final.prediction, smallest_noise_free)),
-            *warn_uncalibrated_strains(device, sensors),
+            *uncalibrated,
         ),
         weighed=tuple(_weighed_record(t, t is chosen) for t in trials),
         prediction=final.prediction,
@@ -189,6 +188,7 @@ def _layout_record(
         proposed=device.propose > 0,
         starts=tuple(layout.starts),
         seed=device.seed,
+        warned_cords={**{str(r): r.where for r in risks if r.where}, **uncalibrated},
     )
 
 
@@ -249,9 +249,7 @@ def _search(
         device.sensors,
         rng,
         report,
-        extra=device.propose,
-        planes=planes,
-        normals=normals,
+        LayoutSearch(extra=device.propose, planes=planes, normals=normals),
         watch=observer.kept,
         follow=observer.passed,
     )
@@ -285,7 +283,7 @@ def _search_alternatives(
     if device.searches is not None:  # simple layouts first, as they are the likeliest to be made
         searches = searches[::-1][: device.searches - 1]
     for k, (seed, planes, normals) in enumerate(searches):
-        show = partial(report_part, report, k / len(searches), (k + 1) / len(searches))
+        show = subrange(report, k / len(searches), (k + 1) / len(searches))
         with suppress(LayoutError):  # so few planes have no room for the cords
             layouts.append(_search(device, task, seed, planes, show, observer, normals))
     return layouts
@@ -336,13 +334,17 @@ def _strain_range(cord: BuiltCord, deformed: Float) -> tuple[float, float]:
     return float(mean.min()), float(mean.max())
 
 
-def warn_uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> list[str]:
-    """Return a warning for each cord that leaves the strains its response was measured in."""
+def warn_uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> dict[str, str]:
+    """Return a warning for each cord that leaves the strains its response was measured in.
+
+    Returns:
+        The name of the cord by the warning.
+    """
     low, high = device.cord.response.strain_range
-    return [
+    return {
         f"cord {s.name!r}: strains of {s.least_strain:.1%} to {s.peak_strain:.1%} are outside the"
         f" calibrated range of {low:.1%} to {high:.1%}, beyond which the response is continued"
-        " along its tangent. Calibrate on tighter jigs, or trust the prediction less."
+        " along its tangent. Calibrate on tighter jigs, or trust the prediction less.": s.name
         for s in sensors
         if s.least_strain < low or s.peak_strain > high
-    ]
+    }

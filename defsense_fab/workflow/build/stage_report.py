@@ -12,8 +12,7 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...decoding.expected_errors import MEANING
 from ...geometry.bodies.orientation import viewing_axes
-from ...report.guide.guide import assembly_guide, write_guide_file
-from ...report.guide.pdf import write_pdf
+from ...report.guide.guide import assembly_guide, write_guide
 from ...report.html import write_page
 from ...report.pictures import color_bar
 from ...report.pictures.body_views import draw_routing
@@ -22,8 +21,7 @@ from ...report.pictures.proposals import draw_trial_errors
 from ...report.pictures.sections import sections
 from ...report.pictures.sheet import COLORS
 from ...report.surface_errors import SurfaceErrors, state_words, surface_errors
-from ...report.viewer.page import view3d
-from ...report.viewer.scene import scene
+from ...report.viewer.scene import scene, view3d
 from ...store.build import Build
 from .stage_fabricate import COMPRESSION_RESPONSES
 from .stages import Report
@@ -45,22 +43,14 @@ def run(device: Device, build: Build, report: Report) -> None:
     paths = [s.points for s in layout.sensors]
     report(0.05, "routing")
     images: dict[str, Any] = {
-        "routing": draw_routing(
-            surface,
-            paths,
-            list(layout.drawn),
-            device.cord.diameter / 2,
-            frame,
-        )
+        "routing": draw_routing(surface, paths, list(layout.drawn), device.cord.diameter / 2, frame)
     }
     report(0.2, "parts")
     errors = surface_errors(build)
     viewer = view3d(scene(device, build, errors, frame))
     poses = build.field_index.warnings
     guide = assembly_guide(device, layout, manifest, build.parts, frame, poses)
-    write_page(folder / "guide.html", "guide", guide=guide, view3d=viewer)
-    write_pdf(guide, folder / "guide.pdf")
-    write_guide_file(guide, folder / "guide.json")
+    write_guide(guide, folder, viewer)
     images["parts"] = guide.exploded
     images["front"] = draw_trial_errors(layout.weighed)
     images["poses"] = _pose_pictures(device, build, errors, frame, report)
@@ -111,7 +101,7 @@ def _pose_pictures(
         pictures.append(
             {
                 "name": name,
-                "seen": not errors.held_out[i],
+                "is_trained": not errors.held_out[i],
                 "strain": strain_sections(
                     field, rest, errors.moved[i], planes, frame, strain_scale
                 ),

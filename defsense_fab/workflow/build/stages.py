@@ -16,8 +16,9 @@ from ...core.device.materials import Silicone, find_silicone
 from ...core.errors import CapacityError
 from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress
+from ...core.progress import Report as Report
 from ...core.storage.files import digest
-from ...geometry.bodies.meshing import mesh_lock
+from ...geometry.bodies.meshing import mesh_store
 from . import body_sources
 
 if TYPE_CHECKING:
@@ -25,11 +26,9 @@ if TYPE_CHECKING:
     from ...store.build import Build
 
 #: Raised when a stage's results change for the same input, so that old results are not reused.
-CODE_VERSION = 39
+CODE_VERSION = 40
 #: The stage that places copies on plates, the only one that depends on `BuildOptions`.
 PLATES = "fabricate"
-
-Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -127,8 +126,8 @@ def _mesh_inputs(d: Device) -> Any:
     only where a longer one would give a better mesh.
     """
     poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
-    locked = mesh_lock.file_digest(d.source)
-    longer = ["longer"] if mesh_lock.has_outgrown_mesh(d.source, d.mesh.time_limit) else []
+    locked = mesh_store.file_digest(d.source)
+    longer = ["longer"] if mesh_store.has_outgrown_mesh(d.source, d.mesh.time_limit) else []
     return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked, *longer)
 
 
@@ -156,7 +155,7 @@ def _layout_inputs(f: FabricationSpec) -> FabricationSpec:
     chosen whose moulds cannot be opened.
     """
     constant = FabricationSpec(f.process, f.clearance, f.wall, f.lead, (0.0, 0.0, 0.0))
-    ignored = ["bed", "layer", "hole", "spacing", "supports", "copies"]
+    ignored = ["bed", "layer", "hole", "spacing", "copies"]
     if f.kind != "cast":
         ignored += ["kind", "line", "mould_wall", "shrinkage"]
     return replace(f, **{name: getattr(constant, name) for name in ignored})
@@ -233,7 +232,7 @@ STAGES = (
     Stage(
         "report",
         "write the report and the guide",
-        ("report.html", "guide.html", "guide.json", "guide.pdf"),
+        ("report.html", "guide.html", "guide.json", "templates.pdf"),
         lambda d: d.name,
         ("pyvista", "vtk", "matplotlib", "jinja2", "reportlab"),
         "close other programs",
@@ -266,7 +265,7 @@ class StageKeys:
         """
         sources = body_sources.load_sources(folder)
         # `device.mesh` may be written by the stage of the mesh.
-        cached = json.dumps([sources, mesh_lock.file_digest(self._device.source)])
+        cached = json.dumps([sources, mesh_store.file_digest(self._device.source)])
         if cached not in self._cache:
             self._cache[cached] = self._compute(sources)
         return self._cache[cached]

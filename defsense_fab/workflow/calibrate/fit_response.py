@@ -10,12 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ...calibration.calibrate import ASSUMED_SPREAD, Calibration, calibrate
+from ...calibration.calibrate import Calibration, calibrate
 from ...calibration.protocol import Creep
-from ...calibration.reading_checks import Policy
 from ...calibration.readings import (
     Geometry,
-    Notice,
     Readings,
     hysteresis_half_width,
     join_readings,
@@ -24,11 +22,14 @@ from ...calibration.readings_table import read_table
 from ...calibration.session import FRAMES
 from ...calibration.session_readings import read_session
 from ...core.errors import CalibrationError
-from ...core.progress import Progress, silent
+from ...core.progress import Notice, Progress, silent
 from ...core.response import SCHEMA
 from ...core.storage.files import digest, storage_errors, write_json, write_text
 from ...core.storage.session_manifest import FILE
 from ...core.version import __version__
+from .options import FitOptions, TableOptions
+
+_DEFAULT_TABLES, _DEFAULT_FIT = TableOptions(), FitOptions()
 
 
 @dataclass(frozen=True)
@@ -37,26 +38,26 @@ class FittedResponse:
 
     Attributes:
         calibration: The calibration.
-        sources: Tables and session folders.
-        creeps: Creep in the sessions' holds, with the cord's position.
         data: Content of `response.json`.
+        file: `response.json`; None if it was not written. The report is next to it.
     """
 
     calibration: Calibration
-    sources: tuple[Path, ...]
-    creeps: tuple[tuple[str, Creep], ...]
     data: dict[str, Any]
+    file: Path | None
+
+    @property
+    def page(self) -> Path | None:
+        """File of the report; None if it was not written."""
+        return None if self.file is None else self.file.with_suffix(".html")
 
 
 def fit_response(
     sources: Sequence[Path],
-    *,
     out: Path | None = None,
-    geometry: Geometry | None = None,
-    radii: Sequence[float] | None = None,
-    policy: Policy = "refuse",
-    model: str | None = None,
-    spread: float = ASSUMED_SPREAD,
+    *,
+    tables: TableOptions = _DEFAULT_TABLES,
+    options: FitOptions = _DEFAULT_FIT,
     seed: int = 1,
     progress: Progress = silent,
 ) -> FittedResponse:
@@ -65,11 +66,8 @@ def fit_response(
     Args:
         sources: Tables and session folders.
         out: File to write, `response.json`; its report is written next to it.
-        geometry: Geometry of the specimens in tables.
-        radii: Radii of the jigs in tables, mm.
-        policy: What to do about a significant drift of the neutral cord.
-        model: Model to use instead of the chosen one.
-        spread: Assumed standard deviation between specimens.
+        tables: Specimens and jigs of tables.
+        options: Options of the fit.
         seed: Seed of the bootstrap.
         progress: Called with the progress.
 
@@ -80,46 +78,21 @@ def fit_response(
         CalibrationError: A source cannot be read or used; nothing is written then.
         StorageError: A file cannot be written.
     """
-    resolved = [s.resolve() for s in sources]
-    for source, path in zip(sources, resolved, strict=True):
-        if resolved.count(path) > 1:
-            raise CalibrationError(
-                "is given twice, and would count twice",
-                code="duplicate-source",
-                where=source,
-                action="Give each source once",
-            )
+    _check_different(sources)
     if out is not None:
         _check_out(out, sources)
-    parts: list[Readings] = []
-    hashed: list[Path] = []
-    creeps: list[tuple[str, Creep]] = []
-    notices: list[Notice] = []
-    for n, source in enumerate(sources):
-        progress("read", n / len(sources), source.name)
-        if source.is_dir():
-            session = read_session(source)
-            parts.append(session.readings)
-            creeps += session.creeps
-            hashed += [source / FILE, source / FRAMES]
-            if session.unsettled:
-                text = f"{source.name}: {session.unsettled} readings had not settled"
-                notices.append(Notice("readings-unsettled", text))
-        else:
-            readings, table_notices = read_table(source, geometry or Geometry(), radii)
-            parts.append(readings)
-            notices += table_notices
-            hashed.append(source)
+    readings, creeps, notices = _read_sources(sources, tables, progress)
     progress("fit", 0.0, "models")
-    rng = np.random.default_rng(seed)
-    calibration = calibrate(
-        join_readings(parts), policy=policy, model=model, spread=spread, rng=rng
-    )
+    calibration = calibrate(readings, options, rng=np.random.default_rng(seed))
     progress("fit", 1.0, "done")
-    warnings = [*map(str, notices), *map(str, calibration.warnings)]
-    data = describe(calibration, sources, creeps, digest(*hashed), warnings, spread)
-    data["seed"] = seed
-    fitted = FittedResponse(calibration, tuple(sources), tuple(creeps), data)
+    data = {
+        **_describe(calibration, options, creeps),
+        "sources": [str(s) for s in sources],
+        "raw_hash": digest(*(file for s in sources for file in _files(s))),
+        "version": __version__,
+        "warnings": [*map(str, notices), *map(str, calibration.warnings)],
+        "seed": seed,
+    }
     if out is not None:
         from ...report.calibration_page import page
 
@@ -127,7 +100,48 @@ def fit_response(
         with storage_errors(out):
             write_text(out.with_suffix(".html"), text)
             write_json(out, data)
-    return fitted
+    return FittedResponse(calibration, data, out)
+
+
+def _read_sources(
+    sources: Sequence[Path], tables: TableOptions, progress: Progress
+) -> tuple[Readings, list[Creep], list[Notice]]:
+    """Return the readings of all sources, the creep in the sessions' holds, and notices."""
+    readings: list[Readings] = []
+    creeps: list[Creep] = []
+    notices: list[Notice] = []
+    for n, source in enumerate(sources):
+        progress("read", n / len(sources), source.name)
+        if source.is_dir():
+            session = read_session(source)
+            readings.append(session.readings)
+            creeps += session.creeps
+            if session.unsettled:
+                text = f"{source.name}: {session.unsettled} readings had not settled"
+                notices.append(Notice("readings-unsettled", text))
+        else:
+            geometry = Geometry(tables.thickness, tables.offset)
+            table, table_notices = read_table(source, geometry, tables.radii)
+            readings.append(table)
+            notices += table_notices
+    return join_readings(readings), creeps, notices
+
+
+def _files(source: Path) -> tuple[Path, ...]:
+    """Return the files of a table or a session."""
+    return (source / FILE, source / FRAMES) if source.is_dir() else (source,)
+
+
+def _check_different(sources: Sequence[Path]) -> None:
+    resolved = [s.resolve() for s in sources]
+    for source, path in zip(sources, resolved, strict=True):
+        if resolved.count(path) > 1:
+            raise CalibrationError(
+                "is given twice, and would count twice",
+                code="source-repeated",
+                where=source,
+                action="Give each source once",
+            )
 
 
 def _check_out(out: Path, sources: Sequence[Path]) -> None:
@@ -167,31 +181,12 @@ def _check_out(out: Path, sources: Sequence[Path]) -> None:
             )
 
 
-def describe(
-    calibration: Calibration,
-    sources: Sequence[Path],
-    creeps: Sequence[tuple[str, Creep]],
-    raw_hash: str,
-    warnings: Sequence[str],
-    spread: float,
+def _describe(
+    calibration: Calibration, options: FitOptions, creeps: Sequence[Creep]
 ) -> dict[str, Any]:
-    """Return the content of `response.json`.
-
-    Args:
-        calibration: The calibration.
-        sources: Tables and session folders.
-        creeps: Creep in the sessions' holds, with the cord's position.
-        raw_hash: Hash of the sources' content.
-        warnings: Doubts about the readings and the fit.
-        spread: Assumed standard deviation between specimens.
-
-    Returns:
-        The data that `core/response.py` reads, and their origin.
-    """
+    """Return the content of `response.json`, without its origin."""
     uncertainty = calibration.uncertainty
-    is_known = np.isfinite(calibration.gains)
-    outer = [p for p, known in zip(calibration.pieces, is_known, strict=True) if known]
-    significant = [c for _, c in creeps if np.isfinite(c.time)]
+    significant = [c for c in creeps if np.isfinite(c.time)]
     fit = calibration.trials[calibration.response.model].fit
     has_memory = bool(calibration.data.memory.any())
     creep = None
@@ -211,7 +206,7 @@ def describe(
             "pieces": uncertainty.pieces,
             "assumed": uncertainty.assumed,
             "model": uncertainty.model,
-            "spread_assumed": spread,
+            "spread_assumed": options.spread / 100,
         },
         "standard_errors": uncertainty.errors.tolist(),
         "noise": calibration.noise,
@@ -223,14 +218,11 @@ def describe(
         "creep": creep,
         "pieces": [
             {"specimen": p.specimen, "cord": p.place, "gain": float(g)}
-            for p, g in zip(outer, calibration.gains[is_known], strict=True)
+            for p, g in zip(calibration.pieces, calibration.gains, strict=True)
+            if np.isfinite(g)
         ],
         "radii": calibration.readings.radii.tolist(),
         "readings": len(calibration.readings.where),
-        "sources": [str(s) for s in sources],
-        "raw_hash": raw_hash,
-        "version": __version__,
-        "warnings": list(warnings),
     }
 
 

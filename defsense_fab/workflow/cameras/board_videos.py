@@ -16,7 +16,7 @@ from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
-from ...core.progress import Progress, silent
+from ...core.progress import Progress
 
 MAX_INSTANTS = 40  # for each camera but the first
 
@@ -41,13 +41,14 @@ class BoardVideo:
 def find_boards(
     paths: Sequence[Path],
     board: CharucoBoard,
-    rate: float | None = None,
-    progress: Progress = silent,
+    rate: float | None,
+    progress: Progress,
 ) -> list[BoardVideo]:
     """Find a board in videos or folders of images.
 
     Raises:
-        CaptureError: If one cannot be read, or does not show the board.
+        CaptureError: A video cannot be read (`video-unreadable`), or does not show the board
+            (`board-not-found`).
     """
     videos = [Video(p, rate if not p.is_dir() else rate or 1.0) for p in paths]
     total, done = max(sum(v.expected for v in videos), 1), [0]
@@ -72,9 +73,9 @@ def find_boards(
             )
         return BoardVideo(video.size, np.array(times), tuple(views), video.path.is_dir())
 
-    found = run_in_threads(search, videos, 4)
+    board_videos = run_in_threads(search, videos, 4)
     progress("board", 1.0, "done")
-    for path, boards in zip(paths, found, strict=True):
+    for path, boards in zip(paths, board_videos, strict=True):
         if not any(boards.views):
             raise CaptureError(
                 f"the board was found in none of {len(boards.views)} frames",
@@ -86,7 +87,7 @@ def find_boards(
                 ),
                 frames=len(boards.views),
             )
-    return found
+    return board_videos
 
 
 def check_sizes(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from ...capture.cameras.image_sources import ImageSource, Webcam
+from ...capture.cameras.image_sources import ImageSource
 from ...capture.cameras.intrinsics import MIN_VIEWS
 from ...capture.cameras.rig_check import Diagnosis, diagnose
 from ...capture.cameras.view_selection import (
     MAX_STILL_MOTION_PX,
+    Coverage,
     corner_motion,
     describe_view,
     is_new,
@@ -22,8 +22,20 @@ from ...capture.cameras.view_selection import (
 )
 from ...capture.tags.detection import BoardFinder, BoardView, Image
 from ...capture.tags.tag_patterns import CharucoBoard
-from ...core.arrays import Float, Int
+from ...core.arrays import Float
+from ...core.guided_parts import Bars, Part, Picture
+from ...core.guided_run import (
+    Ending,
+    GuidedRun,
+    GuidedView,
+    GuidedWork,
+    Key,
+    Phase,
+    RunState,
+    Screen,
+)
 from .board_videos import check_sizes
+from .options import MAX_VIEWS
 from .recorded_views import (
     Calibrated,
     calibrate_views,
@@ -36,41 +48,11 @@ from .recorded_views import (
 
 MAX_TIME_DIFFERENCE_S = 0.04  # between simultaneous frames of several cameras
 MIN_COVERAGE = 0.9  # share of the image's cells with which a calibration ends automatically
-MAX_VIEWS = 80
-
-
-@dataclass(frozen=True)
-class BoardShown:
-    """The state of a calibration, for a screen.
-
-    Attributes:
-        names: Names of the cameras.
-        images: Their images.
-        corners: Corners of the board in each image (k, 2), px.
-        cells: Corners in each cell of the image of a single camera; None for several.
-        taken: Number of views taken.
-        wanted: Number of views needed.
-        hints: What to do next.
-        flash: Whether a view was just taken.
-    """
-
-    names: tuple[str, ...]
-    images: tuple[Image, ...]
-    corners: tuple[Float, ...]
-    cells: Int | None
-    taken: int
-    wanted: int
-    hints: tuple[str, ...] = field(default=())
-    flash: bool = False
-
-
-class BoardScreen(Protocol):
-    """Shows a calibration, and reads keys: an interface."""
-
-    def show(self, shown: BoardShown) -> None: ...
-
-    def key(self, timeout: float) -> str | None: ...
-
+IMAGE_TIMEOUT_S = 1.0
+MAX_HINTS = 3
+VIEW_KEYS: Mapping[Phase, tuple[Key, ...]] = {
+    "active": (Key("enter", "finish", "complete"), Key("q", "stop", "stop")),
+}
 
 Opener = Callable[[str], ImageSource]
 
@@ -80,65 +62,41 @@ def calibrate_live(
     name: str,
     board: CharucoBoard,
     out: Path,
-    wanted: int,
-    screen: BoardScreen,
-    opener: Opener = Webcam,
+    target: int,
+    screen: Screen,
+    opener: Opener,
     *,
-    fisheye: bool = False,
-) -> list[Calibrated]:
+    fisheye: bool,
+) -> Calibrated:
     """Calibrate one camera.
 
     It ends when enough views cover the image, or when the user presses Enter.
 
+    Args:
+        source: Address of the camera.
+        name: Name of the camera.
+        board: The board.
+        out: File of the cameras' calibration.
+        target: Number of views.
+        screen: Screen for the user.
+        opener: Opens the camera.
+        fisheye: Whether the lens is a fisheye.
+
+    Returns:
+        The calibrated camera, which is stored in `out`.
+
     Raises:
         CaptureError: If the views are too few, or the camera is disconnected.
+        KeyboardInterrupt: If the user stops.
     """
     check_new_names(out, [name])
-    finder = BoardFinder(board)
-    views: list[BoardView] = []
-    descriptions: list[Float] = []
-    previous: BoardView | None = None
     with closing(opener(source)) as camera:
         camera.start()
-        coverage = measure_coverage(views, board, camera.size, wanted)
-        while True:
-            frame = camera.read(1.0)
-            key = screen.key(0.0)
-            if key == "q":
-                raise KeyboardInterrupt
-            if key == "enter" and len(views) >= MIN_VIEWS:
-                break
-            if frame is None:
-                continue
-            view = finder.find(frame[0])
-            is_taken = False
-            if view is not None:
-                is_still = float(corner_motion([previous, view])[1]) <= MAX_STILL_MOTION_PX
-                description = describe_view(view, board, camera.size)
-                if is_still and is_new(description, descriptions):
-                    is_taken = True
-                    views.append(view)
-                    descriptions.append(description)
-                    coverage = measure_coverage(views, board, camera.size, wanted)
-            previous = view
-            corners = np.zeros((0, 2)) if view is None else view.corners
-            screen.show(
-                BoardShown(
-                    (name,),
-                    (frame[0],),
-                    (corners,),
-                    coverage.cells,
-                    len(views),
-                    wanted,
-                    coverage.hints or ("there are enough views; press Enter",),
-                    is_taken,
-                )
-            )
-            is_enough = len(views) >= wanted and coverage.fraction >= MIN_COVERAGE
-            if (is_enough and not coverage.hints) or len(views) >= MAX_VIEWS:
-                break
-        calibrated = [calibrate_views(name, camera.size, board, views, wanted, fisheye=fisheye)]
-    store_calibrations(out, calibrated, board)
+        work = BoardViews([camera], [name], board, target, covers_image=True)
+        _collect(work, screen)
+        views = [instant[0] for instant in work.instants]
+        calibrated = calibrate_views(name, camera.size, board, views, target, fisheye=fisheye)
+    store_calibrations(out, [calibrated], board)
     return calibrated
 
 
@@ -146,16 +104,16 @@ def arrange_live(
     sources: Sequence[str],
     board: CharucoBoard,
     calibration: Path,
-    wanted: int,
-    screen: BoardScreen,
-    opener: Opener = Webcam,
+    target: int,
+    screen: Screen,
+    opener: Opener,
     *,
-    keep: bool = False,
+    keep: bool,
 ) -> dict[str, Any]:
     """Find the poses of several cameras; see `solve_rig`."""
     rig = read_rig_for(calibration, [Path(s) for s in sources])
     check_world(rig, calibration, keep)
-    instants = _collect_views(sources, rig.cameras, board, wanted, screen, opener, several=True)
+    instants = _rig_views(sources, rig.cameras, board, target, screen, opener, min_cameras=2)
     return solve_rig(rig, board, instants, calibration, keep=keep)
 
 
@@ -163,79 +121,155 @@ def check_live(
     sources: Sequence[str],
     board: CharucoBoard,
     calibration: Path,
-    wanted: int,
-    screen: BoardScreen,
-    opener: Opener = Webcam,
+    target: int,
+    screen: Screen,
+    opener: Opener,
 ) -> Diagnosis:
     """Check cameras by a few views, and find out why they do not fit."""
     rig = read_rig_for(calibration, [Path(s) for s in sources])
-    several = len(sources) > 1
-    instants = _collect_views(sources, rig.cameras, board, wanted, screen, opener, several=several)
+    min_cameras = min(len(sources), 2)
+    instants = _rig_views(
+        sources, rig.cameras, board, target, screen, opener, min_cameras=min_cameras
+    )
     return diagnose(rig.cameras, board, instants)
 
 
-def _collect_views(
+def _rig_views(
     sources: Sequence[str],
     cameras: Sequence[Any],
     board: CharucoBoard,
-    wanted: int,
-    screen: BoardScreen,
+    target: int,
+    screen: Screen,
     opener: Opener,
     *,
-    several: bool,
+    min_cameras: int,
 ) -> list[dict[int, BoardView]]:
-    """Collect views of instants at which the board is still and somewhere new."""
-    finder = BoardFinder(board)
-    instants: list[dict[int, BoardView]] = []
-    descriptions: list[Float] = []
+    """Collect views of calibrated cameras, each of `min_cameras` or more at one instant."""
     with ExitStack() as stack:
         opened = [stack.enter_context(closing(opener(s))) for s in sources]
         for source in opened:
             source.start()
         check_sizes(cameras, [s.size for s in opened], sources)
-        frames: list[tuple[Image, int] | None] = [None] * len(opened)
-        previous: list[BoardView | None] = [None] * len(opened)
-        while len(instants) < wanted:
-            key = screen.key(0.0)
-            if key == "q":
-                raise KeyboardInterrupt
-            if key == "enter" and instants:
-                break
-            for c, source in enumerate(opened):
-                frames[c] = source.read(1.0) or frames[c]
-            images = [f for f in frames if f is not None]
-            if len(images) < len(opened):
-                continue
-            views = [finder.find(f[0]) for f in images]
-            stamps = [f[1] for f in images]
-            is_still = all(
-                v is None or float(corner_motion([before, v])[1]) <= MAX_STILL_MOTION_PX
-                for before, v in zip(previous, views, strict=True)
+        work = BoardViews(opened, [c.name for c in cameras], board, target, min_cameras)
+        _collect(work, screen)
+    return work.instants
+
+
+def _collect(work: BoardViews, screen: Screen) -> None:
+    run = GuidedRun(work, screen, auto=True, key_interval_s=0.0)
+    run.run()
+    if run.is_stopped:
+        raise KeyboardInterrupt
+
+
+class BoardViews(GuidedWork):
+    """Work of one view: to wait until the board is still and somewhere new.
+
+    Args:
+        sources: The cameras, which are open.
+        names: Their names.
+        board: The board.
+        target: Number of views.
+        min_cameras: Number of cameras that must see the board at the same time.
+        covers_image: Whether views are taken until they cover the image of the only camera, too.
+
+    Attributes:
+        instants: Views by number of the camera, for each instant.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[ImageSource],
+        names: Sequence[str],
+        board: CharucoBoard,
+        target: int,
+        min_cameras: int = 1,
+        *,
+        covers_image: bool = False,
+    ) -> None:
+        self.keys, self.step_count = VIEW_KEYS, MAX_VIEWS if covers_image else target
+        self._sources, self._names, self._board = sources, names, board
+        self._target, self._min_cameras = target, min_cameras
+        self._finder = BoardFinder(board)
+        self._frames: list[tuple[Image, int] | None] = [None] * len(sources)
+        self._views: list[BoardView | None] = [None] * len(sources)
+        self._descriptions: list[Float] = []
+        self._has_new_view = False
+        self._coverage = self._measure_coverage([]) if covers_image else None
+        self.instants: list[dict[int, BoardView]] = []
+
+    def receive(self) -> None:
+        self._has_new_view = False
+        new = [source.read(IMAGE_TIMEOUT_S) for source in self._sources]
+        self._frames = [f or old for f, old in zip(new, self._frames, strict=True)]
+        frames = [f for f in self._frames if f is not None]
+        if len(frames) < len(self._sources) or not any(new):
+            return
+        previous, self._views = self._views, [self._finder.find(image) for image, _ in frames]
+        motions = [
+            0.0 if view is None else float(corner_motion([before, view])[1])
+            for before, view in zip(previous, self._views, strict=True)
+        ]
+        visible = {c: view for c, view in enumerate(self._views) if view is not None}
+        stamps = [stamp for _, stamp in frames]
+        is_simultaneous = (max(stamps) - min(stamps)) / 1e9 <= MAX_TIME_DIFFERENCE_S
+        if (
+            max(motions) <= MAX_STILL_MOTION_PX
+            and is_simultaneous
+            and len(visible) >= self._min_cameras
+        ):
+            c = min(visible)
+            description = np.append(
+                describe_view(visible[c], self._board, self._sources[c].size),
+                sum(2.0**k for k in visible),
             )
-            previous = list(views)
-            visible = {c: v for c, v in enumerate(views) if v is not None}
-            is_taken = False
-            is_simultaneous = (max(stamps) - min(stamps)) / 1e9 <= MAX_TIME_DIFFERENCE_S
-            if is_still and is_simultaneous and len(visible) >= (2 if several else 1):
-                c = min(visible)
-                description = np.append(
-                    describe_view(visible[c], board, cameras[c].size), sum(2.0**k for k in visible)
-                )
-                if is_new(description, descriptions):
-                    is_taken = True
-                    instants.append(visible)
-                    descriptions.append(description)
-            hint = "hold the board still where the cameras see it" + (" together" * several)
-            screen.show(
-                BoardShown(
-                    tuple(c.name for c in cameras),
-                    tuple(f[0] for f in images),
-                    tuple(np.zeros((0, 2)) if v is None else v.corners for v in views),
-                    None,
-                    len(instants),
-                    wanted,
-                    (hint,),
-                    is_taken,
+            if is_new(description, self._descriptions):
+                self._has_new_view = True
+                self.instants.append(visible)
+                self._descriptions.append(description)
+        if self._has_new_view and self._coverage is not None:
+            views = [instant[0] for instant in self.instants]
+            coverage = self._coverage = self._measure_coverage(views)
+            is_covered = coverage.fraction >= MIN_COVERAGE and not coverage.hints
+            if len(views) >= self._target and is_covered:
+                self.step_count = len(views)
+
+    def _measure_coverage(self, views: Sequence[BoardView]) -> Coverage:
+        return measure_coverage(views, self._board, self._sources[0].size, self._target)
+
+    def check(self, *, is_requested: bool) -> Ending | None:
+        min_count = 1 if self._coverage is None else MIN_VIEWS
+        if is_requested and len(self.instants) >= min_count:
+            return "finish"
+        return "done" if self._has_new_view else None
+
+    def view(self, state: RunState) -> GuidedView:
+        parts: list[Part] = []
+        for name, frame, view in zip(self._names, self._frames, self._views, strict=True):
+            corners = np.zeros((0, 2)) if view is None else view.corners
+            parts.append(
+                Picture(
+                    name,
+                    f"{len(corners)} corners" if len(corners) else "no board",
+                    None if frame is None else frame[0],
+                    corners[:, None],
+                    (),
+                    np.ones(len(corners), bool),
                 )
             )
-    return instants
+        together = " together" if self._min_cameras > 1 else ""
+        instruction = f"Hold the board still where the cameras see it{together}."
+        if self._coverage is not None:
+            hints = self._coverage.hints or ("There are enough views. Press Enter.",)
+            instruction = "; ".join(hints[:MAX_HINTS])
+            share = self._coverage.cells / max(int(self._coverage.cells.max()), 1)
+            parts.append(Bars(share, title="Covered parts of the image"))
+        count = len(self.instants)
+        return GuidedView(
+            state,
+            title=f"{', '.join(self._names)}: {count} of {self._target} views",
+            instruction=instruction,
+            progress=min(count / self._target, 1.0),
+            parts=tuple(parts),
+            alert=self._has_new_view and state.phase != "done",
+        )

@@ -59,7 +59,7 @@ def calibrate_views(
     views: Sequence[BoardView],
     target: int = TARGET_VIEWS,
     *,
-    fisheye: bool = False,
+    fisheye: bool,
 ) -> Calibrated:
     """Calibrate a camera from chosen views.
 
@@ -94,15 +94,15 @@ def calibrate_views(
     return Calibrated(intrinsics, coverage, tuple(views), data)
 
 
-def calibrate_cameras(
+def calibrate_recorded(
     paths: Sequence[Path],
     names: Sequence[str],
     board: CharucoBoard,
     out: Path,
-    rate: float | None = None,
-    progress: Progress = silent,
+    rate: float | None,
+    progress: Progress,
     *,
-    fisheye: bool = False,
+    fisheye: bool,
 ) -> list[Calibrated]:
     """Calibrate cameras from videos, and store them.
 
@@ -123,8 +123,8 @@ def calibrate_cameras(
     for name, boards in zip(names, find_boards(paths, board, rate, progress), strict=True):
         frames = np.flatnonzero([v is not None for v in boards.views])
         views = [boards.views[k] for k in frames]
-        found = [v for v in views if v is not None]
-        descriptions = np.array([describe_view(v, board, boards.size) for v in found])
+        visible = [v for v in views if v is not None]
+        descriptions = np.array([describe_view(v, board, boards.size) for v in visible])
         chosen = choose_views(
             descriptions,
             corner_motion(boards.views)[frames],
@@ -133,7 +133,7 @@ def calibrate_cameras(
             allow_motion=True,
         )
         progress("solve", 0.0, name)
-        chosen_views = [found[k] for k in chosen]
+        chosen_views = [visible[k] for k in chosen]
         calibrated.append(calibrate_views(name, boards.size, board, chosen_views, fisheye=fisheye))
     progress("solve", 1.0, "done")
     store_calibrations(out, calibrated, board)
@@ -190,14 +190,14 @@ def _board_metadata(board: CharucoBoard) -> dict[str, Any]:
     }
 
 
-def arrange_cameras(
+def arrange_recorded(
     paths: Sequence[Path],
     board: CharucoBoard,
     calibration: Path,
-    rate: float | None = None,
-    progress: Progress = silent,
+    rate: float | None,
+    progress: Progress,
     *,
-    keep: bool = False,
+    keep: bool,
 ) -> dict[str, Any]:
     """Find the poses of cameras from videos that were taken at the same time, and store them.
 
@@ -254,7 +254,7 @@ def solve_rig(
     out: Path,
     progress: Progress = silent,
     *,
-    keep: bool = False,
+    keep: bool,
 ) -> dict[str, Any]:
     """Find the poses of cameras, and store them.
 
@@ -313,14 +313,14 @@ def _rig_warnings(error: float, corner_error: float) -> list[str]:
     ]
 
 
-def check_cameras(
+def check_recorded(
     paths: Sequence[Path],
     board: CharucoBoard,
     calibration: Path,
-    rate: float | None = None,
-    progress: Progress = silent,
+    rate: float | None,
+    progress: Progress,
 ) -> Diagnosis:
-    """Check whether a calibration still holds, by new views of the board, and find out why not."""
+    """Check by new views whether a calibration is still valid, and find out why it is not."""
     rig = read_rig_for(calibration, paths)
     boards = find_boards(paths, board, rate, progress)
     if len(paths) > 1:

@@ -1,4 +1,4 @@
-"""Findings of checks, calls in a separate process, and commands that install system libraries."""
+"""Findings of checks, and calls in a separate process, which may crash or hang."""
 
 from __future__ import annotations
 
@@ -13,19 +13,17 @@ from typing import Any, Literal
 
 from ...core.machine.processes import NEW_GROUP, kill_group
 
-Status = Literal["good", "missing", "not needed"]
-
 # Prefix of the project's own errors in a traceback; their messages are complete without it.
 _ERROR_CLASS = re.compile(r"^defsense_fab\.core\.errors\.\w+: ")
 # Hint of errors to run `defsense doctor`, which is running already.
 _DOCTOR_HINT = re.compile(r"(?:, or|[.,;])? ?\(?[Rr]un '?defsense doctor'? for details\)?\.?$")
-#: Start of the trouble of a call that did not end in time.
+#: Start of the failure of a call that did not end in time.
 HANGS = "hangs"
 _ANSWER = "defsense-doctor-answer:"
 _CALL = f"""
 import importlib, json, sys
-found = getattr(importlib.import_module(sys.argv[1]), sys.argv[2])(*sys.argv[3:])
-sys.stdout.write("\\n{_ANSWER}" + json.dumps(found) + "\\n")
+answer = getattr(importlib.import_module(sys.argv[1]), sys.argv[2])(*sys.argv[3:])
+sys.stdout.write("\\n{_ANSWER}" + json.dumps(answer) + "\\n")
 sys.stdout.flush()
 import os
 os._exit(0)  # a library that crashes while Python ends has passed the check
@@ -48,70 +46,39 @@ class Finding:
     Attributes:
         check: Group of the check.
         about: What was checked.
-        status: `good`, `missing`, or `not needed` if only some users need it.
-        told: The result in words.
-        command: Command that fixes it.
-        needed_for: What it is needed for; required if it is not needed by all users.
-        core: Whether all users need it.
-
-    Raises:
-        ValueError: The status does not fit the other fields.
+        is_good: Whether the check was passed.
+        message: The result in words.
+        command: Command that fixes it; empty if it is good or there is none.
+        needed_for: The task that needs it; empty if all users do.
     """
 
     check: str
     about: str
-    status: Status
-    told: str
+    is_good: bool
+    message: str
     command: str = ""
     needed_for: str = ""
-    core: bool = False
 
-    def __post_init__(self) -> None:
-        if self.status == "not needed" and not self.needed_for:
-            raise ValueError(f"{self.about}: a finding that is not needed must name its use")
-        if self.status == "not needed" and self.core:
-            raise ValueError(f"{self.about}: a finding of the core must be good or missing")
-
-
-def make_finding(
-    check: str,
-    about: str,
-    good: bool,
-    text: str,
-    *,
-    command: str = "",
-    needed_for: str = "",
-) -> Finding:
-    """Return a finding.
-
-    Args:
-        check: Group of the check.
-        about: What was checked.
-        good: Whether the check was passed.
-        text: The result in words.
-        command: Command that fixes it.
-        needed_for: What it is needed for; empty for the core. A failed check of the core is
-            `missing`, others are `not needed`.
-    """
-    core = not needed_for
-    if good:
-        return Finding(check, about, "good", text, core=core)
-    status: Status = "missing" if core else "not needed"
-    return Finding(check, about, status, text, command, needed_for, core)
+    @property
+    def status(self) -> Literal["good", "missing", "not needed"]:
+        """The result in short; `not needed` is a failed check that only some users need."""
+        if self.is_good:
+            return "good"
+        return "not needed" if self.needed_for else "missing"
 
 
-def system_command(trouble: str) -> str:
+def system_command(failure: str) -> str:
     """Return the command that installs a missing system library.
 
     Args:
-        trouble: Message of a failed import.
+        failure: Message of a failed import.
 
     Returns:
-        The command; empty for other troubles, and on systems without apt.
+        The command; empty for other failures, and on systems without apt.
     """
     if sys.platform != "linux":
         return ""
-    return next((command for name, command in _SYSTEM_PACKAGES.items() if name in trouble), "")
+    return next((command for name, command in _SYSTEM_PACKAGES.items() if name in failure), "")
 
 
 @dataclass(frozen=True)
@@ -120,11 +87,11 @@ class Answer:
 
     Attributes:
         value: What the function returned.
-        trouble: Why it did not return, in words; else empty.
+        failure: Why it did not return, in words; else empty.
     """
 
     value: Any = None
-    trouble: str = ""
+    failure: str = ""
 
 
 def call(module: str, function: str, *words: str, seconds: float) -> Answer:
@@ -136,36 +103,28 @@ def call(module: str, function: str, *words: str, seconds: float) -> Answer:
         words: Its arguments.
         seconds: Time limit, s.
     """
-    command = [sys.executable, "-c", _CALL, module, function, *words]
-    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
     process = subprocess.Popen(
-        command,
+        [sys.executable, "-c", _CALL, module, function, *words],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env=environment,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
         encoding="utf-8",
         errors="replace",
         **NEW_GROUP,
     )
     try:
         out, err = process.communicate(timeout=seconds)
-    except subprocess.TimeoutExpired:
-        _kill(process)
-        return Answer(trouble=f"{HANGS}: no answer within {seconds:g} s")
-    except BaseException:
-        _kill(process)
-        raise
+    except BaseException as error:
+        kill_group(process.pid)  # with its children, which would keep its pipes open
+        process.communicate()
+        if not isinstance(error, subprocess.TimeoutExpired):
+            raise
+        return Answer(failure=f"{HANGS}: no answer within {seconds:g} s")
     _, marker, result = out.rpartition(_ANSWER)
     if process.returncode == 0 and marker:
         return Answer(json.loads(result))
-    return Answer(trouble=_explain_failure(process.returncode, err))
-
-
-def _kill(process: subprocess.Popen[str]) -> None:
-    """Kill a process with its children, which would keep its pipes open."""
-    kill_group(process.pid)
-    process.communicate()
+    return Answer(failure=_explain_failure(process.returncode, err))
 
 
 def _explain_failure(code: int, err: str) -> str:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta
 
 from ...core.errors import StorageError
-from .checks import Finding, make_finding
-from .hardware import check_boards, check_cameras
+from ...core.schema.options import check_options
+from .checks import Finding
+from .hardware import BOARD_USE, CAMERA_USE, check_boards, check_cameras
 from .libraries import check_libraries, check_python
 from .machine import (
+    PRINTING_USE,
     check_cad,
     check_gamepad,
     check_graphics,
@@ -19,34 +25,44 @@ from .machine import (
     check_solver,
 )
 
-#: Time limit of a single check, s.
-LIMIT = 60.0
-#: Checks that only some users need, and their uses; the others belong to the core.
-_OPTIONAL_CHECKS = {
-    "cameras": "recording a device with cameras",
-    "read-out boards": "reading the cords of a device",
-    "slicers": "printing the parts here",
-    "gamepad": "--output gamepad",
-    "MIDI": "--output midi",
-}
+#: Uses of the checks that only some users need.
+_USES = {"cameras": CAMERA_USE, "read-out boards": BOARD_USE, "slicers": PRINTING_USE}
 
 
-def examine(
-    seconds: float = LIMIT, pictures: Path | None = None, ports: Sequence[str] = ()
-) -> Iterator[Finding]:
+@dataclass(frozen=True)
+class DoctorOptions:
+    """Options of the checks of a machine.
+
+    Attributes:
+        pictures: Write a picture from each camera to this folder.
+        port: Test these ports too, if the system does not list them.
+        timeout: Set the time limit of a single check in s.
+    """
+
+    pictures: Path | None = None
+    port: tuple[str, ...] = ()
+    timeout: Annotated[float, Meta(ge=0.1, le=3600)] = 60.0
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+DEFAULT_OPTIONS = DoctorOptions()
+
+
+def examine(options: DoctorOptions = DEFAULT_OPTIONS) -> Iterator[Finding]:
     """Check the machine.
 
     Args:
-        seconds: Time limit of a single check, s.
-        pictures: Folder for a picture of each camera; None for no pictures.
-        ports: Ports to check that the system does not list.
+        options: Time limit, ports, and the folder for pictures of cameras.
 
     Yields:
-        The findings, as soon as they are known.
+        The findings, as soon as they are available.
 
     Raises:
         StorageError: The folder for pictures cannot be created (`folder-not-writable`).
     """
+    seconds, pictures = options.timeout, options.pictures
     if pictures is not None:
         try:
             pictures.mkdir(parents=True, exist_ok=True)
@@ -64,7 +80,7 @@ def examine(
         "CAD kernels": lambda: [check_cad(seconds)],
         "solver": lambda: [check_solver(seconds)],
         "cameras": lambda: check_cameras(seconds, pictures),
-        "read-out boards": lambda: check_boards(seconds, ports),
+        "read-out boards": lambda: check_boards(seconds, options.port),
         "slicers": lambda: [check_slicers()],
         "machine": lambda: check_machine(seconds),
         "gamepad": lambda: [check_gamepad(seconds)],
@@ -74,5 +90,5 @@ def examine(
         try:
             yield from list(check())
         except OSError as error:  # a camera that was just unplugged, a folder without access
-            text, use = f"could not be checked ({error})", _OPTIONAL_CHECKS.get(about, "")
-            yield make_finding("system", about, False, text, needed_for=use)
+            message = f"could not be checked ({error})"
+            yield Finding("system", about, False, message, needed_for=_USES.get(about, ""))

@@ -5,13 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from urllib.parse import urlsplit
 
-from ...core.machine.local_access import LOCAL_HOSTS
-from .checks import Finding, call, make_finding
+from .checks import Finding, call
 
-_CAMERA_USE = "recording a device with cameras"
-_BOARD_USE = "reading the cords of a device"
+CAMERA_USE = "recording a device with cameras"
+BOARD_USE = "reading the cords of a device"
 MAX_UNLISTED_CAMERAS = 4  # tried if the system does not list cameras
 PICTURE_TIMEOUT_S = 5.0
 _CONVERTER_NAMES = ("the microcontroller's converter", "ADS1115")
@@ -19,25 +17,24 @@ _CONVERTER_NAMES = ("the microcontroller's converter", "ADS1115")
 
 def check_cameras(seconds: float, pictures: Path | None) -> list[Finding]:
     """Open each camera, and write a picture of it to the folder `pictures` if there is one."""
-    names = list_cameras()
-    if not names:
-        text = "none is plugged in"
-        return [make_finding("cameras", "camera", False, text, needed_for=_CAMERA_USE)]
-    folder = str(pictures or "")
+    addresses = list_cameras()
     answers = {
-        name: call(__name__, "take_picture", name, folder, seconds=seconds) for name in names
+        address: call(__name__, "take_picture", address, str(pictures or ""), seconds=seconds)
+        for address in addresses
     }
-    if sys.platform != "linux":  # the numbers were guessed
-        answers = {name: a for name, a in answers.items() if not a.trouble} or {"0": answers["0"]}
+    if sys.platform != "linux":  # the addresses were guessed
+        answers = {address: a for address, a in answers.items() if not a.failure}
+    if not answers:
+        return [Finding("cameras", "camera", False, "none is plugged in", needed_for=CAMERA_USE)]
     return [
-        make_finding(
+        Finding(
             "cameras",
-            f"camera {name}",
-            not answer.trouble,
-            answer.trouble or answer.value,
-            needed_for=_CAMERA_USE,
+            f"camera {address}",
+            not answer.failure,
+            answer.failure or answer.value,
+            needed_for=CAMERA_USE,
         )
-        for name, answer in answers.items()
+        for address, answer in answers.items()
     ]
 
 
@@ -101,39 +98,20 @@ def take_picture(address: str, folder: str = "") -> str:
 def check_boards(seconds: float, further: Sequence[str]) -> list[Finding]:
     """Check the serial ports of the system, and `further` ports that it does not list."""
     answer = call(__name__, "list_ports", seconds=seconds)
-    if answer.trouble:
-        return [make_finding("ports", "ports", False, answer.trouble, needed_for=_BOARD_USE)]
+    if answer.failure:
+        return [Finding("ports", "ports", False, answer.failure, needed_for=BOARD_USE)]
     ports = [*answer.value, *further]
     if not ports:
-        text = "no serial port is plugged in"
-        return [make_finding("ports", "read-out board", False, text, needed_for=_BOARD_USE)]
+        message = "no serial port is plugged in"
+        return [Finding("ports", "read-out board", False, message, needed_for=BOARD_USE)]
     return [check_port(port, seconds) for port in ports]
 
 
 def check_port(port: str, seconds: float) -> Finding:
     """Check whether a read-out board answers on a port within a time limit, s."""
     answer = call(__name__, "describe_board", port, seconds=seconds)
-    if answer.trouble:
-        text = answer.trouble.removeprefix(f"{port}: ")
-        return make_finding("ports", port, False, text, needed_for=_BOARD_USE)
-    if kind := local_program(port):
-        text = f"{answer.value}, but from a program ({kind}), such as a twin: this is no board"
-        return make_finding("ports", port, False, text, needed_for=_BOARD_USE)
-    return make_finding("ports", port, True, answer.value, needed_for=_BOARD_USE)
-
-
-def local_program(port: str) -> str:
-    """Return what kind of port of a program on this machine, such as a twin, a port is.
-
-    The result is empty where a read-out board may be: on USB, or on another machine.
-    """
-    if "://" in port:
-        try:
-            is_local = urlsplit(port).hostname in LOCAL_HOSTS
-        except ValueError:
-            is_local = False
-        return "a socket of this machine" if is_local else ""
-    return "a pseudo-terminal" if str(Path(port).resolve()).startswith("/dev/pts/") else ""
+    message = answer.failure.removeprefix(f"{port}: ") or answer.value
+    return Finding("ports", port, not answer.failure, message, needed_for=BOARD_USE)
 
 
 def list_ports() -> list[str]:

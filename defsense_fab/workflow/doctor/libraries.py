@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ...core.errors import StorageError
 from ...core.machine.optional_libraries import PROJECT, pip_install
-from .checks import HANGS, Finding, call, make_finding, system_command
+from .checks import HANGS, Finding, call, system_command
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -42,6 +42,7 @@ PARALLEL_IMPORTS = 2
 TIMEOUT_FACTOR = 10  # of the suggested time limit for a slow import
 UNKNOWN = "not stated in its metadata"
 _INSTALL = pip_install(PROJECT)
+_NO_METADATA = f"{PROJECT} is not installed as a package, so its requirements are unknown"
 
 
 @dataclass(frozen=True)
@@ -59,23 +60,16 @@ class RequiredLibrary:
 
 def check_python() -> Finding:
     """Check the version of Python."""
+    from packaging.specifiers import SpecifierSet
+
     version = ".".join(map(str, sys.version_info[:3]))
     try:
         required = metadata.metadata(PROJECT)["Requires-Python"] or ""
-        from packaging.specifiers import SpecifierSet
-    except ImportError as error:  # also PackageNotFoundError
-        text = f"{version}; {_explain(error)}"
-        return make_finding("python", "Python", False, text, command=_INSTALL)
-    good = SpecifierSet(required).contains(version)
-    command = "" if good else "python3.11 -m venv .venv"
-    text = f"{version} ({required} is required)"
-    return make_finding("python", "Python", good, text, command=command)
-
-
-def _explain(error: ImportError) -> str:
-    if isinstance(error, metadata.PackageNotFoundError):
-        return f"{error.name} is not installed as a package, so its requirements are unknown"
-    return f"{error}, so versions cannot be compared"
+    except metadata.PackageNotFoundError:
+        return Finding("python", "Python", False, f"{version}; {_NO_METADATA}", _INSTALL)
+    is_good = SpecifierSet(required).contains(version)
+    command = "" if is_good else "python3.11 -m venv .venv"
+    return Finding("python", "Python", is_good, f"{version} ({required} is required)", command)
 
 
 def check_libraries(seconds: float) -> list[Finding]:
@@ -86,9 +80,8 @@ def check_libraries(seconds: float) -> list[Finding]:
     """
     try:
         libraries = list(_list_requirements())
-    except ImportError as error:
-        text = _explain(error)
-        return [make_finding("libraries", "libraries", False, text, command=_INSTALL)]
+    except metadata.PackageNotFoundError:
+        return [Finding("libraries", "libraries", False, _NO_METADATA, _INSTALL)]
     with ThreadPoolExecutor(PARALLEL_IMPORTS) as pool:
         return list(pool.map(lambda library: check_library(library, seconds), libraries))
 
@@ -122,29 +115,26 @@ def check_library(library: RequiredLibrary, seconds: float) -> Finding:
     requirement, extra = library.requirement, library.extra
     use = _EXTRA_USES.get(extra, f"the extra {extra}") if extra else ""
     specification = f"{requirement.name}{requirement.specifier}"
-    command = pip_install(specification)
+
+    def finding(is_good: bool, message: str, command: str = "") -> Finding:
+        return Finding("libraries", requirement.name, is_good, message, command, use)
+
+    install = pip_install(specification)
     try:
         version = metadata.version(requirement.name)
     except metadata.PackageNotFoundError:
-        text, good = "is not installed", False
-    else:
-        good = requirement.specifier.contains(version, prereleases=True)
-        text = version if good else f"{version} is installed, {requirement.specifier} is required"
-        if good:
-            name = requirement.name
-            module = _MODULES.get(name.lower(), name.replace("-", "_"))
-            trouble = call(__name__, "import_module", module, seconds=seconds).trouble
-            if trouble:
-                good, text = False, f"{version}: its import {_as_clause(trouble)}"
-                command = system_command(trouble)
-                command = command or pip_install("--force-reinstall", specification)
-                if trouble.startswith(HANGS):
-                    command = f"defsense doctor --timeout {TIMEOUT_FACTOR * seconds:g}"
-    return make_finding("libraries", requirement.name, good, text, command=command, needed_for=use)
-
-
-def _as_clause(trouble: str) -> str:
-    return trouble if trouble.startswith((HANGS, "crashes")) else f"fails ({trouble})"
+        return finding(False, "is not installed", install)
+    if not requirement.specifier.contains(version, prereleases=True):
+        message = f"{version} is installed, {requirement.specifier} is required"
+        return finding(False, message, install)
+    module = _MODULES.get(requirement.name.lower(), requirement.name.replace("-", "_"))
+    failure = call(__name__, "import_module", module, seconds=seconds).failure
+    if not failure:
+        return finding(True, version)
+    command = system_command(failure) or pip_install("--force-reinstall", specification)
+    if failure.startswith(HANGS):
+        command = f"defsense doctor --timeout {TIMEOUT_FACTOR * seconds:g}"
+    return finding(False, f"{version}: its import fails ({failure})", command)
 
 
 def import_module(name: str) -> str:

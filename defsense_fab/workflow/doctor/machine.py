@@ -8,8 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from ...core.machine.optional_libraries import pip_install
-from .checks import GRAPHICS, Finding, call, make_finding, system_command
+from .checks import GRAPHICS, Finding, call, system_command
 
 _GB = 1e9
 MIN_DISK_GB, MIN_MEMORY_GB = 1.0, 2.0
@@ -19,22 +18,14 @@ _SLICERS = {
     "OrcaSlicer": ("orca-slicer", "OrcaSlicer"),
     "Cura": ("cura", "UltiMaker-Cura", "UltiMaker-Cura.AppImage", "CuraEngine"),
 }
-_UINPUT = Path("/dev/uinput")
+PRINTING_USE, CACHE_USE = "printing the parts here", "meshing a body only once"
 BOX_VOLUME_MM3, MAX_VOLUME_ERROR_MM3 = 4000, 1e-2
 MAX_RESIDUAL = 1e-8  # of the solved equations
 
 
 def check_machine(seconds: float) -> list[Finding]:
-    """Check cores, memory, disk, and the cache of meshes."""
-    return [_check_cores(), *_check_memory(), _check_disk(), check_cache(seconds)]
-
-
-def _check_cores() -> Finding:
-    if sys.platform == "linux":
-        count = len(os.sched_getaffinity(0))
-    else:
-        count = os.cpu_count() or 1
-    return make_finding("machine", "cores", True, str(count))
+    """Check memory, disk, and the cache of meshes."""
+    return [*_check_memory(), _check_disk(), check_cache(seconds)]
 
 
 def _check_memory() -> list[Finding]:
@@ -42,22 +33,21 @@ def _check_memory() -> list[Finding]:
     if sys.platform == "win32":
         return []
     size = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / _GB
-    text = f"{size:.1f} GB ({MIN_MEMORY_GB:g} GB are required)"
-    return [make_finding("machine", "memory", size >= MIN_MEMORY_GB, text)]
+    message = f"{size:.1f} GB ({MIN_MEMORY_GB:g} GB are required)"
+    return [Finding("machine", "memory", size >= MIN_MEMORY_GB, message)]
 
 
 def _check_disk() -> Finding:
     free = shutil.disk_usage(Path.cwd()).free / _GB
-    text = f"{free:.1f} GB free in {Path.cwd()} ({MIN_DISK_GB:g} GB are required)"
-    return make_finding("machine", "disk", free >= MIN_DISK_GB, text)
+    message = f"{free:.1f} GB free in {Path.cwd()} ({MIN_DISK_GB:g} GB are required)"
+    return Finding("machine", "disk", free >= MIN_DISK_GB, message)
 
 
 def check_cache(seconds: float) -> Finding:
     """Check the cache of meshes. A cache that cannot be written costs time but stops no build."""
     answer = call(__name__, "cache_folder", seconds=seconds)
-    use = "meshing a body only once"
-    if answer.trouble:
-        return make_finding("machine", "cache", False, answer.trouble, needed_for=use)
+    if answer.failure:
+        return Finding("machine", "cache", False, answer.failure, needed_for=CACHE_USE)
     folder = Path(answer.value)
     try:
         existing = next(p for p in (folder, *folder.parents) if p.exists())
@@ -65,20 +55,17 @@ def check_cache(seconds: float) -> Finding:
             pass
         size = sum(p.stat().st_size for p in folder.glob("*.npz")) / _GB
     except OSError as error:
-        return make_finding(
+        command = "set" if os.name == "nt" else "export"
+        return Finding(
             "machine",
             "cache",
             False,
             f"{folder}: {error.strerror}; set DEFSENSE_CACHE to a folder that can be written",
-            command=_set_cache_command(),
-            needed_for=use,
+            f"{command} DEFSENSE_CACHE={Path(tempfile.gettempdir()) / 'defsense-cache'}",
+            CACHE_USE,
         )
-    return make_finding("machine", "cache", True, f"{folder} ({size:.2f} GB)", needed_for=use)
-
-
-def _set_cache_command() -> str:
-    folder = Path(tempfile.gettempdir()) / "defsense-cache"
-    return f"set DEFSENSE_CACHE={folder}" if os.name == "nt" else f"export DEFSENSE_CACHE={folder}"
+    message = f"{folder} ({size:.2f} GB)"
+    return Finding("machine", "cache", True, message, needed_for=CACHE_USE)
 
 
 def cache_folder() -> str:
@@ -92,10 +79,10 @@ def check_graphics(seconds: float) -> Finding:
     """Check that OpenGL renders without a screen."""
     answer = call(__name__, "render_sphere", seconds=seconds)
     # A missing module is reported with the libraries.
-    is_absent = answer.trouble.startswith(ModuleNotFoundError.__name__)
-    command = GRAPHICS if sys.platform == "linux" and not is_absent else ""
-    text = answer.trouble or answer.value
-    return make_finding("graphics", "OpenGL", not answer.trouble, text, command=command)
+    is_absent = answer.failure.startswith(ModuleNotFoundError.__name__)
+    command = GRAPHICS if answer.failure and sys.platform == "linux" and not is_absent else ""
+    message = answer.failure or answer.value
+    return Finding("graphics", "OpenGL", not answer.failure, message, command)
 
 
 def render_sphere() -> str:
@@ -123,8 +110,8 @@ def render_sphere() -> str:
 def check_cad(seconds: float) -> Finding:
     """Check that OpenCascade and manifold3d cut a box."""
     answer = call(__name__, "cut_box", seconds=seconds)
-    text, command = answer.trouble or answer.value, system_command(answer.trouble)
-    return make_finding("cad", "CAD kernels", not answer.trouble, text, command=command)
+    message, command = answer.failure or answer.value, system_command(answer.failure)
+    return Finding("cad", "CAD kernels", not answer.failure, message, command)
 
 
 def cut_box() -> str:
@@ -149,8 +136,8 @@ def cut_box() -> str:
 def check_solver(seconds: float) -> Finding:
     """Check the linear solver of the simulation."""
     answer = call(__name__, "solve_equations", seconds=seconds)
-    text = answer.trouble or f"{answer.value} solves equations"
-    return make_finding("solver", "solver", not answer.trouble, text)
+    message = answer.failure or f"{answer.value} solves equations"
+    return Finding("solver", "solver", not answer.failure, message)
 
 
 def solve_equations() -> str:
@@ -184,48 +171,44 @@ def check_slicers() -> Finding:
         if sys.platform == "darwin" and application.exists():
             paths.append(str(application))
         slicers += [f"{slicer} ({path})" for path in paths[:1]]
-    text = ", ".join(slicers) or f"none of {', '.join(_SLICERS)} is on PATH"
-    use = "printing the parts here"
-    return make_finding("programs", "slicer", bool(slicers), text, needed_for=use)
+    message = ", ".join(slicers) or f"none of {', '.join(_SLICERS)} is on PATH"
+    return Finding("programs", "slicer", bool(slicers), message, needed_for=PRINTING_USE)
 
 
 def check_gamepad(seconds: float) -> Finding:
-    """Check uinput and evdev, which a virtual gamepad needs."""
-    use = "--output gamepad"
-    if sys.platform != "linux" or not _UINPUT.exists():
-        text, command = f"there is no {_UINPUT}", ""
-        if sys.platform == "linux":
-            command = "sudo modprobe uinput"
-        return make_finding("outputs", "gamepad", False, text, command=command, needed_for=use)
-    if not os.access(_UINPUT, os.W_OK):
-        text, command = (
-            f"no permission to write {_UINPUT}",
-            "sudo setfacl -m u:$USER:rw /dev/uinput",
-        )
-        return make_finding("outputs", "gamepad", False, text, command=command, needed_for=use)
-    libraries = __name__.rpartition(".")[0] + ".libraries"
-    trouble = call(libraries, "import_module", "evdev", seconds=seconds).trouble
-    text = f"evdev: {trouble}" if trouble else f"{_UINPUT} and evdev are available"
-    command = pip_install("evdev")
-    return make_finding("outputs", "gamepad", not trouble, text, command=command, needed_for=use)
+    """Check that a virtual gamepad can be plugged in."""
+    answer = call(__name__, "open_gamepad", seconds=seconds)
+    message = answer.failure.removeprefix("gamepad: ") or answer.value
+    return Finding("outputs", "gamepad", not answer.failure, message, "", "--output gamepad")
+
+
+def open_gamepad() -> str:
+    """Plug a virtual gamepad in and out.
+
+    Raises:
+        OutputError: The machine cannot have one.
+    """
+    from ...runtime.outputs.gamepad_output import GamepadOutput
+    from ...runtime.outputs.settings import GamepadSettings
+
+    GamepadOutput(GamepadSettings()).close()
+    return "a virtual gamepad can be plugged in"
 
 
 def check_midi(seconds: float) -> Finding:
-    """Check the MIDI system."""
+    """Check that MIDI ports can be listed."""
     answer = call(__name__, "count_midi_ports", seconds=seconds)
-    text = f"no MIDI here ({answer.trouble})" if answer.trouble else answer.value
-    return make_finding(
-        "outputs",
-        "MIDI",
-        not answer.trouble,
-        text,
-        command=system_command(answer.trouble),
-        needed_for="--output midi",
-    )
+    message, command = answer.failure or answer.value, system_command(answer.failure)
+    message = message.removeprefix("midi: ")
+    return Finding("outputs", "MIDI", not answer.failure, message, command, "--output midi")
 
 
 def count_midi_ports() -> str:
-    """Return the number of ports that other programs have open."""
-    import rtmidi
+    """Return the number of ports that other programs have open.
 
-    return f"{rtmidi.MidiOut().get_port_count()} ports of other programs"
+    Raises:
+        OutputError: The machine has no MIDI.
+    """
+    from ...runtime.outputs.midi_ports import SystemPorts
+
+    return f"{len(SystemPorts().names(inputs=False))} ports of other programs"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.arrays import format_point
+from ...core.arrays import Float, format_point
 from ...core.device.device import Device
 from ...core.device.materials import Silicone, find_silicone
 from ...core.mesh import Surface
@@ -14,7 +14,7 @@ from ...geometry.moulds.moulds import take_whole_piece
 from ...geometry.moulds.records import Mould
 from ...geometry.printing.export import write_stl
 from ...geometry.printing.print_bed import lay_flat
-from ...optimize.prediction.as_built import linear_shrinkage
+from ...optimization.prediction.as_built import linear_shrinkage
 from ...store.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
 
 #: Share of silicone that is mixed in addition to the cavities' volume: it stays in the cup, in
@@ -179,20 +179,22 @@ def _write_mixing_step(
     )
 
 
-def notes(device: Device, moulds: Sequence[Mould]) -> list[str]:
-    """Return what the user should know before anything is printed."""
-    out = [
+def notes(device: Device, moulds: Sequence[Mould]) -> dict[str, Float | None]:
+    """Return what the user should know before printing, each with the point (3,) mm concerned."""
+    out: dict[str, Float | None] = {
         f"{m.part} is stretched by about {m.strain:.0%} near {format_point(m.at)} when it is"
-        " removed from its mould, because its skin is undercut there; pull it off slowly"
+        " removed from its mould, because its skin is undercut there; pull it off slowly": m.at
         for m in moulds
         if m.strain > _MIN_REPORTED_STRAIN and m.at is not None
-    ]
+    }
+    out |= {c.note: c.point for m in moulds for c in m.checks if c.note}
     if find_silicone(device.material.name) is None:
-        out.append(
+        text = (
             f"{device.material.name!r} is not in silicones.csv, so a shrinkage of"
             f" {linear_shrinkage(device):.1%} and a ratio of 1 : 1 are assumed; set [fabrication]"
             " shrinkage = 0.002, or the value of its data sheet"
         )
+        out[text] = None
     return out
 
 

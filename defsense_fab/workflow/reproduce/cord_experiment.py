@@ -17,17 +17,16 @@ from ...core.response import ResponseSpec
 from ...core.storage.files import digest, storage_errors
 from ...report.calibration_page import response_figure
 from ...report.html import as_image
-from ...sensing.response import Response, build_response
-from ...twin.calibration_session import record_twin
-from ...twin.electronics.cords import CordTraits
+from ...sensing.response import build_response
 from ...twin.electronics.rubber_cords import CORD_KINDS, RubberPieces, RubberState
 from ..calibrate.fit_response import FittedResponse, fit_response
-from .experiments.experiment import CordPlan
-from .results.result_files import combine_pictures, compute_once, write_pictures
+from ..calibrate.options import SimulatedSpecimenOptions
+from ..calibrate.simulated_specimens import simulate_specimens
+from .experiment import CordPlan
+from .result_files import compute_once, write_pictures
 
 #: Number of sets of specimens, each of other pieces, that are measured and fitted.
 SEEDS, QUICK_SEEDS = 20, 3
-PICTURE_WIDTH_PX = 700.0
 BENDING_STRAIN = 0.15  # at which the response of the twin has left its slope at rest
 OHM_PER_MM = 14.5
 RATE_HZ = 50.0
@@ -93,12 +92,10 @@ def _run(plan: CordPlan, seeds: int, out: Path, progress: Progress) -> dict[str,
             "neutral_drift": [float(f.data["neutral_drift"]) for f in fits],
         }
     pictures = {
-        "fit": response_figure(fits[0].calibration, truth),
+        "fit": response_figure(fits[0].calibration, build_response(truth)),
         "stretch": _stretch_figure(first_runs),
     }
-    titles = ["bent on jigs", "stretched twice"]
-    row = combine_pictures([("", list(pictures.values()))], titles, PICTURE_WIDTH_PX)
-    write_pictures(out / "pictures", {"all": row, **pictures})
+    write_pictures(out / "pictures", pictures)
     progress("cords", 1.0, "done")
     return {
         "cords": cords,
@@ -107,7 +104,7 @@ def _run(plan: CordPlan, seeds: int, out: Path, progress: Progress) -> dict[str,
     }
 
 
-def make_true_response(k_res: float) -> Response:
+def make_true_response(k_res: float) -> ResponseSpec:
     """Return the response of the twin's cord.
 
     Its slope at rest is `k_res`; it bends off exponentially, unlike the models that are fitted.
@@ -115,29 +112,17 @@ def make_true_response(k_res: float) -> Response:
     strains = np.linspace(-0.12, 0.12, 97)
     changes = k_res * BENDING_STRAIN * (1 - np.exp(-strains / BENDING_STRAIN))
     changes[48] = strains[48] = 0.0
-    spec = ResponseSpec("piecewise", {"strains": strains.tolist(), "changes": changes.tolist()})
-    return build_response(spec)
+    return ResponseSpec("piecewise", {"strains": strains.tolist(), "changes": changes.tolist()})
 
 
-def _calibrate(plan: CordPlan, truth: Response, seed: int, folder: Path) -> FittedResponse:
+def _calibrate(plan: CordPlan, truth: ResponseSpec, seed: int, folder: Path) -> FittedResponse:
     """Record sessions of a twin on specimens of all lengths, and fit the response to them."""
-    traits = CordTraits(truth)
-    sessions = []
-    for k, length in enumerate(plan.lengths):
-        session = folder / f"{length:g}-mm"
-        with storage_errors(session):
-            if session.exists():
-                shutil.rmtree(session)
-        record_twin(
-            session,
-            traits,
-            seed=1000 * seed + k,
-            length=length,
-            radii=plan.radii,
-            rounds=plan.rounds,
-        )
-        sessions.append(session)
-    return fit_response(sessions, out=folder / "response.json", seed=seed)
+    with storage_errors(folder):
+        if folder.exists():
+            shutil.rmtree(folder)
+    options = SimulatedSpecimenOptions(lengths=plan.lengths, rounds=plan.rounds, seed=seed)
+    sessions = simulate_specimens(folder, options, response=truth, radii=plan.radii)
+    return fit_response(sessions, folder / "response.json", seed=seed)
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,6 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.mesh import Surface, facet_crosses
 
-#: Poses of one end against the other, and their descriptions.
-END_POSES = {
-    "bend": "the tip turns to where the body is thinnest",
-    "bend_side": "the tip turns to the other side",
-    "twist": "the tip turns about the body's length",
-    "pull": "the tip is drawn away from the base",
-}
 END_FRACTION = 15  # length of the body over the depth of a region at either end
 MIN_REGION_EDGES = 1.5  # in narrower regions the strain depends on the mesh
 MIN_SLANTED_RATIO = 1.1  # length along the principal axis over that along x, y or z
@@ -71,12 +64,12 @@ class BodyEnds:
         }
 
     def default_poses(self) -> tuple[str, ...]:
-        """Return the poses that a hand gives such a body."""
+        """Return the names of the poses that such a body usually takes."""
         is_flat = self.size[1] > MAX_SIDE_BEND_RATIO * self.size[2]
         return ("bend", "twist") if is_flat else ("bend", "bend_side", "twist")
 
     def move(self, pose: str) -> dict[str, Any]:
-        """Return the motion of the tip in one of END_POSES, for device.toml."""
+        """Return the motion of the tip in one of `options.END_POSES`, for device.toml."""
         length, width, thickness = self.size
         if pose == "pull":
             return {"translate": round_numbers(PULL_SHARE * length * self.axes[0])}

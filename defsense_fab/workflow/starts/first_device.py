@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,167 +13,145 @@ import numpy as np
 import tomlkit
 
 from ...core.arrays import Float
+from ...core.device.device import Device
 from ...core.device.device_file import DEVICE, DeviceFile, load_device, parse_device
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.schema.reference import commented
 from ...core.storage.files import storage_errors, unused_path, write_text
 from ...core.storage.package_data import read_rows
-from ...geometry.bodies.meshing.mesh_lock import FILE as MESH_LOCK
-from .body_ends import END_POSES, BodyEnds, find_ends, round_numbers
-from .defaults import DEFAULT_CORD, DEFAULT_CORDS, DEFAULT_PROCESS, MAX_CORDS
-from .dropped_body import TETS_PER_CUBE, DroppedBody, check_unit
+from ...geometry.bodies.meshing.mesh_store import DEVICE_MESH
+from .body_ends import BodyEnds, find_ends, round_numbers
+from .body_file import TETS_PER_CUBE, BodyFile, choose_unit
+from .options import (
+    DEFAULT_CORD,
+    DEFAULT_PROCESS,
+    MIN_DEFAULT_CORDS,
+    MODES,
+    UNIT_WORDS,
+    NewOptions,
+)
 from .starting_devices import write_device
-from .units import UNIT_WORDS, UNITS, unknown_unit
 
-MODES = "modes"
-MAX_TETS = 1_000_000  # that can be solved
+MAX_SOLVABLE_TETS = 1_000_000  # that can be solved
 #: Materials of processes, by the start of the process's name.
 _MATERIALS = {
-    "fdm-tpu": "ninjaflex-85a", "polyjet-agilus": "agilus30-black", "polyjet": "tango-black-plus",
-    "sla-elastic": "formlabs-elastic-50a", "sla-flexible": "formlabs-flexible-80a",
-    "sls-tpu": "eos-tpu-1301", "cast-silicone": "dragon-skin-20",
-}  # fmt: skip
+    "fdm-tpu": "ninjaflex-85a",
+    "polyjet-agilus": "agilus30-black",
+    "polyjet": "tango-black-plus",
+    "sla-elastic": "formlabs-elastic-50a",
+    "sla-flexible": "formlabs-flexible-80a",
+    "sls-tpu": "eos-tpu-1301",
+    "cast-silicone": "dragon-skin-20",
+}
 
 
 def default_material(process: str) -> str:
     """Return the material in materials.csv that a process in printers.csv prints.
 
     Raises:
-        DeviceError: The process is user-defined (`material-unknown`).
+        DeviceError: The process is user-defined (`unknown-material`).
     """
     for start, material in _MATERIALS.items():
         if process.startswith(start):
             return material
     raise DeviceError(
         f"the material of the process {process} is not known",
-        code="material-unknown",
+        code="unknown-material",
         where="process",
         action="Give a material",
         process=process,
     )
 
 
-@dataclass(frozen=True)
-class FirstDevice:
-    """Choices for a first device, other than its body.
+def fill_options(body: BodyFile, options: NewOptions) -> NewOptions:
+    """Return options in which defaults that fit the body replace missing values.
 
-    Attributes:
-        name: Name of the device.
-        unit: Unit of the body's file.
-        material: Name of the material.
-        edge_length: Edge length of the mesh, mm.
-        poses: Names of END_POSES, only MODES, or none yet.
-        cord: Name of the cord.
-        process: Name of the printing process.
-        cords: Number of cords to find; 0 for none yet; None for as many as there are poses, so that
-            they can be distinguished, but at least three.
+    Only `cords` may still be None, since their number follows from that of the poses. Without a
+    name, the device has the name of the body.
+
+    Args:
+        body: The body.
+        options: Choices of the user.
 
     Raises:
-        DeviceError: A choice is invalid.
+        DeviceError: A choice does not fit the body, or its unit is doubtful.
+        BodyError: The body has an impossible size.
     """
-
-    name: str
-    unit: str
-    material: str
-    edge_length: float
-    poses: tuple[str, ...] = ()
-    cord: str = DEFAULT_CORD
-    process: str = DEFAULT_PROCESS
-    cords: int | None = 0
-
-    def __post_init__(self) -> None:
-        if self.unit not in UNITS:
-            raise unknown_unit(self.unit)
-        if self.cords is not None and not 0 <= self.cords <= MAX_CORDS:
-            raise DeviceError(
-                f"must be 1 to {MAX_CORDS}, not {self.cords}",
-                code="out-of-range",
-                where="cords",
-                value=self.cords,
-            )
-        if self.poses:
-            check_poses(self.poses)
-
-    def cords_for(self, poses: int) -> int:
-        """Return the number of cords to find for a number of poses."""
-        return max(DEFAULT_CORDS, poses) if self.cords is None else self.cords
-
-
-def check_poses(names: tuple[str, ...]) -> None:
-    """Check names of poses.
-
-    Raises:
-        DeviceError: They are neither only MODES, nor different names of END_POSES (`unknown-pose`).
-    """
-    is_known = names == (MODES,) or (names and set(names) <= set(END_POSES))
-    if not is_known or len(set(names)) < len(names):
-        raise DeviceError(
-            f"{','.join(names)} are not valid poses",
-            code="unknown-pose",
-            where="poses",
-            action=f"Use {MODES}, or some of {', '.join(END_POSES)} with commas, each once",
-            poses=names,
-        )
+    unit = choose_unit(body, options.units)
+    edge_length = options.edge_length
+    if edge_length is None:
+        edge_length = body.edge_length(unit)
+    check_edge_length(body, unit, edge_length)
+    process = options.process or DEFAULT_PROCESS
+    return replace(
+        options,
+        name=options.name or body.name,
+        units=unit,
+        material=options.material or default_material(process),
+        edge_length=edge_length,
+        poses=options.poses or find_ends(body.in_mm(unit)).default_poses(),
+        cord=options.cord or DEFAULT_CORD,
+        process=process,
+    )
 
 
 def create_first_device(
-    dropped: DroppedBody, folder: Path, first: FirstDevice, progress: Progress = silent
-) -> tuple[str, ...]:
+    body: BodyFile,
+    folder: Path,
+    options: NewOptions,
+    progress: Progress = silent,
+    *,
+    is_draft: bool = False,
+) -> Device:
     """Write a body and its device.toml to a folder. After an error nothing is left in it.
 
     Args:
-        dropped: The body.
+        body: The body.
         folder: The folder, which is created if needed.
-        first: Choices for the device.
+        options: Choices for the device.
         progress: Called with the progress.
+        is_draft: Whether poses and cords are left to be added later.
 
     Returns:
-        The names of the poses.
+        The device.
 
     Raises:
         BodyError: The body has an impossible size, or no room for a cord.
         DeviceError: The device is invalid.
         StorageError: The folder has a device already, or cannot be written.
     """
-    check_unit(dropped, first.unit)
-    check_edge_length(dropped, first.unit, first.edge_length)
-    if first.cords_for(len(first.poses)):
-        check_room(dropped, first.unit, first.cord, first.process)
-    file = _free_name(dropped, folder)
-    files = {file: dropped.content, **dropped.others}
-    text = device_text(dropped, file, first)
-    with tempfile.TemporaryDirectory(
-        prefix="defsense-"
-    ) as other:  # check that it is a valid device
+    options = fill_options(body, options)
+    if not is_draft:
+        check_room(body, str(options.units), str(options.cord), str(options.process))
+    file = _free_name(body, folder)
+    files = {file: body.content, **body.others}
+    text = _device_text(body, file, options, is_draft)
+    # Check that the device is valid before anything is written to the folder.
+    with tempfile.TemporaryDirectory(prefix="defsense-") as other:
         trial = Path(other)
         for name, content in files.items():
             (trial / name).parent.mkdir(parents=True, exist_ok=True)
             (trial / name).write_bytes(content)
-        if first.poses == (MODES,):
-            text = _add_modes(text, first, trial, progress)
-            if (trial / MESH_LOCK).exists():
-                files[MESH_LOCK] = (trial / MESH_LOCK).read_bytes()
-        complete = bool(first.poses and first.cords_for(len(first.poses)))
-        device = parse_device(text, trial, complete)
-        if first.poses and "states" not in tomlkit.parse(text):
+        if options.poses == (MODES,) and not is_draft:
+            text = _add_modes(text, options, trial, progress)
+            if (trial / DEVICE_MESH).exists():
+                files[DEVICE_MESH] = (trial / DEVICE_MESH).read_bytes()
+        device = parse_device(text, trial, complete=not is_draft)
+        if not is_draft and "states" not in tomlkit.parse(text):
             text = _add_states(text, device.states)
     write_device(folder, files, commented(text, DeviceFile))
-    return tuple(p.name for p in device.poses)
+    return load_device(folder, complete=not is_draft)
 
 
-def check_room(dropped: DroppedBody, unit: str, cord: str, process: str) -> None:
+def check_room(body: BodyFile, unit: str, cord: str, process: str) -> None:
     """Check that a body is thick enough for a cord and its walls, and long enough to stretch it.
-
-    User-defined processes and cords are not checked.
 
     Raises:
         BodyError: There is no room for the cord (`no-room-for-cord`).
     """
-    printers, cords = read_rows("printers.csv"), read_rows("cords.csv")
-    if process not in printers or cord not in cords:
-        return
-    size, printer = dropped.size(unit), printers[process]
+    printer, cords = read_rows("printers.csv")[process], read_rows("cords.csv")
+    size = body.size(unit)
     reasons = {name: _missing_room(size, row, printer) for name, row in cords.items()}
     if reason := reasons[cord]:
         fitting = [name for name, other in reasons.items() if not other]
@@ -180,11 +159,25 @@ def check_room(dropped: DroppedBody, unit: str, cord: str, process: str) -> None
         raise BodyError(
             reason.format(cord),
             code="no-room-for-cord",
-            where=dropped.name,
+            where=body.name,
             action=f"{remedy}, or check its unit ({UNIT_WORDS[unit]})",
             cord=cord,
             fitting=tuple(fitting),
         )
+
+
+def first_fitting_cord(body: BodyFile, unit: str, process: str) -> str:
+    """Return the first cord of the table that fits a body.
+
+    Raises:
+        BodyError: No cord does (`no-room-for-cord`).
+    """
+    for cord in read_rows("cords.csv"):
+        with suppress(BodyError):
+            check_room(body, unit, cord, process)
+            return cord
+    check_room(body, unit, DEFAULT_CORD, process)
+    return DEFAULT_CORD
 
 
 def _missing_room(size: Float, cord: Mapping[str, str], printer: Mapping[str, str]) -> str:
@@ -206,66 +199,68 @@ def _missing_room(size: Float, cord: Mapping[str, str], printer: Mapping[str, st
     return ""
 
 
-def check_edge_length(dropped: DroppedBody, unit: str, edge_length: float) -> None:
+def check_edge_length(body: BodyFile, unit: str, edge_length: float) -> None:
     """Check the edge length of a mesh, mm.
 
     Raises:
         DeviceError: It is larger than the body is thick, or gives too many elements
             (`out-of-range`).
     """
-    largest = float(dropped.size(unit).min())
-    smallest = float(np.cbrt(TETS_PER_CUBE * dropped.in_mm(unit).volume / MAX_TETS))
+    largest = float(body.size(unit).min())
+    smallest = float(np.cbrt(TETS_PER_CUBE * body.in_mm(unit).volume / MAX_SOLVABLE_TETS))
     if not smallest <= edge_length <= largest:
         raise DeviceError(
             f"must be from {smallest:.2g} mm (a million elements) to {largest:.3g} mm (the"
             f" thickness of the body), not {edge_length:g} mm",
             code="out-of-range",
-            where="edge length",
-            action=f"The default for this body is {dropped.edge_length(unit):g} mm",
+            where="edge_length",
+            action=f"The default for this body is {body.edge_length(unit):g} mm",
             value=edge_length,
         )
 
 
-def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
+def _device_text(body: BodyFile, file: str, options: NewOptions, is_draft: bool) -> str:
     """Return a first device.toml, without comments and [states]."""
-    surface = dropped.in_mm(first.unit)
-    ends = find_ends(surface)
+    unit, edge_length = str(options.units), float(options.edge_length or 0)
+    ends = find_ends(body.in_mm(unit))
+    names = ("base",) if options.poses == (MODES,) and not is_draft else ("base", "tip")
+    regions = {name: _inline(_nested(ends.region(name, edge_length))) for name in names}
     document = tomlkit.document()
-    document.update({"schema": 1, "name": first.name})
+    document.update({"schema": 1, "name": options.name})
     tables: dict[str, Any] = {
-        "body": _nested(dropped.table(file, first.unit)),
-        "material": {"name": first.material},
-        "mesh": {"edge_length": round_numbers([first.edge_length])[0]},
-        "regions": _regions(ends, first),
+        "body": _nested(body.table(file, unit)),
+        "material": {"name": options.material},
+        "mesh": {"edge_length": round_numbers([edge_length])[0]},
+        "regions": regions,
         "outputs": {"markers": 40, "anchor": "base"},
-        "cord": {"name": first.cord},
-        "fabrication": {"process": first.process},
+        "cord": {"name": options.cord},
+        "fabrication": {"process": options.process},
     }
-    if cords := first.cords_for(len(first.poses)):
-        tables["design"] = {"sensors": cords}
+    if not is_draft:
+        tables["design"] = {"sensors": _count_cords(options, len(options.poses))}
     for name, values in tables.items():
         document.add(tomlkit.nl())
         table = tomlkit.table()
         table.update(values)
         document.add(name, table)
-    if first.poses and first.poses != (MODES,):
+    if not is_draft and options.poses != (MODES,):
         document.add(tomlkit.nl())
-        document.add("poses", _poses(ends, first.poses))
+        document.add("poses", _poses(ends, options.poses))
     return tomlkit.dumps(document)
 
 
-def _free_name(dropped: DroppedBody, folder: Path) -> str:
+def _count_cords(options: NewOptions, poses: int) -> int:
+    """Return the number of cords: as many as poses, so that these can be distinguished."""
+    return max(MIN_DEFAULT_CORDS, poses) if options.cords is None else options.cords
+
+
+def _free_name(body: BodyFile, folder: Path) -> str:
     """Return a free file name, or that of an identical file in the folder."""
-    path = folder / f"{dropped.name}{dropped.suffix}"
+    path = folder / f"{body.name}{body.suffix}"
     with storage_errors(path):
-        if path.is_file() and path.read_bytes() == dropped.content:
+        if path.is_file() and path.read_bytes() == body.content:
             return path.name
     return unused_path(path).name
-
-
-def _regions(ends: BodyEnds, first: FirstDevice) -> dict[str, Any]:
-    names = ("base",) if first.poses == (MODES,) else ("base", "tip")
-    return {n: _inline(_nested(ends.region(n, first.edge_length))) for n in names}
 
 
 def _poses(ends: BodyEnds, names: tuple[str, ...]) -> Any:
@@ -279,29 +274,30 @@ def _poses(ends: BodyEnds, names: tuple[str, ...]) -> Any:
     return poses
 
 
-def _add_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) -> str:
+def _add_modes(text: str, options: NewOptions, trial: Path, progress: Progress) -> str:
     """Add poses by natural modes, and the number of cords for them.
 
     Raises:
         DeviceError: No mode can be a pose (`no-mode-is-pose`).
     """
+    from ..study.options import ModesOptions
     from ..study.propose_poses import as_toml, extend_text, find_poses
 
     write_text(trial / DEVICE, text)
-    found = find_poses(load_device(trial, complete=False), "base", progress=progress)
-    if not found.poses:
-        kinds = ", ".join(sorted({f"{m.kind} of order {m.order}" for m in found.modes}))
+    device = load_device(trial, complete=False)
+    search = find_poses(device, ModesOptions(fixed="base"), progress)
+    if not search.poses:
+        kinds = ", ".join(sorted({f"{m.kind} of order {m.order}" for m in search.modes}))
         raise DeviceError(
             f"none of the lowest modes of the body moves its far end as a whole (they are {kinds})",
             code="no-mode-is-pose",
-            where="poses modes",
+            where="poses",
             action="Use the poses bend,twist instead",
         )
-    if first.cords is None:
-        document: Any = tomlkit.parse(text)
-        document["design"]["sensors"] = first.cords_for(len(found.poses))
-        text = tomlkit.dumps(document)
-    return extend_text(text, as_toml(list(found.poses), "base", found.region))
+    document: Any = tomlkit.parse(text)
+    document["design"]["sensors"] = _count_cords(options, len(search.poses))
+    text = tomlkit.dumps(document)
+    return extend_text(text, as_toml(list(search.poses), "base", search.region))
 
 
 def _add_states(text: str, states: Any) -> str:

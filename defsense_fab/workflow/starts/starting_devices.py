@@ -17,6 +17,7 @@ from ...core.errors import StorageError
 from ...core.schema.reference import commented
 from ...core.storage.files import replace_file, storage_errors, write_text
 from ...core.storage.package_data import package_data
+from .options import EXAMPLES
 
 _write_lock = threading.Lock()  # several users may create devices at once
 _FOLDER = package_data("devices")
@@ -28,13 +29,16 @@ class StartingDevice:
 
     Attributes:
         name: Name of its folder in the package's data.
-        title: Title on buttons.
         about: Description.
     """
 
     name: str
-    title: str
     about: str
+
+    @property
+    def title(self) -> str:
+        """Title on buttons."""
+        return self.name.replace("-", " ").capitalize()
 
     @property
     def script(self) -> bytes | None:
@@ -55,16 +59,7 @@ class StartingDevice:
         return (_FOLDER / f"{self.name}.png").read_bytes()
 
 
-STARTING_DEVICES = (
-    StartingDevice(
-        "bar", "Bar", "Three cords sense bends up and down, and twists. A script makes the body."
-    ),
-    StartingDevice("twist-bar", "Twist bar", "One cord distinguishes left and right twists."),
-    StartingDevice(
-        "cube", "Cube", "Pressed, sheared and twisted; planes of three cords cross inside."
-    ),
-    StartingDevice("blob", "Blob", "An organic body from a mesh, whose cords are proposed."),
-)
+STARTING_DEVICES = tuple(StartingDevice(*example) for example in EXAMPLES.items())
 
 
 def create_starting_device(

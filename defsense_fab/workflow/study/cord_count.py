@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,62 +18,26 @@ from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
 from ...core.storage import typed_json
 from ...core.storage.files import digest, storage_errors
-from ...optimize.prediction.as_built import assumed_cords
-from ...optimize.prediction.compare_layouts import ComparedLayout
-from ...optimize.prediction.design_task import SEED, candidate_decoders, load_task
-from ...optimize.prediction.predict import predict
-from ...optimize.search.starting_layouts import Layout
-from ...optimize.studies.cord_count import find_knee, layouts_by_count
+from ...decoding.expected_errors import MEANING
+from ...optimization.prediction.as_built import assumed_cords
+from ...optimization.prediction.design_task import SEED, DesignTask, candidate_decoders, load_task
+from ...optimization.prediction.predict import predict
+from ...optimization.search.starting_layouts import Layout
+from ...optimization.studies.cord_count import find_knee, layouts_by_count
 from ...store.layout import CordPath
 from ..build.build import build
 from ..build.stages import plain, stage_keys
+from ..design.compare_layouts import ComparedLayout
+from .options import StudyOptions
+
+FILE, PICTURE = "study.json", "study.png"
+#: Cords are designed for this decoder if the decoder is not chosen yet.
+DESIGN_DECODER = "quadratic"
+_NO_OPTIONS = StudyOptions()
 
 
 @dataclass(frozen=True)
-class Row:
-    """The best layout of a number of cords. Layouts grow from those with fewer cords, in a chain.
-
-    Attributes:
-        sensors: Number of cords.
-        unseen: RMSE in unseen states with the noise of the read-out, mm.
-        rmse: RMSE in the states of the design with noise, mm.
-        rmse_noise_free: RMSE in the states of the design without noise, mm.
-        floor: Smallest RMSE of an affine map over all states, mm.
-        decoder: The decoder of the layout.
-        begun: Number of cords at which its chain started.
-        layout: The layout.
-    """
-
-    sensors: int
-    unseen: float
-    rmse: float
-    rmse_noise_free: float
-    floor: float
-    decoder: str
-    begun: int
-    layout: Layout
-
-
-def read_rows(path: Path, key: str) -> list[Row]:
-    """Return the rows for inputs with the hash `key`; none if the file is for others or damaged."""
-    try:
-        record = typed_json.load(path, _StudyRecord, "it is started again")
-    except StorageError:
-        return []
-    return [_read(r) for r in record.rows] if record.key == key else []
-
-
-def write_rows(path: Path, key: str, rows: list[Row]) -> None:
-    """Write the rows.
-
-    Raises:
-        StorageError: The file cannot be written.
-    """
-    typed_json.save(path, _StudyRecord(key, tuple(_write(r) for r in rows)))
-
-
-@dataclass(frozen=True)
-class _StudiedCord(CordPath):
+class StudiedCord(CordPath):
     """A cord with the unrounded axes (3, 3) of its plane.
 
     A search that resumes from rounded axes could find other layouts.
@@ -82,8 +47,18 @@ class _StudiedCord(CordPath):
 
 
 @dataclass(frozen=True)
-class _RowRecord:
-    """A `Row` in `study.json`."""
+class Row:
+    """The best layout of a number of cords; it grows from the one with one cord less.
+
+    Attributes:
+        sensors: Number of cords.
+        unseen: RMSE in unseen states with the noise of the read-out, mm.
+        rmse: RMSE in the states of the design with noise, mm.
+        rmse_noise_free: RMSE in the states of the design without noise, mm.
+        floor: Smallest RMSE of an affine map over all states, mm.
+        decoder: The decoder of the layout.
+        cords: The layout.
+    """
 
     sensors: int
     unseen: float
@@ -91,54 +66,49 @@ class _RowRecord:
     rmse_noise_free: float
     floor: float
     decoder: str
-    begun: int
-    layout: tuple[_StudiedCord, ...]
+    cords: tuple[StudiedCord, ...]
+
+    @property
+    def layout(self) -> Layout:
+        """The layout, as the search continues it."""
+        return tuple(replace(c.sensor(), plane=Plane(c.plane.origin, c.axes)) for c in self.cords)
+
+
+def studied_cords(layout: Layout) -> tuple[StudiedCord, ...]:
+    """Return the cords of a layout as they are stored."""
+    return tuple(StudiedCord(**vars(CordPath.of(s)), axes=s.plane.axes) for s in layout)
 
 
 @dataclass(frozen=True)
-class _StudyRecord:
+class StudyRecord:
     """The content of `study.json`: the rows and the hash of their inputs."""
 
-    SCHEMA: ClassVar[int] = 2
+    SCHEMA: ClassVar[int] = 3
 
     key: str
-    rows: tuple[_RowRecord, ...]
+    rows: tuple[Row, ...]
 
 
-def _read(record: _RowRecord) -> Row:
-    layout = tuple(replace(c.sensor(), plane=Plane(c.plane.origin, c.axes)) for c in record.layout)
-    return Row(**{**vars(record), "layout": layout})
+def read_rows(path: Path, key: str) -> list[Row]:
+    """Return the rows for inputs with the hash `key`; none if the file is for others or damaged."""
+    try:
+        record = typed_json.load(path, StudyRecord, "it is started again")
+    except StorageError:
+        return []
+    return list(record.rows) if record.key == key else []
 
 
-def _write(row: Row) -> _RowRecord:
-    layout = tuple(_StudiedCord(**vars(CordPath.of(s)), axes=s.plane.axes) for s in row.layout)
-    return _RowRecord(**{**vars(row), "layout": layout})
+def write_rows(path: Path, key: str, rows: Sequence[Row]) -> None:
+    """Write the rows.
 
-
-def longest_chain(rows: list[Row], start: int) -> list[Row]:
-    """Return the longest chain without gaps that contains a number of cords or ends before it.
-
-    A study from `start` cords on resumes at its end.
+    Raises:
+        StorageError: The file cannot be written.
     """
-    best: list[Row] = []
-    for begun in sorted({r.begun for r in rows if r.begun <= start}):
-        by_count = {r.sensors: r for r in rows if r.begun == begun}
-        run: list[Row] = []
-        while begun + len(run) in by_count:
-            run.append(by_count[begun + len(run)])
-        last = best[-1].sensors if best else start - 1
-        if run and run[-1].sensors > last:
-            best = run
-    return best
-
-
-FILE, PICTURE = "study.json", "study.png"
-#: Cords are designed for this decoder if the decoder is not chosen yet.
-DESIGN_DECODER = "quadratic"
+    typed_json.save(path, StudyRecord(key, tuple(rows)))
 
 
 @dataclass(frozen=True)
-class Study:
+class CordCountStudy:
     """The results of a study of the number of cords.
 
     Attributes:
@@ -158,6 +128,11 @@ class Study:
     ended: str
     file: Path
     picture: Path
+
+    @property
+    def test_description(self) -> str:
+        """How unseen states are tested, as a sentence."""
+        return MEANING[self.how]
 
 
 def study_folder(device: Device) -> Path:
@@ -183,16 +158,17 @@ def studied_layouts(device: Device, folder: Path) -> list[ComparedLayout]:
         The layouts with the errors of the design; none without a study.
     """
     rows = read_rows(study_folder(device) / FILE, study_key(device, folder))
-    best = {r.sensors: r for r in sorted(rows, key=lambda r: -r.unseen)}
     return [
-        ComparedLayout(f"study, {n} cords" if n > 1 else "study, 1 cord", r.layout, r.unseen)
-        for n, r in sorted(best.items())
+        ComparedLayout(
+            f"study, {r.sensors} cords" if r.sensors > 1 else "study, 1 cord", r.layout, r.unseen
+        )
+        for r in rows
     ]
 
 
 def study_cord_count(
-    device: Device, smallest: int, largest: int, progress: Progress = silent
-) -> Study:
+    device: Device, progress: Progress = silent, *, options: StudyOptions = _NO_OPTIONS
+) -> CordCountStudy:
     """Find the best layouts for a range of numbers of cords.
 
     If the decoder of the device is `auto`, each number has the decoder with the smallest error in
@@ -201,13 +177,13 @@ def study_cord_count(
 
     Args:
         device: The device.
-        smallest: Smallest number of cords.
-        largest: Largest number of cords.
         progress: Called with the progress.
+        options: The numbers of cords; `workers` and `scheduler` do not apply.
 
     Raises:
         LayoutError: No layout with the smallest number can be found.
     """
+    counts = options.cord_counts
     result = build(device, "simulate", progress)
     task = load_task(device, result.results)
     kinds = candidate_decoders(device, task)
@@ -217,49 +193,55 @@ def study_cord_count(
     with storage_errors(folder):
         folder.mkdir(exist_ok=True)
         rows = read_rows(folder / FILE, key)
-    chain = longest_chain(rows, smallest)
-    begun = chain[0].begun if chain else smallest
-    counts = range(chain[-1].sensors + 1 if chain else smallest, largest + 1)
+    if not rows or not rows[0].sensors <= counts[0] <= rows[-1].sensors + 1:
+        rows = []  # a search continues from the layout with one cord less
     search = layouts_by_count(
         task.design,
-        counts,
+        range(rows[-1].sensors + 1 if rows else counts[0], counts[-1] + 1),
         SEED,
         partial(progress, "study"),
-        begin=chain[-1].layout if chain else (),
+        previous=rows[-1].layout if rows else (),
         planes=device.planes,
     )
     ended = ""
     try:
         with one_blas_thread():
             for count, layout in search:
-                cords = assumed_cords(task, layout)
-                scored = [predict(task.with_decoder(k), cords).prediction for k in kinds]
-                prediction = min(scored, key=lambda p: p.unseen)
-                chain.append(
-                    Row(
-                        count,
-                        prediction.unseen,
-                        prediction.rmse,
-                        prediction.rmse_noise_free,
-                        prediction.floor,
-                        prediction.decoder,
-                        begun,
-                        layout,
-                    )
-                )
-                rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + chain[-1:]
+                rows.append(_evaluate(task, kinds, layout, count))
                 with storage_errors(folder):
                     write_rows(folder / FILE, key, rows)
     except LayoutError as error:
-        if not chain:
+        if not rows:
             raise
         ended = str(error)
-    shown = tuple(r for r in chain if smallest <= r.sensors <= largest)
+    shown = tuple(r for r in rows if r.sensors in counts)
     recommended = find_knee([r.sensors for r in shown], np.array([r.unseen for r in shown]))
     with storage_errors(folder):
         _draw(shown, recommended, device.name, folder / PICTURE)
-    return Study(
-        shown, recommended, device.decoder, task.unseen.how, ended, folder / FILE, folder / PICTURE
+    return CordCountStudy(
+        shown,
+        recommended,
+        device.decoder,
+        task.unseen.how,
+        ended,
+        folder / FILE,
+        folder / PICTURE,
+    )
+
+
+def _evaluate(task: DesignTask, kinds: Sequence[str], layout: Layout, count: int) -> Row:
+    """Return the row of a layout with the best of these decoders."""
+    cords = assumed_cords(task, layout)
+    predictions = [predict(task.with_decoder(k), cords).prediction for k in kinds]
+    best = min(predictions, key=lambda p: p.unseen)
+    return Row(
+        count,
+        best.unseen,
+        best.rmse,
+        best.rmse_noise_free,
+        best.floor,
+        best.decoder,
+        studied_cords(layout),
     )
 
 

@@ -26,9 +26,11 @@ from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.constraint_check import check_constraints
 from ...mechanics.solver import linear_response
-from ...mechanics.solver.linear_response import Mode, ProposedPose, vibration_modes
+from ...mechanics.solver.linear_response import Mode, vibration_modes
+from ...mechanics.solver.linear_response import ProposedPose as ProposedPose
 from ...store.mesh import load_mesh
 from ..build.build import build
+from .options import ModesOptions
 
 #: Name of the region that the proposed poses move.
 END = "far_end"
@@ -79,21 +81,19 @@ class PoseSearch:
         return np.asarray(PICTURE_AMPLITUDE * size * pose.mode.shape)
 
 
-def find_poses(
-    device: Device, fixed: str, count: int = 8, progress: Progress = silent
-) -> PoseSearch:
+def find_poses(device: Device, options: ModesOptions, progress: Progress = silent) -> PoseSearch:
     """Find the lowest modes of a body that is held by a region.
 
     Args:
         device: The device; it may lack poses and sensors.
-        fixed: Name of the region that is held.
-        count: Number of modes.
+        options: The region that is held, and the number of modes.
         progress: Called with the progress.
 
     Raises:
         DeviceError: There is no such region (`unknown-region`), or it holds the whole body or too
             little of it.
     """
+    fixed, count = options.fixed, options.count
     if fixed not in device.regions:
         regions = ", ".join(device.regions) or "none"
         raise DeviceError(
@@ -123,17 +123,15 @@ def find_poses(
     return PoseSearch(mesh, tuple(modes), tuple(poses), _end_region(device, poses))
 
 
-def propose_poses(
-    device: Device, fixed: str, count: int = 8, progress: Progress = silent
-) -> Proposal:
+def propose_poses(device: Device, options: ModesOptions, progress: Progress = silent) -> Proposal:
     """Propose poses (see `find_poses`), with their text and a picture next to `device.toml`."""
-    search = find_poses(device, fixed, count, progress)
+    search = find_poses(device, options, progress)
     progress("modes", 0.8, "drawing them")
     picture = device.source / "modes.png"
     with storage_errors(picture):
         _draw(search, picture)
     progress("modes", 1.0, "done")
-    text = as_toml(list(search.poses), fixed, search.region)
+    text = as_toml(list(search.poses), options.fixed, search.region)
     return Proposal(search.modes, search.poses, text, picture)
 
 
@@ -153,7 +151,7 @@ def _is_end(shape: Shape, pose: ProposedPose) -> bool:
     )
 
 
-def append_poses(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> None:
+def append_poses(device_file: Path, proposal: Proposal, existing: tuple[str, ...]) -> None:
     """Add the region and the poses to `device.toml`, without changing the rest of its text.
 
     They are appended, or inserted into the inline table and the array of the file if it has those.
@@ -161,17 +159,17 @@ def append_poses(device_file: Path, proposal: Proposal, known: tuple[str, ...]) 
     Args:
         device_file: The file.
         proposal: The poses.
-        known: Names of the poses that the device has.
+        existing: Names of the poses that the device has.
 
     Raises:
-        DeviceError: A name is taken (`name-not-unique`), or the poses cannot be added to the file
+        DeviceError: A name is taken (`name-repeated`), or the poses cannot be added to the file
             (`file-not-extendable`); the file is then unchanged.
     """
-    taken = {p.name for p in proposal.poses} & set(known)
+    taken = {p.name for p in proposal.poses} & set(existing)
     if taken:
         raise DeviceError(
             f"there is a pose {min(taken)!r} already",
-            code="name-not-unique",
+            code="name-repeated",
             where="device.toml: poses",
             action="Rename it",
             name=min(taken),

@@ -16,16 +16,17 @@ from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.markers import FILE, Markers, write_markers_file
-from ...core.markers import read_markers as read_markers
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
 from ...core.storage.files import storage_errors
 from ...geometry.bodies.tag_placement import TagPlace, TagRequest, are_spread_out, place_tags
 from ...store.layout import LAYOUT, load_layout
 from ...store.manifest import MANIFEST, TagSeat, load_manifest
+from .options import MARKERS_FOLDER, MarkerOptions
 
-FOLDER, SHEETS = "markers", "markers.pdf"
-COUNT, DICTIONARY = 12, "4X4_50"
+SHEETS = "markers.pdf"
+DEFAULT_COUNT = 12  # of tags on the skin
+DEFAULT_OPTIONS = MarkerOptions()
 #: Sides of tags; the largest that fits is used.
 SIZES_MM = (20.0, 15.0, 12.0, 10.0, 8.0, 6.0)
 MIN_ANCHOR_TAGS = 3  # for a rigid alignment
@@ -48,16 +49,7 @@ class MarkerFiles:
 
 
 def write_markers(
-    device: Device,
-    folder: Path | None = None,
-    *,
-    count: int | None = None,
-    size: float | None = None,
-    family: str = DICTIONARY,
-    paper: str = "a4",
-    skin: bool = False,
-    side: Float | None = None,
-    progress: Progress = silent,
+    device: Device, options: MarkerOptions = DEFAULT_OPTIONS, progress: Progress = silent
 ) -> MarkerFiles:
     """Write `markers.json` and `markers.pdf`.
 
@@ -65,54 +57,18 @@ def write_markers(
 
     Args:
         device: The device.
-        folder: Folder of the files; by default `markers` of the device.
-        count: Number of tags on the skin; 12 by default.
-        size: Side of the tags, mm; by default the largest of SIZES_MM with which they fit and three
-            of the anchor are not on one line.
-        family: Family of the tags.
-        paper: Paper of the sheets.
-        skin: Whether to choose places on the skin in spite of seats.
-        side: Direction (3,) from which cameras must see the tags; any by default.
+        options: Number, size and places of the tags.
         progress: Receives progress.
 
     Raises:
-        CaptureError: If tags do not fit.
-        StorageError: If files cannot be written.
+        CaptureError: The tags do not fit (`tags-do-not-fit`), or an option is not valid.
+        StorageError: Files cannot be written.
     """
-    tags = dictionary(family)
-    paper_size(paper)
-    if count is not None and not 1 <= count < tags.count:
-        raise CaptureError(
-            f"{count} tags are not possible",
-            code="tag-count-out-of-range",
-            where="count",
-            action=f"Give 1 to {tags.count - 1} tags of {tags.name}",
-        )
-    if size is not None and not 2 <= size <= 200:
-        raise CaptureError(
-            f"tags of {size:g} mm are not possible",
-            code="tag-size-out-of-range",
-            where="size",
-            action="Give 2 to 200 mm",
-        )
-    seats = () if skin else _manifest_seats(device)
-    if seats and (count is not None or size is not None):
-        raise CaptureError(
-            f"has seats for {len(seats)} tags of {seats[0].tag:g} mm, which set count and size",
-            code="tag-seats-given",
-            where=device.name,
-            action="Leave out count and size, or choose places on the skin (skin)",
-            count=len(seats),
-        )
-    if device.fabrication.marker_seats and not seats and not skin:
-        raise CaptureError(
-            "has marker_seats, whose places its build chooses",
-            code="tag-seats-not-built",
-            where=device.name,
-            action=(
-                f"Run 'defsense build {device.source}' first, or choose places on the skin (skin)"
-            ),
-        )
+    tags = dictionary(options.dictionary)
+    paper_size(options.paper)
+    _check_options(options, tags)
+    seats = () if options.skin else _manifest_seats(device)
+    _check_seats(device, options, seats)
     from ...geometry.bodies.body import load_body
 
     progress("markers", 0.0, "loading the body")
@@ -121,15 +77,63 @@ def write_markers(
     if seats:
         markers, notes = _markers_in_seats(device, body, tags, seats)
     else:
-        markers, notes = _markers_on_skin(device, body, tags, count or COUNT, size, side)
-    out = device.source / FOLDER if folder is None else folder
-    with storage_errors(out):
-        out.mkdir(parents=True, exist_ok=True)
+        markers, notes = _markers_on_skin(device, body, tags, options)
+    folder = options.out or device.source / MARKERS_FOLDER
+    with storage_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     progress("markers", 0.7, "drawing")
-    _write_sheets(device, body, markers, tags, paper, notes, out / SHEETS)
-    write_markers_file(markers, out / FILE)
+    _write_sheets(device, body, markers, tags, options.paper, notes, folder / SHEETS)
+    write_markers_file(markers, folder / FILE)
     progress("markers", 1.0, "done")
-    return MarkerFiles(markers, out, tuple(notes))
+    return MarkerFiles(markers, folder, tuple(notes))
+
+
+def _check_options(options: MarkerOptions, tags: Dictionary) -> None:
+    count, size, side = options.count, options.size, options.side
+    if count is not None and not 1 <= count < tags.count:
+        raise CaptureError(
+            f"{count} tags are not possible",
+            code="out-of-range",
+            where="count",
+            action=f"Give 1 to {tags.count - 1} tags of {tags.name}",
+            count=count,
+        )
+    if size is not None and not 2 <= size <= 200:
+        raise CaptureError(
+            f"tags of {size:g} mm are not possible",
+            code="out-of-range",
+            where="size",
+            action="Give 2 to 200 mm",
+            size=size,
+        )
+    if side is not None and not 0 < np.linalg.norm(side) < np.inf:
+        raise CaptureError(
+            f"{','.join(f'{x:g}' for x in side)} is not a direction",
+            code="direction-invalid",
+            where="side",
+            action="Give a direction x,y,z, such as 0,-1,1",
+            value=side,
+        )
+
+
+def _check_seats(device: Device, options: MarkerOptions, seats: Sequence[TagSeat]) -> None:
+    if seats and (options.count is not None or options.size is not None):
+        raise CaptureError(
+            f"has seats for {len(seats)} tags of {seats[0].tag:g} mm, which set count and size",
+            code="tag-seats-given",
+            where=device.name,
+            action="Omit count and size, or choose places on the skin (skin)",
+            count=len(seats),
+        )
+    if device.fabrication.marker_seats and not seats and not options.skin:
+        raise CaptureError(
+            "has marker_seats, whose places its build chooses",
+            code="tag-seats-not-built",
+            where=device.name,
+            action=(
+                f"Run 'defsense build {device.source}' first, or choose places on the skin (skin)"
+            ),
+        )
 
 
 def _write_sheets(
@@ -195,7 +199,7 @@ def _markers_in_seats(
     if max(s.marker for s in seats) >= tags.count:
         raise CaptureError(
             f"{tags.name} has too few tags for {len(seats)} seats",
-            code="tag-number-out-of-range",
+            code="out-of-range",
             where=device.name,
             action="Choose a larger dictionary",
             count=len(seats),
@@ -220,45 +224,46 @@ def _markers_in_seats(
 
 
 def _markers_on_skin(
-    device: Device,
-    body: Surface,
-    tags: Dictionary,
-    count: int,
-    size: float | None,
-    side: Float | None,
+    device: Device, body: Surface, tags: Dictionary, options: MarkerOptions
 ) -> tuple[Markers, list[str]]:
     """Choose places on the skin; if no size suits the anchor, the largest that fits."""
+    count = options.count or DEFAULT_COUNT
+    side = None if options.side is None else np.array(options.side)
     avoid, joints = _cord_mouths(device, body)
     anchored = max(MIN_ANCHOR_TAGS, round(count / 3)) if device.outputs.anchor else 0
     best: list[TagPlace] = []
     fallback: tuple[float, list[TagPlace]] | None = None
-    sizes = SIZES_MM if size is None else (size,)
+    sizes = SIZES_MM if options.size is None else (options.size,)
     for tag_size in sizes:
-        places_found = place_tags(
-            body,
-            TagRequest(
-                count, tag_size, piece_size(tags, tag_size), anchored,
-                lambda p: _on_anchor(device, p), avoid, joints, side,
-            ),
-        )  # fmt: skip
-        best = max(best, places_found, key=len)
-        if len(places_found) < count:
+        request = TagRequest(
+            count,
+            tag_size,
+            piece_size(tags, tag_size),
+            anchored,
+            lambda p: _on_anchor(device, p),
+            avoid,
+            joints,
+            side,
+        )
+        places = place_tags(body, request)
+        best = max(best, places, key=len)
+        if len(places) < count:
             continue
-        fallback = fallback or (tag_size, places_found)
-        anchor_centers = np.array([p.center for p in places_found if p.anchor]).reshape(-1, 3)
+        fallback = fallback or (tag_size, places)
+        anchor_centers = np.array([p.center for p in places if p.anchor]).reshape(-1, 3)
         if not anchored or count < MIN_ANCHOR_TAGS or are_spread_out(anchor_centers, tag_size / 2):
-            fallback = tag_size, places_found
+            fallback = tag_size, places
             break
     if fallback is None:
-        options = ["fewer tags (count)"] if best else []
-        options += ["smaller tags (size)"]
+        choices = ["fewer tags (count)"] if best else []
+        choices += ["smaller tags (size)"]
         fitting = f"{len(best)} fit" if best else "none fits"
         raise CaptureError(
             f"there is no room for {count} tags of {sizes[-1]:g} mm where the skin is nearly flat;"
             f" {fitting}",
             code="tags-do-not-fit",
             where=device.name,
-            action=f"Choose {' or '.join(options)}",
+            action=f"Choose {' or '.join(choices)}",
             fitting=len(best),
         )
     chosen, places = fallback

@@ -1,4 +1,4 @@
-"""Fisheye lenses: the model against OpenCV's, calibration, arrangement, files, tags in pictures."""
+"""Fisheye lenses: model, calibration, arrangement, files, and tags in images."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ K = np.array([[520.0, 0, 643], [0, 522, 356], [0, 0, 1]])
 
 
 def wide(name="left", x=0.0):
-    """Looks along z from (x, 0, 0)."""
+    """Return a camera at (x, 0, 0) that looks along z."""
     return Camera(name, (1280, 720), K, LENS, np.eye(3), np.array([-x, 0.0, 0.0]), fisheye=True)
 
 
@@ -76,21 +76,23 @@ def test_pixels_outside_of_the_lens_model_are_nan():
         replace(wide(), distortions=np.zeros(5))
 
 
-def test_a_fisheye_is_calibrated_where_a_pinhole_does_not_fit():
+def test_fisheye_is_calibrated_where_a_pinhole_does_not_fit():
     rng = np.random.default_rng(1)
     views = [v for p in poses(40, rng) if (v := view(wide(), p, rng)) is not None][:25]
-    found = calibrate_camera("left", (1280, 720), BOARD, views, fisheye=True)
-    assert found.error == pytest.approx(0.05 * 2**0.5, rel=0.1)
-    got = np.append(found.camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], found.camera.distortions)
+    result = calibrate_camera("left", (1280, 720), BOARD, views, fisheye=True)
+    assert result.error == pytest.approx(0.05 * 2**0.5, rel=0.1)
+    received = np.append(
+        result.camera.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], result.camera.distortions
+    )
     true = np.append(K[[0, 1, 0, 1], [0, 1, 2, 2]], LENS)
-    assert np.abs(found.camera.focal / wide().focal - 1).max() < 1e-3
-    assert np.abs((got - true) / found.sigma[:8]).max() < 4
-    assert found.used.all()
+    assert np.abs(result.camera.focal / wide().focal - 1).max() < 1e-3
+    assert np.abs((received - true) / result.sigma[:8]).max() < 4
+    assert result.used.all()
     plain = calibrate_camera("left", (1280, 720), BOARD, views)
-    assert plain.error > 1.5 * found.error
+    assert plain.error > 1.5 * result.error
 
 
-def test_a_fisheye_and_a_pinhole_are_arranged_and_checked(tmp_path):
+def test_fisheye_and_a_pinhole_are_arranged_and_checked(tmp_path):
     rng = np.random.default_rng(2)
     plain = Camera("right", (1280, 720), np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]]),
                    np.zeros(5), np.eye(3), np.array([-120.0, 0, 0]))  # fmt: skip
@@ -102,14 +104,14 @@ def test_a_fisheye_and_a_pinhole_are_arranged_and_checked(tmp_path):
             views.append(both)
     free = [replace(c, translation=np.zeros(3)) for c in cameras]
     sigma = [np.array([3, 3, 3, 3, 0.01, 0.01, 1e-3, 1e-3, 1e-2])] * 2
-    found = estimate_extrinsics(free, BOARD, views[:14], sigma)
-    assert found.error == pytest.approx(0.05 * 2**0.5, rel=0.1)
-    b = found.cameras[1]
+    result = estimate_extrinsics(free, BOARD, views[:14], sigma)
+    assert result.error == pytest.approx(0.05 * 2**0.5, rel=0.1)
+    b = result.cameras[1]
     assert np.abs(b.center - [120, 0, 0]).max() < 0.5
     assert Rotation.from_matrix(b.rotation).magnitude() < 1e-3
-    assert (found.cameras[0].distortions == LENS).all()
-    assert check_rig(found.cameras, BOARD, views[14:18]).holds
-    write_rig(tmp_path / "c.toml", found.cameras, {})
+    assert (result.cameras[0].distortions == LENS).all()
+    assert check_rig(result.cameras, BOARD, views[14:18]).holds
+    write_rig(tmp_path / "c.toml", result.cameras, {})
     again = read_rig(tmp_path / "c.toml").cameras
     assert [c.fisheye for c in again] == [True, False]
     assert (again[0].distortions == LENS).all()
@@ -125,8 +127,8 @@ def test_tags_in_a_fisheye_image_are_located():
         for k, (x, y) in enumerate(places)
     )
     picture = Renderer(camera, Optics(), np.random.default_rng(0)).shoot(Scene(patches))
-    seen = Detector(camera, family).find(picture.image)
-    assert sorted(seen.ids) == list(range(len(places)))
-    middle = (seen.corners.mean(axis=1) - camera.matrix[:2, 2]) / camera.focal
-    true = np.array(places)[seen.ids] / 160.0
+    pixels = Detector(camera, family).find(picture.image)
+    assert sorted(pixels.ids) == list(range(len(places)))
+    middle = (pixels.corners.mean(axis=1) - camera.matrix[:2, 2]) / camera.focal
+    true = np.array(places)[pixels.ids] / 160.0
     assert np.abs(middle - true).max() * 160 < 0.05  # mm

@@ -33,14 +33,14 @@ error = 0.21
 """
 
 
-def test_a_file_of_aniposelib_is_read(tmp_path):
+def test_file_of_aniposelib_is_read(tmp_path):
     path = tmp_path / "calibration.toml"
     path.write_text(ANIPOSE)
-    found = read_rig(path)
-    assert [c.name for c in found.cameras] == ["A", "B"]
-    assert found.placed
-    assert found.metadata == {"adjusted": False, "error": 0.21}
-    b = found.cameras[1]
+    result = read_rig(path)
+    assert [c.name for c in result.cameras] == ["A", "B"]
+    assert result.placed
+    assert result.metadata == {"adjusted": False, "error": 0.21}
+    b = result.cameras[1]
     assert np.allclose(b.rotation, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     assert b.translation.tolist() == [100, 2, 300]
     assert b.distortions.tolist() == [-0.1, 0, 0, 0, 0]
@@ -73,7 +73,7 @@ def test_names_and_their_keys_are_read_back(tmp_path, name):
     assert back.metadata == sigma
 
 
-def test_a_good_file_is_not_replaced_by_one_that_cannot_be_read(tmp_path):
+def test_good_file_is_not_replaced_by_one_that_cannot_be_read(tmp_path):
     path, cameras = tmp_path / "cameras.toml", rig(2)
     write_rig(path, cameras, {})
     before = path.read_bytes()
@@ -108,18 +108,18 @@ def test_cameras_all_at_one_place_have_no_poses(tmp_path):
         ('name = "B"', 'name = "a"', None),
         ('name = "B"', 'name = "../B"', None),
         ("size = [ 1280, 720,]", "", "key-missing"),
-        ("size = [ 1280, 720,]", "size = [1280]", "shape-wrong"),
+        ("size = [ 1280, 720,]", "size = [1280]", "wrong-shape"),
         ("size = [ 1280, 720,]", "size = [1280, 0]", "image-size-invalid"),
         ("size = [ 1280, 720,]", "size = [nan, 720]", "not-a-number"),
         ("size = [ 1280, 720,]", "size = [inf, 720]", "not-a-number"),
-        ("matrix = [ [ 900.0, 0.0, 640.5,],", "matrix = [", "shape-wrong"),
+        ("matrix = [ [ 900.0, 0.0, 640.5,],", "matrix = [", "wrong-shape"),
         ("matrix = [ [ 900.0, 0.0,", "matrix = [ [ -900.0, 0.0,", None),
         ("matrix = [ [ 900.0, 0.0,", "matrix = [ [ 900.0,", "not-a-number"),
         ("rotation = [ 0.0, 0.0, 0.0,]", 'rotation = "none"', "not-a-number"),
         ("rotation = [ 0.0, 0.0, 0.0,]", "rotation = [nan, 0, 0]", "not-a-number"),
         ("[ -0.1,]", "[ -0.1,]\nfisheye = true", None),
-        ("[ -0.1,]", "[ -0.1,]\nfisheye = 1", "not-a-boolean"),
-        ("translation = [ 0.0, 0.0, 0.0,]", "translation = [[0, 0, 0]]", "shape-wrong"),
+        ("[ -0.1,]", "[ -0.1,]\nfisheye = 1", "not-a-bool"),
+        ("translation = [ 0.0, 0.0, 0.0,]", "translation = [[0, 0, 0]]", "wrong-shape"),
         ("[ -0.1,]", "[0, 0, 0, 0, 0, 0, 0, 0, 1]", None),
         ("[ -0.1,]", "[nan]", None),
         ("[ -0.1,]", "{a = 1}", "not-a-number"),
@@ -128,7 +128,7 @@ def test_cameras_all_at_one_place_have_no_poses(tmp_path):
         ("[cam_", "[view_", "camera-table-missing"),
     ],
 )
-def test_invalid_files_are_refused_in_one_line(tmp_path, old, new, code):
+def test_invalid_files_are_rejected_in_one_line(tmp_path, old, new, code):
     path = tmp_path / "cameras.toml"
     assert old in ANIPOSE
     path.write_text(ANIPOSE.replace(old, new))

@@ -1,4 +1,4 @@
-"""Videos, folders of images, numbered images, and files that are none."""
+"""Videos, folders of images, numbered images, and invalid files."""
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ def film(tmp_path):
     return path
 
 
-def test_a_video_frame_by_frame(film):
+def test_video_frame_by_frame(film):
     video = Video(film)
     assert video.size == (64, 48)
     assert video.expected == 20
@@ -37,7 +37,7 @@ def test_a_video_frame_by_frame(film):
     other.close()
 
 
-def test_a_truncated_video(film):
+def test_truncated_video(film):
     data = film.read_bytes()
     film.write_bytes(data[: len(data) // 2])
     video = Video(film)
@@ -47,7 +47,7 @@ def test_a_truncated_video(film):
 
 
 @pytest.mark.parametrize("content", [b"", b"this is a text\n" * 30, bytes(4096)])
-def test_files_that_are_not_videos_are_refused(tmp_path, content):
+def test_files_that_are_not_videos_are_rejected(tmp_path, content):
     path = tmp_path / "film.mkv"
     path.write_bytes(content)
     with raises(CaptureError, "video-unreadable") as error:
@@ -55,7 +55,7 @@ def test_files_that_are_not_videos_are_refused(tmp_path, content):
     assert "\n" not in str(error.value)
 
 
-def test_missing_files_and_empty_folders_are_refused(tmp_path):
+def test_missing_files_and_empty_folders_are_rejected(tmp_path):
     with raises(CaptureError, "file-not-found"):
         Video(tmp_path / "none.mkv")
     with raises(CaptureError, "images-missing"):
@@ -71,11 +71,11 @@ def test_images_in_a_folder_and_by_number(tmp_path):
         with raises(CaptureError, "frame-rate-missing"):
             Video(place)
         video = Video(place, 10.0)
-        got = list(video.frames())
+        received = list(video.frames())
         video.close()
         assert video.size == (64, 48)
-        assert [t for _, t, _ in got] == pytest.approx(np.arange(11) / 10)
-        assert (np.array([i for *_, i in got])[..., 0] == FRAMES[:11]).all()
+        assert [t for _, t, _ in received] == pytest.approx(np.arange(11) / 10)
+        assert (np.array([i for *_, i in received])[..., 0] == FRAMES[:11]).all()
 
 
 def test_images_without_leading_zeros_are_sorted_by_number(tmp_path):
@@ -85,7 +85,7 @@ def test_images_without_leading_zeros_are_sorted_by_number(tmp_path):
     assert (np.array(images) == FRAMES[:11]).all()
 
 
-def test_a_damaged_image_and_one_of_another_size(tmp_path):
+def test_damaged_image_and_one_of_another_size(tmp_path):
     for k in range(3):
         cv2.imwrite(str(tmp_path / f"a{k}.png"), FRAMES[k])
     (tmp_path / "a1.png").write_bytes(b"not an image")

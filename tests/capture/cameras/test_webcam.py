@@ -1,4 +1,4 @@
-"""Cameras that are plugged in, by a capture that stands in for the driver's."""
+"""Cameras that are plugged in, with a fake of the driver's capture."""
 
 import threading
 
@@ -12,11 +12,11 @@ from tests.support.errors import raises
 
 
 class Capture:
-    """What `cv2.VideoCapture` does; `grab` hangs once it is told to."""
+    """A fake `cv2.VideoCapture`; `grab` waits for `resume` while `hangs` is set."""
 
     def __init__(self, opened: bool = True, image: bool = True) -> None:
         self.opened, self.image = opened, image
-        self.hangs, self.inside, self.go_on = False, threading.Event(), threading.Event()
+        self.hangs, self.inside, self.resume = False, threading.Event(), threading.Event()
         self.released, self.released_under_grab = 0, False
 
     def isOpened(self) -> bool:  # noqa: N802
@@ -31,7 +31,7 @@ class Capture:
     def grab(self) -> bool:
         if self.hangs:
             self.inside.set()
-            self.go_on.wait(5)
+            self.resume.wait(5)
             self.released_under_grab |= self.released > 0
         return True
 
@@ -60,7 +60,7 @@ def test_frames_arrive_until_the_camera_is_closed(monkeypatch):
     assert capture.released == 1
 
 
-def test_a_camera_is_not_released_under_its_thread(monkeypatch):
+def test_camera_is_not_released_under_its_thread(monkeypatch):
     monkeypatch.setattr(webcams, "THREAD_JOIN_TIMEOUT_S", 0.1, raising=False)
     capture = Capture()
     source = camera(monkeypatch, capture)
@@ -71,7 +71,7 @@ def test_a_camera_is_not_released_under_its_thread(monkeypatch):
     assert capture.inside.wait(5)
     source.close()
     assert not capture.released
-    capture.go_on.set()
+    capture.resume.set()
     join(5)
     assert capture.released == 1
     assert not capture.released_under_grab
@@ -81,7 +81,7 @@ def test_a_camera_is_not_released_under_its_thread(monkeypatch):
     ("capture", "code"), [(Capture(opened=False), "camera-unavailable"),
                           (Capture(image=False), "camera-gives-no-image")],
 )  # fmt: skip
-def test_a_camera_that_does_not_start_is_released(monkeypatch, capture, code):
+def test_camera_that_does_not_start_is_released(monkeypatch, capture, code):
     source = camera(monkeypatch, capture)
     with raises(CaptureError, code, camera="0"):
         source.start()

@@ -1,4 +1,4 @@
-"""C3D read and written byte by byte after the C3D user guide (c3d.org), apart from ezc3d."""
+"""An independent reader and writer of C3D after the C3D user guide (c3d.org)."""
 
 import struct
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ INTEL, DEC, MIPS = 84, 85, 86
 
 @dataclass
 class File:
-    """points (t, m, 3) as stored times the scale, residual (t, m) negative where missing."""
+    """Content of a file: points (t, m, 3), scaled, and residuals (t, m), negative where missing."""
 
     points: np.ndarray
     residual: np.ndarray
@@ -22,7 +22,7 @@ class File:
 
 
 def _floats(data, processor):
-    """Stored 4-byte floats."""
+    """Return 4-byte floats as they are stored."""
     if processor == DEC:  # words swapped, exponent two higher
         words = np.frombuffer(data, "<u2").reshape(-1, 2)[:, ::-1]
         return np.ascontiguousarray(words).view("<f4").ravel().astype(float) / 4
@@ -94,7 +94,7 @@ def parse(data: bytes) -> File:
 
 
 def build(points, labels, rate, units="mm", processor=INTEL, scale=-1.0, first=1) -> bytes:
-    """A file of points (t, m, 3), NaN where missing; scale > 0 stores integers."""
+    """Return a file of points (t, m, 3), NaN where missing; scale > 0 stores integers."""
     e = ">" if processor == MIPS else "<"
     t, m = points.shape[:2]
 

@@ -1,4 +1,4 @@
-"""Tracks in NPZ, Parquet, C3D and TRC; C3D judged by a reader of our own and a file of Vicon's."""
+"""Tracks in NPZ, Parquet, C3D and TRC; C3D against an independent reader and a file by Vicon."""
 
 import contextlib
 import csv
@@ -20,7 +20,7 @@ from tests.support.errors import raises
 from tests.support.places import VICON
 
 from . import c3d_format
-from .test_tracks_csv import made, same
+from .test_tracks_csv import random_tracks, same
 
 SUFFIXES = (".csv", ".npz", ".parquet", ".c3d", ".trc")
 
@@ -28,9 +28,8 @@ SUFFIXES = (".csv", ".npz", ".parquet", ".c3d", ".trc")
 @settings(max_examples=10, deadline=None)
 @given(st.integers(2, 8), st.integers(1, 4), st.integers(0, 99))
 def test_round_trips(tmp_path_factory, t, m, seed):
-    """Times, numbers, places and what is missing, with every frame; sigma where the format has
-    it."""
-    folder, tracks = tmp_path_factory.mktemp("t"), made(t, m, seed)
+    """Times, numbers, positions, gaps and frames are kept, and sigma if the format has it."""
+    folder, tracks = tmp_path_factory.mktemp("t"), random_tracks(t, m, seed)
     steps = np.diff(tracks.frame)
     frame = tracks.frame if (steps == 1).any() else tracks.frame[0] + np.arange(t)
     tracks = Tracks(12.5 + frame / 30, tracks.ids, tracks.points, tracks.sigma, frame)
@@ -39,23 +38,22 @@ def test_round_trips(tmp_path_factory, t, m, seed):
         written = write_tracks(folder / f"a{suffix}", tracks)
         assert (written.frames, written.gaps) == (len(whole), len(whole) - t)
         assert written.rate == pytest.approx(30)
-        found = read_tracks(folder / f"a{suffix}")
-        assert found.frame.tolist() == whole.tolist()
-        assert not found.visible[~np.isin(whole, frame)].any()
+        result = read_tracks(folder / f"a{suffix}")
+        assert result.frame.tolist() == whole.tolist()
+        assert not result.visible[~np.isin(whole, frame)].any()
         there = np.isin(whole, frame)
-        found = Tracks(
-            *(found.time[there], found.ids, found.points[there], found.sigma[there]), frame
+        result = Tracks(
+            *(result.time[there], result.ids, result.points[there], result.sigma[there]), frame
         )
         known = suffix in (".csv", ".npz", ".parquet")
         sigma = tracks.sigma if known else tracks.sigma * np.nan
         expected = Tracks(tracks.time, tracks.ids, tracks.points, sigma, frame)
-        same(expected, found, places=1e-4 if suffix == ".c3d" else 1e-6)
+        same(expected, result, places=1e-4 if suffix == ".c3d" else 1e-6)
     assert len(list(folder.iterdir())) == len(SUFFIXES)
 
 
 def test_every_format_has_the_same_frames_and_rate(tmp_path):
-    """Of more than half of the frames dropped, nothing seen in some, and a marker never seen; as
-    numbers count what there was, not what was dropped."""
+    """More than half of the frames are dropped, some are empty, and a marker is never visible."""
     rng = np.random.default_rng(2)
     at = np.sort(rng.choice(np.arange(1, 412), 172, replace=False))
     at = np.concatenate([[0], at, [412]])
@@ -70,20 +68,20 @@ def test_every_format_has_the_same_frames_and_rate(tmp_path):
         assert (written.frames, written.gaps) == (413, 239)
         assert written.rate == pytest.approx(15)
         read[suffix] = read_tracks(tmp_path / f"a{suffix}")
-    for suffix, found in read.items():
-        same(read[".npz"], found, places=1e-4 if suffix == ".c3d" else 1e-6)
-        assert 1 / np.median(np.diff(found.time)) == pytest.approx(15)
-        assert found.frame.tolist() == list(range(4, 417))
-        assert found.ids.tolist() == [2, 5, 11]
-        np.testing.assert_allclose(found.points[at], points, atol=1e-4)
-        assert found.visible.sum() == tracks.visible.sum()
+    for suffix, result in read.items():
+        same(read[".npz"], result, places=1e-4 if suffix == ".c3d" else 1e-6)
+        assert 1 / np.median(np.diff(result.time)) == pytest.approx(15)
+        assert result.frame.tolist() == list(range(4, 417))
+        assert result.ids.tolist() == [2, 5, 11]
+        np.testing.assert_allclose(result.points[at], points, atol=1e-4)
+        assert result.visible.sum() == tracks.visible.sum()
     head = (tmp_path / "a.trc").read_text("utf-8").splitlines()[2].split("\t")
     assert head[:4] == ["15.000000", "15.000000", "413", "3"]
     assert c3d_format.parse((tmp_path / "a.c3d").read_bytes()).rate == pytest.approx(15)
 
 
 def test_times_without_a_rate_are_unchanged(tmp_path):
-    """As those of cameras that slow down in the dark, and of one wrong stamp far away."""
+    """A camera slows down in the dark, or one stamp is wrong by far."""
     slower = np.cumsum(np.random.default_rng(0).uniform(0.03, 0.07, 20))
     far = np.append(np.arange(19) / 10, 1e6)
     points = np.ones((20, 1, 3))
@@ -93,9 +91,9 @@ def test_times_without_a_rate_are_unchanged(tmp_path):
             written = write_tracks(tmp_path / f"a{suffix}", tracks)
             assert written.frames == 20
             assert written.rate == (None if rate is None else pytest.approx(rate))
-            found = read_tracks(tmp_path / f"a{suffix}")
-            np.testing.assert_allclose(found.time, time)
-            assert found.frame.tolist() == list(range(20))
+            result = read_tracks(tmp_path / f"a{suffix}")
+            np.testing.assert_allclose(result.time, time)
+            assert result.frame.tolist() == list(range(20))
         with pytest.raises(CaptureError):
             write_tracks(tmp_path / "a.c3d", tracks)
 
@@ -109,30 +107,30 @@ def test_c3d_reports_the_largest_time_shift(tmp_path):
 
 
 def test_npz_keeps_everything(tmp_path):
-    """Also frames and markers that were never seen."""
+    """Frames and markers that were never visible are kept too."""
     points = np.full((3, 2, 3), np.nan)
     tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, 7 + np.arange(3))
     write_tracks(tmp_path / "a.npz", tracks)
     same(tracks, read_tracks(tmp_path / "a.npz"), places=0, times=0)
 
 
-def test_an_independent_reader_agrees_on_our_c3d(tmp_path):
-    tracks = made(200, 5, seed=3)
+def test_independent_reader_agrees_on_our_c3d(tmp_path):
+    tracks = random_tracks(200, 5, seed=3)
     write_c3d(tmp_path / "a.c3d", tracks)
-    found = c3d_format.parse((tmp_path / "a.c3d").read_bytes())
+    result = c3d_format.parse((tmp_path / "a.c3d").read_bytes())
     at = tracks.frame - tracks.frame[0]
-    assert found.labels == [f"tag_{i}" for i in tracks.ids]
-    assert (found.units, found.first) == ("mm", tracks.frame[0] + 1)
-    assert found.rate == pytest.approx(30, rel=1e-6)
-    assert found.parameters["POINT", "FRAMES"] == [at[-1] + 1]
-    seen = np.zeros((at[-1] + 1, 5), bool)
-    seen[at] = tracks.visible
-    np.testing.assert_array_equal(found.residual >= 0, seen)
+    assert result.labels == [f"tag_{i}" for i in tracks.ids]
+    assert (result.units, result.first) == ("mm", tracks.frame[0] + 1)
+    assert result.rate == pytest.approx(30, rel=1e-6)
+    assert result.parameters["POINT", "FRAMES"] == [at[-1] + 1]
+    is_visible = np.zeros((at[-1] + 1, 5), bool)
+    is_visible[at] = tracks.visible
+    np.testing.assert_array_equal(result.residual >= 0, is_visible)
     there = tracks.points[tracks.visible]
-    np.testing.assert_array_equal(found.points[seen], there.astype(np.float32).astype(float))
+    np.testing.assert_array_equal(result.points[is_visible], there.astype(np.float32).astype(float))
 
 
-def test_a_marker_at_the_origin_is_kept(tmp_path):
+def test_marker_at_the_origin_is_kept(tmp_path):
     points = np.zeros((2, 1, 3))
     write_c3d(
         tmp_path / "a.c3d", Tracks(np.arange(2.0), np.array([1]), points, points, np.arange(2))
@@ -141,17 +139,17 @@ def test_a_marker_at_the_origin_is_kept(tmp_path):
 
 
 def test_times_off_the_grid(tmp_path):
-    """Long dropouts and jitter end on the frame that they belong to, or are refused."""
+    """Frames after long gaps and with jitter get the nearest grid position, or are rejected."""
     rng = np.random.default_rng(1)
     frame = np.concatenate([np.arange(1000), np.arange(9000, 10000)])
     points = rng.normal(0, 100, (2000, 1, 3))
     time = 77.7 + frame / 29.97 + rng.uniform(-0.003, 0.003, 2000)
     tracks = Tracks(time, np.array([0]), points, points * np.nan, frame)
     write_c3d(tmp_path / "a.c3d", tracks)
-    found = read_tracks(tmp_path / "a.c3d")
-    assert len(found.time) == 10000
-    assert found.frame[found.visible[:, 0]].tolist() == frame.tolist()
-    assert abs(found.time[frame] - time).max() < 0.1 / 29.97
+    result = read_tracks(tmp_path / "a.c3d")
+    assert len(result.time) == 10000
+    assert result.frame[result.visible[:, 0]].tolist() == frame.tolist()
+    assert abs(result.time[frame] - time).max() < 0.1 / 29.97
     time[1500] += 0.01
     with raises(CaptureError, "times-uneven"):
         write_c3d(tmp_path / "b.c3d", Tracks(time, tracks.ids, points, points * np.nan, frame))
@@ -177,36 +175,36 @@ def test_all_kinds_of_storage(tmp_path, processor, scale, unit, factor):
     points[2, 1] = np.nan
     data = c3d_format.build(points, ["LASI", "M12", "RASI"], 120.0, unit, processor, scale, 61)
     (tmp_path / "a.c3d").write_bytes(data)
-    found = read_c3d(tmp_path / "a.c3d")
-    assert found.labels == ("LASI", "M12", "RASI")
-    assert found.tracks.ids.tolist() == [0, 1, 2]
-    assert found.tracks.time == pytest.approx((60 + np.arange(6)) / 120)
-    assert np.isnan(found.tracks.sigma).all()
+    result = read_c3d(tmp_path / "a.c3d")
+    assert result.ids.tolist() == [0, 1, 2]
+    assert result.time == pytest.approx((60 + np.arange(6)) / 120)
+    assert np.isnan(result.sigma).all()
     off = 0.5001 * scale if scale > 0 else 1e-5
-    np.testing.assert_allclose(found.tracks.points / factor, points, rtol=0, atol=off)
+    np.testing.assert_allclose(result.points / factor, points, rtol=0, atol=off)
     other = c3d_format.parse(data)
-    seen = found.tracks.visible
-    np.testing.assert_allclose(other.points[seen] * factor, found.tracks.points[seen], rtol=1e-6)
-    np.testing.assert_array_equal(other.residual >= 0, seen)
+    is_visible = result.visible
+    np.testing.assert_allclose(
+        other.points[is_visible] * factor, result.points[is_visible], rtol=1e-6
+    )
+    np.testing.assert_array_equal(other.residual >= 0, is_visible)
 
 
 def test_zeros_in_foreign_files_are_missing_points(tmp_path):
     points = np.ones((3, 2, 3))
     points[1, 0] = 0
     (tmp_path / "a.c3d").write_bytes(c3d_format.build(points, ["a7", "b3"], 50.0))
-    found = read_tracks(tmp_path / "a.c3d")
-    assert found.visible.tolist() == [[True, True], [False, True], [True, True]]
-    assert found.ids.tolist() == [7, 3]
+    result = read_tracks(tmp_path / "a.c3d")
+    assert result.visible.tolist() == [[True, True], [False, True], [True, True]]
+    assert result.ids.tolist() == [7, 3]
 
 
-def test_a_public_file():
-    """Of Vicon Nexus: as our own reader has it, and as Nexus exported it."""
-    found = read_c3d(VICON / "vicon_jump.c3d")
-    tracks = found.tracks
+def test_public_file():
+    """A file of Vicon Nexus agrees with the independent reader and with what Nexus exported."""
+    tracks = read_c3d(VICON / "vicon_jump.c3d")
     other = c3d_format.parse((VICON / "vicon_jump.c3d").read_bytes())
     assert (other.first, other.rate, other.units, len(other.labels)) == (886, 200.0, "mm", 42)
     kept = [i for i, label in enumerate(other.labels) if not label.startswith("USERMO")]
-    assert found.labels == tuple(other.labels[i] for i in kept)
+    kept_labels = [other.labels[i] for i in kept]
     assert tracks.points.shape == (40, 32, 3)
     np.testing.assert_array_equal(tracks.visible, other.residual[:, kept] >= 0)
     assert sorted(set(tracks.visible.sum(1).tolist()))[0] < 32
@@ -224,7 +222,7 @@ def test_a_public_file():
         cells = [row[2 + 3 * i : 5 + 3 * i] for row in rows]
         exported = np.array([[float(cell or "nan") for cell in cell3] for cell3 in cells])
         if np.isfinite(exported).all():  # Nexus left out those that it modelled
-            ours = tracks.points[:, found.labels.index(label)]
+            ours = tracks.points[:, kept_labels.index(label)]
             np.testing.assert_allclose(ours, exported, rtol=2e-7)  # of single precision
 
 
@@ -246,11 +244,10 @@ def test_trc_of_other_programs(tmp_path):
     path = tmp_path / "walk.trc"
     for text in (TRC, TRC.replace("\n", "\r\n"), TRC.replace("\n\n", "\n")):
         path.write_text(text, newline="")
-        found = read_trc(path)
-        assert found.labels == ("LASI", "RASI")
-        assert found.tracks.visible.tolist() == [[True, True], [False, True], [True, False]]
-        assert found.tracks.points[0].tolist() == [[100, 200, 300], [400, 500, 600]]
-        assert found.tracks.time.tolist() == [0, 0.01667, 0.03333]
+        result = read_trc(path)
+        assert result.visible.tolist() == [[True, True], [False, True], [True, False]]
+        assert result.points[0].tolist() == [[100, 200, 300], [400, 500, 600]]
+        assert result.time.tolist() == [0, 0.01667, 0.03333]
 
 
 @pytest.mark.parametrize(
@@ -291,17 +288,17 @@ def test_bad_files(tmp_path):
         refused(path)
         path.write_text("hello, this is a text\n" * 100)
         refused(path)
-        write_tracks(path, made(40, 3))
+        write_tracks(path, random_tracks(40, 3))
         whole = path.read_bytes()
         for part in (len(whole) // 2, 700, 300):
             if part < len(whole) and suffix != ".csv":
                 path.write_bytes(whole[:part])
                 refused(path)
         with pytest.raises(StorageError):
-            write_tracks(tmp_path / "none" / f"a{suffix}", made(4, 3))
-    refused(tmp_path / "a.xlsx", "unknown-file-format", suffixes=SUFFIXES)
-    with raises(CaptureError, "unknown-file-format"):
-        write_tracks(tmp_path / "a", made(4, 3))
+            write_tracks(tmp_path / "none" / f"a{suffix}", random_tracks(4, 3))
+    refused(tmp_path / "a.xlsx", "unknown-format", suffixes=SUFFIXES)
+    with raises(CaptureError, "unknown-format"):
+        write_tracks(tmp_path / "a", random_tracks(4, 3))
 
 
 def test_invalid_c3d(tmp_path):
@@ -342,7 +339,7 @@ def test_invalid_npz_and_parquet(tmp_path):
         ("time", np.array([1.0, 0.0]), None),
         ("points", np.ones((2, 2, 3)), None),
         ("time", np.array(["a", "b"]), "not-a-number"),
-        ("ids", np.array(1), "shape-wrong"),
+        ("ids", np.array(1), "wrong-shape"),
         ("frame", np.array([object(), 1]), "file-damaged"),
     ):
         np.savez(path, **(good | {name: value}))
@@ -351,7 +348,7 @@ def test_invalid_npz_and_parquet(tmp_path):
     refused(path, "array-missing")
 
 
-def test_files_that_would_fill_the_memory_are_refused(tmp_path):
+def test_files_that_would_fill_the_memory_are_rejected(tmp_path):
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "a.trc"
     labels = "\t\t\t".join(f"M{k}" for k in range(3000))
@@ -380,14 +377,14 @@ def test_files_that_would_fill_the_memory_are_refused(tmp_path):
 def test_missing_libraries(tmp_path, monkeypatch):
     for suffix, name in ((".parquet", "pyarrow"), (".c3d", "ezc3d")):
         monkeypatch.setitem(sys.modules, name, None)
-        for call in (read_tracks, lambda path: write_tracks(path, made(3, 2))):
+        for call in (read_tracks, lambda path: write_tracks(path, random_tracks(3, 2))):
             with pytest.raises(CaptureError):
                 call(tmp_path / f"a{suffix}")
 
 
 @given(st.binary(max_size=40), st.integers(0, 2000))
 @settings(max_examples=25, deadline=None, derandomize=True)  # a crash would end the run
-def test_c3d_with_bytes_changed_is_read_or_refused(tmp_path_factory, junk, at):
+def test_c3d_with_bytes_changed_is_read_or_rejected(tmp_path_factory, junk, at):
     path = tmp_path_factory.getbasetemp() / "junk.c3d"
     data = bytearray(c3d_format.build(np.ones((10, 2, 3)), ["a", "b"], 50.0))
     data[at : at + len(junk)] = junk

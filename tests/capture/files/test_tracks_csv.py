@@ -1,4 +1,4 @@
-"""The table of tracks as CSV."""
+"""Tracks are written as CSV and read back."""
 
 import time
 import tracemalloc
@@ -17,8 +17,8 @@ HEADER = "frame,time,id,x,y,z,sx,sy,sz"
 ROW = "0,0.5,7,1,2,3,0.1,0.1,0.4"
 
 
-def made(t, m, seed=0, missing=0.3, known=True):
-    """Tracks in which every frame and marker is seen at least once."""
+def random_tracks(t, m, seed=0, missing=0.3, known=True):
+    """Return tracks in which every frame and marker is visible at least once."""
     rng = np.random.default_rng(seed)
     points = rng.normal(0, 200, (t, m, 3))
     gone = rng.random((t, m)) < missing
@@ -44,7 +44,7 @@ def same(a, b, places=1e-6, times=1e-9):
 @given(st.integers(1, 6), st.integers(1, 4), st.integers(0, 99), st.booleans())
 def test_round_trip(tmp_path_factory, t, m, seed, known):
     path = tmp_path_factory.mktemp("t") / "tracks.csv"
-    tracks = made(t, m, seed, known=known)
+    tracks = random_tracks(t, m, seed, known=known)
     write_csv(path, tracks)
     same(tracks, read_csv(path))
     assert path.read_text("utf-8").splitlines()[0] == HEADER
@@ -73,18 +73,18 @@ def test_rows_in_any_order_and_as_spreadsheets_save_them(tmp_path):
     lines = ["5,0.2,2,1,1,1,nan,nan,nan", "4,0.1,3,2,2,2,nan,nan,nan", "4,0.1,2,3,3,3,nan,nan,nan"]
     path = tmp_path / "a.csv"
     path.write_bytes(("\ufeff" + "\r\n".join([HEADER, *lines, ""])).encode())
-    found = read_csv(path)
-    assert found.frame.tolist() == [4, 5]
-    assert found.points[:, :, 0] == pytest.approx(np.array([[3, 2], [1, np.nan]]), nan_ok=True)
+    result = read_csv(path)
+    assert result.frame.tolist() == [4, 5]
+    assert result.points[:, :, 0] == pytest.approx(np.array([[3, 2], [1, np.nan]]), nan_ok=True)
 
 
-def test_a_long_table_is_fast(tmp_path):
-    tracks = made(5000, 20, missing=0.1)
+def test_long_table_is_fast(tmp_path):
+    tracks = random_tracks(5000, 20, missing=0.1)
     begun = time.perf_counter()
     write_csv(tmp_path / "a.csv", tracks)
-    found = read_csv(tmp_path / "a.csv")
+    result = read_csv(tmp_path / "a.csv")
     assert time.perf_counter() - begun < 5
-    same(tracks, found)
+    same(tracks, result)
 
 
 @pytest.mark.parametrize(
@@ -128,11 +128,11 @@ def test_missing_file_and_folder(tmp_path):
     with raises(CaptureError, "file-unreadable"):
         read_csv(tmp_path / "none.csv")
     with pytest.raises(StorageError):
-        write_csv(tmp_path / "none" / "a.csv", made(2, 2))
+        write_csv(tmp_path / "none" / "a.csv", random_tracks(2, 2))
 
 
-def test_implausibly_many_frames_and_markers_are_refused_at_once(tmp_path):
-    """20,000 rows, each of another frame and another marker: 19 GB."""
+def test_implausibly_many_frames_and_markers_are_rejected_at_once(tmp_path):
+    """20,000 rows, each of another frame and marker, would need 19 GB."""
     path = tmp_path / "a.csv"
     rows = (f"{k},{k}.5,{k},1,2,3,nan,nan,nan" for k in range(20_000))
     path.write_text("\n".join([HEADER, *rows]) + "\n")

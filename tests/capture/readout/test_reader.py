@@ -1,4 +1,4 @@
-"""The reader on a twin's board over real ports: greeting, freshness, unplugging, wrong ends."""
+"""The reader of a simulated board over real ports: greeting, gaps, errors and clocks."""
 
 import contextlib
 import json
@@ -31,8 +31,8 @@ def board(speed=1.0):
     return ReadoutTwin(SpecimenTwin(CordTraits(Response.line(2.0)), rng), speed=speed)
 
 
-class Plugged:
-    """A board's twin on a pseudo-terminal, until it is unplugged."""
+class PluggedBoard:
+    """A simulated board on a pseudo-terminal, until it is unplugged."""
 
     def __init__(self, twin):
         self._master, slave = os.openpty()
@@ -46,7 +46,7 @@ class Plugged:
 
     def _run(self):
         while not self._gone.is_set():
-            with contextlib.suppress(OSError):  # nothing was written, or nobody is there
+            with contextlib.suppress(OSError):  # nothing was written, or the other end is closed
                 self._twin.write(os.read(self._master, 1000))
             data = self._twin.read(4096)
             if data:
@@ -64,7 +64,7 @@ def plug():
     plugged = []
 
     def on(twin):
-        plugged.append(Plugged(twin))
+        plugged.append(PluggedBoard(twin))
         return plugged[-1]
 
     yield on
@@ -106,23 +106,23 @@ def test_unplugged_in_the_middle_of_a_recording(plug, tmp_path):
         assert reader.statistics.gaps == 1
         recorder.extend(items)
     assert kinds(items) == ["start", "gap", "resumed", "restart"]
-    found = read_recording(tmp_path / "r.csv")
+    result = read_recording(tmp_path / "r.csv")
     samples = [i for i in items if isinstance(i, StampedSample)]
-    assert found.counter.tolist() == [s.sample.counter for s in samples]
-    at = {e["event"]: n for n, e in found.events}
-    before, after = found.counter[: at["gap"]], found.counter[at["resumed"] :]
+    assert result.counter.tolist() == [s.sample.counter for s in samples]
+    at = {e["event"]: n for n, e in result.events}
+    before, after = result.counter[: at["gap"]], result.counter[at["resumed"] :]
     assert len(before) > 30
     assert len(after) > 60
     assert (np.diff(before) == 1).all()
     assert (np.diff(after) == 1).all()
-    assert (np.diff(found.device_us) > 0).all()
-    gap = (found.device_us[at["resumed"]] - found.device_us[at["gap"] - 1]) / 1e6
-    assert gap == pytest.approx((found.host_ns[at["resumed"]] - found.host_ns[at["gap"] - 1]) / 1e9,
-                                abs=0.1)  # fmt: skip
+    assert (np.diff(result.device_us) > 0).all()
+    around = [at["gap"] - 1, at["resumed"]]
+    gap_us, gap_ns = (np.diff(times[around])[0] for times in (result.device_us, result.host_ns))
+    assert gap_us / 1e6 == pytest.approx(gap_ns / 1e9, abs=0.1)
 
 
 def test_over_a_socket():
-    """socket://: the same bytes from a program."""
+    """A program sends the same bytes as a board."""
     twin, server = board(), socket.create_server(("127.0.0.1", 0))
 
     def serve():
@@ -155,17 +155,17 @@ def test_ports_that_are_absent_busy_or_unusable(plug, tmp_path):
     with raises(CaptureError, "port-not-found", port="/dev/ttyUSB77"):
         open_port("/dev/ttyUSB77")
     port = plug(board()).path
-    held = open_port(port)
+    busy_port = open_port(port)
     with raises(CaptureError, "port-busy", port=port):
         open_port(port)
-    held.close()
+    busy_port.close()
     (tmp_path / "file").write_text("x")
     with raises(CaptureError, "port-unavailable"):
         open_port(str(tmp_path / "file"))
 
 
-class Saying:
-    """Something on a port that says the same whatever it is asked."""
+class ConstantPort:
+    """A port that always sends the same bytes."""
 
     def __init__(self, data):
         self._data = data
@@ -196,20 +196,20 @@ class Saying:
 def test_another_device_or_a_wrong_board_answers(monkeypatch, data, code):
     monkeypatch.setattr("defsense_fab.capture.readout.reader.GREETING_TIMEOUT_S", 0.3)
     with raises(CaptureError, code):
-        Reader(lambda: Saying(data), "port", ReadoutSettings(channels=5)).start()
+        Reader(lambda: ConstantPort(data), "port", ReadoutSettings(channels=5)).start()
 
 
 def test_readings_are_fresh():
     with Reader(board, "twin", ReadoutSettings(rate=50)) as reader:
         gather(reader, 0.3)
         assert time.monotonic_ns() - reader.read_latest(0.2).host_ns < 0.2e9
-    quiet = Reader(lambda: Saying(encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024))), "p")
+    quiet = Reader(lambda: ConstantPort(encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024))), "p")
     with quiet, raises(StaleError, "no-sample-yet"):
         quiet.read_latest(1.0)
 
 
-def test_a_sink_receives_everything_and_its_error_is_raised():
-    """A full disk must not end the thread in silence."""
+def test_sink_receives_everything_and_its_error_is_raised():
+    """A full disk must not end the thread silently."""
     seen = []
 
     def sink(item):
@@ -220,11 +220,11 @@ def test_a_sink_receives_everything_and_its_error_is_raised():
     reader = Reader(board, "twin", ReadoutSettings(rate=50))
     reader.sink = sink
     with reader:
-        got = gather(reader, 0.15)
+        received = gather(reader, 0.15)
         time.sleep(0.4)
         with raises(StorageError, "disk-full"):
             gather(reader, 0.3)
-    assert got == seen[: len(got)]
+    assert received == seen[: len(received)]
 
 
 def test_read_latest_raises_the_error_that_ended_the_reader():
@@ -249,7 +249,7 @@ def samples(reader, numbers):
 
 
 def test_items_that_are_not_drained_are_dropped_and_counted(monkeypatch):
-    """Memory is bounded, and nothing is lost in silence; a sink gets everything all the same."""
+    """Memory is bounded, losses are reported, and a sink still receives everything."""
     monkeypatch.setattr("defsense_fab.capture.readout.reader.MAX_WAITING_ITEMS", 10)
     reader, written = Reader(board, "twin"), []
     reader.sink = written.append
@@ -264,17 +264,17 @@ def test_items_that_are_not_drained_are_dropped_and_counted(monkeypatch):
     assert reader.statistics.dropped == 15
 
 
-class Slow(Saying):
-    """A port that takes its time to write and, if it is to, to read."""
+class SlowPort(ConstantPort):
+    """A port whose `write`, and optionally `read`, waits for `resume`."""
 
     def __init__(self, reads=False):
         super().__init__(b"")
-        self.entered, self.go_on, self.closed = threading.Event(), threading.Event(), False
+        self.entered, self.resume, self.closed = threading.Event(), threading.Event(), False
         self._reads, self.closed_under_it = reads, False
 
     def _wait(self):
         self.entered.set()
-        self.go_on.wait(5)
+        self.resume.wait(5)
         self.closed_under_it |= self.closed
 
     def write(self, data):
@@ -290,8 +290,8 @@ class Slow(Saying):
         self.closed = True
 
 
-def test_a_port_is_not_closed_under_a_command():
-    port, reader = Slow(), Reader(board, "twin")
+def test_port_is_not_closed_under_a_command():
+    port, reader = SlowPort(), Reader(board, "twin")
     reader._port = port
     sender = threading.Thread(target=reader.send, args=("led 1",))
     sender.start()
@@ -299,32 +299,32 @@ def test_a_port_is_not_closed_under_a_command():
     closer = threading.Thread(target=reader.close)
     closer.start()
     closer.join(0.2)
-    port.go_on.set()
+    port.resume.set()
     sender.join(5)
     closer.join(5)
     assert not port.closed_under_it
     assert port.closed
-    reader.send("led 2")  # to nobody: no error
+    reader.send("led 2")  # without a port: no error
 
 
-def test_a_port_with_a_hanging_driver_is_closed_by_its_thread(monkeypatch):
+def test_port_with_a_hanging_driver_is_closed_by_its_thread(monkeypatch):
     monkeypatch.setattr(
         "defsense_fab.capture.readout.reader.THREAD_JOIN_TIMEOUT_S", 0.1, raising=False
     )
-    port, reader = Slow(reads=True), Reader(board, "twin")
+    port, reader = SlowPort(reads=True), Reader(board, "twin")
     reader._port = port
     reader._thread.start()
     assert port.entered.wait(5)
     reader.close()
     assert not port.closed
-    port.go_on.set()
+    port.resume.set()
     reader._thread.join(5)
     assert port.closed
     assert not port.closed_under_it
 
 
-def test_a_wrapping_clock_continues():
-    """micros() begins anew after 71 minutes; the device's time goes on."""
+def test_wrapping_clock_continues():
+    """`micros()` restarts after 71 minutes; the device's time continues."""
     reader = Reader(board, "twin")
     last = 2**32 - 30_000
     for n in range(4):
@@ -336,25 +336,25 @@ def test_a_wrapping_clock_continues():
 
 
 @pytest.mark.parametrize("drift", [-80e-6, 0.0, 200e-6])
-def test_clocks(drift):
-    """Offset and drift from arrivals that are late at random, by up to 30 ms, and once by 2 s."""
+def test_clock_offset_and_drift_are_fitted(drift):
+    """Arrivals are late at random by up to 30 ms, and once by 2 s."""
     rng = np.random.default_rng(0)
     device = np.arange(0, 600, 0.02)
     late = 0.002 + rng.exponential(0.008, len(device))
     late[1000] += 2
     host = 5000 + (1 + drift) * device + late
-    found = fit_clocks(device, host)
-    assert found.drift == pytest.approx(drift, abs=2e-6)
-    assert found.to_host(device) == pytest.approx(host - late + 0.002, abs=0.001)
-    assert found.delay == pytest.approx(0.008 * np.log(2), rel=0.15)
+    result = fit_clocks(device, host)
+    assert result.drift == pytest.approx(drift, abs=2e-6)
+    assert result.to_host(device) == pytest.approx(host - late + 0.002, abs=0.001)
     one = fit_clocks(device[:1], host[:1])
-    assert (one.drift, one.delay) == (0, 0)
+    assert one.drift == 0
 
 
-def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
+def test_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
     good = Port(plug(board()).path, "USB Serial")
     monkeypatch.setattr(
-        "defsense_fab.capture.readout.ports.serial_ports", lambda: [good, Port("/dev/none", "")]
+        "defsense_fab.workflow.calibrate.readout.serial_ports",
+        lambda: [good, Port("/dev/none", "")],
     )
     assert main(["calibrate", "ports"]) == 0
     output = capsys.readouterr().out
@@ -365,13 +365,13 @@ def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
     assert f"--port {good.device}" in output.splitlines()[-1]
     assert main(["calibrate", "ports", "--list", "--json"]) == 0
     assert [p["device"] for p in json.loads(capsys.readouterr().out)] == [good.device, "/dev/none"]
-    monkeypatch.setattr("defsense_fab.capture.readout.ports.serial_ports", lambda: [])
+    monkeypatch.setattr("defsense_fab.workflow.calibrate.readout.serial_ports", lambda: [])
     assert main(["calibrate", "ports"]) == 0
     assert "/dev/" not in capsys.readouterr().out
 
 
-class Answering(Saying):
-    """A read-out board that tells what it is, and sends samples, two at a time, or none."""
+class SampleBoard(ConstantPort):
+    """A board that describes itself, and sends two samples at a time, or none."""
 
     def __init__(self):
         super().__init__(encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024)))
@@ -387,11 +387,11 @@ class Answering(Saying):
         return data
 
 
-def test_a_silent_board_is_reported_once(monkeypatch):
-    """It answers whenever it is greeted: it has resumed only when samples come again."""
+def test_silent_board_is_reported_once(monkeypatch):
+    """It answers greetings, but has resumed only when samples arrive again."""
     for name, value in (("SILENCE_S", 0.4), ("SILENCE_SAMPLES", 1), ("REOPEN_INTERVAL_S", 0.01)):
         monkeypatch.setattr(f"defsense_fab.capture.readout.reader.{name}", value)
-    board = Answering()
+    board = SampleBoard()
     with Reader(lambda: board, "port") as reader:
         before = gather(reader, 0.3)
         board.sends = False
@@ -408,23 +408,22 @@ def test_a_silent_board_is_reported_once(monkeypatch):
     assert all(isinstance(i, StampedSample) for i in again[1:])
 
 
-def test_the_error_of_a_sink_after_a_gap_is_raised():
-    """As a recording does when the read-out board was given other channels meanwhile; the port is
-    not opened again and again for it."""
+def test_error_of_a_sink_after_a_gap_is_raised():
+    """The port is not reopened repeatedly because of it."""
 
     def sink(item):
         if isinstance(item, StampedSample):
             raise CaptureError("a frame of 3 channels", code="channels-differ")
 
-    gone = Reader(Answering, "port")
+    gone = Reader(SampleBoard, "port")
     gone.sink = sink
     with raises(CaptureError, "channels-differ"):
         gone._reopen()
 
 
 @pytest.mark.slow
-def test_a_board_that_is_reset_behind_an_open_port():
-    """It speaks in plain lines then, until it is greeted again."""
+def test_board_that_is_reset_behind_an_open_port():
+    """It sends plain lines until it is greeted again."""
     twin = board()
     with Reader(lambda: twin, "twin", ReadoutSettings(rate=50)) as reader:
         before = gather(reader, 0.4)

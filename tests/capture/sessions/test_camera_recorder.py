@@ -1,4 +1,4 @@
-"""A camera's thread and what it writes to, also where the camera's driver hangs."""
+"""The thread of a camera closes what it opened, also if the camera's driver hangs."""
 
 import json
 import threading
@@ -15,11 +15,11 @@ from tests.capture.sessions import capture_rig as rig
 
 
 class Hanging:
-    """`Images` that give one picture; the next call comes back when it is told to."""
+    """An `ImageSource` that gives one image; the next `read` waits for `resume`."""
 
     def __init__(self):
         self.name, self.size = "cam_0", rig.SIZE
-        self.inside, self.go_on = threading.Event(), threading.Event()
+        self.inside, self.resume = threading.Event(), threading.Event()
         self.closed, self.closed_under_read, self.pictures = 0, False, 0
 
     def start(self):
@@ -29,7 +29,7 @@ class Hanging:
         self.pictures += 1
         if self.pictures > 1:
             self.inside.set()
-            self.go_on.wait(5)
+            self.resume.wait(5)
             self.closed_under_read |= self.closed > 0
         return np.zeros(rig.SIZE[::-1], np.uint8), 10**9 * self.pictures
 
@@ -37,16 +37,16 @@ class Hanging:
         self.closed += 1
 
 
-def watcher(run, source, log, **options):
+def make_recorder(run, source, log, **options):
     return CameraRecorder(
         lambda: source, rig.cameras()[0], dictionary("4X4_50"), run, log, **options
     )
 
 
-def test_a_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
-    """It writes the picture that it comes back with, and nothing to files of others."""
+def test_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
+    """It writes the image that was being read, and nothing to other files."""
     log, source = Log(tmp_path / LOG), Hanging()
-    recorder = watcher(tmp_path, source, log)
+    recorder = make_recorder(tmp_path, source, log)
     join = recorder._thread.join
     monkeypatch.setattr(recorder._thread, "join", lambda timeout=None: join(0.1))
     recorder.start()
@@ -55,7 +55,7 @@ def test_a_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
     log.close()
     with (tmp_path / BOARD).open("wb", buffering=0) as other:  # may get the log's descriptor
         assert not source.closed
-        source.go_on.set()
+        source.resume.set()
         join(5)
         other.write(b"mine")
     assert (tmp_path / BOARD).read_bytes() == b"mine"
@@ -68,10 +68,10 @@ def test_a_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
         recorder._frames.line("late")
 
 
-def test_a_camera_that_returns_late_writes_to_no_other_file(tmp_path, monkeypatch):
-    """What its thread has to tell comes when the log is closed."""
+def test_camera_that_returns_late_writes_to_no_other_file(tmp_path, monkeypatch):
+    """Its thread logs an event after the log was closed."""
     log, source = Log(tmp_path / LOG), Hanging()
-    recorder = watcher(tmp_path, source, log)
+    recorder = make_recorder(tmp_path, source, log)
     join = recorder._thread.join
     monkeypatch.setattr(recorder._thread, "join", lambda timeout=None: join(0.1))
     recorder.start()
@@ -80,7 +80,7 @@ def test_a_camera_that_returns_late_writes_to_no_other_file(tmp_path, monkeypatc
     log.close()
     monkeypatch.setattr(recorder, "_record", lambda *frame: log.event("late"))
     with (tmp_path / BOARD).open("wb", buffering=0) as other:
-        source.go_on.set()
+        source.resume.set()
         join(5)
         other.write(b"mine")
     assert (tmp_path / BOARD).read_bytes() == b"mine"
@@ -88,9 +88,9 @@ def test_a_camera_that_returns_late_writes_to_no_other_file(tmp_path, monkeypatc
     assert source.closed == 1
 
 
-def test_a_recorder_that_never_started_closes_at_once(tmp_path):
+def test_recorder_that_never_started_closes_at_once(tmp_path):
     log = Log(tmp_path / LOG)
-    recorder = watcher(tmp_path, Hanging(), log)
+    recorder = make_recorder(tmp_path, Hanging(), log)
     recorder.close()
     with pytest.raises(StorageError):
         recorder._tags.line("late")
@@ -99,7 +99,7 @@ def test_a_recorder_that_never_started_closes_at_once(tmp_path):
 
 def test_data_that_do_not_reach_the_disk_raise_on_close(tmp_path, monkeypatch):
     log, source = Log(tmp_path / LOG), Hanging()
-    recorder = watcher(tmp_path, source, log)
+    recorder = make_recorder(tmp_path, source, log)
     recorder.start()
     assert source.inside.wait(5)
 
@@ -107,7 +107,7 @@ def test_data_that_do_not_reach_the_disk_raise_on_close(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    source.go_on.set()
+    source.resume.set()
     with pytest.raises(StorageError):
         recorder.close()
     monkeypatch.undo()

@@ -1,4 +1,4 @@
-"""Sessions of several runs, and long ones: drift of the cords in between, tags read in blocks."""
+"""Sessions of several runs and long ones: drift of cords between runs, tags read in blocks."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from defsense_fab.workflow.sessions.processing import process_session
 from tests.support import memory
 
 SECONDS = 20.0
-MB_A_MINUTE = 8.0  # 60 of them, and what any length takes, are 1 GB at most
+MAX_MB_PER_MINUTE = 8.0  # an hour, and the memory of any duration, must fit in 1 GB
 
 
 def recorded(folder, *runs):
-    """A session before two cameras, of runs with these settings."""
+    """Return a session with two cameras and runs with these settings."""
     session = memory.create(folder, 2, 12)
     for k, settings in enumerate(runs):
         memory.record(session, SECONDS, np.random.default_rng(k), **settings)
@@ -28,10 +28,9 @@ def recorded(folder, *runs):
 
 
 def at_rest(result, run):
-    """The signals (t, c) of a run while the device rests, by the frames' times."""
+    """Return the signals (t, c) of a run while the device rests."""
     starts = np.flatnonzero(np.diff(result.tracks.time, prepend=-10.0) > 0.5)
-    begin = result.tracks.time[starts[run]]
-    time = result.tracks.time - begin
+    time = result.tracks.time - result.tracks.time[starts[run]]
     signals = result.signals[(time > 0.5) & (time < memory.RESTS - 0.5)]
     return signals[np.isfinite(signals).all(axis=1)]
 
@@ -44,9 +43,9 @@ def test_cords_that_drift_between_runs_are_zero_at_rest_in_both(tmp_path):
         assert len(rest) > 50
         assert np.abs(rest).max() < 1e-3
     assert result.signals[np.isfinite(result.signals[:, 0]), 0].max() > 0.05
-    told = json.loads((session.folder / "quality.json").read_text("utf-8"))["R0"]
-    assert told["run-1"] == pytest.approx([1200.0] * 4, rel=1e-3)
-    assert told["run-2"] == pytest.approx([1260.0] * 4, rel=1e-3)
+    R0 = json.loads((session.folder / "quality.json").read_text("utf-8"))["R0"]
+    assert R0["run-1"] == pytest.approx([1200.0] * 4, rel=1e-3)
+    assert R0["run-2"] == pytest.approx([1260.0] * 4, rel=1e-3)
     assert not [w for w in result.quality["warnings"] if "R0" in w]
 
 
@@ -55,25 +54,25 @@ def test_runs_of_different_rates_are_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "RATE", 25.0)
     memory.record(session, SECONDS, np.random.default_rng(1))
     result = process_session(session.folder)
-    (told,) = [w for w in result.quality["warnings"] if "rates" in w]
-    assert "(30, 25 Hz)" in told
+    (warning,) = [w for w in result.quality["warnings"] if "rates" in w]
+    assert "(30, 25 Hz)" in warning
     assert result.quality["rate"] is None
 
 
-def test_a_run_without_rest_uses_the_nearest_rest_with_a_warning(tmp_path):
+def test_run_without_rest_uses_the_nearest_rest_with_a_warning(tmp_path):
     session = recorded(
         tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1230.0}, {"ohm": 1260.0, "rests": False}
     )
     result = process_session(session.folder)
-    told = result.quality["R0"]
-    assert told["run-3"] == told["run-2"]
-    assert told["run-1"] != told["run-2"]
+    R0 = result.quality["R0"]
+    assert R0["run-3"] == R0["run-2"]
+    assert R0["run-1"] != R0["run-2"]
     assert at_rest(result, 2) == pytest.approx(1260 / 1230 - 1, abs=2e-3)
     assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
 
 
 def test_all_samples_have_times_of_the_tracks_clock(tmp_path, monkeypatch):
-    """Of runs whose read-out boards started at other times, the LED in view."""
+    """The read-out boards of two runs started at different times; the LED is in view."""
     session = recorded(tmp_path / "s", {"led": True}, {"led": True, "ohm": 1260.0})
     for k, run in enumerate(session.runs):
         head = (run / sessions.BOARD).read_text("utf-8").splitlines()
@@ -85,36 +84,36 @@ def test_all_samples_have_times_of_the_tracks_clock(tmp_path, monkeypatch):
     whole = path.read_text("utf-8")
     names = "run,counter,device_us,time,a,b,c,d,a_ohm,b_ohm,c_ohm,d_ohm"
     assert whole.splitlines()[0] == names
-    begins = result.tracks.time[np.diff(result.tracks.time, prepend=-10.0) > 0.5]
+    starts = result.tracks.time[np.diff(result.tracks.time, prepend=-10.0) > 0.5]
     lines = [line.split(",") for line in whole.splitlines()[1:]]
-    for k, (name, begin) in enumerate(zip(("run-1", "run-2"), begins, strict=True)):
+    for k, (name, start) in enumerate(zip(("run-1", "run-2"), starts, strict=True)):
         rows = np.array([line[1:] for line in lines if line[0] == name], float)
         assert rows[:, 0].tolist() == list(range(int(SECONDS * memory.BOARD_RATE)))
         t = rows[:, 0] / memory.BOARD_RATE
         assert rows[:, 1] == pytest.approx(1e6 * t + 3e6 * k, abs=1)
         # Half a sample, by which the LED's flag may be late.
-        assert rows[:, 2] == pytest.approx(begin + t, abs=0.6 / memory.BOARD_RATE)
+        assert rows[:, 2] == pytest.approx(start + t, abs=0.6 / memory.BOARD_RATE)
         assert rows[:, 3] == pytest.approx(memory.GAINS[0] * memory.level(t, SECONDS), abs=2e-3)
         ohm = (1260.0 if k else 1200.0) * (1 + rows[:, 3])
         assert rows[:, 7] == pytest.approx(ohm, rel=1e-3)
-    # At the frames' times they are the signals.
+    # At the frames' times the samples agree with the signals.
     table = np.array([[float(x or "nan") for x in line[3:]] for line in lines])
     good = np.isfinite(result.signals[:, 0])
     between = np.interp(result.tracks.time, table[:, 0], table[:, 1])
     assert between[good] == pytest.approx(result.signals[good, 0], abs=1e-5)
-    # In blocks of any size; and none is left of a session that has none.
+    # The size of the blocks does not matter. Without clocks the file is removed.
     monkeypatch.setattr(results, "BLOCK_SAMPLES", 777)
     write = (path, session, result.clocks, result.quality["R0"])
     results.write_samples(*write)
     assert path.read_text("utf-8") == whole
     results.write_samples(path, session, {"run-1": []}, result.quality["R0"])
-    assert path.read_text("utf-8").splitlines()[1].startswith("run-1,0,0,,0.0")  # clocks not known
+    assert path.read_text("utf-8").splitlines()[1].startswith("run-1,0,0,,0.0")  # without a time
     results.write_samples(path, session, {}, {})
     assert not path.exists()
 
 
 @pytest.mark.parametrize(("printed", "is_warned"), [(0.97, True), (1.0, False)])
-def test_tags_of_another_size_are_noticed_by_two_cameras(tmp_path, monkeypatch, printed, is_warned):
+def test_two_cameras_detect_tags_of_another_size(tmp_path, monkeypatch, printed, is_warned):
     side = memory.SIDE
     session = memory.create(tmp_path / "s", 2, 12)
     monkeypatch.setattr(memory, "SIDE", printed * side)
@@ -142,10 +141,10 @@ def test_one_camera_cannot_measure_the_size(tmp_path, monkeypatch):
 
 
 def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
-    """Six of ten, in two runs, with a tag that is never seen: in the session's own files, too."""
+    """Six of ten frames are dropped in two runs, and a tag is never visible."""
     session = recorded(tmp_path / "s", {}, {})
     rng = np.random.default_rng(4)
-    kept = []
+    frame_counts = []
     for run in session.runs:
         for name in ("cam_0.csv", "cam_1.csv"):
             head, *lines = (run / name).read_text("utf-8").splitlines()
@@ -156,47 +155,49 @@ def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
             head, *lines = (run / name).read_text("utf-8").splitlines()
             lines = [line for line in lines if line.split(",")[0] not in drop]
             (run / name).write_text("\n".join([head, *lines, ""]))
-        kept.append(600 - len(drop))
+        frame_counts.append(600 - len(drop))
     result = process_session(session.folder)
     q = result.quality
-    assert (q["frames"], q["dropped"]) == (sum(kept), 720)
+    assert (q["frames"], q["dropped"]) == (sum(frame_counts), 720)
     assert q["rate"] == pytest.approx(30, rel=1e-4)
     whole = read_tracks(session.folder / "aligned.csv")
-    assert len(whole.time) == sum(kept) + 720 + 29  # a second between the runs
+    assert len(whole.time) == sum(frame_counts) + 720 + 29  # a second between the runs
     assert whole.ids.tolist() == list(range(12))
     for suffix in (".c3d", ".trc", ".npz", ".parquet"):
         written = write_tracks(tmp_path / f"a{suffix}", result.aligned)
         assert written.rate == pytest.approx(q["rate"])
-        found = read_tracks(tmp_path / f"a{suffix}")
-        assert found.frame.tolist() == whole.frame.tolist()
-        assert found.ids.tolist() == whole.ids.tolist()
-        np.testing.assert_allclose(found.time, whole.time, atol=1e-4)
-        np.testing.assert_allclose(found.points, whole.points, atol=1e-4)
+        tracks = read_tracks(tmp_path / f"a{suffix}")
+        assert tracks.frame.tolist() == whole.frame.tolist()
+        assert tracks.ids.tolist() == whole.ids.tolist()
+        np.testing.assert_allclose(tracks.time, whole.time, atol=1e-4)
+        np.testing.assert_allclose(tracks.points, whole.points, atol=1e-4)
     signals = np.genfromtxt(session.folder / "signals.csv", delimiter=",", names=True)
     assert signals["frame"].tolist() == whole.frame.tolist()
     np.testing.assert_allclose(signals["time"], whole.time, atol=1e-5)
-    taken = np.isin(whole.frame, result.tracks.frame)
-    np.testing.assert_allclose(signals["a"][taken], result.signals[:, 0], atol=1e-6)
-    assert np.isnan(signals["a"][~taken]).all()
+    is_recorded = np.isin(whole.frame, result.tracks.frame)
+    np.testing.assert_allclose(signals["a"][is_recorded], result.signals[:, 0], atol=1e-6)
+    assert np.isnan(signals["a"][~is_recorded]).all()
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the memory")
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads the memory from Linux")
 def test_memory_grows_little_with_duration(tmp_path):
-    """An hour of six cameras must fit in 1 GB (`tests/support/memory.py`), of which imports take
-    190 MB and the work on any length 200 MB."""
-    needed = []
+    """An hour of six cameras must fit in 1 GB (`tests/support/memory.py`).
+
+    Imports take 190 MB of it, and the work on any duration 200 MB.
+    """
+    peaks_mb = []
     for minutes in (1, 3):
         session = memory.create(tmp_path / f"{minutes}", 6, 20)
         memory.record(session, 60 * minutes, np.random.default_rng(1))
-        found = memory.measure(session.folder)
-        needed.append(found.peak - found.imports)
-    assert needed[0] < 250
-    assert needed[1] - needed[0] < 2 * MB_A_MINUTE
+        measured = memory.measure(session.folder)
+        peaks_mb.append(measured.peak - measured.imports)
+    assert peaks_mb[0] < 250
+    assert peaks_mb[1] - peaks_mb[0] < 2 * MAX_MB_PER_MINUTE
 
 
 def test_recorded_tags_belong_to_their_frames(tmp_path, monkeypatch):
-    """In blocks of any size; also with a frame's number damaged, and with tags of no frame."""
+    """The size of the blocks, a damaged frame number and tags of no frame do not matter."""
     session = memory.create(tmp_path / "s", 1, 12)
     run = memory.record(session, 11.0, np.random.default_rng(1))
     ids = session.markers.ids[:10]
@@ -209,35 +210,29 @@ def test_recorded_tags_belong_to_their_frames(tmp_path, monkeypatch):
     path.write_text("\n".join([*lines[:-1], "12345,1"]))
     for size in (1 << 22, 300):
         monkeypatch.setattr(recorded_tags, "BLOCK_BYTES", size)
-        found = read_camera_tags(run, "cam_0", ids)
-        assert found.cut == 1
-        np.testing.assert_array_equal(found.time, frames[:, 1])
+        recording = read_camera_tags(run, "cam_0", ids)
+        assert recording.cut == 1
+        np.testing.assert_array_equal(recording.time, frames[:, 1])
         expected = (whole[:, 0] == frames[:, :1]).sum(axis=1)
-        lost = np.flatnonzero(found.tags.count != expected)
-        assert len(lost) == 1
-        assert found.tags.count[lost[0]] == expected[lost[0]] - 1
+        differing = np.flatnonzero(recording.tags.count != expected)
+        assert len(differing) == 1
+        assert recording.tags.count[differing[0]] == expected[differing[0]] - 1
         k = 200
-        rows = found.tags.store.read(found.tags.find(np.array([k]))[0])
+        rows = recording.tags.store.read(recording.tags.find(np.array([k]))[0])
         lines_k = whole[whole[:, 0] == frames[k, 0]]
         np.testing.assert_array_equal(rows["id"], lines_k[:, 2])
         np.testing.assert_array_equal(rows["corners"].reshape(-1, 8), lines_k[:, 3:11])
         spread = rows["covariance"][:, :, [0, 0, 1], [0, 1, 1]].reshape(-1, 15)
         np.testing.assert_allclose(spread, lines_k[:, 11:], rtol=1e-6)
-    # A damaged number costs its line.
+    # A line with a damaged number is left out.
     lines[60] = lines[60].replace(",", ";", 1)
     path.write_text("\n".join(lines))
     damaged = read_camera_tags(run, "cam_0", ids)
     assert damaged.cut == 1
-    assert damaged.tags.count.sum() == found.tags.count.sum() - 1
+    assert damaged.tags.count.sum() == recording.tags.count.sum() - 1
     cells = lines[80].split(",")
     for k, wrong in ((3, "1e9"), (11, "0"), (23, "0")):
         path.write_text(
             "\n".join([*lines[:80], ",".join([*cells[:k], wrong, *cells[k + 1 :]]), *lines[81:]])
         )
-        assert read_camera_tags(run, "cam_0", ids).cut in (1, 2)  # of another tag: not looked at
-    # Files of older versions do not have the covariance of the mean.
-    older = [",".join(line.split(",")[:-3]) for line in lines]
-    path.write_text("\n".join(older))
-    rows = read_camera_tags(run, "cam_0", ids).tags.store.read(np.arange(50))
-    expected = rows["covariance"][:, :4].mean(axis=1) / 4
-    np.testing.assert_allclose(rows["covariance"][:, 4], expected, rtol=1e-5)
+        assert read_camera_tags(run, "cam_0", ids).cut in (1, 2)  # 1 if the line is of another tag

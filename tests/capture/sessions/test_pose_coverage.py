@@ -1,4 +1,4 @@
-"""How far poses were shown."""
+"""The coverage of poses is measured in any position."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def levels():
 
 
 def held(points, seed):
-    """As a hand holds it, with noise and markers that are hidden."""
+    """Return points in a random position, with noise and three hidden markers."""
     rng = np.random.default_rng(seed)
     moved = Rotation.random(random_state=seed).apply(points) + rng.normal(size=3) * 100
     moved += 0.05 * rng.normal(size=points.shape)
@@ -55,14 +55,14 @@ def test_rest_and_other_shapes_are_not_poses(levels):
     hidden[:, :] = [np.nan] * 3
     hidden[:5] = np.outer(np.arange(5.0), [1, 0, 0])  # on one line
     levels.add(hidden)
-    assert all(most == 0 for most, _ in levels.reached().values())
+    assert all(extent == 0 for extent, _ in levels.reached().values())
 
 
 def test_parts_seen_before_are_not_new(levels):
     assert levels.add(held(bent(0.41), 1)) == ("bend", 1)
     assert levels.add(held(bent(0.4), 2)) is None
     levels.restore("twist", 3)
-    levels.restore("a pose that the device had once", 0)
+    levels.restore("former pose", 0)
     levels.restore("twist", BINS)
     assert levels.add(held(twisted(0.8), 3)) is None
     assert levels.reached()["twist"][1].tolist() == [False, False, False, True, False]

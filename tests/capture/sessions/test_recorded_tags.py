@@ -1,4 +1,4 @@
-"""What a camera wrote of tags, as it is read again, damaged or not."""
+"""Recorded tags are read back, also from damaged files."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def test_tags_are_read_back_from_their_file(tmp_path):
     frames.close()
     path = tmp_path / "c.csv"
     path.write_bytes(path.read_bytes().removesuffix(b"55,\n"))
-    found = read_camera_tags(tmp_path, "c", np.arange(10))
-    assert found.cut == 1
-    assert found.tags.count.tolist() == [3, 0, 3]
-    assert found.time[2] == 10**15 + 2
+    recording = read_camera_tags(tmp_path, "c", np.arange(10))
+    assert recording.cut == 1
+    assert recording.tags.count.tolist() == [3, 0, 3]
+    assert recording.time[2] == 10**15 + 2
     for frame in (0, 2):
-        rows = found.tags.store.read(found.tags.find(np.array([frame]))[0])
+        rows = recording.tags.store.read(recording.tags.find(np.array([frame]))[0])
         np.testing.assert_array_equal(rows["id"], [4, 0, 9])
         np.testing.assert_allclose(rows["corners"], corners, atol=1e-9)
         np.testing.assert_allclose(rows["covariance"], views.covariance, rtol=1e-3)
@@ -41,33 +41,33 @@ def test_tags_are_read_back_from_their_file(tmp_path):
 
 @pytest.mark.parametrize("line", [0, 1, 2, 25, 47, 48, 49])
 @pytest.mark.parametrize("wrong", ["9{}", "{}0", "{:.5}", "-{}"])
-def test_a_damaged_time_loses_only_its_line(tmp_path, line, wrong):
-    """One with digits too many or too few, wherever it stands; a pause costs nothing."""
+def test_damaged_time_loses_only_its_line(tmp_path, line, wrong):
+    """The time has too many or too few digits; a pause loses no line."""
     times = [5_000_000_000_000 + 33_000_000 * k + 20_000_000_000 * (k > 30) for k in range(50)]
-    written = list(map(str, times))
+    cells = list(map(str, times))
     (tmp_path / "cam_0.csv").write_text(",".join(sessions.TAG_COLUMNS) + "\n")
 
     def read():
-        rows = "".join(f"{k},{t},1\n" for k, t in enumerate(written))
+        rows = "".join(f"{k},{t},1\n" for k, t in enumerate(cells))
         (tmp_path / "cam_0-frames.csv").write_text("frame,host_ns,lamp\n" + rows)
         return read_camera_tags(tmp_path, "cam_0", TAGS)
 
     assert read().time.tolist() == times
-    written[0] = str(times[0] - 2_000_000_000)  # a camera that stalls after its first picture
+    cells[0] = str(times[0] - 2_000_000_000)  # a camera that stalls after its first picture
     assert read().cut == 0
-    written[0] = str(times[0])
-    written[line] = wrong.format(written[line])
-    found = read()
-    assert found.cut == 1
-    assert found.time.tolist() == times[:line] + times[line + 1 :]
+    cells[0] = str(times[0])
+    cells[line] = wrong.format(cells[line])
+    recording = read()
+    assert recording.cut == 1
+    assert recording.time.tolist() == times[:line] + times[line + 1 :]
 
 
 def test_cut_rows_are_left_out(tmp_path):
-    """Also those that a writer marked, having gone on."""
+    """Rows are also cut where a writer marked one and continued."""
     for name, columns in (("c", sessions.TAG_COLUMNS), ("c-frames", sessions.FRAME_COLUMNS)):
         (tmp_path / f"{name}.csv").write_text(",".join(columns) + "\n")
     with (tmp_path / "c-frames.csv").open("a") as file:
         file.write("0,10,nan\n1,2~\n2,30,nan\n3,4")
-    found = read_camera_tags(tmp_path, "c", TAGS)
-    assert found.time.tolist() == [10, 30]
-    assert found.cut == 2
+    recording = read_camera_tags(tmp_path, "c", TAGS)
+    assert recording.time.tolist() == [10, 30]
+    assert recording.cut == 2

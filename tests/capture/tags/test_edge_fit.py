@@ -1,4 +1,4 @@
-"""Corners of tags against the truth of the twin's pictures."""
+"""Corners of tags agree with the truth of rendered images."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ DETECTORS = {name: Detector(VIEW, dictionary(name)) for name in ("4X4_50", "36H1
 
 
 def tags(rng, name, px, tilt, count=99):
-    """Tags, `px` pixels wide face to face, all over the image."""
+    """Return tags all over the image, `px` pixels wide if they face the camera."""
     far, family, out = 400.0, dictionary(name), []
     shape = [min(int((n - 40) // (1.9 * px)), 7) for n in VIEW.size]
     grid = [np.linspace(-1, 1, n) * (w / 2 - 1.2 * px - 15) for n, w in zip(shape, VIEW.size,
@@ -40,19 +40,19 @@ def tags(rng, name, px, tilt, count=99):
 
 
 def flat(patches):
-    """Corners (n, 4, 2) px that a camera without distortion sees."""
+    """Return the corners (n, 4, 2), px, in an image without distortion."""
     c = np.array([p.corners for p in patches])
     return c[..., :2] / c[..., 2:] * VIEW.focal + MATRIX[:2, 2]
 
 
-def look(scene, blur=0.8, noise=2.0, name="4X4_50", seed=0, **optics):
+def detect(scene, blur=0.8, noise=2.0, name="4X4_50", seed=0, **optics):
     rng = np.random.default_rng(seed)
     settings = Optics(blur=blur, read_noise=noise, **{"shot_noise": 0.0, **optics})
     return DETECTORS[name].find(Renderer(VIEW, settings, rng).shoot(scene).image)
 
 
-def misses(view, patches):
-    """Errors (n, 8) px and their squares by the covariance, per coordinate (n,)."""
+def corner_errors(view, patches):
+    """Return errors (n, 8), px, and mean squares per coordinate in units of the variance (n,)."""
     error = view.corners - flat(patches)[view.ids]
     squares = np.einsum("nki,nkij,nkj->n", error, np.linalg.inv(view.covariance[:, :4]), error) / 8
     return error.reshape(-1, 8), squares
@@ -61,8 +61,8 @@ def misses(view, patches):
 @pytest.mark.parametrize("name", ["4X4_50", "36H11"])
 def test_corners_have_no_bias(name):
     patches = tags(np.random.default_rng(1), name, 44, 0.5)
-    view = look(Scene(patches), name=name)
-    error, _ = misses(view, patches)
+    view = detect(Scene(patches), name=name)
+    error, _ = corner_errors(view, patches)
     assert len(view.ids) >= 0.9 * len(patches)
     assert np.abs(error.reshape(-1, 2).mean(axis=0)).max() < 0.01
     assert np.sqrt((error**2).mean()) < 0.03
@@ -73,12 +73,14 @@ def test_corners_have_no_bias(name):
     [(20, 0.5, 2, 0.6), (20, 0.8, 1, 0.6), (30, 0.5, 4, 0.0), (30, 1.1, 2, 0.6), (30, 1.5, 2, 0.3),
      (30, 0.8, 2, 1.0), (60, 0.8, 1, 0.6), (60, 1.5, 4, 0.6)],
 )  # fmt: skip
-def test_the_stated_covariance_matches_the_errors(px, blur, noise, tilt):
+def test_stated_covariance_matches_the_errors(px, blur, noise, tilt):
     squares = []
     for name in DETECTORS if px >= 30 else ("4X4_50",):
         for seed in range(2 if px < 60 else 3):
             patches = tags(np.random.default_rng(seed), name, px, tilt, 40)
-            squares.append(misses(look(Scene(patches), blur, noise, name, seed), patches)[1])
+            squares.append(
+                corner_errors(detect(Scene(patches), blur, noise, name, seed), patches)[1]
+            )
     squares = np.concatenate(squares)
     assert len(squares) >= 40
     assert 0.3 < squares.mean() < 2
@@ -94,15 +96,15 @@ def test_the_stated_covariance_matches_the_errors(px, blur, noise, tilt):
 )
 def test_dark_backgrounds_and_uneven_light(backdrop, optics):
     patches = tags(np.random.default_rng(3), "4X4_50", 44, 0.5)
-    view = look(Scene(patches, backdrop=backdrop), **optics)
-    error, squares = misses(view, patches)
+    view = detect(Scene(patches, backdrop=backdrop), **optics)
+    error, squares = corner_errors(view, patches)
     assert len(view.ids) >= 0.9 * len(patches)
     assert np.sqrt((error**2).mean()) < 0.03
     assert squares.mean() < 2
 
 
 @pytest.mark.parametrize("level", [30.0, 210.0])
-def test_a_finger_on_an_edge_moves_no_corner(level):
+def test_finger_on_an_edge_moves_no_corner(level):
     rng = np.random.default_rng(5)
     patches = tags(rng, "4X4_50", 50, 0.3)
     fingers = []
@@ -111,27 +113,27 @@ def test_a_finger_on_an_edge_moves_no_corner(level):
         on = q[0] + rng.uniform(0.2, 0.8) * (q[1] - q[0])
         out = (on - q.mean(axis=0)) / np.linalg.norm(on - q.mean(axis=0))
         fingers.append(Ellipse(tuple(on + out * rng.uniform(4, 7)), (7.0, 7.0), 0.0, level))
-    view = look(Scene(patches, occluders=tuple(fingers)))
-    error, squares = misses(view, patches)
+    view = detect(Scene(patches, occluders=tuple(fingers)))
+    error, squares = corner_errors(view, patches)
     if level > 100:
         assert len(view.ids) >= 5
-    # Wrong by much, or by more than is stated: at most one in twenty.
+    # At most one in twenty has a large error that its covariance does not state.
     bad = (np.abs(error).max(axis=1) > 0.3) & (squares > 4)
     assert bad.sum() <= max(1, len(bad) // 20)
 
 
 def test_tags_at_the_image_border_are_right_or_absent():
-    family, found = dictionary("4X4_50"), 0
+    family, result = dictionary("4X4_50"), 0
     for k, x in enumerate(np.arange(0, 44, 2.0)):
         center = 400 * np.append(VIEW.to_plane(np.array([[x, 200.0]]))[0], 1)
         patch = Patch(0, family.pattern(k), center, np.diag([1, -1, -1.0]), 40 * 400 / FOCAL)
-        view = look(Scene((patch,)), seed=k)
+        view = detect(Scene((patch,)), seed=k)
         if len(view.ids):
             assert view.ids[0] == k
             error = view.corners[0] - flat([patch])[0]
             assert np.abs(error).max() < 0.15
-            found += 1
-    assert found >= 3
+            result += 1
+    assert result >= 3
 
 
 def test_images_of_another_size_and_without_tags():
@@ -142,24 +144,29 @@ def test_images_of_another_size_and_without_tags():
     assert empty.covariance.shape == (0, 5, 2, 2)
 
 
-def soft(distance):
-    """A step as a lens blurs it, by the distance from it in px."""
+def blurred_step(distance):
+    """Return a step that a lens blurs, at distances from it, px."""
     return ndtr(distance / 0.8)
 
 
 @pytest.mark.parametrize("side", [200, 600])
 def test_all_of_a_large_tags_edge_counts(side):
-    """Two edges that bulge by 1 px, above and below their middles alike: so do the corners lie."""
+    """Two edges bulge by 1 px, symmetric about their middles, which moves the corners."""
     size, low, high = side + 100, 50.0, side + 50.0
     x, y = np.meshgrid(np.arange(float(size)), np.arange(float(size)))
     bulge = 1 - ((y - size / 2) / (side / 2)) ** 2
-    inside = soft(x - low + bulge) * soft(high + bulge - x) * soft(y - low) * soft(high - y)
+    inside = (
+        blurred_step(x - low + bulge)
+        * blurred_step(high + bulge - x)
+        * blurred_step(y - low)
+        * blurred_step(high - y)
+    )
     noise = np.random.default_rng(0).normal(0, 1, x.shape)
     image = np.clip(210 - 180 * inside + noise + 0.5, 0, 255).astype(np.uint8)
     square = np.array([[low, low], [high, low], [high, high], [low, high]])
-    found, _, fitted = refine(image, np.stack([x, y], axis=-1), square[None], 6)
+    result, _, fitted = refine(image, np.stack([x, y], axis=-1), square[None], 6)
     assert fitted.tolist() == [4]
-    left, right = found[0, [0, 3], 0], found[0, [1, 2], 0]
+    left, right = result[0, [0, 3], 0], result[0, [1, 2], 0]
     assert abs(np.diff(left)) < 0.05
     assert abs(np.diff(right)) < 0.05
     part = 0.8  # of an edge, over which the mean bulge of its line is taken
@@ -167,8 +174,8 @@ def test_all_of_a_large_tags_edge_counts(side):
     assert right.mean() == pytest.approx(high + (1 - part**2 / 3), abs=0.08)
 
 
-def test_the_fit_of_an_edge_continues_until_it_converges():
-    """A short edge that is out of focus, and begun too sharp: four steps are too few."""
+def test_fit_of_an_edge_continues_until_it_converges():
+    """Four steps are too few for a short edge out of focus whose start is too sharp."""
     rng = np.random.default_rng(2)
     d, s = rng.uniform(-3, 3, 60), rng.uniform(-6, 6, 60)
     grey = 30 + 170 * ndtr((d - 0.9) / 2.4) + rng.normal(0, 2, 60)
@@ -179,8 +186,8 @@ def test_the_fit_of_an_edge_continues_until_it_converges():
     )
 
     def fit(q, turn):
-        found = converge(s, d, grey, 60, 0.0, 1.0, 14.0, q, 170, turn, 4.0, 1e9, rows, A, B)
-        return found[2], found[3]
+        result = converge(s, d, grey, 60, 0.0, 1.0, 14.0, q, 170, turn, 4.0, 1e9, rows, A, B)
+        return result[2], result[3]
 
     early, late = (np.array([-1.0, 0, 60, 90, 0.4, 0, 0]) for _ in range(2))
     fit(early, 1)
@@ -195,20 +202,20 @@ def test_the_fit_of_an_edge_continues_until_it_converges():
 
 
 def test_detector_corners_replace_failed_fits():
-    """Tags in noise, beyond the image's border, and folded to a line."""
+    """Tags are in noise, beyond the image's border, and folded to a line."""
     rng = np.random.default_rng(0)
     image = rng.integers(0, 256, (100, 120)).astype(np.uint8)
     plane = np.stack(np.meshgrid(np.arange(120.0), np.arange(100.0)), axis=-1)
     square = np.array([[0.0, 0], [30, 0], [30, 30], [0, 30]])
     places = np.array([[40.0, 40], [-8, 5], [95, 80]])
-    seen = np.concatenate([square + places[:, None], square[None] * [1, 0] + 20])
-    corners, covariance, fitted = refine(image, plane, seen, 6)
+    detected_corners = np.concatenate([square + places[:, None], square[None] * [1, 0] + 20])
+    corners, covariance, fitted = refine(image, plane, detected_corners, 6)
     assert (fitted == 0).all()
-    assert np.abs(corners - seen).max() < 0.6
+    assert np.abs(corners - detected_corners).max() < 0.6
     sigma = np.sqrt(np.diagonal(covariance, axis1=2, axis2=3))
     assert (sigma > 0.15).all()
     assert (sigma[:3] < 1).all()
-    assert (sigma[3, :, 0] > 5).all()  # nothing tells how far along the line its corners are
+    assert (sigma[3, :, 0] > 5).all()  # where along the line its corners are is unknown
     assert (sigma[3, :, 1] < 1).all()
 
 
@@ -219,8 +226,10 @@ def test_detector_corners_replace_failed_fits():
      "webcam-dim", "phone"],
 )  # fmt: skip
 def test_pictures_as_cameras_make_them(name):
-    """Against plain OpenCV, on pictures of another renderer with sharpening, clipped levels, a
-    colour mosaic, tone curves and compression."""
+    """Errors are smaller than OpenCV's, in images of another renderer.
+
+    They have sharpening, clipped levels, a color mosaic, tone curves and compression.
+    """
     ours, plain = measure(CONDITIONS[name], frames=2, seed=11)
     assert ours.found >= plain.found - 0.01
     assert ours.rms < 0.3 * plain.rms

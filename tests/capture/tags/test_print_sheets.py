@@ -1,4 +1,4 @@
-"""What is printed has its true size, and OpenCV finds it."""
+"""Printed tags and boards have their true size, and OpenCV detects them."""
 
 import json
 from dataclasses import replace
@@ -20,7 +20,7 @@ from defsense_fab.capture.tags.print_sheets import (
     write_board,
 )
 from defsense_fab.capture.tags.tag_patterns import (
-    MARKER,
+    TAG_SHARE,
     CharucoBoard,
     dictionary,
     load_board,
@@ -34,7 +34,7 @@ PX = DPI / 25.4  # in a mm
 
 
 def rasters(path, shrunk=1.0):
-    """Pages (h, w), 0 black; `shrunk` as a printer does that fits them to its page."""
+    """Return the pages (h, w), 0 black; `shrunk` is the scale of a printer that fits them."""
     with pypdfium2.PdfDocument(str(path)) as document:
         pages = []
         for i in range(len(document)):
@@ -46,8 +46,8 @@ def rasters(path, shrunk=1.0):
         return pages
 
 
-def found(image, family):
-    """Numbers and corners (4, 2) px of the tags that OpenCV detects."""
+def detect_tags(image, family):
+    """Return the corners (4, 2), px, by number, of the tags that OpenCV detects."""
     options = cv2.aruco.DetectorParameters()
     options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     options.cornerRefinementWinSize = 3
@@ -61,8 +61,8 @@ def found(image, family):
     return rough
 
 
-def edges(image, corners, cells):
-    """Left, right, top and bottom, px, of an upright tag, from the black in bands across them."""
+def edges_of(image, corners, cells):
+    """Return left, right, top and bottom, px, of an upright tag, from bands across its edges."""
     (left, top), (right, bottom) = corners.min(0) + 0.5, corners.max(0) + 0.5
     half = 0.5 * (right - left) / (cells + 2)
 
@@ -79,8 +79,8 @@ def edges(image, corners, cells):
     )
 
 
-def ruler(strip):
-    """Between the middles of the outermost dark ticks along a strip (n,) of darkness, px."""
+def ruler_length(strip):
+    """Return the distance, px, between the outermost ticks of a strip (n,) of darkness."""
     on = np.flatnonzero(strip > 0.02)
     ends = [on[on < on[0] + 15], on[on > on[-1] - 15]]
     low, high = ((strip[e] * e).sum() / strip[e].sum() for e in ends)
@@ -88,15 +88,15 @@ def ruler(strip):
 
 
 def check_tags(pages, family, numbers, size):
-    seen = {}
+    sizes = {}
     for image in pages:
-        for number, corners in found(image, family).items():
+        for number, corners in detect_tags(image, family).items():
             assert corners[0][1] < corners[2][1], "upright"
-            assert number not in seen
-            left, right, top, bottom = edges(image, corners, family.cells)
-            seen[number] = right - left, bottom - top
-    assert sorted(seen) == sorted(numbers)
-    for across, down in seen.values():
+            assert number not in sizes
+            left, right, top, bottom = edges_of(image, corners, family.cells)
+            sizes[number] = right - left, bottom - top
+    assert sorted(sizes) == sorted(numbers)
+    for across, down in sizes.values():
         assert across / PX == pytest.approx(size, rel=1e-3)
         assert down / PX == pytest.approx(size, rel=1e-3)
 
@@ -106,7 +106,7 @@ def check_rulers(image):
     across = image[level - 4 : level + 4, round(20 * PX) : round(140 * PX)]
     down = image[round(len(image) - 140 * PX) : round(len(image) - 20 * PX), at - 4 : at + 4]
     for strip in (across, down.T):
-        assert ruler((1 - strip / 255).mean(0)) / PX == pytest.approx(100, rel=1e-3)
+        assert ruler_length((1 - strip / 255).mean(0)) / PX == pytest.approx(100, rel=1e-3)
 
 
 def check_board(image, board):
@@ -149,7 +149,7 @@ def test_tags_have_their_size(printed, name, paper, size, count, pages):
     assert drawn[0].shape == pytest.approx(np.array(PAPERS[paper])[::-1] * PX, abs=1)
 
 
-def test_a_scaled_sheet_is_detected(printed):
+def test_scaled_sheet_is_detected(printed):
     family = dictionary("4X4_50")
     (page,) = rasters(printed(family, [1, 2], 15.0, "a4"), shrunk=0.995)
     with pytest.raises(AssertionError):
@@ -161,8 +161,8 @@ def test_a_scaled_sheet_is_detected(printed):
 def test_neighboring_cells_leave_no_hairlines(printed):
     family = dictionary("4X4_50")
     (page,) = rasters(printed(family, [7], 11.3, "a4"))
-    ((number, corners),) = found(page, family).items()
-    left, right, top, bottom = edges(page, corners, family.cells)
+    ((number, corners),) = detect_tags(page, family).items()
+    left, right, top, bottom = edges_of(page, corners, family.cells)
     pattern = family.pattern(number)
     x, y = (
         np.arange(np.ceil(left), right - 1, dtype=int),
@@ -182,7 +182,7 @@ def test_neighboring_cells_leave_no_hairlines(printed):
 @pytest.mark.parametrize(
     ("board", "paper"), [(CharucoBoard(), "a4"), (CharucoBoard(5, 8, 22, 16, "36h11"), "letter")]
 )
-def test_a_board_has_its_size(tmp_path, board, paper):
+def test_board_has_its_size(tmp_path, board, paper):
     path = tmp_path / "board.pdf"
     write_board(board, path, paper)
     assert b"/PrintScaling /None" in path.read_bytes()
@@ -193,8 +193,8 @@ def test_a_board_has_its_size(tmp_path, board, paper):
         (page,) = rasters(path, shrunk=0.995)
         with pytest.raises(AssertionError):
             check_board(page, board)
-        assert not found(page, dictionary("4X4_50"))  # the family of devices' tags
-        assert not found(page, dictionary("36h11"))
+        assert not detect_tags(page, dictionary("4X4_50"))  # the family of a device's tags
+        assert not detect_tags(page, dictionary("36h11"))
 
 
 @settings(max_examples=30, deadline=None)
@@ -209,7 +209,7 @@ def test_outlines_hold_the_black_cells(black):
     assert (inside == black).all()
 
 
-def test_a_board_is_read_back(tmp_path):
+def test_board_is_read_back(tmp_path):
     board = CharucoBoard().measure(29.9)
     save_board(board, tmp_path / "board.json")
     assert load_board(tmp_path) == board
@@ -223,14 +223,14 @@ def test_a_board_is_read_back(tmp_path):
     ("changed", "code"),
     [
         ({"rows": 2}, "board-too-small"),
-        ({"square": float("nan")}, "square-size-out-of-range"),
+        ({"square": float("nan")}, "out-of-range"),
         ({"marker": 29.0}, "board-tag-size-invalid"),
         ({"columns": 21, "rows": 11}, "board-needs-more-tags"),
         ({"measured": 20.0}, "print-scale-wrong"),
         ({"dictionary": "9X9_7"}, "unknown-tag-dictionary"),
     ],
 )
-def test_impossible_boards_are_refused(changed, code):
+def test_impossible_boards_are_rejected(changed, code):
     with raises(CaptureError, code):
         replace(CharucoBoard(), **changed)
 
@@ -260,15 +260,15 @@ def test_files_that_are_not_boards(tmp_path, text, code):
         load_board(tmp_path / "other.json")
 
 
-def test_prints_that_do_not_fit_are_refused(tmp_path, printed):
+def test_prints_that_do_not_fit_are_rejected(tmp_path, printed):
     with raises(CaptureError, "print-too-large", square=30):
-        write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf")
-    write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf", "A3")
+        write_board(CharucoBoard(square=40, marker=round(40 * TAG_SHARE, 1)), tmp_path / "b.pdf")
+    write_board(CharucoBoard(square=40, marker=round(40 * TAG_SHARE, 1)), tmp_path / "b.pdf", "A3")
     with raises(CaptureError, "unknown-paper", papers=("a4", "letter", "a3")):
         write_board(CharucoBoard(), tmp_path / "b.pdf", "legal")
     with raises(CaptureError, "print-too-large"):
         printed(dictionary("4X4_50"), [1], 150.0, "a4")
-    with raises(CaptureError, "tag-number-out-of-range", tag=50, count=50):
+    with raises(CaptureError, "out-of-range", tag=50, count=50):
         printed(dictionary("4X4_50"), [50], 10.0, "a4")
     with pytest.raises(StorageError):
         write_board(CharucoBoard(), tmp_path / "none" / "b.pdf")

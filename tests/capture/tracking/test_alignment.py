@@ -1,4 +1,4 @@
-"""Frames onto the rest pose by rigid motions."""
+"""Frames are aligned with the rest pose by rigid motions."""
 
 import numpy as np
 import pytest
@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.alignment import frames, loop
 from defsense_fab.capture.tracking.alignment import MIN_WIDTH, align, rotate_covariances
-from defsense_fab.capture.tracking.rest_pose import design_positions, find_rest_pose
+from defsense_fab.capture.tracking.rest_pose import find_rest_pose
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.core.markers import Markers
 from tests.support.errors import raises
 
 REST = np.array([[0, 0, 0], [40, 0, 5], [35, 20, 0], [5, 25, 10], [20, 10, 15], [60, 5, 0.0]])
@@ -25,7 +24,7 @@ def moved(points, rotation, shift):
 
 
 def off_one_line(rest, used):
-    """Whether the markers are, by the singular values of the documented rule."""
+    """Return whether markers are off one line, by the documented rule."""
     s = np.linalg.svd(rest[used] - rest[used].mean(axis=0), compute_uv=False)
     return np.hypot(s[1], s[2]) > MIN_WIDTH * s[0]
 
@@ -41,7 +40,7 @@ def test_any_rigid_motion_is_undone_with_any_mask(m, seed, flat, noise):
     if mask.sum() < 3 or not off_one_line(rest, mask):
         with pytest.raises(CaptureError) as caught:
             align(points, rest, weights, mask)
-        assert caught.value.code in ("markers-too-few", "markers-on-one-line")
+        assert caught.value.code in ("too-few-markers", "markers-on-one-line")
         return
     before = align(points, rest, weights, mask)
     after = align(moved(points, *motions(8, rng)), rest, weights, mask)
@@ -60,7 +59,7 @@ def test_any_rigid_motion_is_undone_with_any_mask(m, seed, flat, noise):
         assert equal.ok.tolist() == fits
 
 
-def test_as_align_vectors_after_centring():
+def test_result_equals_that_of_scipy():
     points, rest, weights = frames(200, 12)
     ours, (theirs, residual) = align(points, rest, weights), loop(points, rest, weights)
     assert ours.ok.all()
@@ -83,7 +82,7 @@ def test_zero_weights_act_as_a_mask():
     assert np.abs(firm.points[:, 1] - REST[1]).max() < 1e-6
 
 
-def test_a_mirrored_frame_is_rotated_not_reflected():
+def test_mirrored_frame_is_rotated_not_reflected():
     rng = np.random.default_rng(2)
     mirrored = moved(np.broadcast_to(REST * [1, 1, -1], (5, 6, 3)), *motions(5, rng))
     out = align(mirrored, REST)
@@ -95,7 +94,7 @@ def test_a_mirrored_frame_is_rotated_not_reflected():
     assert not align(-solid[None], solid).ok.any()
 
 
-def test_frames_of_too_few_or_on_a_line_are_refused():
+def test_frames_of_too_few_or_on_a_line_are_rejected():
     line = np.array([[0, 0, 0], [30, 1, 0], [60, 0, 0], [90, 0, 0], [40, 25, 0.0]])
     points = np.tile(line, (7, 1, 1))
     points[1, 4] = np.nan  # what is left lies on a line
@@ -112,18 +111,18 @@ def test_frames_of_too_few_or_on_a_line_are_refused():
         assert np.isfinite(array[0]).all()
 
 
-def test_a_rest_pose_without_a_rotation_is_refused():
+def test_rest_pose_without_a_rotation_is_rejected():
     line = np.outer(np.arange(5.0), [10, 3, 0])
     line[4] += [0, 0, 30]
     points, ids = np.zeros((2, 5, 3)), np.array([4, 8, 15, 16, 23])
     mask = np.arange(5) < 4
     with raises(CaptureError, "markers-on-one-line", markers=[4, 8, 15, 16]):
         align(points, line, None, mask, ids=ids)
-    with raises(CaptureError, "markers-too-few", markers=[4, 23]):
+    with raises(CaptureError, "too-few-markers", markers=[4, 23]):
         align(points, np.where(np.isin(ids, [4, 23])[:, None], line, np.nan), ids=ids)
-    with raises(CaptureError, "weight-negative", marker=15, frame=0):
+    with raises(CaptureError, "out-of-range", marker=15, frame=0):
         align(points, line, np.array([1, 1, -1, 1, 1.0]), ids=ids)
-    with raises(CaptureError, "shape-wrong"):
+    with raises(CaptureError, "wrong-shape"):
         align(points, line[:4])
 
 
@@ -161,16 +160,16 @@ def test_covariances_match_sampled_errors():
     errors = np.einsum("mij,tmj->tmi", np.linalg.cholesky(S), rng.normal(size=(n, 6, 3)))
     weights, mask = np.array([1, 2, 0.5, 1, 1, 1]), np.arange(6) != 5
     sampled = align(true + errors, REST, weights, mask)
-    told = align(true[None], REST, weights, mask, sigma=S[None])
+    message = align(true[None], REST, weights, mask, sigma=S[None])
     for k in range(6):
-        found = np.cov(sampled.points[:, k].T)
-        scale = np.trace(found)
-        assert np.abs(found - told.covariance[0, k]).max() < 0.03 * scale
+        result = np.cov(sampled.points[:, k].T)
+        scale = np.trace(result)
+        assert np.abs(result - message.covariance[0, k]).max() < 0.03 * scale
     spin = Rotation.from_matrix(sampled.rotation @ R).as_rotvec()
-    assert told.rotation_sigma[0] == pytest.approx(
+    assert message.rotation_sigma[0] == pytest.approx(
         np.sqrt(np.linalg.eigvalsh(np.cov(spin.T))[-1]), rel=0.03
     )
-    np.testing.assert_allclose(told.sigma[0] ** 2, np.einsum("mii->mi", told.covariance[0]))
+    np.testing.assert_allclose(message.sigma[0] ** 2, np.einsum("mii->mi", message.covariance[0]))
 
 
 def test_covariances_turn_with_the_points():
@@ -184,7 +183,7 @@ def test_covariances_turn_with_the_points():
     np.testing.assert_allclose(rotate_covariances(expected, R.swapaxes(1, 2)), full, atol=1e-12)
 
 
-def test_noise_that_hides_the_shape_is_refused():
+def test_noise_that_hides_the_shape_is_rejected():
     points = np.tile(REST, (2, 1, 1))
     sigma = np.full((2, 6, 3), 0.05)
     sigma[1] = 30.0
@@ -192,7 +191,6 @@ def test_noise_that_hides_the_shape_is_refused():
     assert out.ok.tolist() == [True, False]
     assert np.isnan(out.points[1]).all()
     assert np.isnan(out.sigma[1]).all()
-    assert align(points, REST, sigma=sigma, max_rotation_sigma=10.0).ok.all()
     unknown = align(points, REST, sigma=sigma * np.nan)
     assert unknown.ok.all()
     assert np.isnan(unknown.sigma).all()
@@ -216,14 +214,7 @@ def test_rest_pose_from_noisy_frames_that_move():
     sigma = np.where(np.isfinite(points), 0.1, np.nan)
     out = find_rest_pose(points, sigma, REST)
     assert np.abs(out.points - REST).max() < 0.04  # noise 0.1 over some 180 frames, 4 sigma
-    assert 0.1 < out.spread.min() <= out.spread.max() < 0.18  # 0.17 less what alignment takes up
-    assert out.frames <= 300
-    assert out.seen.max() <= np.isfinite(points[..., 0]).sum(axis=0).max()
     assert not out.is_misplaced.any()
-    free = find_rest_pose(points)
-    assert np.isnan(free.distance).all()
-    between = np.linalg.norm(free.points[:, None] - free.points, axis=2)
-    np.testing.assert_allclose(between, np.linalg.norm(REST[:, None] - REST, axis=2), atol=0.06)
 
 
 def test_better_frames_count_for_more():
@@ -236,19 +227,19 @@ def test_better_frames_count_for_more():
 
 
 def test_positions_of_one_camera_have_little_weight_in_the_rest_pose():
-    """Their depth is off by as much as they say, in every frame alike."""
+    """Their depth has the same error in every frame, as large as stated."""
     rng = np.random.default_rng(12)
-    seen = REST.copy()
-    seen[5] += [0, 2.4, 0]
-    points = resting(100, rng, seen, 0.02, 0.0)
+    visible_markers = REST.copy()
+    visible_markers[5] += [0, 2.4, 0]
+    points = resting(100, rng, visible_markers, 0.02, 0.0)
     sigma = np.full(points.shape, 0.02)
     sigma[:, 5] = 2.0
     off = np.linalg.norm(find_rest_pose(points, sigma, REST).points - REST, axis=1)
     assert off[:5].max() < 0.1
     alike = find_rest_pose(points, np.full(points.shape, 0.02), REST).points - REST
     assert np.linalg.norm(alike, axis=1)[:5].max() > 0.5
-    seen[5] += [0, 2, 0]
-    points = resting(100, rng, seen, 0.02, 0.0)
+    visible_markers[5] += [0, 2, 0]
+    points = resting(100, rng, visible_markers, 0.02, 0.0)
     assert not find_rest_pose(points, sigma, REST).is_misplaced.any()
     assert find_rest_pose(points, None, REST).is_misplaced.tolist() == [False] * 5 + [True]
 
@@ -258,7 +249,7 @@ def test_misplaced_markers_are_reported_and_have_no_effect():
     glued = REST.copy()
     glued[1] += [0, 12, 0]
     design = np.vstack([REST, [[0, 0, 40.0]]])
-    design[4] = np.nan  # of no place in the design
+    design[4] = np.nan  # not in the design
     points = np.concatenate([resting(100, rng, glued, 0.02, 0.2), np.full((100, 1, 3), np.nan)], 1)
     out = find_rest_pose(points, None, design)
     assert np.flatnonzero(out.is_misplaced).tolist() == [1]
@@ -266,20 +257,19 @@ def test_misplaced_markers_are_reported_and_have_no_effect():
     assert np.abs(out.points[:6] - glued).max() < 0.05
     assert np.isnan(out.points[6]).all()
     assert np.isnan(out.distance[[4, 6]]).all()
-    assert out.seen[6] == 0
 
 
 def test_several_misplaced_markers_are_reported():
     rng = np.random.default_rng(10)
     design = rng.uniform(-40, 40, (9, 3))
     glued = design.copy()
-    glued[[0, 4, 5, 8]] += [30, 20, 0]  # all one way: the mean would go with them
+    glued[[0, 4, 5, 8]] += [30, 20, 0]  # all in one direction, which would move the mean
     out = find_rest_pose(resting(20, rng, glued, 0.02, 0.0), None, design)
     assert np.flatnonzero(out.is_misplaced).tolist() == [0, 4, 5, 8]
     assert np.abs(out.points - glued).max() < 0.1
 
 
-def test_three_markers_take_up_what_alignment_takes_up():
+def test_alignment_by_three_markers_removes_their_errors_across_the_plane():
     points = REST[None, [0, 1, 2, 5]]
     out = align(points, points[0], None, np.arange(4) < 3, sigma=np.full((1, 4, 3), 0.1))
     normal = np.cross(REST[1] - REST[0], REST[2] - REST[0])
@@ -289,23 +279,15 @@ def test_three_markers_take_up_what_alignment_takes_up():
     assert out.sigma[0, 3].max() > 0.1
 
 
-def test_an_undetermined_rest_pose_is_refused():
+def test_undetermined_rest_pose_is_rejected():
     rng = np.random.default_rng(9)
     points = resting(10, rng, missing=0)
     with raises(CaptureError, "markers-misplaced", total=6):
         find_rest_pose(points * 1.5, None, REST)
-    with raises(CaptureError, "markers-too-few", count=2):
+    with raises(CaptureError, "too-few-markers", count=2):
         find_rest_pose(points, None, np.where(np.arange(6)[:, None] < 2, REST, np.nan))
     points[:, 2:] = np.nan
     with raises(CaptureError, "rest-pose-not-visible", frames=10):
-        find_rest_pose(points, None, REST, ids=np.arange(6))
+        find_rest_pose(points, None, REST)
     with raises(CaptureError, "rest-pose-not-visible", frames=0):
-        find_rest_pose(np.empty((0, 6, 3)))
-
-
-def test_design_positions_by_number():
-    axes = np.tile(np.eye(3), (2, 1, 1))
-    design = Markers("d", "4X4_50", 10, np.array([7, 3]), REST[:2], axes, np.array([True, False]))
-    found = design_positions(design, np.array([3, 5, 7]))
-    np.testing.assert_array_equal(found[[0, 2]], REST[[1, 0]])
-    assert np.isnan(found[1]).all()
+        find_rest_pose(np.empty((0, 6, 3)), None, REST)

@@ -1,4 +1,4 @@
-"""Cameras that are moved while they record, against the truth; lenses that a model lacks."""
+"""Moves of cameras while they record are found, also with lenses that the model lacks."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from defsense_fab.capture.tracking.camera_motion import (
     which_moved,
 )
 from defsense_fab.capture.tracking.pose_equations import shared_views
-from defsense_fab.core.camera import rotation_matrices
+from defsense_fab.core.rotations import rotation_matrices
 from tests.capture.rigs import flat, rig, spread, tags
 
 SIDE, TAGS, FRAMES, NOISE = 15.0, 6, 150, 0.03
@@ -23,36 +23,36 @@ def moved(camera, axis, shift=(0.0, 0, 0)):
 
 
 def film(cameras, at, mover, after, rng, lens=0.0):
-    """Views of tags that are waved about; from frame `at` on camera `mover` stands as `after`."""
+    """Return views of moving tags; from frame `at` on, camera `mover` has the pose `after`."""
     base = tags(TAGS, rng)
     t = np.arange(FRAMES) / 30
     by = 25 * np.sin(2 * np.pi * np.outer(t, [0.7, 1.1, 0.5]) + [0, 1, 2])
-    shown = base + by[:, None, None]
-    seen = []
+    moving_tags = base + by[:, None, None]
+    pixels = []
     for k, camera in enumerate(cameras):
-        px = flat(camera, shown)
+        px = flat(camera, moving_tags)
         if k == mover:
-            px[at:] = flat(after, shown)[at:]
+            px[at:] = flat(after, moving_tags)[at:]
         off = (px - camera.matrix[:2, 2]) / camera.focal
         px += lens * camera.focal * off * (off**2).sum(-1, keepdims=True)
-        seen.append(px + rng.normal(scale=NOISE, size=px.shape))
-    corners = np.stack(seen, axis=2)
+        pixels.append(px + rng.normal(scale=NOISE, size=px.shape))
+    corners = np.stack(pixels, axis=2)
     covariance = spread((FRAMES, TAGS, len(cameras)), NOISE)
     return shared_views(np.arange(FRAMES), corners, covariance, SIDE)
 
 
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("axis", [(0.002, 0, 0), (0, 0.004, 0), (0, 0, 0.01)])
-def test_a_turn_and_a_shift_are_found(count, axis):
+def test_turn_and_a_shift_are_found(count, axis):
     rng = np.random.default_rng(count)
     cameras = rig(count)
     after = moved(cameras[1], axis, (0.5, -0.4, 0.3))
-    (found,) = find_camera_motion(cameras, film(cameras, 90, 1, after, rng, lens=0.01), 1)
-    assert found.camera == 1
-    assert abs(found.at - 90) <= 1
-    # A turn and a shift are hard to tell apart, so what counts is where it puts the picture.
+    (result,) = find_camera_motion(cameras, film(cameras, 90, 1, after, rng, lens=0.01), 1)
+    assert result.camera == 1
+    assert abs(result.at - 90) <= 1
+    # A turn and a shift are hard to distinguish, so projections are compared.
     there = tags(20, rng)
-    off = flat(found.moved(cameras[1]), there) - flat(after, there)
+    off = flat(result.moved(cameras[1]), there) - flat(after, there)
     assert np.sqrt((off**2).mean()) < 0.2 * np.sqrt(
         ((flat(cameras[1], there) - flat(after, there)) ** 2).mean()
     )
@@ -79,14 +79,14 @@ def test_motions_of_two_cameras_are_inverse():
     motion = CameraMotion(1, 0, R, np.array([1.0, 2.0, 3.0]))
     other = motion.of_other(two, one, 0)
     points = tags(3, np.random.default_rng(1)).reshape(-1, 3)
-    # The pair stands alike: from one's frame to two's.
+    # The relative pose of the pair is the same.
     first, second = motion.moved(two), other.moved(one)
     at = first.to_camera((points - one.translation) @ one.rotation)
     again = two.to_camera((points - second.translation) @ second.rotation)
     assert at == pytest.approx(again)
 
 
-def test_the_image_that_jumps_shows_which_camera_moved():
+def test_image_that_jumps_shows_which_camera_moved():
     time = np.arange(300) / 30
     rng = np.random.default_rng(2)
     slow = 10 * np.sin(0.5 * time)[:, None, None] + rng.normal(0, 0.05, (300, 4, 2))

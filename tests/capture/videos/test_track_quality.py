@@ -16,9 +16,9 @@ def sides(true, tags, frames=200, noise=0.05, apart=0.0, seed=0):
 @pytest.mark.parametrize("tags", [1, 2, 12])
 def test_a_size_that_differs_by_one_per_cent_is_reported(tags):
     for true, is_warned in ((14.55, True), (15.4, True), (15.0, False), (14.9, False)):
-        found = measure_size(sides(true, tags), 15.0)
-        assert found.side == pytest.approx(true, abs=0.02)
-        assert (found.warning is not None) == is_warned
+        result = measure_size(sides(true, tags), 15.0)
+        assert result.side == pytest.approx(true, abs=0.02)
+        assert (result.warning is not None) == is_warned
     warning = measure_size(sides(14.55, tags), 15.0).warning
     assert warning.code == "tag-size-wrong"
     assert "97.0%" in warning
@@ -26,9 +26,9 @@ def test_a_size_that_differs_by_one_per_cent_is_reported(tags):
 
 
 def test_the_standard_deviation_matches_the_scatter_of_the_median():
-    found = [measure_size(sides(15.0, 12, apart=0.1, seed=k), 15.0) for k in range(100)]
-    scatter = np.std([f.side for f in found])
-    assert np.mean([f.sigma for f in found]) == pytest.approx(scatter, rel=0.35)
+    result = [measure_size(sides(15.0, 12, apart=0.1, seed=k), 15.0) for k in range(100)]
+    scatter = np.std([f.side for f in result])
+    assert np.mean([f.sigma for f in result]) == pytest.approx(scatter, rel=0.35)
 
 
 def test_an_uncertain_size_is_not_reported():

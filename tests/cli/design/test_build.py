@@ -1,8 +1,10 @@
 """Notes that `build` prints below the table of predicted errors."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from defsense_fab.cli.design.build import _note_better_decoder, _note_worse_than_start
+from defsense_fab.cli.design.build import note_better_decoder, note_worse_than_start
 from defsense_fab.cli.main import run_command
 from defsense_fab.core.errors import DeviceError
 from tests.support.errors import raises
@@ -10,30 +12,32 @@ from tests.support.places import BAR
 
 
 def layout(decoder="affine", how="held out", initial=1.0, final=0.9):
-    return {
-        "unseen": {"affine": final, "quadratic": 0.4, "kernel": 0.6},
-        "prediction": {"decoder": decoder, "how": how, "unseen": final},
-        "initial": {"unseen": initial},
-    }
+    """Return the fields of a layout's record that the notes read."""
+    return SimpleNamespace(
+        unseen={"affine": final, "quadratic": 0.4, "kernel": 0.6},
+        prediction=SimpleNamespace(decoder=decoder, how=how, unseen=final),
+        initial=SimpleNamespace(unseen=initial),
+    )
 
 
 def test_note_on_a_better_decoder_only_for_the_affine_map():
-    (note,) = _note_better_decoder(layout())
+    (note,) = note_better_decoder(layout())
     assert all(word in note for word in ("affine", "0.90", "quadratic", "0.40"))
-    assert _note_better_decoder(layout("kernel")) == []
-    assert _note_better_decoder(layout(how="none")) == []
-    assert _note_better_decoder(layout(final=0.3)) == []
+    assert note_better_decoder(layout("kernel")) == []
+    assert note_better_decoder(layout(how="none")) == []
+    assert note_better_decoder(layout(final=0.3)) == []
 
 
 @pytest.mark.parametrize(("initial", "count"), [(1.0, 0), (0.9, 0), (0.8996, 0), (0.89, 1)])
 def test_note_on_a_search_that_ends_worse_than_its_start(initial, count):
-    assert len(_note_worse_than_start(layout(initial=initial))) == count
+    assert len(note_worse_than_start(layout(initial=initial))) == count
 
 
-@pytest.mark.parametrize("bed", ["220,220", "10,220,250", "220,220,9000"])
-def test_bed_size_is_checked(bed):
-    with raises(DeviceError, "bed-size-invalid", value=bed):
+@pytest.mark.parametrize(("bed", "value"), [("10,220,250", 10), ("220,220,9000", 9000)])
+def test_bed_size_is_checked(bed, value):
+    with raises(DeviceError, "out-of-range", value=value) as caught:
         run_command(["build", str(BAR), "--bed", bed])
+    assert caught.value.where == "--bed"
 
 
 def test_copies_are_checked():

@@ -1,4 +1,4 @@
-"""`defsense new`: its questions, errors and the created folder."""
+"""Test `defsense new`: its questions, errors and the created folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DefsenseError, StorageError
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.workflow.starts import dropped_body
+from defsense_fab.workflow.starts import body_file
 from tests.support.errors import raises
 from tests.support.places import DEVICES
 
@@ -31,38 +31,40 @@ class Terminal(io.StringIO):
 def read_once():
     """Each file is read once by its content: that takes a process of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dropped_body, "load_body_content", cache(dropped_body.load_body_content))
+        patch.setattr(body_file, "load_body_content", cache(body_file.load_body_content))
         yield
 
 
 @pytest.fixture
-def typed(monkeypatch):
-    def give(*lines):
+def type_lines(monkeypatch):
+    """Return a function that types lines into the terminal."""
+
+    def replace_input(*lines):
         monkeypatch.setattr("sys.stdin", Terminal("".join(f"{line}\n" for line in lines)))
 
-    return give
+    return replace_input
 
 
-def test_enter_chooses_the_first_example(typed, tmp_path, capsys):
-    typed("", "")
+def test_enter_chooses_the_first_example(type_lines, tmp_path, capsys):
+    type_lines("", "")
     assert main(["new", str(tmp_path / "my bar")]) == 0
     device = load_device(tmp_path / "my bar")
     assert (device.name, device.cord.name) == ("my-bar", "rubber-2mm")
     assert f"defsense build '{tmp_path / 'my bar'}'" in capsys.readouterr().out
 
 
-def test_path_with_commas_and_folder_given_as_dots(typed, tmp_path, monkeypatch):
+def test_path_with_commas_and_folder_given_as_dots(type_lines, tmp_path, monkeypatch):
     body = tmp_path / "blob, second.stl"
     body.write_bytes((DEVICES / "blob" / "blob.stl").read_bytes())
     (tmp_path / "device" / "inner").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "device" / "inner")
-    typed(str(body), "", "")
+    type_lines(str(body), "", "")
     assert main(["new", ".."]) == 0
     assert load_device(tmp_path / "device").name == "device"
 
 
-def test_invalid_answers_repeat_the_question(typed, tmp_path, capsys):
-    typed("none.stl", BLOB, "fly", "1,3", "rope", "2")
+def test_invalid_answers_repeat_the_question(type_lines, tmp_path, capsys):
+    type_lines("none.stl", BLOB, "fly", "1,3", "rope", "2")
     assert main(["new", str(tmp_path / "blob")]) == 0
     device = load_device(tmp_path / "blob")
     assert [p.name for p in device.poses] == ["bend", "twist"]
@@ -89,8 +91,8 @@ def test_one_cord_per_pose_but_at_least_three(tmp_path, capsys):
         assert load_device(tmp_path / poses).propose == cords
 
 
-def test_closed_terminal_creates_nothing(typed, tmp_path, capsys):
-    typed(BLOB)
+def test_closed_terminal_creates_nothing(type_lines, tmp_path, capsys):
+    type_lines(BLOB)
     assert main(["new", str(tmp_path / "x")]) == STOPPED
     assert capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.iterdir())
@@ -140,21 +142,21 @@ def test_an_error_is_one_line(tmp_path, capsys, monkeypatch):
 
 
 def box(path, size):
-    made = trimesh.creation.box(np.array(size))
-    path.write_bytes(made.export(file_type=path.suffix[1:]))
+    mesh = trimesh.creation.box(np.array(size))
+    path.write_bytes(mesh.export(file_type=path.suffix[1:]))
     return str(path)
 
 
-def test_answers_that_do_not_fit_the_body_repeat_the_question(typed, tmp_path, capsys):
+def test_answers_that_do_not_fit_the_body_repeat_the_question(type_lines, tmp_path, capsys):
     body = box(tmp_path / "a small.stl", (30, 6, 4.6))
     # Neither metres nor a cord that is too thick, and the path as a terminal pastes it.
-    typed(body.replace(" ", r"\ "), "m", "mm")
+    type_lines(body.replace(" ", r"\ "), "m", "mm")
     assert main(["new", str(tmp_path / "größe")]) == STOPPED
     printed = capsys.readouterr().out
     for fact in ("4.6 mm", "rubber-2mm", "4.8 mm"):
         assert fact in printed
     body = box(tmp_path / "thin.stl", (60, 12, 4.6))
-    typed(body, "", "rubber-2mm", "")
+    type_lines(body, "", "rubber-2mm", "")
     assert main(["new", str(tmp_path / "größe")]) == 0
     assert "4.8 mm" in capsys.readouterr().out
     assert load_device(tmp_path / "größe").cord.name == "rubber-1.7mm"
@@ -171,30 +173,23 @@ def test_unit_of_3mf_file_is_used_or_overridden(file_unit, given_unit, size, tmp
     model.SetUnit(
         getattr(lib3mf.ModelUnit, {"inch": "Inch", "meter": "Meter"}.get(file_unit, "MilliMeter"))
     )
-    made = trimesh.creation.box((size, size / 4, size / 4))
+    box_mesh = trimesh.creation.box((size, size / 4, size / 4))
     mesh = model.AddMeshObject()
     mesh.SetGeometry(
-        [lib3mf.Position(tuple(map(float, v))) for v in made.vertices],
-        [lib3mf.Triangle(tuple(map(int, f))) for f in made.faces],
+        [lib3mf.Position(tuple(map(float, v))) for v in box_mesh.vertices],
+        [lib3mf.Triangle(tuple(map(int, f))) for f in box_mesh.faces],
     )
     model.AddBuildItem(mesh, lib3mf.get_wrapper().GetIdentityTransform())
     model.QueryWriter("3mf").WriteToFile(str(tmp_path / "body.3mf"))
-    words = [
-        "new",
-        str(tmp_path / "x"),
-        "--body",
-        str(tmp_path / "body.3mf"),
-        "--units",
-        given_unit,
-    ]
-    assert main(words) == 0
-    made = load_body(load_device(tmp_path / "x").body).surface
-    assert np.ptp(made.vertices, axis=0)[0] == pytest.approx(100, rel=0.02)
+    body = str(tmp_path / "body.3mf")
+    assert main(["new", str(tmp_path / "x"), "--body", body, "--units", given_unit]) == 0
+    surface = load_body(load_device(tmp_path / "x").body).surface
+    assert np.ptp(surface.vertices, axis=0)[0] == pytest.approx(100, rel=0.02)
 
 
-def test_quoted_path(typed, tmp_path):
+def test_quoted_path(type_lines, tmp_path):
     body = box(tmp_path / "it's a body.stl", (60, 20, 20))
-    typed("'" + body.replace("'", "'\\''") + "'", "", "")
+    type_lines("'" + body.replace("'", "'\\''") + "'", "", "")
     assert main(["new", str(tmp_path / "x")]) == 0
 
 
@@ -221,10 +216,8 @@ def test_file_in_another_unit_than_its_format(tmp_path, capsys, monkeypatch):
     assert load_device(tmp_path / "x").body.scale == 0.001
     surface = load_body(load_device(tmp_path / "x").body).surface
     assert np.ptp(surface.vertices, axis=0) == pytest.approx([150, 40, 40])
-    assert (
-        main(["new", str(tmp_path / "y"), "--body", box(tmp_path / "m.glb", (0.15, 0.04, 0.04))])
-        == 0
-    )
+    body = box(tmp_path / "m.glb", (0.15, 0.04, 0.04))
+    assert main(["new", str(tmp_path / "y"), "--body", body]) == 0
     assert load_device(tmp_path / "y").body.scale == 1
 
 

@@ -10,7 +10,7 @@ from defsense_fab.capture.readout.source import RecordingEnd
 from defsense_fab.cli.terminal import live_lines
 from defsense_fab.cli.terminal.live_lines import LiveLines, labels, page
 from defsense_fab.core.errors import CaptureError, LiveError
-from defsense_fab.runtime.live.live_loop import LiveStatus
+from defsense_fab.workflow.run.run import LiveStatus
 from tests.runtime.live_frames import frame
 from tests.support.errors import raises
 
@@ -48,8 +48,14 @@ def no_waiting(monkeypatch):
 
 
 def test_ended_run_is_reported_once_while_others_continue(capsys):
-    first = run("COM3", ends=3, error=CaptureError("COM3: is gone"))
-    second = run("COM4", ends=30, error=RecordingEnd("COM4: the recording is at its end"))
+    first = run(
+        "COM3", ends=3, error=CaptureError("is gone", code="port-disconnected", where="COM3")
+    )
+    second = run(
+        "COM4",
+        ends=30,
+        error=RecordingEnd("COM4: the recording is at its end", code="recording-ended"),
+    )
     with LiveLines([first, second]) as lines, pytest.raises(CaptureError, match="COM3: is gone"):
         lines.follow(None)
     assert first.loop.checks == 3
@@ -63,7 +69,7 @@ def test_ended_run_is_reported_once_while_others_continue(capsys):
 
 
 def test_missing_samples_are_reported_once(capsys):
-    one = run("COM3", ends=9, error=RecordingEnd("at its end"), silent=4)
+    one = run("COM3", ends=9, error=RecordingEnd("at its end", code="recording-ended"), silent=4)
     with LiveLines([one]) as lines:
         lines.follow(None)
     assert capsys.readouterr().out.splitlines() == [
@@ -73,8 +79,17 @@ def test_missing_samples_are_reported_once(capsys):
 
 def test_json_reports_an_end_once(capsys, monkeypatch):
     monkeypatch.setattr(live_lines, "_JSON_INTERVAL_S", 0.0)
-    first = run("COM3", ends=2, error=RecordingEnd("COM3: the recording is at its end"))
-    second = run("COM4", "cube", ends=4, error=RecordingEnd("COM4: the recording is at its end"))
+    first = run(
+        "COM3",
+        ends=2,
+        error=RecordingEnd("COM3: the recording is at its end", code="recording-ended"),
+    )
+    second = run(
+        "COM4",
+        "cube",
+        ends=4,
+        error=RecordingEnd("COM4: the recording is at its end", code="recording-ended"),
+    )
     with LiveLines([first, second], as_json=True) as lines:
         lines.follow(None)
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
@@ -85,11 +100,11 @@ def test_json_reports_an_end_once(capsys, monkeypatch):
 
 
 def test_last_error_is_raised_but_not_the_end_of_a_recording():
-    end = RecordingEnd("at its end")
+    end = RecordingEnd("at its end", code="recording-ended")
     with LiveLines([run(ends=1, error=end)]) as lines:
         lines.follow(None)
     several = [
-        run("a", ends=1, error=CaptureError("first")), run("b", ends=3, error=CaptureError("last")),
+        run("a", ends=1, error=CaptureError("first", code="port-disconnected")), run("b", ends=3, error=CaptureError("last", code="port-disconnected")),
         run("c", ends=5, error=end),
     ]  # fmt: skip
     with LiveLines(several) as lines, pytest.raises(CaptureError, match="last"):
@@ -98,7 +113,7 @@ def test_last_error_is_raised_but_not_the_end_of_a_recording():
 
 def test_unexpected_error_ends_only_its_device(capsys):
     first = run("COM3", ends=2, error=np.linalg.LinAlgError("Singular matrix"))
-    second = run("COM4", ends=9, error=RecordingEnd("at its end"))
+    second = run("COM4", ends=9, error=RecordingEnd("at its end", code="recording-ended"))
     with LiveLines([first, second]) as lines, raises(LiveError, "live-loop-failed") as caught:
         lines.follow(None)
     assert caught.value.where == "bar (COM3)"

@@ -60,7 +60,7 @@ def test_json_lists_problems_and_the_dataset_is_written(tmp_path, capsys):
         (["data"], "output-missing"),
         (["data", "--out", "new", "--rate", "15"], "options-conflict"),
         (["data", "--lerobot", "new", "--rate", "0"], "out-of-range"),
-        (["data", "--lerobot", "data"], "path-exists"),
+        (["data", "--lerobot", "data"], "file-exists"),
         (["data", "--out", "."], "not-a-dataset"),
         (["none", "--out", "new"], "file-not-found"),
     ],

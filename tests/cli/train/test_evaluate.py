@@ -11,10 +11,11 @@ from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.errors import DefsenseError
 from defsense_fab.core.markers import Tracks
 from defsense_fab.report.evaluation import evaluation_report
-from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from defsense_fab.training.models.model_file import write_model
-from defsense_fab.training.models.train_device import train_dataset
+from defsense_fab.training.fitting.model_file import write_model
+from defsense_fab.training.fitting.train_model import train
+from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
+from defsense_fab.workflow.train.training import train_dataset
 from tests.support.errors import raises
 from tests.training import soft_bar as bar
 from tests.training.recordings.files_of_others import write_csv
@@ -31,7 +32,7 @@ def files(tmp_path_factory):
     write_dataset(folder / "second", bar.dataset(other))
     for name in ("affine", "quadratic"):
         (folder / name).mkdir()
-        model = train_dataset(trained, TrainingOptions(name, memory=False)).model
+        model = train_dataset(trained, TrainOptions(name, memory=False)).model
         write_model(folder / name / "model.json", model)
     return folder
 
@@ -67,7 +68,7 @@ def test_default_test_data_are_those_of_training(files, capsys, no_figures):
     assert data["last_share"] == pytest.approx(0.3, abs=0.01)
     training = train(
         bar.dataset(bar.recording(40, noise=0.002, sigma=0.15, gaps=0.1)),
-        TrainingOptions("affine", memory=False),
+        TrainOptions("affine", memory=False),
     )
     [own] = [a for a in training.candidates if a.name == training.selected]
     errors = data["models"]["affine"]["errors"]
@@ -105,12 +106,12 @@ def test_signals_and_tracks_files(files, tmp_path, capsys, no_figures):
     ("words", "code"),
     [
         (["affine"], "sources-missing"),
-        (["affine", "--tracks", "take.c3d"], "options-incomplete"),
+        (["affine", "--tracks", "take.c3d"], "file-not-found"),
         (["affine", "nowhere"], "file-not-found"),
         (["nowhere.json", "first"], "file-not-found"),
         (["affine", "first", "--last-share", "1.5"], "out-of-range"),
         (["affine", "first", "--last-share", "nan"], "out-of-range"),
-        (["affine", "second", "--against", "affine"], "duplicate-names"),
+        (["affine", "second", "--against", "affine"], "name-repeated"),
         (["affine", "second", "--out", "second"], "not-an-evaluation"),
     ],
 )

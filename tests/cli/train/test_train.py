@@ -14,7 +14,7 @@ from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.errors import DefsenseError
 from defsense_fab.core.markers import Tracks
-from defsense_fab.training.models.model_file import load_model
+from defsense_fab.training.fitting.model_file import load_model
 from tests.support.errors import raises
 
 NAMES = ("left", "top", "right")
@@ -52,8 +52,22 @@ def test_affine_model_of_two_files_equals_scikit_learn_ridge(
 ) -> None:
     signals, tracks, s, points = pair
     model = tmp_path / "model.json"
-    assert run("train", "--signals", signals, "--tracks", tracks, "--decoder", "affine",
-               "--no-memory", "--out", model, "--json") == 0  # fmt: skip
+    assert (
+        run(
+            "train",
+            "--signals",
+            signals,
+            "--tracks",
+            tracks,
+            "--decoder",
+            "affine",
+            "--no-memory",
+            "--out",
+            model,
+            "--json",
+        )
+        == 0
+    )
     data = json.loads(capsys.readouterr().out)
     row = data["candidates"][0]
     assert data["decoder"] == row["decoder"] == "affine"
@@ -83,17 +97,17 @@ def test_table_contains_the_affine_decoder_and_the_next_command(
     ("words", "code"),
     [
         ((), "sources-missing"),
-        (("--signals", "signals.csv"), "options-incomplete"),
+        (("--signals", "signals.csv"), "file-not-found"),
         (("nowhere",), "file-not-found"),
-        (("--shift", "soon", "--signals", "{s}", "--tracks", "{t}"), "not-a-number"),
-        (("--offset", "nan", "--signals", "{s}", "--tracks", "{t}"), "not-a-number"),
+        (("--shift", "soon", "--signals", "{s}", "--tracks", "{t}"), "argument-invalid"),
+        (("--offset", "nan", "--signals", "{s}", "--tracks", "{t}"), "out-of-range"),
         (("--signals", "{s}", "--tracks", "{t}", "--prior", "yes"), "device-missing"),
         (
             ("--signals", "{s}", "--tracks", "{t}", "--out", "no/folder/model.json"),
             "folder-not-found",
         ),
-        (("--signals", "{s}", "--tracks", "{t}", "--out", "model.txt"), "wrong-file-kind"),
-        (("--signals", "{s}", "--tracks", "{t}", "--decoder", "neural"), "unknown-decoder"),
+        (("--signals", "{s}", "--tracks", "{t}", "--out", "model.txt"), "wrong-file-format"),
+        (("--signals", "{s}", "--tracks", "{t}", "--decoder", "neural"), "argument-invalid"),
     ],
 )
 def test_invalid_options_write_no_model(

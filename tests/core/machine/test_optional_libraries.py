@@ -24,13 +24,10 @@ _GUARDED_ELSEWHERE = {
     "runtime/outputs/lsl_output.py": "live_file guards the import of this module",
     "runtime/outputs/websocket_output.py": "live_file guards the import of this module",
     "runtime/view/live_view.py": "drawn on a page that serve_page has opened",
-    "runtime/view/upload_limit.py": "drawn on a page that serve_page has opened",
-    "studio/measure/recording_screen.py": "drawn on a page that serve_page has opened",
+    "workflow/upload_limit.py": "drawn on a page that serve_page has opened",
     "studio/optimize/watched_search.py": "drawn on a page that serve_page has opened",
     "runtime/outputs/midi_ports.py": "describes itself which of two packages has it",
-    "workflow/study/runs/cluster.py": "called once `connect` has imported it",
-    "workflow/study/results/study_table.py": "writes CSV without it",
-    "workflow/doctor/machine.py": "in another process, whose end is reported",
+    "workflow/build/cluster.py": "called once `connect` has imported it",
 }
 
 
@@ -107,7 +104,7 @@ def _page(path):
 
 
 def _cluster(path):
-    from defsense_fab.workflow.study.runs.cluster import connect
+    from defsense_fab.workflow.build.cluster import connect
 
     with connect("tcp://127.0.0.1:1"):
         pass

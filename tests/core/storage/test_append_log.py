@@ -50,7 +50,7 @@ def test_other_file_is_refused_and_unchanged(tmp_path):
     path = tmp_path / "log"
     for text in ("mine\n", "headlong\n", "he\n"):
         path.write_text(text)
-        with raises(CaptureError, "wrong-file-kind", file_kind="diary"):
+        with raises(CaptureError, "wrong-file-format", file_kind="diary"):
             AppendLog(path, "head", "diary")
         assert path.read_text("utf-8") == text
     with raises(StorageError, "file-not-found", path=tmp_path / "none" / "log"):

@@ -96,14 +96,14 @@ def test_existing_folder_is_replaced_only_on_request(tmp_path):
     out.mkdir()
     with replace_folder(out) as new:  # an empty one
         (new / "x").write_text("1")
-    with raises(StorageError, "path-exists", path=out), replace_folder(out):
+    with raises(StorageError, "file-exists", path=out), replace_folder(out):
         pass
     assert names(out) == ["x"]
     with replace_folder(out, overwrite=True) as new:
         (new / "y").write_text("1")
     assert names(out) == ["y"]
     file = out / "y"
-    with raises(StorageError, "path-exists", path=file), replace_folder(file, overwrite=True):
+    with raises(StorageError, "file-exists", path=file), replace_folder(file, overwrite=True):
         pass
     assert names(tmp_path) == ["out"]
     assert names(out) == ["y"]
@@ -113,7 +113,7 @@ def test_refusal_of_the_system_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError) as caught, replace_folder(tmp_path / "file/x"):
         pass
-    assert caught.value.code in ("not-a-folder", "path-exists")
+    assert caught.value.code in ("not-a-folder", "file-exists")
     assert "\n" not in str(caught.value)
 
 

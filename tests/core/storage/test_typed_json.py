@@ -46,11 +46,11 @@ def test_record_is_restored_to_the_last_bit(tmp_path):
     ("damage", "code", "place"),
     [
         ({"schema": 2}, "wrong-schema", "2"),
-        ({"name": 7}, "bad-record", "$.name"),
-        ({"inner": [{"points": [["x"]], "ids": []}]}, "bad-record", "$.inner[0].points"),
-        ({"inner": [{"points": [[1], [2, 3]], "ids": []}]}, "bad-record", "$.inner[0].points"),
-        ({"inner": [{"points": [], "ids": [1.5]}]}, "bad-record", "$.inner[0].ids"),
-        ({"inner": [{"points": []}]}, "bad-record", "`ids`"),
+        ({"name": 7}, "record-invalid", "$.name"),
+        ({"inner": [{"points": [["x"]], "ids": []}]}, "record-invalid", "$.inner[0].points"),
+        ({"inner": [{"points": [[1], [2, 3]], "ids": []}]}, "record-invalid", "$.inner[0].points"),
+        ({"inner": [{"points": [], "ids": [1.5]}]}, "record-invalid", "$.inner[0].ids"),
+        ({"inner": [{"points": []}]}, "record-invalid", "`ids`"),
     ],
 )
 def test_invalid_record_is_refused(tmp_path, damage, code, place):

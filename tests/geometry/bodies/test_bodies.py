@@ -1,69 +1,16 @@
-"""Bodies that are repaired, and bodies that are refused."""
+"""Bodies of files and scripts that are read, and bodies that are refused."""
 
 import numpy as np
 import pytest
 
 from defsense_fab.core.device.device import BodySpec
-from defsense_fab.core.errors import BodyError, MeshingError
+from defsense_fab.core.errors import BodyError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.mesh_repair import read_mesh, repair_mesh
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
+from defsense_fab.geometry.bodies.mesh_files import read_mesh
 from defsense_fab.geometry.kernels import occ
 from defsense_fab.geometry.printing.export import write_3mf, write_stl
 from tests.support.errors import raises
-
-
-def fine(surface, times=3):
-    """Each triangle split into four, several times."""
-    import trimesh
-
-    mesh = trimesh.Trimesh(surface.vertices, surface.faces)
-    for _ in range(times):
-        mesh = mesh.subdivide()
-    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
-
-
-def test_soup_and_small_holes_and_turned_faces_are_repaired(bar):
-    vertices, faces = fine(bar)
-    faces = faces[1:].copy()
-    faces[10] = faces[10][::-1]
-    soup = vertices[faces].reshape(-1, 3)
-    v, f, sentences = repair_mesh(soup, np.arange(len(soup)).reshape(-1, 3), "x.stl")
-    assert Surface(v, f).volume == pytest.approx(bar.volume, rel=1e-9)
-    assert len(sentences) == 3  # vertices merged, a hole closed, faces turned
-
-
-def test_inside_out_is_turned(bar):
-    v, f, sentences = repair_mesh(bar.vertices, bar.faces[:, ::-1], "x")
-    assert Surface(v, f).volume == pytest.approx(135000)
-    assert len(sentences) == 1
-
-
-def test_a_wide_hole_is_refused_with_its_place(bar):
-    with raises(BodyError, "hole-too-wide", edges=4) as caught:
-        repair_mesh(bar.vertices, bar.faces[2:], "box.stl")
-    assert "box.stl" in str(caught.value)
-
-
-def test_two_pieces_are_refused(bar):
-    v = np.concatenate([bar.vertices, bar.vertices + 500])
-    f = np.concatenate([bar.faces, bar.faces + len(bar.vertices)])
-    with raises(BodyError, "separate-pieces", count=2):
-        repair_mesh(v, f, "x")
-
-
-def test_a_surface_that_passes_through_itself_is_refused_with_its_place(bar):
-    """One end of the bar is folded back through its side."""
-    vertices, faces = fine(bar)
-    end = vertices[:, 0] > 120
-    folded = vertices.copy()
-    folded[end] += (vertices[end, :1] - 120) * np.array([-2.2, 0, 1.0])
-    with raises(BodyError, "repair-moves-too-far") as caught:
-        repair_mesh(folded, faces, "x")
-    assert caught.value.data["distance"] == pytest.approx(30, rel=0.02)
-    bent = vertices + np.where(end[:, None], (vertices[:, :1] - 120) * np.array([-0.4, 0, 1]), 0)
-    assert repair_mesh(bent, faces, "x")[2] == []
 
 
 def test_a_body_far_from_the_origin_is_refused(bar, tmp_path):
@@ -182,15 +129,3 @@ def test_build123d_cadquery_and_step_agree(tmp_path):
     exact = 40 * 20 * 20 - np.pi * 16 * 20
     assert [x.volume for x in (a, b, c)] == pytest.approx([exact] * 3, rel=1e-6)
     assert a.surface.volume == pytest.approx(exact, rel=1e-3)
-
-
-def test_edge_length_that_does_not_fit_is_refused(bar):
-    with raises(MeshingError, "edge-too-short", edge_length=0.05):
-        tetrahedralize(bar, 0.05)
-    with raises(MeshingError, "edge-too-long", edge_length=500):
-        tetrahedralize(bar, 500)
-
-
-def test_mesh_invariants(bar_mesh, bar):
-    assert bar_mesh.boundary().volume == pytest.approx(bar_mesh.volumes.sum())
-    assert bar_mesh.volumes.sum() == pytest.approx(bar.volume, rel=5e-3)

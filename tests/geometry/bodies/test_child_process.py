@@ -156,9 +156,10 @@ def test_parameters_are_converted_to_json(tmp_path):
         load_body(spec)
 
 
-def test_the_mesher_is_stopped_at_its_limit(bar):
-    with raises(MeshingError, "no-mesh", limit=0.5, out_of_time=True):
-        tetrahedralize(bar, 1.5, time_limit=0.5)
+@pytest.mark.parametrize("limit", [0.5, 1e-3], ids=["while it runs", "before it starts"])
+def test_the_mesher_is_stopped_at_its_limit(bar, limit):
+    with raises(MeshingError, "no-mesh", limit=limit, out_of_time=True):
+        tetrahedralize(bar, 1.5, time_limit=limit)
 
 
 def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):

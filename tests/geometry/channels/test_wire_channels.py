@@ -2,14 +2,15 @@
 
 from dataclasses import replace
 
-import igl
 import numpy as np
 import pytest
+import trimesh
 
-from defsense_fab.core.curve import Hermite, Plane, bend_radius, catmull_rom
-from defsense_fab.core.device.device import BaySpec, BodySpec, Sensor
+from defsense_fab.core.curve import bend_radius
+from defsense_fab.core.device.device import BaySpec, BodySpec
 from defsense_fab.core.errors import BodyError
-from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.bodies.body import Body, load_body
 from defsense_fab.geometry.bodies.connector_bay import place_bay
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.planar_routing import HEADINGS
@@ -18,7 +19,10 @@ from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.export import write_stl
+from tests.conftest import box_surface
+from tests.geometry.parts.cords import cord as plane_cord
 from tests.support.errors import raises
+from tests.support.surfaces import distance, from_trimesh, is_inside, read_stl
 
 BAY = BaySpec(np.array([0.0, 0, 0]), (14.0, 7.0, 8.0))
 WIRES = Wires(1.1, 1.3)
@@ -29,11 +33,7 @@ def rules(wires):
 
 
 def cord(name, origin, points, normal=(0, 0, 1)):
-    points = np.array(points, float)
-    plane = Plane.from_normal(
-        np.array(origin, float), np.array(normal, float), np.array([1.0, 0, 0])
-    )
-    return Sensor(name, plane, Hermite(points, catmull_rom(points)))
+    return plane_cord(name, normal, origin, [1, 0, 0], points)
 
 
 #: One in the bay's own plane, one 8 mm above its middle, one upright and beside it.
@@ -45,15 +45,9 @@ CORDS = [
 
 
 @pytest.fixture(scope="module")
-def body():
-    import build123d as bd
-
-    from defsense_fab.geometry.bodies.body import Body
-
-    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
-    whole = occ.tessellate(solid, 0.05)
-    bay = place_bay(BAY, whole)
-    solid = occ.cut_out(solid, [bay])
+def body(bar_solid):
+    bay = place_bay(BAY, occ.tessellate(bar_solid, 0.05))
+    solid = occ.cut_out(bar_solid, [bay])
     return Body(occ.tessellate(solid, 0.05), occ.volume(solid), solid, (), bay)
 
 
@@ -62,10 +56,16 @@ def part_set(body):
     return make_parts(body.surface, CORDS, rules(replace(WIRES, bay=body.bay)), solid=body.solid)
 
 
+def with_bay(surface, bay):
+    """Cut a bay out of a surface."""
+    solid = triangle_kernel.to_manifold(surface, "body")
+    return triangle_kernel.to_surface(triangle_kernel.cut_out(solid, [bay]))
+
+
 def leads(part_set):
-    found = [(c, e.lead) for c in part_set.channels for e in c.ends if e.lead]
-    assert found
-    return found
+    pairs = [(c, e.lead) for c in part_set.channels for e in c.ends if e.lead]
+    assert pairs
+    return pairs
 
 
 def test_every_wire_reaches_the_bay(part_set, body):
@@ -99,8 +99,8 @@ def test_leads_keep_their_walls(part_set, body):
     local = np.abs((corners - body.bay.origin) @ body.bay.axes)
     skin = whole.faces[~((local[:, :, 0] < 7.01) & (local[:, :, 1] < 3.51)).all(axis=1)]
     for channel, lead in leads(part_set):
-        square = igl.point_mesh_squared_distance(lead.whole, whole.vertices, skin)[0]
-        assert np.sqrt(square).min() > 0.65 + 0.8 - 0.03
+        to_skin = distance(Surface(whole.vertices, skin), lead.whole)
+        assert to_skin.min() > 0.65 + 0.8 - 0.03
         for other in part_set.channels:
             if other is not channel:
                 for points, radius in other.hollows(2.2, rules(WIRES).pockets):
@@ -114,15 +114,11 @@ def test_leads_keep_their_walls(part_set, body):
 
 def test_wires_lie_in_air_and_can_be_inserted(part_set, tmp_path):
     """Measured on what the STL files hold, closed and with the halves apart."""
-    import trimesh
-
     assert sum(len(part_set.channels[c].leads) for cut in part_set.cuts for c in cut.cords) >= 6
     parts = []
     for part in part_set.parts:
         write_stl(part.surface, tmp_path / "part.stl")
-        mesh = trimesh.load(tmp_path / "part.stl", force="mesh")
-        assert mesh.is_watertight
-        parts.append((np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)))
+        parts.append(read_stl(tmp_path / "part.stl"))
     for cut in part_set.cuts:
         for c in cut.cords:
             for lead in part_set.channels[c].leads:
@@ -130,10 +126,8 @@ def test_wires_lie_in_air_and_can_be_inserted(part_set, tmp_path):
                     for side, sign in zip(cut.sides, (-1, 1), strict=True):
                         for i in side:
                             points = lead.whole - sign * lift * cut.plane.normal
-                            wind = igl.fast_winding_number(*parts[i], points)
-                            assert np.max(wind) < 0.5
-                            square = igl.point_mesh_squared_distance(points, *parts[i])[0]
-                            assert np.sqrt(square).min() > 0.55
+                            assert not is_inside(parts[i], points).any()
+                            assert distance(parts[i], points).min() > 0.55
 
 
 def test_both_kernels_cut_the_same_leads(part_set):
@@ -144,21 +138,18 @@ def test_both_kernels_cut_the_same_leads(part_set):
 
 def test_without_a_bay_wires_leave_next_to_the_mouth(bar):
     part_set = make_parts(bar, CORDS[:2], rules(WIRES))
-    found = [(c, e) for c in part_set.channels for e in c.ends]
-    assert [e.wire for _, e in found] == ["bend"] * 4
-    for _, end in found:
+    ends = [e for c in part_set.channels for e in c.ends]
+    assert [e.wire for e in ends] == ["bend"] * 4
+    for end in ends:
         assert end.pocket == pytest.approx(7 + WIRES.room(0.8))
-        square = igl.point_mesh_squared_distance(end.lead.exit[None], bar.vertices, bar.faces)[0]
-        assert float(np.ravel(square)[0]) < 1e-9
+        assert distance(bar, end.lead.exit[None])[0] < 1e-4
         # The hole and the chamfered mouth keep a wall between them.
         assert np.linalg.norm(end.lead.exit - end.mouth) > 1.4 + 0.53 + 0.8 + 0.65
 
 
 def test_wire_without_a_route_states_why_and_leaves_by_its_mouth(bar):
     far_bay = place_bay(replace(BAY, at=np.array([75.0, 0, -15])), bar)
-    body = triangle_kernel.to_surface(
-        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [far_bay])
-    )
+    body = with_bay(bar, far_bay)
     under = cord("under", [0, 0, 0], [[2, -11], [10, -11], [75, -3], [140, -11], [148, -11]],
                  (0, 1, 0))  # fmt: skip
     part_set = make_parts(body, [under], rules(replace(WIRES, bay=far_bay, relief=False)))
@@ -199,9 +190,7 @@ def test_bends_keep_away_from_their_own_cord(bar):
 
 def test_seats_keep_out_of_the_bay(bar):
     wide_bay = place_bay(BaySpec(np.array([75.0, 0, 15]), (24.0, 24.0, 6.0)), bar)
-    body = triangle_kernel.to_surface(
-        triangle_kernel.cut_out(triangle_kernel.to_manifold(bar, "bar"), [wide_bay])
-    )
+    body = with_bay(bar, wide_bay)
     requested_rules = replace(rules(replace(WIRES, bay=wide_bay)), seats=20)
     part_set = make_parts(
         body, [cord("c", [0, 0, -8], [[2, 0], [10, 0], [60, 0], [148, 0]])], requested_rules
@@ -214,41 +203,28 @@ def test_seats_keep_out_of_the_bay(bar):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_bay_opens_square_to_the_face_however_the_body_lies(seed):
-    import trimesh
-
-    from defsense_fab.core.mesh import Surface
-
-    box = trimesh.creation.box(extents=(60, 40, 40))
+    box = box_surface([-30, -20, -20], [30, 20, 20])
     turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
-    vertices = np.asarray(box.vertices) @ turn.T
-    body = Surface(np.ascontiguousarray(vertices), np.asarray(box.faces, np.int64))
+    body = Surface(np.ascontiguousarray(box.vertices @ turn.T), box.faces)
     # 12 mm from two edges, so that the other faces lie within the opening's reach.
-    part_set = place_bay(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
-    assert part_set.axes[:, 2] == pytest.approx(turn[:, 2], abs=1e-9)
+    bay = place_bay(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
+    assert bay.axes[:, 2] == pytest.approx(turn[:, 2], abs=1e-9)
 
 
 def test_obstacles_over_or_behind_a_bay_are_detected():
-    import trimesh
+    def solid(low, high):
+        return triangle_kernel.to_manifold(box_surface(low, high), "box")
 
-    from defsense_fab.core.mesh import Surface
-
-    def solid(bounds):
-        box = trimesh.creation.box(bounds=bounds)
-        surface = Surface(np.asarray(box.vertices, float), np.asarray(box.faces, np.int64))
-        return triangle_kernel.to_manifold(surface, "box")
-
-    block = solid([[-40, -20, -20], [40, 20, 20]])
+    block = solid([-40, -20, -20], [40, 20, 20])
     at = BaySpec(np.array([0.0, 0, 20]), (14.0, 7.0, 8.0))
-    slotted = triangle_kernel.to_surface(block - solid([[-41, -21, 15], [41, 0, 17]]))
-    with raises(BodyError, "bay-wall-thin"):
-        place_bay(at, slotted)
-    beside = triangle_kernel.to_surface(block - solid([[-20, 3.6, 13], [20, 8, 18]]))
-    with raises(BodyError, "bay-wall-thin"):
-        place_bay(at, beside)
-    stepped = triangle_kernel.to_surface(block + solid([[5, -20, 20], [40, 20, 40]]))
-    with raises(BodyError, "bay-opening-covered"):
-        place_bay(at, stepped)
+    for obstructed, code in (
+        (block - solid([-41, -21, 15], [41, 0, 17]), "bay-wall-thin"),
+        (block - solid([-20, 3.6, 13], [20, 8, 18]), "bay-wall-thin"),
+        (block + solid([5, -20, 20], [40, 20, 40]), "bay-opening-covered"),
+    ):
+        with raises(BodyError, code):
+            place_bay(at, triangle_kernel.to_surface(obstructed))
 
 
 @pytest.mark.parametrize(
@@ -269,17 +245,11 @@ def test_a_bay_without_room_is_refused(bar, at, size, code):
 
 
 def test_bay_in_a_strongly_curved_skin_is_refused():
-    import trimesh
-
-    from defsense_fab.core.mesh import Surface
-
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=12.0)
-    surface = Surface(np.asarray(ball.vertices, float), np.asarray(ball.faces, np.int64))
+    surface = from_trimesh(trimesh.creation.icosphere(subdivisions=4, radius=12.0))
     with raises(BodyError, "bay-skin-uneven"):
         place_bay(BaySpec(np.array([0.0, 0, 12]), (20.0, 10.0, 4.0)), surface)
     good = place_bay(BaySpec(np.array([0.0, 0, 12]), (6.0, 6.0, 5.0)), surface)
-    rest = triangle_kernel.cut_out(triangle_kernel.to_manifold(surface, "ball"), [good])
-    cap = surface.volume - rest.volume()
+    cap = surface.volume - with_bay(surface, good).volume
     assert 36 * 5 < cap < 36 * 6  # its floor lies 5 mm under the lowest skin of its opening
 
 
@@ -290,8 +260,8 @@ def test_cad_and_mesh_bodies_get_their_bay(tmp_path):
     cad = load_body(spec)
     write_stl(load_body(replace(spec, bay=None)).surface, tmp_path / "box.stl")
     mesh = load_body(replace(spec, kind="mesh", path=tmp_path / "box.stl"))
-    for part_set in (cad, mesh):
-        assert part_set.volume == pytest.approx(40 * 30 * 20 - 14 * 7 * 8, rel=1e-6)
-        assert part_set.surface.volume == pytest.approx(part_set.volume, rel=1e-6)
-        assert part_set.bay is not None
+    for body in (cad, mesh):
+        assert body.volume == pytest.approx(40 * 30 * 20 - 14 * 7 * 8, rel=1e-6)
+        assert body.surface.volume == pytest.approx(body.volume, rel=1e-6)
+        assert body.bay is not None
     assert occ.volume(cad.solid) == pytest.approx(cad.volume)

@@ -16,9 +16,11 @@ from defsense_fab.geometry.kernels.surface_queries import (
 )
 from tests.conftest import box_surface
 
+BOX = box_surface((-20, -10, -5), (20, 10, 5))
+
 
 def test_depth_is_positive_inside_and_negative_outside():
-    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    depth = SignedDistance(BOX)
     points = np.array([[0.0, 0, 0], [18, 0, 0], [0, -9.5, 0], [23, 0, 0], [23, 14, 0]])
     np.testing.assert_allclose(depth(points), [5, 2, 0.5, -3, -5], atol=1e-12)
     rng = np.random.default_rng(0)
@@ -29,7 +31,7 @@ def test_depth_is_positive_inside_and_negative_outside():
 
 
 def test_sides_along_a_path_equal_those_of_its_points():
-    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    depth = SignedDistance(BOX)
     t = np.linspace(0, 1, 300)[:, None]
     for seed in range(5):
         a, b, c = np.random.default_rng(seed).uniform(-30, 30, (3, 3))
@@ -39,7 +41,7 @@ def test_sides_along_a_path_equal_those_of_its_points():
 
 
 def test_the_gradient_is_that_of_the_distance():
-    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    depth = SignedDistance(BOX)
     points = np.array([[0.0, 0, 4], [18, 1, 0], [23, 0, 0], [23, 14, 0], [3, 2, 5]])
     result, gradient = depth.with_gradient(points)
     np.testing.assert_array_equal(result, depth(points))
@@ -51,7 +53,7 @@ def test_the_gradient_is_that_of_the_distance():
 
 
 def test_nan_points_do_not_affect_their_neighbors():
-    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    depth = SignedDistance(BOX)
     result = depth(np.array([[0.0, 0, 0], [np.nan] * 3, [1, 0, 0], [30, 0, 0]]))
     np.testing.assert_allclose(result[[0, 2, 3]], [5, 5, -10])
 
@@ -77,13 +79,9 @@ def test_no_triangle_on_a_ray_is_missed():
 
 def test_surfaces_are_not_confused():
     for half in (1.0, 2.0, 3.0):
-        box = trimesh.creation.box((2 * half,) * 3)
-        surface = Surface(np.array(box.vertices), np.array(box.faces, np.int64))
-        result = cast_ray(np.array([0.1, 0.05, 0.0]), np.array([1.0, 0, 0]), surface)
+        box = box_surface([-half] * 3, [half] * 3)
+        result = cast_ray(np.array([0.1, 0.05, 0.0]), np.array([1.0, 0, 0]), box)
         np.testing.assert_allclose(result, [half - 0.1])
-
-
-BOX = box_surface((-20, -10, -5), (20, 10, 5))
 
 
 def area(section, plane):

@@ -8,9 +8,7 @@ from pathlib import Path
 import build123d as bd
 import numpy as np
 import pytest
-import trimesh
 
-from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.printing.export import write_3mf, write_stl
 from tests.conftest import box_surface
@@ -64,8 +62,7 @@ def test_3mf_files_have_no_random_numbers(tmp_path):
 
 
 FULL = Path("/dev/full")
-BOX = trimesh.creation.box((10, 20, 30))
-SURFACE = Surface(BOX.vertices, BOX.faces)
+SURFACE = box_surface([0, 0, 0], [10, 20, 30])
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="no /dev/full here")

@@ -6,7 +6,7 @@ from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.kernels.cutting_tools import axes_from_normal
-from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimization.limits.verification import verify
 
 
 def random_layout(surface, limits, seed):

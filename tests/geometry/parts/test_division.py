@@ -7,9 +7,7 @@ import pytest
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.parts import division
 from defsense_fab.geometry.parts.division import cut_orders, plan_division
-from defsense_fab.optimize.limits import thin_parts
 from tests.geometry.parts.cords import cord
 
 ALONG = [[2, 0], [50, 0], [100, 0], [148, 0]]
@@ -45,7 +43,3 @@ def test_all_orders_of_few_planes_and_one_of_many(planes):
 
 def test_planes_of_short_cords_are_cut_first_among_many():
     assert cut_orders(6, [4, 1]) == [(0, 1, 2, 3, 4, 5), (4, 1, 0, 2, 3, 5)]
-
-
-def test_optimizer_and_fabrication_compare_the_same_orders():
-    assert thin_parts.cut_orders is division.cut_orders is cut_orders

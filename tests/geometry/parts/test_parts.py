@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import igl
 import numpy as np
 import pytest
 import trimesh
@@ -10,19 +9,20 @@ import trimesh
 from defsense_fab.core.curve import Hermite, Plane
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.errors import FabricationError
-from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.orientation import Y_UP
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import occ, triangle_kernel
-from defsense_fab.geometry.kernels.cutting_tools import Number, cylinder
+from defsense_fab.geometry.kernels.cutting_tools import Number, axes_from_normal, cylinder
 from defsense_fab.geometry.parts.alignment_pins import find_free_spots
 from defsense_fab.geometry.parts.division import Cut, Division
 from defsense_fab.geometry.parts.part_contacts import find_contacts
 from defsense_fab.geometry.parts.parts import make_parts, part_names
 from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.export import write_stl
+from tests.conftest import box_surface
 from tests.geometry.parts.cords import cord
 from tests.support.errors import raises
+from tests.support.surfaces import distance, is_inside, read_stl
 
 RULES = PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 
@@ -40,11 +40,8 @@ def crossing():
 
 
 @pytest.fixture(scope="module")
-def part_set(bar):
-    import build123d as bd
-
-    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
-    return make_parts(bar, crossing(), replace(RULES, seats=6), solid=solid)
+def part_set(bar, bar_solid):
+    return make_parts(bar, crossing(), replace(RULES, seats=6), solid=bar_solid)
 
 
 @pytest.fixture(scope="module")
@@ -54,33 +51,22 @@ def exported(part_set, tmp_path_factory):
     out = []
     for part in part_set.parts:
         write_stl(part.surface, folder / f"{part.name}.stl")
-        mesh = trimesh.load(folder / f"{part.name}.stl", force="mesh")
-        out.append(Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)))
+        out.append(read_stl(folder / f"{part.name}.stl"))
     return out
 
 
-def distance(surface, points):
-    square = igl.point_mesh_squared_distance(points, surface.vertices, surface.faces)[0]
-    return np.sqrt(square)
-
-
-def test_exported_parts_and_removed_volume_add_up(part_set, exported):
+def test_exported_parts_and_removed_volume_add_up(part_set, exported, bar):
     assert len(part_set.parts) >= 5
     total = sum(triangle_kernel.to_manifold(s, "part").volume() for s in exported)
     assert total + part_set.cut_out == pytest.approx(135000, rel=1e-5)
     channels = triangle_kernel.union([c.solid for c in part_set.channels])
-    body = triangle_kernel.to_manifold(Surface(*trimesh_box([[0, -15, -15], [150, 15, 15]])), "bar")
+    body = triangle_kernel.to_manifold(bar, "bar")
     sockets = sum(2 * np.pi * p.socket**2 / 4 * p.depth for p in part_set.pins)
     flats = sum(s.size**2 * 0.3 for s in part_set.seats)
     least = float((body ^ channels).volume()) + sockets + flats
     assert (
         least < part_set.cut_out < least + 60 * (len(part_set.parts) + len(part_set.seats))
     )  # the numbers
-
-
-def trimesh_box(bounds):
-    mesh = trimesh.creation.box(bounds=bounds)
-    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
 
 
 def test_exported_parts_do_not_overlap(exported):
@@ -109,10 +95,8 @@ def test_cords_lie_in_air_closed_and_with_the_halves_apart(part_set, exported):
                 for side, sign in zip(cut.sides, (-1, 1), strict=True):
                     for i in side:
                         moved = line - sign * gap * cut.plane.normal
-                        solid = exported[i]
-                        inside = igl.fast_winding_number(solid.vertices, solid.faces, moved)
-                        assert np.max(inside) < 0.5
-                        assert distance(solid, moved).min() >= 0.99
+                        assert not is_inside(exported[i], moved).any()
+                        assert distance(exported[i], moved).min() >= 0.99
 
 
 def test_sockets_leave_the_clearance_and_pins_touch_nothing(part_set, exported):
@@ -129,15 +113,12 @@ def test_sockets_leave_the_clearance_and_pins_touch_nothing(part_set, exported):
             assert distance(exported[i], bottom[None])[0] == pytest.approx(0.5, abs=0.01)
         assert pin.length < 2 * pin.depth
         rod = triangle_kernel.union([triangle_kernel.solid_of(t) for t in pin.shape])
-        frame = np.column_stack([axes_of(pin.axis), pin.center - pin.length / 2 * pin.axis])
+        frame = np.column_stack(
+            [axes_from_normal(pin.axis), pin.center - pin.length / 2 * pin.axis]
+        )
         for surface in exported:
             part = triangle_kernel.to_manifold(surface, "part")
             assert (part ^ rod.transform(frame)).volume() < 1e-6
-
-
-def axes_of(normal):
-    x = np.linalg.svd(normal[None])[2][1]
-    return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
 def test_no_part_fits_turned_round_or_in_another_place(part_set):
@@ -220,11 +201,11 @@ def test_seats_avoid_joints_while_there_is_room(bar):
 
 def test_sockets_do_not_pass_through_a_thin_gap():
     """A slot 0.3 mm high, 2 to 4 mm below the face: distances that are sampled have no sign."""
-    block = triangle_kernel.to_manifold(Surface(*trimesh_box([[0, 0, 0], [60, 30, 30]])), "block")
+    block = triangle_kernel.to_manifold(box_surface([0, 0, 0], [60, 30, 30]), "block")
     plane = Plane.from_normal(np.array([0, 0, 15.0]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
     for depth in (2.0, 2.4, 2.9, 3.3, 3.8):
         slot = [[-1, -1, 14.7 - depth], [40, 31, 15 - depth]]
-        solid = block - triangle_kernel.to_manifold(Surface(*trimesh_box(slot)), "slot")
+        solid = block - triangle_kernel.to_manifold(box_surface(*slot), "slot")
         above, below = solid.split_by_plane(plane.normal, 15.0)
         cut = Cut(plane, np.zeros(3), (0,), ((0,), (1,)))
         (contact,) = find_contacts(Division((below, above), (below, above), (cut,), 0.0), [])
@@ -242,25 +223,37 @@ def test_more_seats_than_there_is_room_for(bar):
     assert any(f"{len(part_set.seats)} of 40" in w for w in part_set.warnings)
 
 
-def test_a_limited_cut_takes_off_only_a_lid(bar):
-    import build123d as bd
+LID = cord(
+    "c", [0, 0, 1], [75, 0, 5], [0, 1, 0], [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
+)
 
-    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
-    points = [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
-    across = cord("c", [0, 0, 1], [75, 0, 5], [0, 1, 0], points)
-    part_set = make_parts(bar, [across], replace(RULES, limit=True), solid=solid)
-    assert len(part_set.parts) == 2
-    sizes = sorted(p.volume for p in part_set.parts)
+
+@pytest.fixture(scope="module")
+def limited(bar, bar_solid):
+    return make_parts(bar, [LID], replace(RULES, limit=True), solid=bar_solid)
+
+
+def test_a_limited_cut_takes_off_only_a_lid(bar, limited):
+    assert len(limited.parts) == 2
+    sizes = sorted(p.volume for p in limited.parts)
     assert sizes[0] < 30 * 10 * 30  # 10 mm high, as wide as the bar, less than 30 mm long
-    assert all(p.solid is not None for p in part_set.parts)
-    whole = make_parts(bar, [across], RULES)
+    assert all(p.solid is not None for p in limited.parts)
+    whole = make_parts(bar, [LID], RULES)
     assert min(p.volume for p in whole.parts) > 40000
+
+
+def test_a_lid_has_play_in_its_recess(limited):
+    rest, lid = (triangle_kernel.to_manifold(p.surface, p.name) for p in limited.parts)
+    assert lid.volume() < rest.volume()
+    for way in ([0.09, 0, 0], [-0.09, 0, 0]):
+        assert (rest ^ lid.translate(way)).volume() < 1e-3
+    assert (rest ^ lid.translate([0.12, 0, 0])).volume() > 1
 
 
 def horseshoe():
     """Two legs of 30 mm, 80 mm long, on a foot."""
     boxes = [([0, 0, 0], [20, 30, 30]), ([0, 0, 0], [100, 10, 30]), ([0, 20, 0], [100, 30, 30])]
-    solids = [triangle_kernel.to_manifold(Surface(*trimesh_box(b)), "leg") for b in boxes]
+    solids = [triangle_kernel.to_manifold(box_surface(*b), "leg") for b in boxes]
     return triangle_kernel.to_surface(triangle_kernel.union(solids))
 
 
@@ -288,22 +281,11 @@ def test_written_parts_are_closed_when_read_again(bar, tmp_path):
         assert mesh.volume == pytest.approx(part.volume, rel=1e-6)
 
 
-def test_a_lid_has_play_in_its_recess(bar):
-    points = [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
-    across = cord("c", [0, 0, 1], [75, 0, 5], [0, 1, 0], points)
-    part_set = make_parts(bar, [across], replace(RULES, limit=True))
-    rest, lid = (triangle_kernel.to_manifold(p.surface, p.name) for p in part_set.parts)
-    assert lid.volume() < rest.volume()
-    for way in ([0.09, 0, 0], [-0.09, 0, 0]):
-        assert (rest ^ lid.translate(way)).volume() < 1e-3
-    assert (rest ^ lid.translate([0.12, 0, 0])).volume() > 1
-
-
 def test_a_lid_under_a_roof_is_not_cut_out():
     """A jaw above the plate: its piece of the plate cannot come off upwards."""
     boxes = [([0, 0, 0], [100, 40, 20]), ([0, 0, 0], [10, 40, 60]), ([0, 0, 50], [100, 40, 60])]
     jaw = triangle_kernel.union(
-        [triangle_kernel.to_manifold(Surface(*trimesh_box(b)), "jaw") for b in boxes]
+        [triangle_kernel.to_manifold(box_surface(*b), "jaw") for b in boxes]
     )
     points = [[-18, 0], [-14, 0], [-5, 0], [5, 0], [14, 0], [18, 0]]
     sensor = cord("c", [0, 0, 1], [60, 20, 14], [0, 1, 0], points)
@@ -330,7 +312,7 @@ def test_neighboring_pockets_keep_their_wall(bar):
 
 def test_a_wide_curve_is_followed_closely():
     """Few control points far apart: the cord's true path keeps its clearance all along."""
-    body = Surface(*trimesh_box([[0, 0, -10], [210, 210, 10]]))
+    body = box_surface([0, 0, -10], [210, 210, 10])
     points = np.array([[2, 105], [60, 105], [150, 105], [208, 105]], float)
     tangents = np.array([[60, 0], [60, 300], [60, -300], [60, 0]], float)
     plane = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
@@ -341,7 +323,7 @@ def test_a_wide_curve_is_followed_closely():
 
 def test_a_hollow_body_and_a_body_in_pieces_are_refused(bar):
     outer = triangle_kernel.to_manifold(bar, "bar")
-    hole = triangle_kernel.to_manifold(Surface(*trimesh_box([[60, -5, -12], [90, 5, -8]])), "hole")
+    hole = triangle_kernel.to_manifold(box_surface([60, -5, -12], [90, 5, -8]), "hole")
     straight = cord("c", [0, 0, 1], [0, 0, 4], [1, 0, 0], STRAIGHT)
     with raises(FabricationError, "closed-cavity") as caught:
         make_parts(triangle_kernel.to_surface(outer - hole), [straight], RULES)
@@ -355,7 +337,7 @@ def test_a_hollow_body_and_a_body_in_pieces_are_refused(bar):
 def test_seats_are_optional_and_fit_thin_bodies(bar):
     straight = [cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0], STRAIGHT)]
     assert make_parts(bar, straight, RULES).seats == ()
-    plate = Surface(*trimesh_box([[0, -30, -2.75], [150, 30, 2.75]]))
+    plate = box_surface([0, -30, -2.75], [150, 30, 2.75])
     across = [cord("c", [0, 0, 1], [0, 20, 0], [1, 0, 0], STRAIGHT)]
     part_set = make_parts(plate, across, replace(RULES, seats=4, pockets=None))
     assert len(part_set.seats) == 4
@@ -431,6 +413,6 @@ def test_channels_that_open_into_another_joint_are_reported(bar):
                  [[-73, 0], [-60, 0], [0, 0], [60, 0], [73, 0]])  # fmt: skip
     flat = cord("a", [0, 0, 1], [0, 3, 0], [1, 0, 0], STRAIGHT)
     part_set = make_parts(bar, [flat, steep], RULES)
-    told = [w for w in part_set.warnings if "'a'" in w and "'b'" in w]
-    assert told
-    assert "mm near (" in told[0]
+    warnings = [w for w in part_set.warnings if "'a'" in w and "'b'" in w]
+    assert warnings
+    assert "mm near (" in warnings[0]

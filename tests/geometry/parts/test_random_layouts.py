@@ -18,9 +18,9 @@ from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.printing.export import write_stl
 from defsense_fab.geometry.printing.print_bed import lay_flat
-from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.optimize.prediction.as_built import fabricate
-from defsense_fab.optimize.prediction.design_task import layout_limits
+from defsense_fab.optimization.limits.verification import verify
+from defsense_fab.optimization.prediction.as_built import fabricate
+from defsense_fab.optimization.prediction.design_task import layout_limits
 from tests.geometry import slicer
 from tests.geometry.parts.random_layouts import random_layout
 from tests.support.places import DEVICES

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
@@ -17,8 +18,10 @@ from defsense_fab.geometry.printing.print_bed import (
 )
 from tests.conftest import box_surface
 from tests.support.errors import raises
+from tests.support.surfaces import from_trimesh
 
 BED = (220.0, 220.0, 250.0)
+GAP_MM = 5.0
 
 
 def turned(surface, seed):
@@ -38,16 +41,13 @@ def test_a_part_lies_on_its_face_and_takes_the_least_rectangle(seed):
 
 def test_faces_in_hollows_are_not_stood_on():
     """An L lies on its outer sides, never on the inner one that is asked for."""
-    import trimesh
-
     el = trimesh.creation.box([40, 20, 10]).union(
         trimesh.creation.box([10, 20, 40], np.array([[1, 0, 0, 15], [0, 1, 0, 0], [0, 0, 1, 15],
                                                      [0, 0, 0, 1.0]])), engine="manifold"
     )  # fmt: skip
-    surface = Surface(np.asarray(el.vertices), np.asarray(el.faces, np.int64))
-    down = choose_side_down(
-        surface, [np.array([-1.0, 0, 0])]
-    )  # the step inside is larger than the rim
+    surface = from_trimesh(el)
+    # The step inside is larger than the rim.
+    down = choose_side_down(surface, [np.array([-1.0, 0, 0])])
     flat = lay_flat(surface, down)
     low = flat.vertices[:, 2] < 1e-9
     assert low[flat.faces].all(axis=1).sum() >= 2
@@ -55,14 +55,12 @@ def test_faces_in_hollows_are_not_stood_on():
 
 def test_a_body_without_flats_stands_on_its_widest_end():
     """An egg with a notch: the hull's largest side spans the notch and touches at its rims only."""
-    import trimesh
-
     egg = trimesh.creation.icosphere(subdivisions=4)
     egg.apply_scale([40, 20, 20])
     knife = trimesh.creation.box([90, 4, 30])
     knife.apply_translation([0, 0, -20])
     notched = egg.difference(knife, engine="manifold")
-    surface = Surface(np.asarray(notched.vertices), np.asarray(notched.faces, np.int64))
+    surface = from_trimesh(notched)
     down = choose_side_down(surface, [])
     solid = triangle_kernel.to_manifold(surface, "egg")
     assert first_layer_area(solid, down) > 20
@@ -73,7 +71,7 @@ def test_plates_hold_all_parts_side_by_side():
     rng = np.random.default_rng(3)
     parts = {f"p{k}": box_surface([0, 0, 0], rng.uniform(10, 120, 3)) for k in range(20)}
     placed = arrange(
-        {n: lay_flat(s, np.array([0, 0, -1.0])) for n, s in parts.items()}, BED, "printer"
+        {n: lay_flat(s, np.array([0, 0, -1.0])) for n, s in parts.items()}, BED, "printer", GAP_MM
     )
     assert set(placed) == set(parts)
     boxes = [(p.plate, p.surface.bounds) for p in placed.values()]
@@ -90,7 +88,7 @@ def test_part_that_fills_the_bed_gets_a_separate_plate():
     down = np.array([0, 0, -1.0])
     sizes = {"a": [205, 110, 5], "b": [215, 30, 5], "c": [50, 50, 5]}
     parts = {n: lay_flat(box_surface([0, 0, 0], s), down) for n, s in sizes.items()}
-    plates = {n: p.plate for n, p in arrange(parts, BED, "printer").items()}
+    plates = {n: p.plate for n, p in arrange(parts, BED, "printer", GAP_MM).items()}
     assert plates["b"] not in (plates["a"], plates["c"])
 
 
@@ -105,8 +103,8 @@ def test_lower_bound_of_plates_is_reached():
         ([[270, 20, 20]], 1),
     ):
         parts = {str(k): lay_flat(box_surface([0, 0, 0], s), down) for k, s in enumerate(sizes)}
-        plates = {p.plate for p in arrange(parts, BED, "printer").values()}
-        assert len(plates) == count_fewest_plates(parts, BED, "printer") == count
+        plates = {p.plate for p in arrange(parts, BED, "printer", GAP_MM).values()}
+        assert len(plates) == count_fewest_plates(parts, BED, "printer", GAP_MM) == count
 
 
 def test_a_part_too_high_on_one_side_lies_on_another():
@@ -120,11 +118,11 @@ def test_a_part_too_high_on_one_side_lies_on_another():
 
 def test_a_long_part_lies_across_the_corners_and_a_longer_one_is_refused():
     long = lay_flat(box_surface([0, 0, 0], [270, 20, 20]), np.array([0, 0, -1.0]))
-    across = arrange({"rod": long}, BED, "fdm-tpu")["rod"].surface
+    across = arrange({"rod": long}, BED, "fdm-tpu", GAP_MM)["rod"].surface
     assert (across.bounds[0] >= -1e-9).all()
     assert (across.bounds[1] <= BED).all()
     assert across.volume == pytest.approx(long.volume)
     longer = lay_flat(box_surface([0, 0, 0], [320, 20, 20]), np.array([0, 0, -1.0]))
     with raises(FabricationError, "part-too-large", part="rod", printer="fdm-tpu") as caught:
-        arrange({"rod": longer}, BED, "fdm-tpu")
+        arrange({"rod": longer}, BED, "fdm-tpu", GAP_MM)
     assert caught.value.data["size"] == pytest.approx((320, 20, 20))

@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from defsense_fab.cli.main import main
-from defsense_fab.core.mesh import Surface
+from defsense_fab.cli.main import run_command
+from defsense_fab.core.errors import DefsenseError
 from defsense_fab.geometry.kernels import triangle_kernel
 from tests.geometry import slicer
+from tests.support.errors import raises
+from tests.support.surfaces import from_trimesh
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("coupon")
     options = ["--clearances", "0.3,0.1,0.2"]
-    assert main(["calibrate", "coupon", str(out), *options]) == 0
+    assert run_command(["calibrate", "coupon", str(out), *options]) == 0
     return out
 
 
@@ -64,9 +66,7 @@ def test_a_cord_passes_between_two_plates(folder):
     turned = mesh.copy()
     top = [0, 0, mesh.bounds[1, 2]]
     turned.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0], top))
-    closed = [
-        triangle_kernel.to_manifold(Surface(m.vertices, m.faces), "plate") for m in (mesh, turned)
-    ]
+    closed = [triangle_kernel.to_manifold(from_trimesh(m), "plate") for m in (mesh, turned)]
     for x, radius in grooves_of(mesh).T:
         y = np.linspace(-20, 20, 3)
         line = np.stack([np.full(3, x), y, np.full(3, top[2])], axis=1)
@@ -82,18 +82,18 @@ def test_slicer_accepts_both(folder):
 
 
 @pytest.mark.parametrize(
-    ("text", "fact"),
+    ("text", "code"),
     [
-        ("0.1,0.1", ""),
-        ("-0.1,0.2", "0 to 8 mm"),
-        ("0.1,9", "0 to 8 mm"),
-        ("0.1,nan", ""),
-        ("a", ""),
-        (",".join(str(n / 100) for n in range(25)), "fdm-tpu"),
+        ("0.1,0.1", "clearances-invalid"),
+        ("-0.1,0.2", "out-of-range"),
+        ("0.1,9", "out-of-range"),
+        ("0.1,nan", "clearances-invalid"),
+        ("a", "argument-invalid"),
+        (",".join(str(n / 100) for n in range(25)), "part-too-large"),
     ],
 )
-def test_impossible_requests_are_refused(tmp_path, capsys, text, fact):
+def test_impossible_coupons_are_refused(tmp_path, text, code):
     out = tmp_path / "out"
-    assert main(["calibrate", "coupon", str(out), f"--clearances={text}"]) == 2
-    assert fact in capsys.readouterr().err
+    with raises(DefsenseError, code):
+        run_command(["calibrate", "coupon", str(out), f"--clearances={text}"])
     assert not out.exists()

@@ -2,22 +2,22 @@
 
 import json
 
-import igl
 import numpy as np
 import pytest
 import trimesh
 
-from defsense_fab.cli.main import main
-from defsense_fab.core.errors import FabricationError
+from defsense_fab.cli.main import run_command
+from defsense_fab.core.errors import DefsenseError, FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.core.response import JIG_RADII_MM
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.specimen.specimen import Specimen
-from defsense_fab.workflow.calibrate.calibration_parts import write_specimen
-from defsense_fab.workflow.calibrate.print_files import PrintPart
+from defsense_fab.workflow.calibrate.calibration_parts import PrintPart, write_specimen
+from defsense_fab.workflow.calibrate.options import PrintOptions, SpecimenOptions
 from tests.geometry import slicer
 from tests.support.errors import raises
+from tests.support.surfaces import distance, from_trimesh
 
 WITHIN = 0.05  # mm
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -27,7 +27,7 @@ FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("specimen")
-    assert main(["calibrate", "specimen", str(out)]) == 0
+    assert run_command(["calibrate", "specimen", str(out)]) == 0
     return out
 
 
@@ -86,17 +86,15 @@ def test_halves_fit_together_with_the_process_clearance(folder):
     right.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0], [0, 0, 10]))
     assert overlap(left, right) < 1e-3
     pins = left.vertices[left.vertices[:, 2] > 11]
-    square = igl.point_mesh_squared_distance(pins, np.array(right.vertices), np.array(right.faces))
-    assert np.sqrt(square[0]).min() == pytest.approx(0.1, abs=0.02)  # 0.2 mm on the diameter
+    gap = distance(from_trimesh(right), pins).min()
+    assert gap == pytest.approx(0.1, abs=0.02)  # 0.2 mm on the diameter
     right.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [0, 0, 1], [0, 0, 0]))
     assert overlap(left, right) > 1  # turned round it does not fit
 
 
 def overlap(a, b):
     """mm^3"""
-    one, other = (
-        triangle_kernel.to_manifold(Surface(m.vertices, m.faces), "a half") for m in (a, b)
-    )
+    one, other = (triangle_kernel.to_manifold(from_trimesh(m), "a half") for m in (a, b))
     return (one ^ other).volume()
 
 
@@ -126,7 +124,7 @@ def no_parts(monkeypatch):
 @pytest.mark.parametrize("cord", read_rows("cords.csv"))
 def test_defaults_cause_no_warnings(no_parts, tmp_path, process, cord):
     """The paper's offset of 2 mm, on its printer above all."""
-    record = write_specimen(tmp_path, process=process, cord=cord)
+    record = write_specimen(tmp_path, printing=PrintOptions(cord, process))
     assert record["warnings"] == []
     skin = record["offset"] - record["channel_diameter"] / 2
     assert skin >= 2 * float(read_rows("printers.csv")[process]["line"]) - 1e-6
@@ -134,10 +132,10 @@ def test_defaults_cause_no_warnings(no_parts, tmp_path, process, cord):
 
 
 def test_thin_skin_is_reported_with_a_sufficient_offset(no_parts, tmp_path):
-    warnings = write_specimen(tmp_path, offset=1.7)["warnings"]
+    warnings = write_specimen(tmp_path, SpecimenOptions(offset=1.7))["warnings"]
     assert len(warnings) == 1
     assert all(fact in warnings[0] for fact in ("0.60 mm", "0.80 mm", "fdm-tpu", "1.9"))
-    assert write_specimen(tmp_path, offset=1.9)["warnings"] == []
+    assert write_specimen(tmp_path, SpecimenOptions(offset=1.9))["warnings"] == []
 
 
 def test_slicer_accepts_all_parts(folder):
@@ -145,23 +143,23 @@ def test_slicer_accepts_all_parts(folder):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "fact"),
+    ("arguments", "code"),
     [
-        (["--offset", "1"], "1.6 mm"),
-        (["--thickness", "5"], "5 mm"),
-        (["--radii", "20"], "56 mm"),
-        (["--radii", "75,nan"], ""),
-        (["--radii", "75,x"], ""),
-        (["--length", "nan"], "1000 mm"),
-        (["--length", "260", "--radii", "300"], "fdm-tpu"),
-        (["--cord", "wire"], "rubber-2mm"),
-        (["--process", "cnc"], "fdm-tpu"),
+        (["--offset", "1"], "offset-too-small"),
+        (["--thickness", "5"], "thickness-too-small"),
+        (["--radii", "20"], "radius-too-small"),
+        (["--radii", "75,nan"], "radii-invalid"),
+        (["--radii", "75,x"], "argument-invalid"),
+        (["--length", "nan"], "out-of-range"),
+        (["--length", "260", "--radii", "300"], "part-too-large"),
+        (["--cord", "wire"], "unknown-cord"),
+        (["--process", "cnc"], "unknown-process"),
     ],
 )
-def test_impossible_requests_are_refused(tmp_path, capsys, arguments, fact):
+def test_impossible_specimens_are_refused(tmp_path, arguments, code):
     out = tmp_path / "out"
-    assert main(["calibrate", "specimen", str(out), *arguments]) == 2
-    assert fact in capsys.readouterr().err
+    with raises(DefsenseError, code):
+        run_command(["calibrate", "specimen", str(out), *arguments])
     assert not out.exists()
 
 

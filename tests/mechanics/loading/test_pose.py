@@ -16,6 +16,7 @@ from defsense_fab.core.device.device import (
 from defsense_fab.core.device.regions import Box
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.mesh import TetMesh
+from defsense_fab.core.rotations import rotation_matrices
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.loading.boundary_conditions import (
@@ -23,7 +24,6 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     RigidHandle,
     State,
     continue_handles,
-    rotation_matrix,
 )
 from defsense_fab.mechanics.loading.constraint_check import check_constraints
 from defsense_fab.mechanics.loading.pose import mix_poses
@@ -55,39 +55,35 @@ def pose(rotation=NONE, translation=FREE, name="p", region="tip", fixed=("base",
 
 
 def test_a_mixture_adds_motions_and_loads(bar):
-    a = pose([0, -0.5, 0], name="a", gravity=np.array([0, 0, -1.0]))
+    bent = pose([0, -0.5, 0], name="a", gravity=np.array([0, 0, -1.0]))
     drag = PointDrag(np.array([75.0, 0, 0]), np.array([0, 0, 8.0]), 0.2)
     press = (RegionPressure("side", 0.01),)
-    b = pose([0.8, 0, 0], name="b", drags=(drag,), pressures=press)
-    made = mix_poses([a, b], {"a": 0.5, "b": 0.25}, REGIONS, bar, density=1.2)
-    (handle,) = made.handles
+    twisted = pose([0.8, 0, 0], name="b", drags=(drag,), pressures=press)
+    conditions = mix_poses([bent, twisted], {"a": 0.5, "b": 0.25}, REGIONS, bar, density=1.2)
+    (handle,) = conditions.handles
     assert handle.rotation == pytest.approx([0.2, -0.25, 0])
     assert np.isnan(handle.translation).all()
-    assert made.drags[0].by == pytest.approx([0, 0, 2])
-    assert made.drags[0].stiffness == 0.2
-    assert made.pressures[0].value == pytest.approx(0.0025)
-    assert made.gravity == pytest.approx([0, 0, -0.5 * 9806.65 * 1.2e-9])
-    area = np.linalg.norm(
-        np.cross(
-            *(bar.nodes[made.pressures[0].faces[:, k]] - bar.nodes[made.pressures[0].faces[:, 0]]
-              for k in (1, 2))
-        ), axis=1,
-    ).sum() / 2  # fmt: skip
+    assert conditions.drags[0].by == pytest.approx([0, 0, 2])
+    assert conditions.drags[0].stiffness == 0.2
+    assert conditions.pressures[0].value == pytest.approx(0.0025)
+    assert conditions.gravity == pytest.approx([0, 0, -0.5 * 9806.65 * 1.2e-9])
+    a, b, c = (bar.nodes[conditions.pressures[0].faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
     assert area == pytest.approx(150 * 30)
 
 
 def test_partly_free_translations_are_kept(bar):
-    made = mix_poses([pose(translation=[5, np.nan, 2])], {"p": 0.5}, REGIONS, bar)
-    assert made.handles[0].translation == pytest.approx([2.5, np.nan, 1], nan_ok=True)
+    conditions = mix_poses([pose(translation=[5, np.nan, 2])], {"p": 0.5}, REGIONS, bar)
+    assert conditions.handles[0].translation == pytest.approx([2.5, np.nan, 1], nan_ok=True)
 
 
 def test_a_region_free_in_one_pose_and_moved_in_another_is_solved_twice(bar):
     """The result equals that of prescribing the free equilibrium plus the further translation."""
     material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))
     bend, pull = pose([0, -0.4, 0], name="bend"), pose(translation=[12, 0, 3], name="pull")
-    made = mix_poses([bend, pull], {"bend": 1.0, "pull": 0.5}, REGIONS, bar)
-    assert np.isnan(made.handles[0].translation).all()
-    assert made.handles[0].further_translation == pytest.approx([6, 0, 1.5])
+    conditions = mix_poses([bend, pull], {"bend": 1.0, "pull": 0.5}, REGIONS, bar)
+    assert np.isnan(conditions.handles[0].translation).all()
+    assert conditions.handles[0].further_translation == pytest.approx([6, 0, 1.5])
     along = pose(translation=[12, np.nan, np.nan], name="along")
     free = mix_poses([bend, along], {"bend": 1.0, "along": 0.5}, REGIONS, bar)
     assert free.handles[0].further_translation == pytest.approx([6, np.nan, np.nan], nan_ok=True)
@@ -98,7 +94,7 @@ def test_a_region_free_in_one_pose_and_moved_in_another_is_solved_twice(bar):
         [bend, pose(translation=NONE, name="still")], {"bend": 1, "still": 1}, REGIONS, bar
     )
     assert continue_handles(State(np.zeros(0), np.zeros(0), np.zeros((1, 3)), still)) is None
-    ((half, whole),) = solve_all(bar, material, [Job(made, (0.5, 1.0))])
+    ((half, whole),) = solve_all(bar, material, [Job(conditions, (0.5, 1.0))])
     for state, share in ((half, 0.5), (whole, 1.0)):
         alone = mix_poses([bend], {"bend": share}, REGIONS, bar)
         (found,) = solve_ramp(bar, material, alone, [1.0])
@@ -113,13 +109,13 @@ def test_a_rotation_about_a_point(bar):
     """A rotation about another point equals one about the tip's middle plus a translation."""
     about, turn = np.array([75.0, 0, 0]), np.array([0, 0.5, 0])
     handle = Handle("tip", turn, NONE, about=about)
-    made = mix_poses([Pose("p", ("base",), (handle,))], {"p": 1.0}, REGIONS, bar)
-    assert made.handles[0].center == pytest.approx(about)
+    conditions = mix_poses([Pose("p", ("base",), (handle,))], {"p": 1.0}, REGIONS, bar)
+    assert conditions.handles[0].center == pytest.approx(about)
     middle = np.array([145.0, 0, 0])
-    shift = (rotation_matrix(turn) - np.eye(3)) @ (middle - about)
+    shift = (rotation_matrices(turn) - np.eye(3)) @ (middle - about)
     same = mix_poses([pose(turn, shift)], {"p": 1.0}, REGIONS, bar)
     material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))
-    (one,), (two,) = (solve_ramp(bar, material, c, [1.0]) for c in (made, same))
+    (one,), (two,) = (solve_ramp(bar, material, c, [1.0]) for c in (conditions, same))
     assert np.abs(one.u - two.u).max() < 1e-5
 
 
@@ -127,7 +123,7 @@ def test_a_rotation_about_a_point(bar):
     ("tip", "base", "code", "data"),
     [
         ("half", "base", "regions-overlap", {"regions": ("base", "tip")}),
-        ("far", "base", "region-too-few-nodes", {"region": "tip", "count": 0}),
+        ("far", "base", "too-few-region-nodes", {"region": "tip", "count": 0}),
         ("tip", "edge", "region-on-a-line", {"region": "base"}),
     ],
 )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device import PointDrag
+from defsense_fab.core.rotations import rotation_matrices
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.loading.boundary_conditions import (
     BoundaryConditions,
@@ -11,7 +12,6 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     Slide,
     interpolate_conditions,
     rest_state,
-    rotation_matrix,
 )
 from defsense_fab.mechanics.loading.loads import Loads
 from defsense_fab.mechanics.loading.reduction import Reduction
@@ -144,8 +144,8 @@ def test_rotation_vectors_do_not_wrap(mesh, clamp):
     half = interpolate_conditions(goal.at_rest(), goal, 0.5).handles[0].rotation
     assert half == pytest.approx([0.75 * np.pi, 0, 0])
     vector = np.array([0.3, -2.0, 1.0])
-    turn = rotation_matrix(vector)
+    turn = rotation_matrices(vector)
     assert turn @ turn.T == pytest.approx(np.eye(3))
-    assert rotation_matrix(np.zeros((2, 3))) == pytest.approx(np.stack([np.eye(3)] * 2))
+    assert rotation_matrices(np.zeros((2, 3))) == pytest.approx(np.stack([np.eye(3)] * 2))
     assert turn @ vector == pytest.approx(vector)
     assert np.trace(turn) == pytest.approx(1 + 2 * np.cos(np.linalg.norm(vector)))

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from defsense_fab.core.device.device import PointDrag
 from defsense_fab.core.errors import SolveError
@@ -32,6 +33,7 @@ from defsense_fab.mechanics.solver.linear_solver import (
 from defsense_fab.mechanics.solver.load_stepping import (
     Equilibrium,
     Status,
+    Stepping,
     confirm_equilibria,
     follow,
     solve_ramp,
@@ -140,8 +142,8 @@ def test_large_rotations_are_compared_with_smaller_steps(mesh, clamp, monkeypatc
     found = Equilibrium(Status.OK, replace(start, u=start.u), 1.0, None)
     largest_turns = []
 
-    def solve_again(*_, largest_turn, **__):
-        largest_turns.append(largest_turn)
+    def solve_again(*arguments):
+        largest_turns.append(arguments[-1].largest_turn)
         if moved is None:
             return [Equilibrium(Status.NOT_REACHED, None, 0.8, None)]
         return [replace(found, state=replace(start, u=start.u + np.array([0, moved, 0])))]
@@ -184,9 +186,9 @@ def test_a_fully_prescribed_body_needs_no_solver(mesh):
 
 
 def test_cancelling_returns_the_state_reached(mesh, clamp):
-    seen = []
+    steps = []
     results = solve_ramp(
-        mesh, MATERIAL, clamp(mesh, [3.0, 0, 0]), [0.5, 1.0], seen.append, lambda: len(seen) > 0
+        mesh, MATERIAL, clamp(mesh, [3.0, 0, 0]), [0.5, 1.0], steps.append, lambda: len(steps) > 0
     )
     assert [r.status for r in results] == [Status.OK, Status.CANCELLED]
     assert results[-1].u is None
@@ -243,7 +245,9 @@ def test_an_unstable_pose_solved_again_stays_unstable(clamp):
     system = System(mesh, rubber(0.45), goal)
     first = follow(system, rest_state(goal, len(mesh.nodes)), goal)[-1]
     assert first.status == Status.UNSTABLE
-    again = follow(system, first.state, goal, guess=np.zeros_like(mesh.nodes))[-1]
+    again = follow(system, first.state, goal, stepping=Stepping(guess=np.zeros_like(mesh.nodes)))[
+        -1
+    ]
     assert again.status == Status.UNSTABLE
     system.close()
 
@@ -284,9 +288,9 @@ def test_a_stuck_patch_is_solved_alone(disturbed, monkeypatch):
 def test_cancelling_inside_a_patch(disturbed, monkeypatch):
     system, solved, start = disturbed
     monkeypatch.setattr(newton, "PATCH_AFTER", 0)
-    asked = []
+    calls = []
     with pytest.raises(Cancelled):
-        system.equilibrium(start, lambda: asked.append(0) or len(asked) > 1)
+        system.equilibrium(start, lambda: calls.append(0) or len(calls) > 1)
     assert np.abs(system.equilibrium(start).state.u - solved.u).max() < 1e-4
 
 
@@ -304,15 +308,15 @@ def test_a_drag_balances_the_body(mesh, clamp):
 
 def test_parallel_solves_equal_serial_ones(mesh, clamp):
     goals = [clamp(mesh, [0.5, 0, 0]), clamp(mesh, [0, 0.5, 0]), clamp(mesh, translation=[9, 0, 0])]
-    seen = []
+    steps = []
     both = solve_all(
-        mesh, MATERIAL, [Job(g, (0.5, 1.0)) for g in goals], lambda i, at: seen.append((i, at)), 2
+        mesh, MATERIAL, [Job(g, (0.5, 1.0)) for g in goals], lambda i, at: steps.append((i, at)), 2
     )
     for goal, results in zip(goals, both, strict=True):
         alone = solve_ramp(mesh, MATERIAL, goal, [0.5, 1.0])
         for a, b in zip(alone, results, strict=True):
             assert np.abs(a.u - b.u).max() < 1e-5
-    assert {i for i, _ in seen} == {0, 1, 2}
+    assert {i for i, _ in steps} == {0, 1, 2}
 
 
 def test_a_pose_does_not_depend_on_the_pose_solved_before(clamp):
@@ -321,8 +325,8 @@ def test_a_pose_does_not_depend_on_the_pose_solved_before(clamp):
     material = neo_hookean(0.3, 15.0)
     hard = clamp(small, [np.deg2rad(170), 0, 0], [-15, 0, 0])
     system = System(small, material, hard)
-    follow(system, rest_state(hard, len(small.nodes)), hard, (0.5, 1.0))
-    assert system.has_modified_tangent  # it ends where the tangent is not positive definite
+    ended = follow(system, rest_state(hard, len(small.nodes)), hard, (0.5, 1.0))[-1]
+    assert ended.status != Status.OK  # it ends where the tangent is not positive definite
     system.close()
     goals = [clamp(small, [0, a, 0], [-10, 0, 0]) for a in (0.5, -0.5)]
     jobs = [Job(goal, (0.5, 1.0)) for goal in (hard, *goals)]
@@ -369,7 +373,6 @@ def test_self_penetration_is_reported(mesh, clamp):
     assert found.problem()
     assert np.linalg.norm(found.penetrations.mean(0) - [0, 0, 0]) < 25
     straight = check_field(mesh, 0 * x)
-    assert straight.is_sound
     assert straight.problem() is None
     half = solve_ramp(mesh, MATERIAL, clamp(mesh, [0, -np.pi / 2, 0]), [1.0])[-1]
     assert half.status == Status.OK
@@ -381,13 +384,10 @@ def test_a_folded_tet_is_reported(mesh):
     u[inner] = [20.0, 0, 0]
     found = check_field(mesh, u)
     assert len(found.inverted)
-    assert found.min_jacobian < 0
-    assert not found.is_sound
+    assert found.problem()
 
 
 def random_spd(seed):
-    import scipy.sparse as sp
-
     rng = np.random.default_rng(seed)
     a = rng.normal(size=(20, 20))
     return sp.csr_matrix(np.triu(a @ a.T + np.eye(20))), rng.normal(size=20)
@@ -395,8 +395,6 @@ def random_spd(seed):
 
 @pytest.mark.parametrize("kind", [Pardiso, Rslab, SuperLU])
 def test_solvers_solve_definite_and_refuse_other_matrices(kind):
-    import scipy.sparse as sp
-
     solver = kind()
     for seed in range(3):  # one pattern, other values: the analysis is used again
         upper, right = random_spd(seed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,16 +23,19 @@ from defsense_fab.store.manifest import (
     WireRecord,
 )
 from defsense_fab.workflow.build.cut_list import last_end
+from tests.conftest import box_surface
 from tests.support.places import BAR
 
 _SIZE, _FERRULE = 60.0, 7.0
-_BOX = np.array([[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-                 [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]])  # fmt: skip
+_PINS = (
+    PinRecord("pin-5x12.0", "p.stl", 2, 5.0, 12.0),
+    PinRecord("pin-4x9.0", "q.stl", 2, 4.0, 9.0),
+)
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """A device of blocks, with what the hands that follow its guide know of it."""
+    """A device of blocks, with the data that an assembler of its guide needs."""
 
     device: object
     manifest: Manifest
@@ -46,15 +49,11 @@ class Blocks:
         return {n: s.vertices[s.faces] for n, s in self.parts.items()}
 
 
-def block(low, high):
-    corners = np.array([[(low, high)[k >> a & 1][a] for a in range(3)] for k in range(8)], float)
-    surface = Surface(corners, _BOX)
-    return surface if surface.volume > 0 else Surface(corners, _BOX[:, ::-1])
-
-
 def blocks(seed=0, cords=3, assembly="held", ends=None, pins=True):
-    """Each of up to three cords lies in a plane of its own direction; `ends` are how wires leave
-    ("mouth", "bend", "outside"), two a cord, or drawn by lot."""
+    """Return a device with up to three cords, each in a plane of another direction.
+
+    `ends` has for each cord two kinds ("mouth", "bend" or "outside"); None chooses random ones.
+    """
     rng = np.random.default_rng(seed)
     boxes, joints, within = [], [], []
     order = rng.permutation(cords)
@@ -78,38 +77,52 @@ def blocks(seed=0, cords=3, assembly="held", ends=None, pins=True):
 
     half = np.full(3, _SIZE / 2)
     divide(-half, half, list(order))
-    surfaces = [block(*b) for b in boxes]
+    surfaces = [box_surface(*box) for box in boxes]
     names = [f"{k + 1}-block" for k in range(len(boxes))]
     kinds = ends or rng.choice(["mouth", "bend", "outside"], (cords, 2))
-    made = [_cord(k, lines[k], surfaces, joints, within, kinds[k], assembly) for k in range(cords)]
+    cut_cords = [
+        _cord(k, lines[k], surfaces, joints, within, kinds[k], assembly) for k in range(cords)
+    ]
     manifest = Manifest(
-        device="blocks", unit="mm", parts=tuple(
+        device="blocks",
+        unit="mm",
+        parts=tuple(
             PartRecord(n, k + 1, f"{n}.stl", f"print/{n}.stl", None, s.volume, s.bounds, ())
             for k, (n, s) in enumerate(zip(names, surfaces, strict=True))
         ),
-        pins=(PinRecord("pin-5x12.0", "p.stl", 2, 5.0, 12.0),
-              PinRecord("pin-4x9.0", "q.stl", 2, 4.0, 9.0)) if pins and joints else (),
+        pins=_PINS if pins and joints else (),
         plates=(Plate("plate.3mf", {n: s.bounds for n, s in zip(names, surfaces, strict=True)}),),
-        cords=tuple(made), assembly_of_cords=assembly, bill=(),
+        cords=tuple(cut_cords),
+        assembly_of_cords=assembly,
+        bill=(),
         assembly=tuple(
             JoinStep(
                 (tuple(names[i] for i in sorted(a)), tuple(names[i] for i in sorted(b))),
-                (f"cord-{axis}",), (), np.eye(3)[axis], _pins(a, b, names, axis) if pins else (),
+                (f"cord-{axis}",),
+                (),
+                np.eye(3)[axis],
+                _pins(a, b, names, axis) if pins else (),
             )
             for (a, b), axis in zip(joints, within, strict=True)
         ),
-        marker_seats=(), checks=(), prediction=None, removed_volume=0.0, body_volume=_SIZE**3,
+        marker_seats=(),
+        checks=(),
+        prediction=None,
+        removed_volume=0.0,
+        body_volume=_SIZE**3,
         warnings=(),
-    )  # fmt: skip
-    layout = {"sensors": [
-        {"name": f"cord-{k}", "points": lines[k].tolist(),
-         "plane": {"normal": np.eye(3)[k].tolist()}} for k in range(cords)
-    ]}  # fmt: skip
-    return Blocks(load_device(BAR), manifest, dict(zip(names, surfaces, strict=True)), layout)
+    )
+    planes = [{"normal": normal.tolist()} for normal in np.eye(3)]
+    sensors = [
+        {"name": f"cord-{k}", "points": line.tolist(), "plane": planes[k]}
+        for k, line in enumerate(lines)
+    ]
+    parts = dict(zip(names, surfaces, strict=True))
+    return Blocks(load_device(BAR), manifest, parts, {"sensors": sensors})
 
 
 def _path(rng, axis):
-    """Across the box in the plane in which a coordinate is 0."""
+    """Return a path across the box in the plane in which a coordinate is 0."""
     x = np.linspace(-_SIZE / 2, _SIZE / 2, 61)
     y = rng.uniform(5, 12) * np.sin(x / 30 * rng.uniform(1, 2.5) + rng.uniform(0, 6)) + 8
     out = np.zeros((61, 3))
@@ -127,33 +140,44 @@ def _pins(low, high, names, axis):
 def _cord(k, line, surfaces, joints, within, kinds, assembly):
     own = [j for j, axis in enumerate(within) if axis == k]
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    lies = find_stretches(line, np.eye(3)[k], 1.1, surfaces, joints, own) if own else ()
-    drawn = find_late_joints(lies, joints)
+    stretches = find_stretches(line, np.eye(3)[k], 1.1, surfaces, joints, own) if own else ()
+    drawn = find_late_joints(stretches, joints)
     ends = []
     for end, kind in enumerate(kinds):
         at, depth = line[-end], 0.0 if kind == "outside" else 7.0 if kind == "mouth" else 11.0
         path = None
-        where = ()
+        wire_joints = ()
         if kind == "bend" and own:
             inner = line[8 if end == 0 else -9]
             path = np.stack([inner, inner + 0.3 * (at - inner) + 2 * np.eye(3)[(k + 2) % 3]])
-            found = find_stretches(path, np.eye(3)[k], 0.6, surfaces, joints, own)
-            where = tuple(dict.fromkeys(s.joint for s in found))
-        wire = WireRecord(kind, 6.0 if path is not None else 0.0, path, None, None, where)
-        ends.append(CordEnd("free" if kind == "outside" else "pocket", depth, at,
-                            20.0 if kind == "outside" else 0.0, wire))  # fmt: skip
-    late, after = last_end(lies, drawn, ends)
+            wire_stretches = find_stretches(path, np.eye(3)[k], 0.6, surfaces, joints, own)
+            wire_joints = tuple(dict.fromkeys(s.joint for s in wire_stretches))
+        wire = WireRecord(kind, 6.0 if path is not None else 0.0, path, None, None, wire_joints)
+        joint, lead = ("free", 20.0) if kind == "outside" else ("pocket", 0.0)
+        ends.append(CordEnd(joint, depth, at, lead, wire))
+    late, after = last_end(stretches, drawn, ends)
     stretch = 0.04 if assembly == "held" else None
     between = length - sum(e.pocket - _FERRULE / 2 if e.pocket else -e.lead for e in ends)
     loose = between / (1 + (stretch or 0.0))
     slack = 5.0
     if late is not None:
-        from dataclasses import replace
-
         ends[late] = replace(ends[late], after=after)
         slack = 45.0
     return CutCord(
-        f"cord-{k}", loose + _FERRULE + slack, slack, length, between, loose, stretch, between,
-        tuple(ends), 2.2, 14.5 * loose, 14.5 * between * 1.04, (900.0, 1300.0), 1100.0,
-        tuple(CordStretch(s.joint, s.start, s.stop) for s in lies), tuple(drawn),
-    )  # fmt: skip
+        f"cord-{k}",
+        loose + _FERRULE + slack,
+        slack,
+        length,
+        between,
+        loose,
+        stretch,
+        between,
+        tuple(ends),
+        2.2,
+        14.5 * loose,
+        14.5 * between * 1.04,
+        (900.0, 1300.0),
+        1100.0,
+        tuple(CordStretch(s.joint, s.start, s.stop) for s in stretches),
+        tuple(drawn),
+    )

@@ -10,7 +10,7 @@ from defsense_fab.report.pictures.body_views import Panel, arrange_panels
 
 
 def crosses(a, b, c, d):
-    """Whether the segments ab and cd cross."""
+    """Return whether the segments ab and cd cross."""
 
     def side(p, q, r):
         return np.sign((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
@@ -19,7 +19,7 @@ def crosses(a, b, c, d):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_labels_stand_beside_the_drawing_and_their_lines_do_not_cross(seed):
+def test_labels_are_next_to_the_drawing_and_their_lines_do_not_cross(seed):
     rng = np.random.default_rng(seed)
     size, height = (500.0, 300.0), 28.0
     anchors = rng.uniform(0, 1, (int(rng.integers(1, 17)), 2)) * size * [1, 0.3]  # crowded
@@ -35,15 +35,15 @@ def test_labels_stand_beside_the_drawing_and_their_lines_do_not_cross(seed):
 
 
 def test_labels_with_room_keep_their_preferred_places():
-    wanted = np.array([10.0, 60, 65, 70, 200])
-    found = labels.spread(wanted, 20.0)
-    assert found == pytest.approx([10, 45, 65, 85, 200])  # the crowd about its middle
+    preferred = np.array([10.0, 60, 65, 70, 200])
+    middles = labels.spread(preferred, 20.0)
+    assert middles == pytest.approx([10, 45, 65, 85, 200])  # three labels around their middle
     tall = np.array([20.0, 20, 40, 20, 20])
-    within = labels.spread(wanted, tall, (5.0, 180.0))
-    assert within == pytest.approx([15, 35, 65, 95, 170])
+    limited = labels.spread(preferred, tall, (5.0, 180.0))
+    assert limited == pytest.approx([15, 35, 65, 95, 170])
 
 
-def test_the_spot_of_a_region_is_inside_of_it():
+def test_the_spot_of_a_region_is_inside_it():
     region = np.zeros((60, 80), bool)
     region[10:50, 10:14] = region[46:50, 10:70] = True  # an L, whose middle is outside
     x, y = labels.spot(region)
@@ -51,13 +51,16 @@ def test_the_spot_of_a_region_is_inside_of_it():
     assert labels.spot(np.zeros((5, 5), bool)) is None
 
 
-@pytest.mark.parametrize("sizes", [
-    [(150, 90), (150, 30), (150, 30)],
-    [(60, 220), (45, 210), (40, 210)],
-    [(150, 80), (150, 12), (150, 70)],
-    [(80, 80), (80, 80)],
-    [(300, 4)],
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        [(150, 90), (150, 30), (150, 30)],
+        [(60, 220), (45, 210), (40, 210)],
+        [(150, 80), (150, 12), (150, 70)],
+        [(80, 80), (80, 80)],
+        [(300, 4)],
+    ],
+)
 def test_panels_fill_their_picture_and_keep_apart(sizes):
     rim = (60.0, 4.0, 4.0, 90.0)
     panels = [Panel(np.array(s, float), rim, 260.0) for s in sizes]
@@ -73,10 +76,17 @@ def test_panels_fill_their_picture_and_keep_apart(sizes):
         assert (a + wide <= b + 1e-6).any() or (b + other <= a + 1e-6).any()
 
 
-@pytest.mark.parametrize(("largest", "top", "step"), [
-    (6.41, 8, 2), (0.502, 0.6, 0.2), (10, 10, 2), (33, 40, 10),
-    (1.1e-4, 1.25e-4, 2.5e-5), (0, 1, 0.5),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("largest", "top", "step"),
+    [
+        (6.41, 8, 2),
+        (0.502, 0.6, 0.2),
+        (10, 10, 2),
+        (33, 40, 10),
+        (1.1e-4, 1.25e-4, 2.5e-5),
+        (0, 1, 0.5),
+    ],
+)
 def test_scales_end_and_step_at_round_numbers(largest, top, step):
-    found = color_bar.scale("viridis", "strain", largest)
-    assert (found.top, found.step) == pytest.approx((top, step))
+    scale = color_bar.scale("viridis", "strain", largest)
+    assert (scale.top, scale.step) == pytest.approx((top, step))

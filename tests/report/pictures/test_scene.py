@@ -20,11 +20,15 @@ def image_of(uri):
 
 
 def rim(image, wide):
-    """The outermost pixels."""
-    return np.concatenate([
-        image[:wide].reshape(-1, 3), image[-wide:].reshape(-1, 3),
-        image[:, :wide].reshape(-1, 3), image[:, -wide:].reshape(-1, 3),
-    ])  # fmt: skip
+    """Return the outermost pixels."""
+    return np.concatenate(
+        [
+            image[:wide].reshape(-1, 3),
+            image[-wide:].reshape(-1, 3),
+            image[:, :wide].reshape(-1, 3),
+            image[:, -wide:].reshape(-1, 3),
+        ]
+    )
 
 
 @pytest.mark.parametrize("size", [(20, 25, 300), (300, 200, 6), (40, 30, 20)])
@@ -60,9 +64,9 @@ def test_hidden_shapes_are_detected():
         scene.solid(near, "#aa0000", name="near")
         scene.solid(far, "#00aa00", name="far")
         before = scene.shot(views.front(Z_UP), 200, 200).image
-        seen = scene.seen()
-        assert seen["near"].sum() > 0.9 * seen["near"].size
-        assert not seen["far"].any()
+        areas = scene.visible_areas()
+        assert areas["near"].sum() > 0.9 * areas["near"].size
+        assert not areas["far"].any()
         again = scene.shot(views.front(Z_UP), 200, 200).image
         assert (again == before).all()
         around = [views.front(Z_UP), views.side(Z_UP)]
@@ -70,7 +74,7 @@ def test_hidden_shapes_are_detected():
 
 
 @pytest.mark.parametrize("size", [(20, 25, 300), (300, 200, 8), (40, 30, 25)])
-def test_nothing_is_cut_off_beside_body_and_parts(size):
+def test_labels_and_dimensions_are_not_cut_off(size):
     body = box_surface([0, 0, 0], size)
     cord = np.linspace([1, 1, 1], np.array(size) - 1.0, 9)
     picture = image_of(draw_routing(body, [cord], [], 1.0, Z_UP))
@@ -78,7 +82,7 @@ def test_nothing_is_cut_off_beside_body_and_parts(size):
     assert picture.shape[1] <= 1100
     assert (rim(picture, 1) == 255).all()
     parts = {f"{k}-a-part-with-a-long-name": body for k in range(9)}
-    apart = {n: np.array([0, 0, 30.0 * k]) for k, n in enumerate(parts)}
-    picture = image_of(exploded(parts, apart, Z_UP))
+    shifts = {n: np.array([0, 0, 30.0 * k]) for k, n in enumerate(parts)}
+    picture = image_of(exploded(parts, shifts, Z_UP))
     assert picture.shape[1] <= 1110
     assert (rim(picture, 1) == 255).all()

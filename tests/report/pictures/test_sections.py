@@ -19,44 +19,43 @@ def bar():
     return QuadraticMesh.from_linear(structured_bar([0, -15, -10], [150, 15, 10], [15, 4, 4]))
 
 
-def bent(nodes, way):
-    """Displacements and strains of a bar bent towards `way` (3,)."""
-    x, off = nodes[:, 0], nodes @ way
-    moved = 0.002 * x[:, None] ** 2 * way - 0.004 * (x * off)[:, None] * [1, 0, 0]
+def bent(nodes, direction):
+    """Return displacements and strains of a bar bent towards `direction` (3,)."""
+    x, off = nodes[:, 0], nodes @ direction
+    moved = 0.002 * x[:, None] ** 2 * direction - 0.004 * (x * off)[:, None] * [1, 0, 0]
     return moved, 0.004 * np.abs(off) * np.where(off < 0, 1.0, 0.5)
 
 
-@pytest.mark.parametrize("way", [[0, 0, 1.0], [0, 0, -1.0], [0, 1.0, 0], [0, 0.6, 0.8]])
-def test_the_first_section_holds_the_bend_the_second_is_square_to_it(bar, way):
-    moved, strain = bent(bar.nodes, np.array(way))
-    found = sections(bar.nodes, moved, strain, bar.nodes[:, 0] > 140)
-    assert found.moving.normal @ way == pytest.approx(0, abs=0.05)
-    assert found.moving.normal @ [1, 0, 0] == pytest.approx(0, abs=0.05)
-    assert abs(found.beside.normal @ way) == pytest.approx(1, abs=0.02)
-    for plane in (found.moving, found.beside):  # through the middle of the handle
+@pytest.mark.parametrize("direction", [[0, 0, 1.0], [0, 0, -1.0], [0, 1.0, 0], [0, 0.6, 0.8]])
+def test_the_first_section_holds_the_bend_and_the_second_is_square_to_it(bar, direction):
+    moved, strain = bent(bar.nodes, np.array(direction))
+    planes = sections(bar.nodes, moved, strain, bar.nodes[:, 0] > 140)
+    assert planes.moving.normal @ direction == pytest.approx(0, abs=0.05)
+    assert planes.moving.normal @ [1, 0, 0] == pytest.approx(0, abs=0.05)
+    assert abs(planes.lengthwise.normal @ direction) == pytest.approx(1, abs=0.02)
+    for plane in (planes.moving, planes.lengthwise):  # through the middle of the handle
         assert (np.array([145, 0, 0]) - plane.origin) @ plane.normal == pytest.approx(0, abs=6)
-    assert (found.peak - found.across.origin) @ found.across.normal == pytest.approx(0, abs=2)
+    assert (planes.peak - planes.across.origin) @ planes.across.normal == pytest.approx(0, abs=2)
 
 
 def test_a_twist_is_cut_through_its_axis(bar):
     x, y, z = bar.nodes.T
     moved = 0.004 * x[:, None] * np.stack([0 * x, -z, y], 1)
     strain = 0.002 * np.hypot(y, z)
-    found = sections(bar.nodes, moved, strain, x > 140)
-    for plane in (found.moving, found.beside):
+    planes = sections(bar.nodes, moved, strain, x > 140)
+    for plane in (planes.moving, planes.lengthwise):
         assert abs(plane.normal[0]) < 0.1
         assert plane.origin @ plane.normal == pytest.approx(0, abs=1)
 
 
-def test_an_arm_is_cut_through_hand_and_shoulder_not_through_the_middle(bar):
-    """Only the last third moves, up, and is strained where that begins, off the body's middle."""
+def test_an_arm_is_cut_through_its_moving_end_and_largest_strain(bar):
+    """Only the last third moves; the strain is largest where the movement starts."""
     x = bar.nodes[:, 0]
     moved = np.maximum(x - 100, 0)[:, None] * [0, 0.5, 0]
     strain = np.exp(-(((x - 105) / 8) ** 2))
-    found = sections(bar.nodes, moved, strain, x > 140)
-    assert abs(found.moving.normal[2]) == pytest.approx(1)
-    assert found.across.origin[0] == pytest.approx(105, abs=3)
-    assert "x = 10" in found.across.words()
+    planes = sections(bar.nodes, moved, strain, x > 140)
+    assert abs(planes.moving.normal[2]) == pytest.approx(1)
+    assert planes.across.origin[0] == pytest.approx(105, abs=3)
 
 
 def test_a_cut_has_the_area_and_the_values_of_its_field(bar):
@@ -71,7 +70,7 @@ def test_a_cut_has_the_area_and_the_values_of_its_field(bar):
     assert beyond.n_points == 0
 
 
-def test_a_picture_of_sections_is_whole(bar):
+def test_a_picture_of_sections_is_not_cut_off(bar):
     moved, strain = bent(bar.nodes, np.array([0, 0, 1.0]))
     corners = structured_bar([0, -15, -10], [150, 15, 10], [15, 4, 4]).boundary()
     body, used = corners.compact()
@@ -87,7 +86,7 @@ def test_a_picture_of_sections_is_whole(bar):
         )
     )
     assert (rim(picture, 1) == 255).all()
-    # The colours of little strain, and of much.
+    # The colors of small and of large strain.
     for color in ((68, 1, 84), (33, 145, 140)):
         assert (np.abs(picture.astype(int) - color).max(2) < 12).sum() > 50
 

@@ -135,7 +135,7 @@ def test_invalid_banks_are_refused(rest):
     basis = poses(rest)
     with raises(ControlError, "unknown-name", control="a", name="b", column=1):
         ControlBank(basis, rest, [ControlSpec("a", "b"), ControlSpec("b", "bend_up")])
-    with raises(ControlError, "names-not-unique", name="a"):
+    with raises(ControlError, "name-repeated", name="a"):
         ControlBank(basis, rest, [ControlSpec("a", "pull"), ControlSpec("a", "pull")])
     with raises(ControlError, "markers-differ", count=39, expected=40):
         ControlBank(basis, rest[1:])

@@ -191,7 +191,7 @@ def test_radius_of_a_normal_error():
 @pytest.mark.parametrize(
     ("amplitudes", "shape", "code"),
     [
-        ([1.0], (2, 4, 3), "shape-mismatch"),
+        ([1.0], (2, 4, 3), "wrong-shape"),
         ([0.5, 0.5], (2, 4, 3), "not-increasing"),
         ([0.0, 1.0], (2, 4, 3), "rest-displaced"),
         ([-1.0, 1.0], (2, 4, 3), "not-increasing"),
@@ -207,9 +207,9 @@ def test_invalid_bases_are_refused(rest, amplitudes):
     ramp, other = (PoseRamp(np.ones(1), np.ones((1, m, 3))) for m in (4, 5))
     with raises(ControlError, "markers-differ"):
         PoseBasis(("a", "b"), (ramp, other))
-    with raises(ControlError, "names-not-unique"):
+    with raises(ControlError, "name-repeated"):
         PoseBasis(("a", "a"), (ramp, ramp))
-    with raises(ControlError, "counts-differ"):
+    with raises(ControlError, "count-differs"):
         PoseBasis(("a", "b"), (ramp,))
-    with raises(ControlError, "shape-mismatch", markers=40):
+    with raises(ControlError, "wrong-shape", markers=40):
         amplitudes(np.zeros((3, 3)), np.ones(3))

@@ -10,7 +10,8 @@ from defsense_fab.decoding.signal_history import Past
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Reading
 from defsense_fab.runtime.frames.live_faults import SwapWatch
 from defsense_fab.runtime.frames.live_frame import Quality
-from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from defsense_fab.training.fitting.train_model import train
+from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.regression.intervals import fit_trained_range
 from tests.support.errors import raises
 from tests.training.conftest import recorded as recorded_fixture
@@ -20,7 +21,7 @@ recorded = recorded_fixture
 
 @pytest.fixture(scope="module")
 def model(recorded):
-    return train(recorded(120), TrainingOptions(decoder="quadratic", memory=False)).model
+    return train(recorded(120), TrainOptions(decoder="quadratic", memory=False)).model
 
 
 @pytest.fixture(scope="module")
@@ -193,8 +194,8 @@ def test_swap_is_reported_while_it_lasts_with_memory(model, recorded, run):
 
 def test_range_of_signals_equals_that_of_a_training_without_memory(recorded):
     dataset = recorded(240, tear=0.2)
-    whole = train(dataset, TrainingOptions(decoder="quadratic")).model.main.range
-    alone = train(dataset, TrainingOptions(decoder="quadratic", memory=False)).model.main.range
+    whole = train(dataset, TrainOptions(decoder="quadratic")).model.main.range
+    alone = train(dataset, TrainOptions(decoder="quadratic", memory=False)).model.main.range
     signals = dataset.recordings[0].signals[::50]
     ratio = whole.for_signals().distance(signals) / alone.distance(signals)
     assert np.std(np.log(ratio)) < 0.05

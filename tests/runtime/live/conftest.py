@@ -13,8 +13,9 @@ from defsense_fab.store.fields import FieldIndex, StateRecord, field_path, save_
 from defsense_fab.store.layout import layout_hash, load_layout, load_prediction
 from defsense_fab.store.mesh import load_mesh
 from defsense_fab.training.data.dataset import Dataset, Recording
-from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from defsense_fab.training.models.model_file import write_model
+from defsense_fab.training.fitting.model_file import write_model
+from defsense_fab.training.fitting.train_model import train
+from defsense_fab.training.options import TrainOptions
 from tests.runtime.bars import bent, twisted
 from tests.training.conftest import walk
 from tests.twin.conftest import small_bar as small_bar_fixture
@@ -78,7 +79,7 @@ def live_bar(small_bar, tmp_path_factory):
         load_device(folder).name, hash_, NAMES, np.arange(len(markers)), markers, (recording,),
         {"sessions": [{"reference": dict(zip(NAMES, (1500.0, 1000.0), strict=True))}]},
     )  # fmt: skip
-    model = train(dataset, TrainingOptions(decoder="quadratic", memory=False)).model
+    model = train(dataset, TrainOptions(decoder="quadratic", memory=False)).model
     from dataclasses import replace
 
     metadata = {"provenance": dict(dataset.provenance), "R0": {"run-1": R0.tolist()}}

@@ -5,9 +5,9 @@ import shutil
 import numpy as np
 
 from defsense_fab.core.errors import LiveError, StorageError
-from defsense_fab.runtime.live.live_run import format_latency, record_action
 from defsense_fab.runtime.live.run_files import Animations, RunFolder
-from tests.runtime.full_disk import fill
+from defsense_fab.workflow.run.run import format_latency, record_action
+from tests.runtime.full_disk import limit_disk
 from tests.runtime.recording_bars import bar, frames
 from tests.support.errors import raises
 
@@ -85,10 +85,10 @@ def test_animation_without_frames_is_discarded(tmp_path):
     assert animations.recording is None
 
 
-def test_trouble_ends_with_its_recording(tmp_path):
+def test_trouble_ends_with_its_recording(tmp_path, monkeypatch):
+    limit_disk(monkeypatch, int(5.5 * 4 * REST.size))
     animations = Animations(REST, FACES)
     animations.start(tmp_path / "a.npz")
-    fill(animations.recorder._rows, int(5.5 * 4 * REST.size))
     send(animations)
     assert animations.trouble.code == "disk-full"
     animations.finish()

@@ -11,10 +11,10 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder
 from defsense_fab.runtime.frames.live_frame import Quality
-from defsense_fab.runtime.live.live_device import live_device
-from defsense_fab.runtime.live.live_loop import LiveLoop
+from defsense_fab.runtime.live.live_loop import LiveLoop, Receivers
 from defsense_fab.sensing.serial_frames import Info, Sample
 from defsense_fab.sensing.voltage_divider import Dividers
+from defsense_fab.workflow.run.live_device import live_device
 from tests.runtime.live.conftest import R0
 from tests.runtime.live.test_live_loop import Kept
 
@@ -56,7 +56,11 @@ def fed(live_bar):
     device = live_device(live_bar.model)
     source, out = ManualSource(), Kept()
     loop = LiveLoop(
-        source, LiveDecoder(device.model, R0), device.board_channels, REFERENCE, outputs=[out]
+        source,
+        LiveDecoder(device.model, R0),
+        device.board_channels,
+        REFERENCE,
+        receivers=Receivers([out]),
     )
     loop.start()
     yield source, loop, out

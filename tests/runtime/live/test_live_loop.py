@@ -13,12 +13,12 @@ from defsense_fab.capture.readout.source import RecordingEnd
 from defsense_fab.core.errors import LiveError
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder
 from defsense_fab.runtime.frames.live_frame import Quality
-from defsense_fab.runtime.live.live_device import live_device
-from defsense_fab.runtime.live.live_loop import LiveLoop
-from defsense_fab.runtime.live.live_run import RunOptions, live_run
+from defsense_fab.runtime.live.live_loop import LiveLoop, Receivers
 from defsense_fab.training.data.dataset import Dataset
+from defsense_fab.twin.electronics.cords import CUT, CordFault, ReplayedCords
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
-from defsense_fab.twin.electronics.replayed_cords import CUT, ReplayedCords
+from defsense_fab.workflow.run.live_device import live_device
+from defsense_fab.workflow.run.run import prepare_run
 from tests.runtime.live.conftest import NAMES, moved
 from tests.support.errors import raises
 
@@ -49,25 +49,24 @@ class Kept:
         self.closed = True
 
 
-def board_of(live_bar, seed=3, seconds=40.0):
-    run, levels = live_bar.run(seconds, seed)
-    cords = ReplayedCords(NAMES, run.sample_time, run.ohm)
-    board = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=SPEED,
-                    converter="ads1115")  # fmt: skip
-    return cords, board, run, levels
+def board_of(live_bar, seconds=40.0, faults=(), kind=ReadoutTwin):
+    """Return a function that opens a board, its recording and the true levels."""
+    run, levels = live_bar.run(seconds, seed=3)
+    cords = ReplayedCords(NAMES, run.sample_time, run.ohm, faults)
+    reference = np.array([1500.0, 1000.0])
+    return partial(kind, cords, reference, speed=SPEED, converter="ads1115"), run, levels
 
 
-def loop_of(live_bar, board, outputs, **more):
+def loop_of(live_bar, board, outputs, recorder=None):
     device = live_device(live_bar.model)
     source = Reader(board, "twin", ReadoutSettings(channels=2, rate=100))
     decoder = LiveDecoder(device.model, None, device.trained_rest)
-    return LiveLoop(
-        source, decoder, device.board_channels, device.reference, outputs=outputs, **more
-    )
+    receivers = Receivers(outputs, recorder=recorder)
+    return LiveLoop(source, decoder, device.board_channels, device.reference, receivers=receivers)
 
 
 def test_frames_with_marker_positions_reach_outputs(live_bar):
-    _, board, run, levels = board_of(live_bar)
+    board, run, levels = board_of(live_bar)
     out = Kept()
     loop = loop_of(live_bar, board, [out])
     info = loop.start()
@@ -89,36 +88,33 @@ def test_frames_with_marker_positions_reach_outputs(live_bar):
 
 
 def test_cut_cord_is_reported_while_the_loop_continues(live_bar):
-    cords, board, _, _ = board_of(live_bar)
+    board = board_of(live_bar, faults=(CordFault(CUT, (0,), 8.0, 12.0),))[0]
     out = Kept()
     loop = loop_of(live_bar, board, [out])
     loop.start()
     out.until(lambda f: f.quality is not Quality.LOST)
-    cords.add_fault(CUT, (0,))
     out.until(lambda f: f.lost_channel == "cord_1" and f.quality is Quality.FALLBACK)
-    cords.clear_faults()
-    seen = len(out.frames)
-    out.until(lambda f: f.number > out.frames[seen - 1].number + 200 and f.lost_channel is None)
+    out.until(lambda f: f.time > 14 and f.lost_channel is None)
     loop.close()
 
 
 class Gone(ReadoutTwin):
     """A board whose port disappears once, after some samples."""
 
-    gone = False
+    gone, received = False, 0  # whether it has disappeared; bytes
 
     def read(self, size):
-        if self._counter > 250 and not Gone.gone:
+        if self.received > 5000 and not Gone.gone:
             Gone.gone = True
             raise OSError("unplugged")
-        return super().read(size)
+        data = super().read(size)
+        self.received += len(data)
+        return data
 
 
 def test_port_that_disappears_and_returns(live_bar):
-    cords, _, _, _ = board_of(live_bar)
     out, Gone.gone = Kept(), False
-    board = partial(Gone, cords, np.array([1500.0, 1000.0]), speed=SPEED, converter="ads1115")
-    loop = loop_of(live_bar, board, [out])
+    loop = loop_of(live_bar, board_of(live_bar, kind=Gone)[0], [out])
     loop.start()
     end = time.monotonic() + 60
     while not Gone.gone and time.monotonic() < end:
@@ -141,14 +137,14 @@ def test_other_number_of_channels_is_refused(live_bar):
 def test_recording_is_played_to_its_end(live_bar, tmp_path):
     from defsense_fab.runtime.live.run_files import RawRecording, RunFolder
 
-    _, board, _, _ = board_of(live_bar, seconds=10.0)
+    board = board_of(live_bar, seconds=10.0)[0]
     out, recording = Kept(), RawRecording(RunFolder(tmp_path / "live"), 2)
     loop = loop_of(live_bar, board, [out], recorder=recording)
     loop.start()
     out.until(lambda f: f.time > 6)
     loop.close()
     device = live_device(live_bar.model)
-    run = live_run(device, RunOptions(f"replay:{recording.path}"))
+    run = prepare_run(device, f"replay:{recording.path}")
     run.loop.start()
     with pytest.raises(RecordingEnd):
         run.loop.wait(60.0)
@@ -157,7 +153,7 @@ def test_recording_is_played_to_its_end(live_bar, tmp_path):
 
 
 def test_session_is_played_with_its_tracks(live_bar, tmp_path, monkeypatch):
-    from defsense_fab.runtime.live import session_play
+    from defsense_fab.workflow.run import sources
 
     run, _ = live_bar.run(8.0, 3)
     device = live_device(live_bar.model)
@@ -175,11 +171,11 @@ def test_session_is_played_with_its_tracks(live_bar, tmp_path, monkeypatch):
     )  # fmt: skip
     for name in ("run-1", "run-7"):
         (tmp_path / "s" / name).mkdir(parents=True)
-    monkeypatch.setattr(session_play, "manifest_path", lambda f: f if f.name == "s" else None)
-    monkeypatch.setattr(session_play, "session_dataset", lambda folders, device: dataset)
+    monkeypatch.setattr(sources, "manifest_path", lambda f: f if f.name == "s" else None)
+    monkeypatch.setattr(sources, "session_dataset", lambda folder: dataset)
     out = Kept()
     for folder in (tmp_path / "s" / "run-1", tmp_path / "s"):
-        play = live_run(device, RunOptions(f"replay:{folder}"))
+        play = prepare_run(device, f"replay:{folder}")
         monkeypatch.setattr(play.loop, "_outputs", (out,))
         play.loop.start()
         with pytest.raises(RecordingEnd):
@@ -196,18 +192,18 @@ def test_session_is_played_with_its_tracks(live_bar, tmp_path, monkeypatch):
     assert blind
     assert all(np.isnan(f.tracks[-1]).all() for f in blind)
     with raises(LiveError, "run-not-processed", run="run-7", runs=("run-1",)):
-        live_run(device, RunOptions(f"replay:{tmp_path / 's' / 'run-7'}"))
+        prepare_run(device, f"replay:{tmp_path / 's' / 'run-7'}")
 
 
 def test_invalid_ports_are_refused(live_bar, tmp_path):
     device = live_device(live_bar.model)
     for port, code in (
         ("replay:/nowhere/board.csv", "file-not-found"),
-        ("twin:speed=3", "twin-option-unknown"),
+        ("twin:speed=3", "unknown-twin-option"),
         ("twin:minutes=900", "out-of-range"),
     ):
         with raises(LiveError, code):
-            live_run(device, RunOptions(port, keep=False))
+            prepare_run(device, port, keeps_readings=False)
 
 
 def test_full_disk_ends_the_recording_but_not_the_run(live_bar, tmp_path, monkeypatch):
@@ -216,7 +212,7 @@ def test_full_disk_ends_the_recording_but_not_the_run(live_bar, tmp_path, monkey
     from defsense_fab.runtime.live.run_files import RawRecording, RunFolder
 
     recording = RawRecording(RunFolder(tmp_path / "live"), 2)
-    _, board, _, _ = board_of(live_bar)
+    board = board_of(live_bar)[0]
     out = Kept()
     loop = loop_of(live_bar, board, [out], recorder=recording)
 

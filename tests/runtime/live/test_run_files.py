@@ -2,12 +2,14 @@
 
 import os
 import threading
+import time
 
 import pytest
 
 from defsense_fab.capture.readout.recording import Recorder, read_recording
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.runtime.live import run_files
 from defsense_fab.runtime.live.run_files import RawRecording, RunFolder, new_run_folder
 from defsense_fab.sensing.serial_frames import Sample
 from tests.support.errors import raises
@@ -69,7 +71,7 @@ def test_unusable_folders_are_refused(tmp_path):
     with raises(StorageError, "not-a-folder"):
         RawRecording(RunFolder(tmp_path / "file" / "x"), 2)
     Recorder(tmp_path / "board.csv", 3).close()
-    with raises(CaptureError, "wrong-file-kind"):
+    with raises(CaptureError, "wrong-file-format"):
         RawRecording(RunFolder(tmp_path), 2)
 
 
@@ -101,6 +103,7 @@ def test_recording_resumes_after_a_full_disk(tmp_path, monkeypatch):
         add(recorder, item)
 
     monkeypatch.setattr(Recorder, "add", perhaps)
+    monkeypatch.setattr(run_files, "_RETRY_DELAY_S", 0.5)
     recording.add(sample(0))
     full[0] = True
     recording.add(sample(1))
@@ -108,7 +111,7 @@ def test_recording_resumes_after_a_full_disk(tmp_path, monkeypatch):
     full[0] = False
     recording.add(sample(2))  # too early to try again
     assert recording.trouble is not None
-    recording.retry_now()
+    time.sleep(0.6)
     recording.add(sample(3))
     assert recording.trouble is None
     recording.close()

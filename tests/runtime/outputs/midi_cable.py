@@ -1,4 +1,6 @@
-"""Simulated MIDI ports."""
+"""Simulated MIDI ports, and frames to send to them."""
+
+from tests.runtime.live_frames import frame
 
 
 class Cable:
@@ -27,3 +29,8 @@ class Cable:
 
     def close(self):
         self.opened.append("closed")
+
+
+def moved(values, **kwargs):
+    """Return frames in which `bend` has these values, 10 ms apart."""
+    return [frame(n, controls={"bend": v}, confidence={}, **kwargs) for n, v in enumerate(values)]

@@ -1,4 +1,4 @@
-"""MIDI: files are read by mido, devices are unplugged, mappings are learned."""
+"""MIDI output: files are read by mido, devices are unplugged, failed sends are repeated."""
 
 import sys
 
@@ -10,76 +10,32 @@ from defsense_fab.core.errors import OutputError, StorageError
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs import midi_output, midi_ports
 from defsense_fab.runtime.outputs.live_file import read_live_file
-from defsense_fab.runtime.outputs.midi_mapping import (
-    MidiLearn,
-    MidiMapper,
-    learn_mapping,
-    mapping_toml,
-    most_moved_control,
-)
 from defsense_fab.runtime.outputs.midi_output import MidiFile, MidiOutput
 from defsense_fab.runtime.outputs.midi_ports import SystemPorts, find_port
 from defsense_fab.runtime.outputs.settings import MidiMapping, MidiSettings
-from tests.runtime.live_frames import frame
-from tests.runtime.outputs.midi_cable import Cable
+from tests.runtime.live_frames import frame, frame_before_rest
+from tests.runtime.outputs.midi_cable import Cable, moved
 from tests.support.errors import raises
 
-
-def moved(values, **kwargs):
-    """Return frames in which `bend` has these values, 10 ms apart."""
-    return [frame(n, controls={"bend": v}, confidence={}, **kwargs) for n, v in enumerate(values)]
-
-
-def sent_by(mapping, frames):
-    mapper = MidiMapper([mapping])
-    return [tuple(m) for f in frames for m in mapper.messages(f)]
-
-
-def test_control_changes():
-    """Values are scaled, limited, and sent on their channel when they change."""
-    got = sent_by(MidiMapping("bend", cc=74, channel=3), moved([0, 0.5, 0.501, 2, 1, -1]))
-    assert got == [(0xB2, 74, 0), (0xB2, 74, 64), (0xB2, 74, 127), (0xB2, 74, 0)]
-    both = sent_by(MidiMapping("bend", cc=1, low=-1), moved([-1, 0, 1]))
-    assert [m[2] for m in both] == [0, 64, 127]
-    turned = sent_by(MidiMapping("bend", cc=1, low=1, high=0), moved([0, 1]))
-    assert [m[2] for m in turned] == [127, 0]
-
-
-def test_notes():
-    """A note starts above the threshold and ends below the hysteresis; quick ones are louder."""
-    one = MidiMapping("bend", note=60, channel=10, threshold=0.5, hysteresis=0.2)
-    got = sent_by(one, moved([0, 0.4, 0.55, 0.45, 0.35, 0.6, 0.29, 0.2, 0.6]))
-    assert [m[:2] for m in got] == [(0x99, 60), (0x89, 60), (0x99, 60)]
-    slow, quick = (sent_by(one, moved(np.linspace(0, 1, n)))[0][2] for n in (200, 20))
-    assert 40 < slow < quick <= 127
-    assert slow == pytest.approx(40 + 87 * (0.5 / 4) ** 0.5, abs=4)  # 0.5 of the range per second
-    slowest = sent_by(one, moved(np.linspace(0.49, 0.51, 200)))[0][2]
-    assert slowest == pytest.approx(40 + 87 * (0.01 / 4) ** 0.5, abs=2)  # it can be heard
-    assert sent_by(one, moved([0.9])) == [(0x99, 60, 64)]  # its speed is unknown
-
-
-def test_reset_of_the_board():
-    """Times that go back do not change the loudness of a note."""
-    frames = [*moved([0.1] * 500), *moved([0.2, 0.6])]
-    ((_, _, loud),) = sent_by(MidiMapping("bend", note=60), frames)
-    assert loud == 127  # 0.4 in 10 ms
+ON, OFF = (0x90, 60), (0x80, 60, 0)
+MAPPING = (MidiMapping("bend", note=60, threshold=0.5), MidiMapping("bend", cc=20))
 
 
 @pytest.mark.parametrize(
-    ("last", "told"),
+    ("last", "command"),
     [
         ((3, 99), 'pip install "defsense-fab[midi]"'),
         ((3, 0), "pip install python-rtmidi"),
     ],
 )
-def test_missing_package_is_reported(monkeypatch, tmp_path, last, told):
+def test_missing_package_is_reported(monkeypatch, tmp_path, last, command):
     """The extra is named if it has a wheel for this Python, else the package to compile."""
     monkeypatch.setattr(midi_ports, "_ALSA_SEQUENCER", tmp_path)
     monkeypatch.setattr(midi_ports, "_LAST_PYTHON_WITH_WHEEL", last)
     monkeypatch.setitem(sys.modules, "rtmidi", None)
     with raises(OutputError, "library-missing") as caught:
         SystemPorts().names(inputs=False)
-    assert told in str(caught.value)
+    assert command in str(caught.value)
 
 
 def test_file_is_read_by_mido(tmp_path):
@@ -204,54 +160,12 @@ def test_machine_without_midi(monkeypatch, tmp_path):
         MidiOutput(MidiSettings())
 
 
-def test_most_moved_control():
-    history = [{"a": 0.0, "b": 0.5}, {"a": 0.3, "b": 0.0}, {"a": 0.1, "b": 0.2}]
-    assert most_moved_control(history) == ("b", 0.0, 0.5)
-    assert most_moved_control([{"a": 0.1}, {"a": 0.2}]) is None
-    assert most_moved_control([]) is None
-
-
-def test_learning():
-    """Move the device, then touch the knob."""
-    cable = Cable("Knobs")
-    learn = MidiLearn("knobs", cable)
-    assert learn.port_name == "Knobs"
-    found = [learn.watch(one) for one in moved(np.linspace(0, -0.8, 50))]
-    assert not any(found)
-    cable.waiting = [b"\xf8", bytes([0xB4, 21, 77]), bytes([0xB4, 22, 1])]
-    one = learn.watch(frame(51, controls={"bend": -0.8, "twist": 0.1}))
-    assert one == MidiMapping("bend", cc=21, channel=5, low=-1)
-    # Seconds later no control has moved.
-    cable.waiting = [bytes([0xB4, 21, 77])]
-    assert learn.watch(frame(2000, controls={"bend": -0.8, "twist": 0.1})) is None
-    learn.close()
-    assert cable.opened[-1] == "closed"
-
-
-def test_learning_a_key():
-    history = [{"bend": 0.0}, {"bend": 0.9}]
-    assert learn_mapping(history, bytes([0x90, 60, 100])) == MidiMapping("bend", note=60, channel=1)
-    assert learn_mapping(history, bytes([0x90, 60, 0])) is None  # the end of a note
-    text = mapping_toml([MidiMapping("bend", note=60), MidiMapping("x", cc=3, low=-1, channel=2)])
-    assert text == (
-        '[outputs.midi]\nmapping = [\n  { control = "bend", note = 60, channel = 1 },\n'
-        '  { control = "x", cc = 3, channel = 2, low = -1 },\n]\n'
-    )
-
-
-def test_mapping_is_read_back(tmp_path):
-    kept = MidiMapping("bend", note=60, high=0.7, threshold=0.1, hysteresis=0.05)
-    (tmp_path / "x.toml").write_text(mapping_toml([kept]))
-    assert read_live_file(tmp_path / "x.toml").outputs == (MidiSettings(mapping=(kept,)),)
-
-
 def test_learning_while_playing(tmp_path, monkeypatch):
     """A learned mapping plays at once and is written to a file; a second touch replaces it."""
     monkeypatch.setattr(midi_output, "_CHECK_INTERVAL_S", 0.0)
     path = tmp_path / "learned.toml"
     cable = Cable("Synth", "Knobs")
     output = MidiOutput(MidiSettings(device="Synth", learn="Knobs", learned=str(path)), cable)
-    assert output.learned_path == path
     for one in moved(np.linspace(0, 0.8, 30)):
         output.send(one)
     assert cable.sent == []
@@ -287,7 +201,6 @@ def test_mapping_of_an_earlier_run_is_kept(tmp_path):
     output.close()
     assert path.read_text("utf-8") == "mine"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["learned-2.toml", "learned.toml"]
-    assert output.learned_path == tmp_path / "learned-2.toml"
     (live,) = read_live_file(tmp_path / "learned-2.toml").outputs
     assert [one.control for one in live.mapping] == ["bend", "twist"]
 
@@ -317,11 +230,118 @@ def test_failed_opening_leaves_nothing_behind(tmp_path):
     assert cable.opened[2:] == [("Knobs", True, False), "closed"]
 
 
-def test_garbage_is_not_learned():
-    history, rng = [{"bend": 0.0}, {"bend": 0.9}], np.random.default_rng(0)
-    for _ in range(3000):
-        message = rng.bytes(rng.integers(0, 5))
-        one = learn_mapping(history, message)
-        if one is not None:
-            assert message[0] & 0xF0 in (0x90, 0xB0)
-            assert len(message) == 3
+# Failed sends: no note hangs, and lost messages are sent again.
+
+
+@pytest.fixture
+def cable():
+    return Cable("Synth")
+
+
+@pytest.fixture
+def output(cable):
+    return MidiOutput(MidiSettings(mapping=MAPPING), cable)
+
+
+def bent(number, bend):
+    return frame(number, controls={"bend": bend}, confidence={})
+
+
+def sent(output, cable, number, bend):
+    """Send a frame and return the messages that arrive."""
+    cable.sent.clear()
+    output.send(bent(number, bend))
+    return cable.sent
+
+
+def fail(output, cable, number, bend, messages=1):
+    cable.fails = messages
+    with pytest.raises(OSError, match="cable pulled"):
+        output.send(bent(number, bend))
+
+
+def test_end_of_a_note_is_sent_again(output, cable):
+    assert sent(output, cable, 1, 0.8)[0][:2] == ON
+    fail(output, cable, 2, 0.1)
+    assert sent(output, cable, 3, 0.1) == [OFF, (0xB0, 20, 13)]
+    assert sent(output, cable, 4, 0.1) == []
+
+
+def test_end_of_a_note_is_sent_after_two_failures(output, cable):
+    output.send(bent(1, 0.8))
+    fail(output, cable, 2, 0.1)
+    fail(output, cable, 3, 0.1)
+    assert sent(output, cable, 4, 0.1)[0] == OFF
+
+
+def test_note_that_may_sound_is_ended(output, cable):
+    """Sending its start has failed, perhaps only at the last byte."""
+    fail(output, cable, 1, 0.8)
+    assert sent(output, cable, 2, 0.1)[0] == OFF
+    fail(output, cable, 3, 0.8)
+    again = sent(output, cable, 4, 0.8)
+    assert again[0] == OFF
+    assert again[1][:2] == ON
+
+
+def test_note_ends_when_a_failed_output_is_closed(output, cable):
+    output.send(bent(1, 0.8))
+    fail(output, cable, 2, 0.1)
+    cable.sent.clear()
+    output.close()
+    assert cable.sent == [OFF]
+
+
+def test_control_changes_and_programs_are_sent_again(cable):
+    settings = MidiSettings(program=19, mapping=(MidiMapping("bend", cc=20),))
+    output = MidiOutput(settings, cable)
+    fail(output, cable, 1, 0.5)
+    assert sent(output, cable, 2, 0.5) == [(0xC0, 19), (0xB0, 20, 64)]
+    fail(output, cable, 3, 1.0)
+    assert sent(output, cable, 4, 1.0) == [(0xB0, 20, 127)]
+
+
+# Before the resistances at rest are known, no mapping is chosen and no control is missed.
+
+
+def test_default_mapping_waits_for_controls():
+    cable = Cable("Synth")
+    output = MidiOutput(MidiSettings(program=19), cable)
+    for n in range(3):
+        output.send(frame_before_rest(n))
+    assert cable.sent == []
+    output.send(frame(4, quality=Quality.LOST))
+    assert cable.sent == [(0xC0, 19), (0xB0, 20, 32), (0xB0, 21, 0), (0xB0, 119, 0)]
+
+
+def test_device_without_poses_sends_its_quality():
+    cable = Cable("Synth")
+    output = MidiOutput(MidiSettings(), cable)
+    output.send(frame_before_rest(1))
+    assert cable.sent == []
+    output.send(frame_before_rest(2, quality=Quality.FALLBACK))
+    output.send(frame_before_rest(3))
+    assert cable.sent == [(0xB0, 119, 42), (0xB0, 119, 0)]
+
+
+def test_future_controls_are_not_reported():
+    output = MidiOutput(MidiSettings(mapping=(MidiMapping("bend", cc=1),)), Cable("Synth"))
+    output.send(frame_before_rest(1))
+    assert output.trouble is None
+    output.send(frame(2))
+    assert output.trouble is None
+
+
+def test_controls_of_a_device_without_poses_are_reported():
+    """They are reported even while the device is lost."""
+    output = MidiOutput(MidiSettings(mapping=(MidiMapping("bend", cc=1),)), Cable("Synth"))
+    for one in (frame_before_rest(1, quality=Quality.TRUSTED), frame_before_rest(2)):
+        output.send(one)
+        assert output.trouble.data == {"controls": ["bend"], "known": ["quality"]}
+
+
+def test_mapped_quality_is_sent_from_the_first_frame():
+    cable = Cable("Synth")
+    mapping = (MidiMapping("quality", cc=119), MidiMapping("bend", cc=1))
+    MidiOutput(MidiSettings(mapping=mapping), cable).send(frame_before_rest(1))
+    assert cable.sent == [(0xB0, 119, 0)]

@@ -42,10 +42,6 @@ def address(output):
     return output.url.replace("http", "ws")
 
 
-def port_of(output):
-    return output.port
-
-
 class Bare:
     """A minimal WebSocket client of RFC 6455 that reads only on request."""
 
@@ -100,7 +96,7 @@ class Bare:
 
 def test_frame_arrives(opened):
     output = opened()
-    bare = Bare(port_of(output))
+    bare = Bare(output.port)
     assert bare.status == 101
     with connect(address(output)) as client:
         assert wait_for(lambda: output.clients == 2)
@@ -149,7 +145,7 @@ def test_page(opened):
     assert "http://" not in page
     assert "https://" not in page
     with pytest.raises(urllib.error.HTTPError, match="404") as error:
-        urllib.request.urlopen(output.url + "other", timeout=20)
+        urllib.request.urlopen(output.url + "/other", timeout=20)
     error.value.close()
 
 
@@ -170,14 +166,14 @@ def test_page(opened):
 )
 def test_foreign_origins_are_refused(opened, headers, status):
     output = opened()
-    client = Bare(port_of(output), "/", *headers)
+    client = Bare(output.port, "/", *headers)
     assert client.status == status
     client.close()
     assert output.counts.refused == (status == 403)
 
 
 def test_foreign_host_name_is_refused(opened):
-    """A page of example.org whose name was outputs to mean this machine."""
+    """A page of example.org whose name was made to resolve to this machine."""
     output = opened()
     request = urllib.request.Request(output.url, headers={"Host": "example.org"})
     with pytest.raises(urllib.error.HTTPError, match="403") as error:
@@ -191,7 +187,7 @@ def test_other_machines_need_the_token(opened):
     token = output.url.split("token=")[1]
     assert len(token) >= 20
     assert output.url in output.about
-    here = f"ws://127.0.0.1:{port_of(output)}/"
+    here = f"ws://127.0.0.1:{output.port}/"
     with connect(f"{here}?token={token}") as one, connect(here) as two:
         two.send(json.dumps({"token": token}))
         assert wait_for(lambda: output.clients == 2)
@@ -207,11 +203,11 @@ def test_other_machines_need_the_token(opened):
             with pytest.raises(ConnectionClosed, match="1008"):
                 client.recv(timeout=20)
     assert output.counts.refused == 6
-    own = f"Origin: http://localhost:{port_of(output)}"
-    client = Bare(port_of(output), "/", own)
+    own = f"Origin: http://localhost:{output.port}"
+    client = Bare(output.port, "/", own)
     assert client.status == 101
     client.close()
-    client = Bare(port_of(output), "/", "Origin: http://example.org")
+    client = Bare(output.port, "/", "Origin: http://example.org")
     assert client.status == 403
     client.close()
 
@@ -241,7 +237,7 @@ def test_number_of_clients_is_limited(opened):
 def test_two_hundred_clients(opened):
     """Clients beyond the limit are refused; all others receive frames."""
     output = opened()
-    clients = [Bare(port_of(output)) for _ in range(200)]
+    clients = [Bare(output.port) for _ in range(200)]
     served = [c for c in clients if c.status == 101]
     assert len(served) == 32
     assert {c.status for c in clients if c not in served} == {503}
@@ -259,9 +255,7 @@ def test_silent_connections_are_limited(opened, monkeypatch):
     with connect(address(output)) as client, contextlib.ExitStack() as stack:
         assert wait_for(lambda: output.clients == 1)
         silent = [
-            stack.enter_context(
-                socket.create_connection(("127.0.0.1", port_of(output)), timeout=20)
-            )
+            stack.enter_context(socket.create_connection(("127.0.0.1", output.port), timeout=20))
             for _ in range(60)
         ]
         for one in silent[22:]:  # beyond two clients and 20 spare connections
@@ -275,7 +269,7 @@ def test_client_that_never_reads_is_closed(opened, monkeypatch):
     """It receives what its buffers hold, delays no other client, and is closed after a while."""
     monkeypatch.setattr(websocket_output, "_SLOW_CLIENT_S", 2.0)
     output = opened()
-    never = Bare(port_of(output))
+    never = Bare(output.port)
     with connect(address(output)) as client:
         assert wait_for(lambda: output.clients == 2)
         last = threading.Event()
@@ -315,12 +309,12 @@ def test_messages_of_clients_are_ignored(opened):
             long.recv(timeout=20)
         output.send(frame(4))
         assert json.loads(client.recv(timeout=20))["number"] == 4
-    broken = Bare(port_of(output))
+    broken = Bare(output.port)
     assert wait_for(lambda: output.clients == 1)
     broken.socket.sendall(b"\xff" * 100)
     assert broken.read()[0] == 8  # closed
     broken.close()
-    with socket.create_connection(("127.0.0.1", port_of(output)), timeout=20) as raw:
+    with socket.create_connection(("127.0.0.1", output.port), timeout=20) as raw:
         raw.sendall(np.random.default_rng(0).bytes(3000) + b"\r\n\r\n")
         answer = b"."
         while answer:
@@ -332,7 +326,7 @@ def test_messages_of_clients_are_ignored(opened):
 
 
 def test_busy_port_is_refused(opened):
-    taken = port_of(opened())
+    taken = opened().port
     with raises(OutputError, "port-busy", port=taken):
         WebSocketOutput(WebSocketSettings(port=taken))
     with raises(OutputError, "address-unavailable", host="192.0.2.1"):

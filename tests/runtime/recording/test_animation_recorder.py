@@ -1,4 +1,4 @@
-"""Frames are recorded as an animation; failures on the way lose no frames."""
+"""Frames are resampled, kept on the disk, and written in the format of the suffix."""
 
 import shutil
 import threading
@@ -9,13 +9,21 @@ import pytest
 
 from defsense_fab.core.errors import LiveError, StorageError
 from defsense_fab.runtime.recording import animation_recorder
-from defsense_fab.runtime.recording.animation_recorder import AnimationRecorder
-from tests.runtime.full_disk import fill
+from defsense_fab.runtime.recording.animation import Animation
+from defsense_fab.runtime.recording.animation_recorder import (
+    SUFFIXES,
+    AnimationRecorder,
+    FrameResampler,
+    RowFile,
+    write_animation,
+)
+from tests.runtime.full_disk import limit_disk
 from tests.runtime.live_frames import frame
-from tests.runtime.recording_bars import bar, frames, moved
+from tests.runtime.recording_bars import animation, bar, frames, moved
 from tests.support.errors import raises
 
 REST, FACES = bar()
+MAGIC = {".glb": b"glTF", ".usda": b"#usda", ".npz": b"PK"}
 
 
 def recorder(path, **limits):
@@ -44,11 +52,11 @@ def test_frames_are_resampled(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["bar.npz"]
 
 
-def test_full_disk_ends_the_recording(tmp_path):
+def test_full_disk_ends_the_recording(tmp_path, monkeypatch):
     """The recorded frames are kept and written, and further frames raise no error."""
     path = tmp_path / "bar.npz"
+    limit_disk(monkeypatch, int(20.5 * 4 * REST.size))
     recording = recorder(path)
-    fill(recording._rows, int(20.5 * 4 * REST.size))
     record(recording)
     assert recording.trouble.code == "disk-full"
     assert recording.trouble.data["seconds"] == pytest.approx(19 / 30)
@@ -164,3 +172,112 @@ def test_invalid_arguments_are_refused(tmp_path, changes, code, data):
 def test_missing_folder_is_refused(tmp_path):
     with raises(StorageError, "folder-not-found"):
         recorder(tmp_path / "none" / "bar.npz")
+
+
+def resampled(times, fps=30.0):
+    """Return steps and positions of a vertex at (1, 2, 3) times the frame's number."""
+    resampler = FrameResampler(fps)
+    steps = [
+        step
+        for k, t in enumerate(times)
+        for step in resampler.add(t, k * np.array([[1.0, 2.0, 3.0]]))
+    ]
+    return [k for k, _ in steps], np.array([row[0] for _, row in steps])
+
+
+@pytest.mark.parametrize("rate", [7.0, 30.0, 100.0, 333.3])
+def test_resampling_is_linear_between_frames(rate):
+    times = 5.0 + np.arange(40) / rate
+    steps, values = resampled(times)
+    assert steps == list(range(int(39 / rate * 30 + 1e-6) + 1))
+    np.testing.assert_allclose(values[:, 0], np.array(steps) / 30 * rate, atol=2e-4)
+    np.testing.assert_allclose(values[:, 2], 3 * values[:, 0])
+
+
+def test_gap_holds_the_last_shape():
+    """Only the two ends of a gap are returned, and the motion continues after it."""
+    steps, values = resampled([0.0, 0.1, 0.21, 10.05, 10.15], fps=10.0)
+    assert steps == [0, 1, 2, 3, 100, 101]
+    np.testing.assert_allclose(values[:, 0], [0, 1, 1 + 0.1 / 0.11, 2, 2, 3.5])
+
+
+def test_gap_that_ends_on_a_step():
+    steps, values = resampled([0.0, 0.1, 5.0], fps=10.0)
+    assert steps == [0, 1, 2, 49, 50]
+    assert values[:, 0].tolist() == [0, 1, 1, 1, 2]
+
+
+def test_clock_that_restarts():
+    steps, values = resampled([7.0, 7.1, 7.2, 0.0, 0.1, 0.2], fps=10.0)
+    assert steps == [0, 1, 2, 3, 4]
+    np.testing.assert_allclose(values[:, 0], [0, 1, 2, 4, 5])
+
+
+def test_two_frames_at_the_same_time():
+    steps, _ = resampled([1.0, 1.0, 1.0, 1.1], fps=10.0)
+    assert steps == [0, 1]
+
+
+def test_rows_are_read_back(tmp_path):
+    rows = RowFile(tmp_path, 3)
+    assert rows.rows().shape == (0, 3)
+    for k in range(4):
+        rows.add(np.array([k, k / 3, -k], np.float32))
+    assert (rows.count, rows.size) == (4, 48)
+    np.testing.assert_array_equal(rows.rows()[3], np.array([3, 1, -3], np.float32))
+    assert list(tmp_path.iterdir()) == []  # the file has no name that could remain
+    rows.close()
+
+
+def test_partial_row_is_removed(tmp_path, monkeypatch):
+    room = limit_disk(monkeypatch, 30)
+    rows = RowFile(tmp_path, 3)
+    for k in range(2):
+        rows.add(np.full(3, k, np.float32))
+    with pytest.raises(OSError, match="No space left"):
+        rows.add(np.full(3, 2, np.float32))
+    assert rows.count == 2
+    room[0] = 100
+    rows.add(np.full(3, 7, np.float32))
+    assert rows.rows()[:, 0].tolist() == [0, 1, 7]
+    rows.close()
+
+
+def test_rows_need_a_folder(tmp_path):
+    with raises(StorageError, "folder-not-found"):
+        RowFile(tmp_path / "none", 3)
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".GLB"])
+def test_suffix_chooses_the_format(tmp_path, suffix):
+    path = tmp_path / f"bar{suffix}"
+    written = write_animation(path, animation(5))
+    assert written.path == path
+    assert written.size == path.stat().st_size
+    assert path.read_bytes().startswith(MAGIC.get(suffix.lower(), b"PXR-USDC"))
+
+
+def test_unknown_format_is_refused(tmp_path):
+    with raises(LiveError, "unknown-format", suffix=".abc"):
+        write_animation(tmp_path / "bar.abc", animation(3))
+
+
+@pytest.mark.parametrize(
+    ("count", "steps", "code"),
+    [
+        (0, [], "no-frames"),
+        (2, [0], "wrong-shape"),
+        (2, [1, 1], "not-increasing"),
+        (2, [-1, 1], "not-increasing"),
+    ],
+)
+def test_invalid_animations_are_refused(count, steps, code):
+    with raises(LiveError, code):
+        Animation(
+            "x",
+            np.eye(3),
+            np.array([[0, 1, 2]]),
+            np.zeros((count, 3, 3), np.float32),
+            np.array(steps, int),
+            30.0,
+        )

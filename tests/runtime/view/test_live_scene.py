@@ -1,9 +1,19 @@
-"""Colors show the sign of a strain and the width of an interval."""
+"""Colors of cords and markers, tube meshes of cords, and points that follow the surface."""
 
 import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
 
 from defsense_fab.runtime.frames.live_frame import Quality
-from defsense_fab.runtime.view.live_scene import BODY_COLORS, cord_color, marker_colors
+from defsense_fab.runtime.view.live_scene import (
+    BODY_COLORS,
+    cord_color,
+    marker_colors,
+    skinning_weights,
+    tube_faces,
+    tube_vertices,
+)
+from tests.runtime.bars import bent
 
 
 def test_cords_are_blue_where_shorter_red_where_longer_grey_where_lost():
@@ -25,3 +35,48 @@ def test_markers_turn_red_as_their_intervals_widen():
 
 def test_every_quality_has_a_color():
     assert set(BODY_COLORS) == set(Quality)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_rings_lie_across_the_path_at_the_radius(axis):
+    t = np.linspace(0, 3, 40)
+    path = np.roll(np.stack([20 * t, 5 * np.sin(t), 0 * t], axis=1), axis, axis=1)
+    rings = tube_vertices(path, 1.5).reshape(40, 8, 3)
+    assert np.linalg.norm(rings - path[:, None], axis=2) == pytest.approx(1.5)
+    along = np.gradient(path, axis=0)
+    assert np.einsum("pri,pi->pr", rings - path[:, None], along) == pytest.approx(0, abs=1e-9)
+    # No ring is rotated relative to the one before.
+    assert np.linalg.norm(np.diff(rings, axis=0), axis=2).max() < 3
+
+
+def test_faces_join_neighbouring_rings():
+    faces = tube_faces(5)
+    assert faces.shape == (2 * 8 * 4, 3)
+    assert faces.min() == 0
+    assert faces.max() == 39
+    assert np.ptp(faces, axis=1).max() < 16
+
+
+def skin(rng):
+    p = rng.uniform(-1, 1, (1500, 3))
+    p /= np.abs(p).max(axis=1, keepdims=True)
+    return p * [75, 15, 15] + [75, 0, 0]
+
+
+def test_affine_movement_is_carried_exactly():
+    rng = np.random.default_rng(0)
+    vertices = skin(rng)
+    inside = rng.uniform([5, -10, -10], [145, 10, 10], (30, 3))
+    weights = skinning_weights(inside, vertices)
+    assert np.asarray(weights.sum(axis=1)).ravel() == pytest.approx(1)
+    R = Rotation.from_rotvec([0.4, -0.8, 0.2]).as_matrix() @ np.diag([1.1, 0.95, 1.0])
+    move = lambda p: p @ R.T + [3, 4, -5] - p  # noqa: E731
+    assert weights @ move(vertices) == pytest.approx(move(inside), abs=1e-4)
+
+
+def test_bend_is_carried_within_a_tenth_of_the_motion():
+    rng = np.random.default_rng(1)
+    vertices = skin(rng)
+    inside = rng.uniform([5, -8, -8], [145, 8, 8], (30, 3))
+    off = skinning_weights(inside, vertices) @ bent(vertices, 0.5) - bent(inside, 0.5)
+    assert np.linalg.norm(off, axis=1).max() < 0.1 * np.abs(bent(inside, 0.5)).max()

@@ -12,8 +12,8 @@ import pytest
 
 from defsense_fab.core.errors import OutputError
 from defsense_fab.core.machine.local_access import Access
-from defsense_fab.runtime.view.page_server import close_page, escape_markdown, page_link, serve_page
-from defsense_fab.runtime.view.upload_limit import MAX_UPLOAD_BYTES, limit_uploads
+from defsense_fab.runtime.view.page_server import close_page, escape_markdown, serve_page
+from defsense_fab.workflow.upload_limit import MAX_UPLOAD_BYTES, UploadLimit
 from tests.support.errors import raises
 
 viser = pytest.importorskip("viser")
@@ -125,14 +125,15 @@ def test_this_machine_needs_no_token_and_gets_no_cookie(page):
 
 
 def test_link_has_address_and_token():
-    access = Access("0.0.0.0", TOKEN)
-    assert re.fullmatch(rf"http://[^/]+:8090/\?token={TOKEN}", page_link("0.0.0.0", 8090, access))
-    assert "0.0.0.0" not in page_link("0.0.0.0", 8090, access)
-    assert page_link("127.0.0.1", 8090, Access("127.0.0.1")) == "http://127.0.0.1:8090"
+    link = Access("0.0.0.0", TOKEN).link(8090)
+    assert re.fullmatch(rf"http://[^/]+:8090/\?token={TOKEN}", link)
+    assert "0.0.0.0" not in link
+    assert Access("127.0.0.1").link(8090) == "http://127.0.0.1:8090"
+    assert Access("::1").link(8090) == "http://[::1]:8090"
     assert len(Access("0.0.0.0").token) > 20
 
 
-def test_an_address_of_another_machine_is_told():
+def test_address_of_another_machine_is_refused():
     with raises(OutputError, "address-unavailable", host="192.0.2.1"):
         serve_page(free_port(), "test", host="192.0.2.1")
     with raises(OutputError, "address-unavailable", host="no such name"):
@@ -193,7 +194,7 @@ def test_all_markdown_of_a_page_is_escaped(page):
 @pytest.fixture(scope="module")
 def limited(page):
     refused = []
-    server = limit_uploads(page, lambda client, name, reason: refused.append((name, reason.code)))
+    server = UploadLimit(page, lambda client, name, reason: refused.append((name, reason.code)))
     server.refused = refused
     return server
 

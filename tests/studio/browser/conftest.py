@@ -1,4 +1,4 @@
-"""A browser that looks at the studio: the distribution's Chromium, without a graphics card."""
+"""Browsers on the studio: Chromium of the distribution, without a graphics card."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-SIZE = {"width": 800, "height": 600}  # small: it is drawn by the processor
-#: A fourth of the pixels to draw; places on the page stay what they are.
+SIZE = {"width": 800, "height": 600}  # small, because the processor draws it
+#: A quarter of the pixels; positions on the page do not change.
 COARSE = {"device_scale_factor": 0.5}
-WAIT = 60_000.0  # ms that a loaded machine may take
+TIMEOUT_MS = 60_000.0  # on a loaded machine
 
 
 @pytest.fixture
-def opened(browser, studio_server, studio_page):
-    """Opens the studio in a browser of its own, of a size, in the mode of cords."""
+def open_browser(browser, studio_server, studio_page):
+    """Return a function that opens the studio's Cords mode in a new browser."""
     contexts = []
     studio_page.enter("Cords")
 
@@ -24,7 +24,7 @@ def opened(browser, studio_server, studio_page):
         context = browser.new_context(**COARSE, viewport=size)
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(WAIT)
+        page.set_default_timeout(TIMEOUT_MS)
         page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
         page.get_by_text("Expected error in unseen states").wait_for()
         return page
@@ -34,18 +34,18 @@ def opened(browser, studio_server, studio_page):
         context.close()
 
 
-def until(holds, seconds=60.0):
-    """Wait until something holds, and tell whether it does."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if holds():
+def until(condition, timeout_s=60.0):
+    """Wait until a condition holds; return False after `timeout_s`."""
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        if condition():
             return True
         time.sleep(0.05)
     return False
 
 
 def on_screen(client, points):
-    """Where a browser shows points (n, 3) mm, in px of its canvas."""
+    """Return the positions of points (n, 3) mm in a browser, px of its canvas."""
     camera = client.camera
     w, x, y, z = camera.wxyz
     local = (points - camera.position) @ Rotation.from_quat([x, y, z, w]).as_matrix()
@@ -55,11 +55,11 @@ def on_screen(client, points):
 
 
 def around_arc(client, gizmo, axis):
-    """Places on the screen along a gizmo's arc that turns about its axis (0 to 2)."""
+    """Return positions on the screen along the arc that turns a gizmo about an axis (0 to 2)."""
     w, x, y, z = gizmo.wxyz
     axes = Rotation.from_quat([x, y, z, w]).as_matrix()
-    one, two = axes[:, (axis + 1) % 3], axes[:, (axis + 2) % 3]
+    u, v = axes[:, (axis + 1) % 3], axes[:, (axis + 2) % 3]
     angle = np.radians(np.linspace(40, 65, 8))[:, None]
-    radius = 0.65 * gizmo.scale  # as the page draws it
-    arc = np.asarray(gizmo.position) + radius * (np.cos(angle) * one + np.sin(angle) * two)
+    radius = 0.65 * gizmo.scale  # of the arc that viser draws
+    arc = np.asarray(gizmo.position) + radius * (np.cos(angle) * u + np.sin(angle) * v)
     return on_screen(client, arc)

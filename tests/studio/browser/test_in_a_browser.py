@@ -1,4 +1,4 @@
-"""The studio by mouse and keyboard, in Chromium."""
+"""The studio in Chromium, used by mouse and keyboard."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def cords_of(studio_page):
 
 
 def draw(page, points):
-    """With the left button, through points on the screen."""
+    """Drag with the left button through points on the screen."""
     page.mouse.move(*points[0])
     page.mouse.down()
     for x, y in points[1:]:
@@ -25,11 +25,11 @@ def draw(page, points):
     page.mouse.up()
 
 
-def test_a_cord_is_drawn_by_hand_and_undone_by_keys(opened, studio_page):
-    page, before = opened(), set(cords_of(studio_page))
+def test_a_cord_is_drawn_by_hand_and_undone_by_keys(open_browser, studio_page):
+    page, before = open_browser(), set(cords_of(studio_page))
     page.get_by_role("button", name="Draw by hand").click()
     page.get_by_role("button", name="End drawing").wait_for()
-    page.wait_for_timeout(4000)  # the camera comes round
+    page.wait_for_timeout(4000)  # until the camera has turned
     draw(page, [(40 + 33 * k, 300 - 10 * np.sin(k / 2)) for k in range(13)])
     assert until(lambda: set(cords_of(studio_page)) - before)
     (new,) = set(cords_of(studio_page)) - before
@@ -42,8 +42,8 @@ def test_a_cord_is_drawn_by_hand_and_undone_by_keys(opened, studio_page):
     assert until(lambda: new in cords_of(studio_page))
 
 
-def test_two_browsers_see_the_same_and_a_closed_one_loses_nothing(opened, studio_page):
-    one, two = opened(), opened()
+def test_two_browsers_show_the_same_device_and_one_can_be_closed(open_browser, studio_page):
+    one, two = open_browser(), open_browser()
     one.get_by_role("button", name="Straight cord").click()
     assert until(lambda: len(cords_of(studio_page)) == 3)
     two.get_by_text("Undo: draw cord").wait_for()
@@ -52,8 +52,8 @@ def test_two_browsers_see_the_same_and_a_closed_one_loses_nothing(opened, studio
     assert until(lambda: len(cords_of(studio_page)) == 2)
 
 
-def test_a_phone_shows_the_panel_and_the_modes(opened, studio_page):
-    page = opened(PHONE)
+def test_a_phone_shows_the_panel_and_the_modes(open_browser, studio_page):
+    page = open_browser(PHONE)
     for text in ("Expected error in unseen states", "Straight cord"):
         box = page.get_by_text(text).bounding_box()
         assert 0 <= box["x"] < box["x"] + box["width"] <= PHONE["width"] + 1

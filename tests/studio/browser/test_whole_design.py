@@ -1,4 +1,4 @@
-"""From an empty folder to exported parts, by mouse and keyboard alone."""
+"""A design from an empty folder to exported parts, by mouse and keyboard only."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from tests.studio.browser.person import Person
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 SIZE = {"width": 1000, "height": 700}
-LONG = 600.0  # s that a build may take on a loaded machine
+BUILD_TIMEOUT_S = 600.0  # on a loaded machine
 
 
 @pytest.fixture
 def page(browser):
     with browser.new_context(**COARSE, viewport=SIZE, accept_downloads=True) as context:
-        made = context.new_page()
-        made.set_default_timeout(120_000)
-        yield made
+        page = context.new_page()
+        page.set_default_timeout(120_000)
+        yield page
 
 
 @pytest.fixture
 def studio(studio_server, tmp_path):
-    made = Studio(studio_server, tmp_path / "arm", Agreement())
-    yield made
-    made.close()
+    studio = Studio(studio_server, tmp_path / "arm", Agreement())
+    yield studio
+    studio.close()
 
 
 def build_by(person, label, studio):
-    """Press a button that builds, and wait for the end; nothing must have failed."""
-    bench, ended = studio.page.bench, []
-    bench.on_build_loaded.append(lambda: ended.append(bench.build_error))
+    """Press a button that builds, and wait for the end without an error."""
+    bench, errors = studio.page.bench, []
+    bench.on_build_loaded.append(lambda: errors.append(bench.build_error))
     person.press(label)
-    assert until(lambda: ended, LONG), label
-    assert ended == [None]
+    assert until(lambda: errors, BUILD_TIMEOUT_S), label
+    assert errors == [None]
 
 
 def hashes(folder):
@@ -57,11 +57,11 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
     person.press("Start with the bar")
     page.get_by_text("Made by").wait_for()
     device = lambda: studio.page.bench.project.device  # noqa: E731
-    person.write("Edge length (mm)", "20")
+    person.write("Edge length, mm", "20")
     assert until(lambda: device().mesh.edge_length == 20)
-    person.choose("Decoder", "affine")  # a single one takes a fourth of the time
+    person.choose("Decoder", "affine")  # one decoder takes a quarter of the time
     assert until(lambda: device().decoder == "affine")
-    person.write("Searches", "1")  # as does a single search
+    person.write("Searches", "1")  # also to save time
     assert until(lambda: device().searches == 1)
 
     person.press("Poses")
@@ -72,7 +72,7 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
     for count, axis in ((1, 1), (2, 2)):
         person.press("New")
         assert until(lambda count=count: len(device().poses) == count)
-        page.wait_for_timeout(3000)  # its gizmo comes
+        page.wait_for_timeout(3000)  # until its gizmo is shown
         (client,) = studio_server.get_clients().values()
         gizmo = studio_server.scene.get_handle_by_name("/grips/tip")
         before = device().poses[-1].handles[0].rotation.copy()
@@ -114,5 +114,5 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
         whole.extractall(tmp_path / "out")
     (exported,) = (p for p in (tmp_path / "out").rglob("parts") if p.is_dir())
     assert hashes(exported) == hashes(copy / "build" / "parts") != {}
-    told = f"{person.clicks} clicks, {person.keys} keys, {person.minutes:.1f} minutes"
-    sys.stdout.write(f"{told}\n")  # with pytest -s
+    summary = f"{person.clicks} clicks, {person.keys} keys, {person.minutes:.1f} minutes"
+    sys.stdout.write(f"{summary}\n")  # with pytest -s

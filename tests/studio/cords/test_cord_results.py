@@ -5,38 +5,46 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from defsense_fab.optimize.limits.verification import (
+from defsense_fab.optimization.limits.verification import (
     CordCheck,
     LayoutCheck,
     LimitViolation,
 )
-from defsense_fab.optimize.prediction.layout_judge import JudgedLayout
 from defsense_fab.studio.cords.cord_results import (
-    CordComparison,
     broken_cords,
     comparison_table,
     error_table,
     limits_table,
+    signal_bars,
 )
-from defsense_fab.studio.workbench.page_tables import full_pose_errors
+from defsense_fab.workflow.design.layout_judge import CordComparison, JudgedLayout
 
-PER_STATE = {"rest": 0.1, "bend@0.5": 0.8, "bend@1": 2.0, "twist@1": 1.0, "bend@1+twist@1": 9.0}
+POSE_ERRORS = {"bend": 2.0, "twist": 1.0}
 
 
 def judged(error):
-    return JudgedLayout(error, "quadratic", PER_STATE, tuple(PER_STATE), np.zeros((5, 2)))
+    signals = {"bend": np.array([0.1, -0.2]), "twist": np.array([0.0, 0.05])}
+    return JudgedLayout(error, "quadratic", POSE_ERRORS, signals, np.zeros((5, 2)))
 
 
-def test_error_table_shows_each_pose_at_its_extreme():
-    assert full_pose_errors(PER_STATE) == {"bend": 2.0, "twist": 1.0}
+def test_error_table_has_a_row_for_each_pose():
     lines = error_table(judged(1.234), None).splitlines()
     assert lines[0] == "### 1.23 mm"
     assert "quadratic" in lines[1]
     assert lines[-2:] == ["| bend | 2.00 | █████████ |", "| twist | 1.00 | ████ |"]
 
 
+def test_signal_bars_have_one_scale_for_all_poses():
+    page = signal_bars(judged(1.0), ["a", "<b>"], "a")
+    assert page.count("background:#1f77b4") == 3
+    assert page.count("background:#e67814") == 1
+    assert page.count("width:50.0%") == 1  # only the largest signal fills its half
+    assert "&lt;b&gt;" in page
+    assert signal_bars(judged(1.0), [], None) == ""
+
+
 def test_names_are_escaped_in_tables():
-    prediction = JudgedLayout(1.0, "affine", {"a|<b>@1": 1.0}, ("a|<b>@1",), np.zeros((1, 1)))
+    prediction = JudgedLayout(1.0, "affine", {"a|<b>": 1.0}, {}, np.zeros((1, 1)))
     last_line = error_table(prediction, None).splitlines()[-1]
     assert last_line.startswith("| a\\|&lt;b&gt; | 1.00 |")
 
@@ -71,7 +79,7 @@ def test_comparison_table_has_both_cords(correlation, is_redundant):
     comparison = CordComparison(("a", "b"), (1.5, None), 1.25, (0.125, 0.5), correlation)
     assert comparison.is_redundant == is_redundant
     lines = comparison_table(comparison).splitlines()
-    assert lines[0] == "| | a | b |"
+    assert lines[0].split() == ["|", "|", "a", "|", "b", "|"]
     assert "| 1.50 mm (+0.25) |" in lines[2]
     assert lines[3].endswith("| 12.5 % | 50.0 % |")
     assert f"{correlation:+.2f}" in lines[-1]

@@ -60,7 +60,7 @@ def test_cords_are_added_and_deleted(cords):
     cords.chosen.delete()
     assert [s.name for s in cords.bench.project.device.sensors] == names
     cords.chosen.delete()
-    assert cords.bench.message_code == "no-cord-chosen"
+    assert cords.bench.status.code == "no-cord-chosen"
 
 
 def test_broken_limits_are_listed(cords):

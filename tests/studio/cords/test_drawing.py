@@ -1,15 +1,14 @@
-"""Drawing on planes: points, snapping, and strokes that become cords."""
+"""Strokes that become cords, and edits of the chosen cord."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.studio.cords.cord_scene import with_point, with_tangent
-from defsense_fab.studio.cords.drawing import drawing_planes, offset_plane, ray_on_plane
-from defsense_fab.studio.cords.snapping import Snapper
+from defsense_fab.workflow.design.draw_cord import drawing_planes
 from tests.conftest import box_surface
 
 TIMEOUT_S = 60.0
@@ -19,43 +18,6 @@ BODY = box_surface((0, -15, -10), (150, 15, 10))
 def cord(name, plane, points):
     points = np.array(points, float)
     return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset({"path"}))
-
-
-def test_planes_across_the_thin_side_come_first_and_lie_along_the_body():
-    planes = drawing_planes(BODY, ())
-    plane = planes["middle, normal to z"]
-    assert list(planes) == [f"middle, normal to {axis}" for axis in "zyx"]
-    np.testing.assert_allclose(plane.origin, [75, 0, 0])
-    np.testing.assert_allclose(plane.axes[:, 0], [1, 0, 0])
-    np.testing.assert_allclose(offset_plane(plane, 4.0).origin, [75, 0, 4])
-    top = cord("top", offset_plane(plane, 3.0), [[0, 0], [10, 0]])
-    assert drawing_planes(BODY, (top,))["of top"] is top.plane
-
-
-def test_a_point_is_where_the_ray_from_the_eye_meets_the_plane():
-    plane = Plane.from_normal(np.array([10.0, 0, 5]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
-    eye = np.array([10.0, 0, 105])
-    np.testing.assert_allclose(ray_on_plane(plane, eye, np.array([12.0, 3, 55])), [4, 6])
-    assert ray_on_plane(plane, eye, np.array([11.0, 0, 105])) is None  # parallel
-    assert ray_on_plane(plane, eye, np.array([10.0, 0, 106])) is None  # points away
-
-
-def test_a_point_snaps_to_other_cords_the_surface_and_the_middle():
-    plane = drawing_planes(BODY, ())["middle, normal to z"]
-    other = cord("side", plane, [[20.0, 8.0], [40, 8]])
-    above = cord("above", offset_plane(plane, 5.0), [[0.0, 3.0], [40, 3]])
-    snap = Snapper(BODY, plane, (other, above), 1.0).snap
-    at_cord = snap(np.array([20.4, 8.3]))
-    assert (at_cord.target, at_cord.cord) == ("cord", "side")
-    np.testing.assert_allclose(at_cord.point, [20, 8])
-    assert snap(np.array([0.2, 3.3])).target == "middle"  # the other cord lies above
-    np.testing.assert_allclose(snap(np.array([0.2, 3.3])).point, [0, 3.3])
-    np.testing.assert_allclose(snap(np.array([-0.6, 0.7])).point, [0, 0])
-    assert snap(np.array([30.0, 14.6])).target == "surface"
-    np.testing.assert_allclose(snap(np.array([30.0, 14.6])).point, [30, 15])
-    free = snap(np.array([30.0, 5.0]))
-    assert free.target is None
-    np.testing.assert_array_equal(free.point, [30, 5])
 
 
 def test_tangents_follow_points_until_one_is_changed():
@@ -95,7 +57,7 @@ def test_a_stroke_becomes_a_cord_and_the_next_one_replaces_its_path(cords):
     assert set(sensors(cords)) - before == {new}
     np.testing.assert_allclose(sensors(cords)[new].curve.points, drawn.points * [1, -1], atol=2e-3)
     cords.drawing.finish_stroke(plane, stroke + np.array([0, 500]))
-    assert cords.bench.message_code == "stroke-outside-body"
+    assert cords.bench.status.code == "stroke-outside-body"
     assert set(sensors(cords)) - before == {new}
 
 
@@ -112,7 +74,7 @@ def test_tangents_points_and_mirrored_copies_are_written(cords):
     assert len(sensors(cords)[name].curve.points) == count + 1
     cords.chosen.delete_point()  # no point was dragged since
     assert len(sensors(cords)[name].curve.points) == count + 1
-    assert cords.bench.message_code == "no-point-dragged"
+    assert cords.bench.status.code == "no-point-dragged"
     cords.chosen.last_point = 1
     cords.chosen.delete_point()
     assert len(sensors(cords)[name].curve.points) == count
@@ -130,8 +92,8 @@ def test_a_proposed_cord_lowers_the_error(cords):
     before, count = cords.prediction.error, len(sensors(cords))
     cords.propose()
     assert cords.proposal_worker.wait(4 * TIMEOUT_S)
-    assert len(sensors(cords)) == count + 1, cords.bench.message
-    assert cords.bench.message_code == "cord-proposed"
+    assert len(sensors(cords)) == count + 1, cords.bench.status.text
+    assert cords.bench.status.code == "cord-proposed"
     assert cords.error_worker.wait(TIMEOUT_S)
     assert cords.prediction.error < before
 

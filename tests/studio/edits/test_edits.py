@@ -172,7 +172,7 @@ def test_edits_of_missing_parts_raise(folder):
             "not-in-device",
             {"table": "region", "name": "mid", "names": ("base", "tip")},
         ),
-        (poses.rename_region("tip", "base"), "name-not-unique", {"name": "base"}),
+        (poses.rename_region("tip", "base"), "name-repeated", {"name": "base"}),
     ):
         with raises(DeviceError, code, **data):
             done(edit)
@@ -204,22 +204,28 @@ def test_a_chosen_material_or_cord_replaces_all_previous_values():
         'name = "own"  # measured\nshore = "30A"\ndensity = 1.0\npoisson_ratio = 0.4',
     )
     assert changed(body.choose_material("tango-plus"), text) == [
-        '-name = "own"  # measured', '-shore = "30A"', "-density = 1.0", "-poisson_ratio = 0.4",
+        '-name = "own"  # measured',
+        '-shore = "30A"',
+        "-density = 1.0",
+        "-poisson_ratio = 0.4",
         '+name = "tango-plus"  # measured',
-    ]  # fmt: skip
+    ]
     text = TEXT.replace(
         'name = "rubber-2mm"', 'name = "rubber-2mm"\nnoise = 0.001\nresponse = "r.json"'
     )
     assert changed(body.choose_cord("rubber-1.7mm"), text) == [
-        '-name = "rubber-2mm"', '+name = "rubber-1.7mm"', '-response = "r.json"',
-    ]  # fmt: skip
+        '-name = "rubber-2mm"',
+        '+name = "rubber-1.7mm"',
+        '-response = "r.json"',
+    ]
 
 
 def test_an_edge_length_takes_the_place_of_an_accuracy():
     text = TEXT.replace("edge_length = 6.0", "accuracy = 0.01  # of signals")
     assert changed(body.set_edge_length(7.25), text) == [
-        "-accuracy = 0.01  # of signals", "+edge_length = 7.25  # of signals"
-    ]  # fmt: skip
+        "-accuracy = 0.01  # of signals",
+        "+edge_length = 7.25  # of signals",
+    ]
     assert changed(body.set_edge_length(7), TEXT) == ["-edge_length = 6.0", "+edge_length = 7"]
 
 

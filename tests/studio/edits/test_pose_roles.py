@@ -12,6 +12,8 @@ from defsense_fab.studio.edits.poses import (
     drag_point,
     move_drag,
     remove_drag,
+    role_of,
+    round_rotation,
     set_role,
     shift_region,
     stiffen_drag,
@@ -29,18 +31,23 @@ def changed(*edits, text=TEXT):
     return tomlkit.dumps(document)
 
 
-def test_a_region_is_free_held_or_moved(tmp_path):
+def test_a_region_is_free_held_turned_or_moved(tmp_path):
     folder = write_device(tmp_path)
-    held = changed(set_role("bend", "base", "moved"), set_role("bend", "tip", "held"))
-    bend = parse_device(held, folder).poses[0]
-    assert bend.fixed == ("tip",)
-    assert [h.region for h in bend.handles] == ["base"]
-    assert np.isnan(bend.handles[0].translation).all()
-    assert np.rad2deg(bend.handles[0].rotation) == pytest.approx([0, 0, 10])
-    assert changed(set_role("bend", "base", "held"), set_role("bend", "tip", "moved")) == TEXT
-    left = changed(set_role("bend", "tip", "free"))
+    bend, twist = parse_device(TEXT, folder).poses
+    assert [role_of(bend, n) for n in ("base", "tip", "other")] == ["held", "turned", "free"]
+    assert role_of(twist, "tip") == "moved"
+    turned = changed(set_role("bend", "base", "turned"), set_role("bend", "tip", "held"))
+    pose = parse_device(turned, folder).poses[0]
+    assert [role_of(pose, n) for n in ("base", "tip")] == ["turned", "held"]
+    assert np.rad2deg(pose.handles[0].rotation) == pytest.approx([0, 0, 10])
+    moved = set_role("bend", "tip", "moved", [1.0, 0, 2])
+    (handle,) = parse_device(changed(moved), folder).poses[0].handles
+    assert handle.translation.tolist() == [1, 0, 2]
+    assert np.rad2deg(handle.rotation) == pytest.approx([0, -30, 0])  # as before
+    assert changed(moved, set_role("bend", "tip", "turned")) == TEXT
+    assert changed(set_role("bend", "base", "held"), set_role("bend", "tip", "turned")) == TEXT
     with raises(DeviceError, "pose-without-motion"):
-        parse_device(left, folder)
+        parse_device(changed(set_role("bend", "tip", "free")), folder)
 
 
 def test_pulls_are_moved_and_deleted(tmp_path):
@@ -81,3 +88,13 @@ rod = { cylinder = { start = [0, 0, 0], end = [150, 0, 0], radius = 3 } }
     assert "# what the hand moves" in changed(shift_region("tip", by))
     with raises(DeviceError, "not-in-device", table="region", name="gone"):
         changed(shift_region("gone", by))
+
+
+def test_rotations_are_rounded_as_a_person_writes_them():
+    axis, degrees = round_rotation(np.deg2rad(-31.234) * np.array([0.001, 0.9999995, 0.0]))
+    assert axis.tolist() == [0, 1, 0]
+    assert degrees == pytest.approx(-31.2)
+    axis, degrees = round_rotation(np.deg2rad(20) * np.array([0.6, 0.8, 0]))
+    assert axis == pytest.approx([0.6, 0.8, 0])
+    assert degrees == 20
+    assert round_rotation(np.zeros(3))[1] == 0

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.report.guide.assembly.steps import guide_steps
-from defsense_fab.studio.make.built_device import Note
 from defsense_fab.workflow.build import export as export_module
 from defsense_fab.workflow.build.build import first_outdated
 from defsense_fab.workflow.build.export import export
+from defsense_fab.workflow.fabrication.assembly_guide import Note
 from tests.studio.conftest import defsense
 from tests.support.errors import raises
 
@@ -47,13 +46,13 @@ class Browser:
 
 def test_a_device_without_parts_has_no_steps_and_no_export(studio_page):
     mode = make_mode(studio_page)
-    assert mode.device is None
+    assert mode.guide is None
     assert mode.state.code == "not-built"
     mode.go(1)
     assert mode.step == 0
     browser = Browser()
     export_to(mode, browser)
-    assert studio_page.bench.message_code == "build-outdated"
+    assert studio_page.bench.status.code == "build-outdated"
     assert not browser.files
     assert not list(studio_page.bench.project.folder.glob("*.zip"))
 
@@ -64,8 +63,8 @@ def test_parts_are_exploded_and_assembled(made_page):
     assert mode.state.code == "up-to-date"
     assert not bench.body.visible
     scene = mode.scene
-    assert set(scene.positions) == {p.name for p in mode.device.manifest.parts}
-    for name, shift in mode.device.shifts.items():
+    assert set(scene.positions) == {p.name for p in mode.guide.manifest.parts}
+    for name, shift in mode.guide.shifts.items():
         assert scene.positions[name] == pytest.approx(shift)
     mode.set_explosion(0.0)
     assert not np.any(list(scene.positions.values()))
@@ -77,17 +76,16 @@ def test_parts_are_exploded_and_assembled(made_page):
 @pytest.mark.slow
 def test_steps_are_those_of_the_guide(made_page):
     mode, bench = make_mode(made_page), made_page.bench
-    steps = guide_steps(bench.project.device, mode.device.manifest, mode.device.parts)
+    steps = mode.guide.steps
     guide = html.unescape((bench.project.folder / "build/guide.html").read_text(encoding="utf-8"))
     for number, step in enumerate(steps, start=1):
         mode.go(1)
         assert mode.step == number
-        assert mode.device.steps[number - 1].lines == step.lines
         for line in step.lines:
             assert f"<li>{line}</li>" in guide
     mode.go(1)  # there is no step after the last one
     assert mode.step == len(steps)
-    tables = {table.title: table for table in mode.device.tables}
+    tables = {table.title: table for table in mode.guide.tables}
     assert "cut to" in " ".join(tables["Cut list"].header)
     assert "flexible glue" in {row[0] for row in tables["Bill of materials"].rows}
 
@@ -95,8 +93,8 @@ def test_steps_are_those_of_the_guide(made_page):
 @pytest.mark.slow
 def test_a_joint_is_shown_with_its_cords_and_pins(made_page):
     mode = make_mode(made_page)
-    (number,) = (k for k, s in enumerate(mode.device.steps, start=1) if s.joint is not None)
-    joint = mode.device.steps[number - 1].joint
+    (number,) = (k for k, s in enumerate(mode.guide.steps, start=1) if s.joint is not None)
+    joint = mode.guide.steps[number - 1].joint
     mode.choose(number)
     mode.set_explosion(1.0)
     (lifted,) = joint.upper
@@ -110,12 +108,12 @@ def test_a_joint_is_shown_with_its_cords_and_pins(made_page):
 @pytest.mark.slow
 def test_the_point_of_a_note_is_marked_until_the_mode_is_left(made_page):
     mode = make_mode(made_page)
-    (joint,) = (s.joint for s in mode.device.steps if s.joint is not None)
+    (joint,) = (s.joint for s in mode.guide.steps if s.joint is not None)
     note = Note("here", joint.pins[0].center)
     mode.show_note(note)
     assert mode.flying.wait(TIMEOUT_S)
     assert mode.marked_note is note
-    assert mode.scene.faint_parts == set(mode.device.parts)  # the point is inside
+    assert mode.scene.faint_parts == set(mode.guide.parts)  # the point is inside
     made_page.enter("Cords")
     assert mode.marked_note is None
 
@@ -131,10 +129,10 @@ def test_parts_of_an_older_device_stay_and_are_marked_as_outdated(made_page):
     assert mode.state.code == "outdated"
     assert mode.state.outdated_stage == "optimize the cords"
     assert mode.state.error == "the disk is full"
-    assert mode.device is not None
+    assert mode.guide is not None
     export_to(mode, None)
-    assert bench.message_code == "build-outdated"
-    assert bench.error.data["stage"] == "optimize"
+    assert bench.status.code == "build-outdated"
+    assert bench.status.error.data["stage"] == "optimize"
     bench.project.undo()
     assert mode.checking.wait(TIMEOUT_S)
     assert mode.state.code == "up-to-date"
@@ -154,7 +152,7 @@ def test_the_command_builds_the_same_parts_from_an_export(made_page, tmp_path):
         names = file.namelist()
         file.extractall(folder)
     assert names == sorted(names)
-    assert {"device.toml", "bar.py", "layout.json", "guide.pdf", "cut-list.csv"} <= set(names)
+    assert {"device.toml", "bar.py", "layout.json", "templates.pdf", "cut-list.csv"} <= set(names)
     defsense("fabricate", folder)
     assert files_in(folder / "parts") == files_in(folder / "build" / "parts")
     layout = (folder / "build" / "layout.json").read_bytes()
@@ -180,7 +178,7 @@ def test_a_full_disk_leaves_the_previous_export(made_page, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(export_module.zipfile, "ZipFile", FullDisk)
         export_to(mode, None)
-        assert bench.message_code == "disk-full"
+        assert bench.status.code == "disk-full"
     assert path.read_bytes() == b"before"
     assert not list(device.source.glob(".bar*"))
 

@@ -8,59 +8,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from defsense_fab.core.arrays import format_point, parse_points
-from defsense_fab.report.guide.assembly.steps import GuideStep
-from defsense_fab.report.guide.tables import GuideTable
-from defsense_fab.studio.make.built_device import (
-    BuildState,
-    locate_notes,
-    state_text,
-    step_text,
-    table_text,
-)
+from defsense_fab.studio.make.make_mode import BuildState, state_text, step_text, table_text
 from defsense_fab.studio.make.parts_scene import fly_to, view_position
-
-
-def test_points_in_texts_are_read_back():
-    point = np.array([1.26, -0.04, 120.0])
-    (read,) = parse_points(f"thin near {format_point(point)}: may print with gaps (0.3, twice)")
-    assert read == pytest.approx([1.3, 0.0, 120.0])
-    assert parse_points("nowhere") == []
-
-
-def test_a_note_is_at_its_point_or_at_the_parts_that_it_names():
-    cord = SimpleNamespace(name="left", points=np.array([[0.0, 0, 0], [5, 5, 5], [9, 0, 0]]))
-    layout = SimpleNamespace(sensors=[cord], warnings=("cord left is slack, by 2 %",))
-    parts = {
-        "1-top": SimpleNamespace(bounds=np.array([[0.0, 0, 0], [2, 2, 2]])),
-        "2-back": SimpleNamespace(bounds=np.array([[4.0, 0, 0], [6, 2, 2]])),
-    }
-    manifest = SimpleNamespace(
-        warnings=(
-            "thin near (1.0, 2.0, 3.0)",
-            "0 of 2 pins fit between 1-top and 2-back: align",
-            "bonded cords are compressed",
-            "cord left is slack, by 2 %",
-        )
-    )
-    notes = locate_notes(manifest, layout, parts)
-    assert len(notes) == 4  # a warning of both is listed once
-    assert notes[0].point.tolist() == [1.0, 2.0, 3.0]
-    assert notes[1].point.tolist() == [3.0, 1.0, 1.0]  # between the two parts
-    assert notes[2].point is None
-    assert notes[3].point.tolist() == [5.0, 5.0, 5.0]
+from defsense_fab.workflow.fabrication.assembly_guide import GuideTable
 
 
 def test_a_step_has_a_heading_and_a_list():
-    step = GuideStep("Join a and b", ("Put in 2 x pin.", "x < y | z"))
+    step = SimpleNamespace(title="Join a and b", lines=("Put in 2 x pin.", "x < y | z"))
     assert step_text(step, 3) == "### 3. Join a and b\n- Put in 2 x pin.\n- x &lt; y \\| z"
 
 
 def test_wide_tables_are_transposed():
     narrow = GuideTable("t", ("item", "amount"), (("glue", "1"),))
-    assert table_text(narrow) == "| item | amount |\n|---|---|\n| glue | 1 |"
+    assert table_text(narrow) == "| item | amount |\n| --- | --- |\n| glue | 1 |"
     wide = GuideTable("t", tuple("abcdef"), (tuple("123456"), tuple("uvwxyz")))
-    assert table_text(wide).splitlines()[:3] == ["| a | 1 | u |", "|---|---|---|", "| b | 2 | v |"]
+    assert table_text(wide).splitlines()[:3] == [
+        "| a | 1 | u |",
+        "| --- | --- | --- |",
+        "| b | 2 | v |",
+    ]
     assert "|" not in table_text(GuideTable("t", ("a",), ()))
 
 

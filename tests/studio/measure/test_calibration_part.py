@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
 import pytest
 
-from defsense_fab.calibration import session as sessions
-from defsense_fab.calibration.readings import Geometry
-from defsense_fab.cli.calibrate import calibrate_record
+from defsense_fab.calibration.options import MeasureOptions
+from defsense_fab.calibration.readings import BendingSpecimen
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.guided_parts import Plot
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.sensing.response import build_response
-from defsense_fab.studio.measure import jobs
+from defsense_fab.studio.measure import calibration_part
 from defsense_fab.studio.measure.calibration_part import specimen_sessions
 from defsense_fab.twin.calibration_session import record_twin
 from defsense_fab.twin.electronics.cords import CordTraits
 from defsense_fab.workflow.calibrate.fit_response import fit_response
 from tests.runtime.live_frames import wait_for
+from tests.studio.devices import InlineProcess
 
 TIMEOUT_S = 60.0
 SPECIMEN = {
@@ -30,29 +30,11 @@ SPECIMEN = {
 }
 
 
-class InlineJob:
-    """A job that runs in this process."""
-
-    running = False
-
-    def __init__(self, part):
-        self.part = part
-
-    def start(self, run, task):
-        self.part.end_job(None, task(lambda *_: None))
-        return True
-
-    def cancel(self):
-        pass
-
-    close = cancel
-
-
 @pytest.fixture
 def calibration(studio_page):
     studio_page.enter("Measure")
     part = studio_page.modes["Measure"].calibration
-    part.job = InlineJob(part)
+    part.job.process = InlineProcess(part.job.end)
     return part
 
 
@@ -70,11 +52,12 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     traits = CordTraits(build_response(response))
     for length in (150.0, 200.0):
         session = folder / f"specimen-twin-{length:g}"
-        record_twin(session, traits, seed=int(length), length=length, rounds=1)
+        options = MeasureOptions(seed=int(length), rounds=1)
+        record_twin(session, traits, options, BendingSpecimen(length))
     names = [p.name for p in specimen_sessions(folder)]
     assert names == ["specimen-twin-150", "specimen-twin-200"]
     calibration.simulate()
-    assert calibration.status.code == "path-exists"
+    assert calibration.status.code == "session-exists"
     calibration.fit()
     data = json.loads((folder / "response.json").read_text("utf-8"))
     assert calibration.is_fit_simulated
@@ -98,27 +81,27 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
 def test_a_specimen_is_measured_jig_by_jig_and_continued(calibration, studio_page):
     write_specimen(studio_page.bench.project.folder)
     calibration.set_options(port="twin:speed=50")
-    before = set(calibration.folder._children)
+    measurement = calibration.measurement
     calibration.start()
-    assert wait_for(lambda: calibration.screen is not None or not calibration.busy)
-    assert calibration.screen is not None, calibration.status.text
-    screen = calibration.screen
-    assert wait_for(lambda: screen.view is not None and screen.view.phase == "place")
-    assert screen.view.step.radius is None
+    assert wait_for(lambda: measurement.screen is not None or not measurement.is_busy)
+    assert measurement.screen is not None, calibration.status.text
+    screen = measurement.screen
+    assert wait_for(lambda: screen.view is not None)
+    assert (screen.view.state.phase, screen.view.state.step) == ("ready", 0)
     screen.press("enter")
-    assert wait_for(lambda: screen.view.done == 1)
-    assert wait_for(lambda: len(screen.view.points) > 0)
+    assert wait_for(lambda: len(screen.view.state.done) == 1)
+    assert wait_for(lambda: sum(isinstance(p, Plot) for p in screen.view.parts) == 2)
     screen.press("q")
-    assert calibration.wait(TIMEOUT_S)
+    assert measurement.wait(TIMEOUT_S)
     assert calibration.status.code == "measurement-incomplete"
-    assert (calibration.finished_steps, calibration.step_count) == (1, 24)
-    assert set(calibration.folder._children) == before
+    assert (measurement.finished_steps, measurement.step_count) == (1, 24)
+    assert measurement.screen is None
     calibration.start()
-    assert wait_for(lambda: calibration.screen is not None)
-    screen = calibration.screen
-    assert wait_for(lambda: screen.view is not None and screen.view.done == 1)
+    assert wait_for(lambda: measurement.screen is not None)
+    screen = measurement.screen
+    assert wait_for(lambda: screen.view is not None and screen.view.state.done == {0})
     calibration.close()
-    assert not calibration.busy
+    assert not measurement.is_busy
 
 
 def test_a_missing_specimen_or_board_is_reported(calibration, studio_page):
@@ -126,7 +109,7 @@ def test_a_missing_specimen_or_board_is_reported(calibration, studio_page):
 
     def problem():
         calibration.start()
-        assert calibration.wait(TIMEOUT_S)
+        assert calibration.measurement.wait(TIMEOUT_S)
         return calibration.status.code
 
     assert problem() == "file-not-found"
@@ -139,14 +122,8 @@ def test_a_missing_specimen_or_board_is_reported(calibration, studio_page):
 
 
 def test_specimens_are_simulated(calibration, monkeypatch):
-    monkeypatch.setattr(jobs, "simulate_specimens", lambda *_: ["specimen-twin-150"])
+    simulated = [Path("specimen-twin-150")]
+    monkeypatch.setattr(calibration_part, "simulate_specimens", lambda *_, **__: simulated)
     calibration.simulate()
     assert calibration.status.code == "specimens-simulated"
     assert "`specimen-twin-150`" in calibration.status.text
-
-
-def test_the_page_and_the_command_use_the_same_defaults():
-    specimen = {"length": 150.0, "geometry": Geometry(8.0, 2.0), "radii": [75.0, 100.0, 150.0]}
-    options = argparse.Namespace(**dict.fromkeys(calibrate_record._DEFAULTS))
-    fields = calibrate_record._session_fields(options, specimen)
-    assert fields == sessions.default_settings(specimen)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from defsense_fab.studio.measure.jobs import EvaluationResult, FitResult, TrainingResult
+from defsense_fab.studio.measure.jobs import EvaluationResult, TrainingResult
 from defsense_fab.studio.measure.result_texts import (
     decoder_error_text,
     decoder_table,
@@ -15,6 +15,7 @@ from defsense_fab.studio.measure.result_texts import (
     response_text,
     training_text,
 )
+from defsense_fab.workflow.train.evaluation import Measures
 
 METADATA = {
     "decoder": "kernel",
@@ -54,7 +55,7 @@ def test_decoder_error_text_has_the_error_of_the_chosen_decoder():
 
 
 def test_evaluation_text_has_the_errors_and_the_report():
-    text = evaluation_text(EvaluationResult("/d/page.html", 0.8, 0.2, 3.0, 1.0, 30))
+    text = evaluation_text(EvaluationResult("/d/page.html", Measures(0.8, 0.2, 3.0, 1.0, 30)))
     assert "| 0.80 ± 0.20 | 3.00 | 1.00 | 30 |" in text
     assert "`/d/page.html`" in text
 
@@ -69,7 +70,7 @@ def test_response_text_has_the_gain_and_its_interval():
         "pieces": ["a", "b"],
         "warnings": ["few"],
     }
-    lines = response_text(FitResult("response.json", "/d/response.html", data)).split("\n\n")
+    lines = response_text(data, Path("/d/response.html")).split("\n\n")
     assert "k_res = 2.00" in lines[0]
     assert "1.90" in lines[0]
     assert "2.10" in lines[0]

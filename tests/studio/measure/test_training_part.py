@@ -13,7 +13,10 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.store.layout import layout_hash, load_layout
 from defsense_fab.studio.measure import jobs
 from defsense_fab.studio.workbench.background_job import CANCELLED, BackgroundJob
-from defsense_fab.training.models.model_file import load_model
+from defsense_fab.training.fitting.model_file import load_model
+from defsense_fab.workflow.train.evaluation import Measures
+from defsense_fab.workflow.train.options import TwinOptions
+from tests.studio.devices import InlineProcess
 
 TIMEOUT_S = 60.0
 
@@ -37,29 +40,6 @@ def write_session(folder, layout, device="bar", *, is_processed=True):
         (folder / "aligned.csv").write_text("", encoding="utf-8")
 
 
-class InlineJob:
-    """A job that runs in this process."""
-
-    running = False
-
-    def __init__(self, part):
-        self.part = part
-
-    def start(self, run, task):
-        try:
-            result = task(lambda *_: None)
-        except TrainingError as error:
-            self.part.end_job(error, None)
-        else:
-            self.part.end_job(None, result)
-        return True
-
-    def cancel(self):
-        pass
-
-    close = cancel
-
-
 @pytest.fixture
 def folder(studio_page):
     return studio_page.bench.project.folder
@@ -74,13 +54,14 @@ def training(studio_page, folder):
     studio_page.enter("Measure")
     part = studio_page.modes["Measure"].training
     assert part.wait_for_sessions(TIMEOUT_S)
-    part.job = InlineJob(part)
+    part.job.process = InlineProcess(part.job.end)
     return part
 
 
 def test_usable_sessions_are_offered_and_new_ones_are_chosen(training, folder):
     assert [p.name for p in training.offered] == ["first"]
-    assert {s.folder.name for s in training.sessions if s.problem} == {"other", "raw"}
+    codes = {s.folder.name: s.code for s in training.sessions if not s.is_usable}
+    assert codes == {"other": "layouts-differ", "raw": "session-not-processed"}
     assert not training.can_process  # the unprocessed session has no recorded runs
     write_session(folder / "second", "")
     training.refresh()
@@ -114,14 +95,14 @@ def test_the_error_of_a_training_is_shown(training, monkeypatch):
     monkeypatch.setattr(jobs, "train", train)
     training.train()
     assert training.status.code == "too-few-frames"
-    assert not training.shows_progress
+    assert not training.job.shows_progress
 
 
 def test_the_report_of_an_evaluation_can_be_downloaded(training, monkeypatch, tmp_path):
     page = tmp_path / "evaluation.html"
     page.write_text("<p>report</p>", encoding="utf-8")
-    result = jobs.EvaluationResult(str(page), 0.8, 0.2, 3.0, 1.0, 30)
-    monkeypatch.setattr(jobs, "evaluate", lambda *_: result)
+    result = jobs.EvaluationResult(str(page), Measures(0.8, 0.2, 3.0, 1.0, 30))
+    monkeypatch.setattr(jobs, "evaluate", lambda *_, **__: result)
     assert not training.can_download
     training.evaluate()
     assert training.result is result
@@ -139,19 +120,20 @@ def test_the_report_of_an_evaluation_can_be_downloaded(training, monkeypatch, tm
 def test_a_simulated_session_does_not_replace_another(training, folder, monkeypatch):
     calls = []
 
-    def record(folder, minutes, unit, seed, progress):
-        calls.append((minutes, unit, seed))
-        (folder / f"twin-{unit}-{seed}").mkdir()
-        return [str(folder / f"twin-{unit}-{seed}")]
+    def record(folder, options, progress):
+        calls.append(options)
+        session = folder / f"twin-{options.unit}-{options.seed}"
+        session.mkdir()
+        return [str(session)]
 
     monkeypatch.setattr(jobs, "record_twin", record)
     (folder / "twin-1-1").mkdir()
     training.set_twin(minutes=2.0)
     training.record_twin()
-    assert training.status.code == "path-exists"
+    assert training.status.code == "file-exists"
     training.set_twin(seed=2)
     training.record_twin()
-    assert calls == [(2.0, 1, 2)]
+    assert calls == [TwinOptions(minutes=2.0, seed=2)]
     assert training.result == [str(folder / "twin-1-2")]
     assert training.twin_seed == 3
 
@@ -171,7 +153,7 @@ def test_a_model_of_the_simulation_is_trained_in_a_process_and_canceled(training
         ended.set()
 
     (folder / "model.json").unlink()
-    training.job = BackgroundJob("job", training.show_progress, end)
+    training.job.process = BackgroundJob("job", lambda *_: None, end)
     training.train_on_simulation()
     training.train()
     assert training.status.code == "busy"
@@ -182,6 +164,6 @@ def test_a_model_of_the_simulation_is_trained_in_a_process_and_canceled(training
     assert "trained_on" in load_model(folder / "model.json").metadata
     ended.clear()
     training.train_on_simulation()
-    training.job.cancel()
+    training.job.process.cancel()
     assert ended.wait(TIMEOUT_S)
     assert (results[1][0].code, results[1][1]) == (CANCELLED, None)

@@ -39,7 +39,7 @@ def test_the_best_layout_of_a_search_is_taken_and_undone(studio_page):
     mode, bench = optimize_mode(studio_page), studio_page.bench
     text, sensors = bench.project.text, bench.project.device.sensors
     mode.take_best()
-    assert bench.message_code == "no-cords-found"
+    assert bench.status.code == "no-cords-found"
     for callback in bench.on_build_started:
         callback()
     assert mode.shows_build_controls
@@ -71,28 +71,28 @@ def test_the_best_layout_of_a_search_is_taken_and_undone(studio_page):
 def test_actions_that_are_not_possible_yet_show_a_message(studio_page):
     mode, bench = optimize_mode(studio_page), studio_page.bench
     mode.pause()
-    assert bench.message_code == "no-build-running"
+    assert bench.status.code == "no-build-running"
     mode.comparison.take()
-    assert bench.message_code == "no-layout-chosen"
+    assert bench.status.code == "no-layout-chosen"
     mode.comparison.compare()
-    assert bench.message_code == "no-layouts"
+    assert bench.status.code == "no-layouts"
     (bench.project.folder / "build" / "layout.json").unlink()
     bench.load()
     mode.take()
-    assert bench.message_code == "not-optimized"
-    assert mode.error_map.status == "not-optimized"
+    assert bench.status.code == "not-optimized"
+    assert mode.error_map.status.code == "not-optimized"
 
 
 @pytest.mark.slow
 def test_layouts_are_compared_and_one_is_taken(made_page):
     mode, bench = optimize_mode(made_page), made_page.bench
     (built,) = mode.comparison.layouts
-    assert built.taken
+    assert built.is_built
     assert built.parts == 2
     assert mode.comparison.estimated_time_s > 0
     mode.comparison.compare()
     assert mode.comparison.job.wait(TIMEOUT_S)
-    assert mode.comparison.error is None
+    assert mode.comparison.status.error is None
     by_name = {layout.name: layout for layout in mode.comparison.layouts}
     assert set(by_name) == {built.name, "as drawn", "by eye"}
     drawn = by_name["as drawn"]  # the cords are locked, so the build has the same ones
@@ -125,9 +125,9 @@ def test_the_error_map_has_the_numbers_of_the_report(made_page):
     mode.error_map.choose("twist@1")
     assert mode.error_map.worker.wait(TIMEOUT_S)
     index = errors.names.index("twist@1")
-    assert mode.error_map.status == "shown"
+    assert mode.error_map.status.code == "shown"
     assert mode.error_map.shown_error == pytest.approx(errors.mean(index))
-    assert f"<span>{errors.highest:.3g}</span>" in mode.error_map.bar
+    assert f">{errors.highest:.3g}</text>" in mode.error_map.bar
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert f"{errors.mean(index):.2f}" in page
     assert not made_page.bench.body.visible

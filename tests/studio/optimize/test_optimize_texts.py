@@ -9,9 +9,6 @@ import numpy as np
 
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
-from defsense_fab.optimize.prediction.compare_layouts import ComparedLayout
-from defsense_fab.optimize.prediction.layout_judge import JudgedLayout
-from defsense_fab.studio.optimize.error_map import color_bar, colored_mesh
 from defsense_fab.studio.optimize.layout_comparison import (
     comparison_table,
     error_charts,
@@ -19,23 +16,25 @@ from defsense_fab.studio.optimize.layout_comparison import (
 )
 from defsense_fab.studio.optimize.watched_search import SearchRecord, pose_table
 from defsense_fab.studio.workbench.build_job import CandidateLayout
+from defsense_fab.workflow.design.compare_layouts import ComparedLayout
+from defsense_fab.workflow.design.layout_judge import JudgedLayout
 
 
 def judged(error):
-    return JudgedLayout(error, "affine", {"bend@1": 2 * error}, ("bend@1",), np.zeros((1, 1)))
+    return JudgedLayout(error, "affine", {"bend": 2 * error}, {}, np.zeros((1, 1)))
 
 
-def candidate(seconds, *, kept):
-    return CandidateLayout(Path("build"), (), 1.0, kept, seconds)
+def candidate(seconds, *, is_best):
+    return CandidateLayout(Path("build"), (), 1.0, is_best, seconds)
 
 
 def test_the_best_layout_keeps_every_limit():
     record = SearchRecord()
-    assert record.add(candidate(5.0, kept=True), judged(3.0))
-    assert not record.add(candidate(6.0, kept=False), judged(1.0))
-    assert not record.add(candidate(7.0, kept=False), None)
-    assert record.add(candidate(8.0, kept=True), judged(2.0))
-    assert not record.add(candidate(9.0, kept=True), judged(2.5))
+    assert record.add(candidate(5.0, is_best=True), judged(3.0))
+    assert not record.add(candidate(6.0, is_best=False), judged(1.0))
+    assert not record.add(candidate(7.0, is_best=False), None)
+    assert record.add(candidate(8.0, is_best=True), judged(2.0))
+    assert not record.add(candidate(9.0, is_best=True), judged(2.5))
     seconds, current, best = record.curve
     assert seconds.tolist() == [0.0, 1.0, 3.0, 4.0]
     assert current.tolist() == [3.0, 1.0, 2.0, 2.5]
@@ -46,7 +45,7 @@ def test_the_best_layout_keeps_every_limit():
 def test_the_curve_of_a_long_search_is_thinned():
     record = SearchRecord()
     for k in range(5000):
-        record.add(candidate(float(k), kept=True), judged(5000.0 - k))
+        record.add(candidate(float(k), is_best=True), judged(5000.0 - k))
     seconds, _, best = record.curve
     assert len(seconds) <= 1200
     assert seconds[-1] > 4900
@@ -54,7 +53,7 @@ def test_the_curve_of_a_long_search_is_thinned():
 
 
 def test_pose_table_has_the_drawn_and_the_best_cords():
-    lines = pose_table({"bend@0.5": 1.0, "bend@1": 3.0}, {"bend@1": 0.5, "a|b@1": 1.0}).splitlines()
+    lines = pose_table({"bend": 3.0}, {"bend": 0.5, "a|b": 1.0}).splitlines()
     assert lines[2:] == ["| bend | 3.00 | **0.50** mm |", "| a\\|b | - | **1.00** mm |"]
 
 
@@ -68,7 +67,7 @@ def cord(height):
 
 LAYOUTS = (
     ComparedLayout("most accurate", (cord(1), cord(2)), 0.5, 4, (0.4, 0.9), ("glue <here>",)),
-    ComparedLayout("simplest", (cord(1), cord(1)), 0.52, 3, taken=True),
+    ComparedLayout("simplest", (cord(1), cord(1)), 0.52, 3, is_built=True),
     ComparedLayout("by eye", (cord(1),), 6.0, problem="too short"),
 )
 
@@ -88,7 +87,7 @@ def test_comparison_table_has_a_row_for_each_layout():
 
 def test_the_study_is_mentioned_until_it_has_run():
     assert "`defsense study`" in comparison_table(LAYOUTS)
-    studied = ComparedLayout("study, 1 cord", (cord(1),), 3.0)
+    studied = ComparedLayout("1 cord", (cord(1),), 3.0, is_studied=True)
     assert "`defsense study`" not in comparison_table((*LAYOUTS, studied))
 
 
@@ -107,17 +106,3 @@ def test_charts_show_errors_over_parts_and_cords():
     assert ">0.5<" in parts
     assert ">5<" in cords
     assert error_charts([ComparedLayout("x", (), math.nan)], None) == ""
-
-
-def test_the_mesh_has_the_colors_of_the_bar():
-    mesh = colored_mesh(np.eye(3), np.array([[0, 1, 2]]), np.array([0.0, 1.0, 4.0]), 2.0)
-    u = mesh.visual.uv[:, 0]
-    texels = np.asarray(mesh.visual.material.emissiveTexture)[0]
-    picked = texels[np.minimum((u * len(texels)).astype(int), len(texels) - 1)]
-    assert picked[0].tolist() == [68, 1, 84]
-    assert picked[2].tolist() == [253, 231, 36]
-    bar = color_bar(2.0, 4.0, "mm")
-    assert "rgb(68, 1, 84), " in bar
-    assert "rgb(253, 231, 36)" in bar
-    assert "<span>0</span><span>0.5</span><span>1</span><span>1.5</span><span>2</span>" in bar
-    assert len(bar) > len(color_bar(2.0, 1.0, "mm"))  # it notes the largest value

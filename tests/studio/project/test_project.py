@@ -19,30 +19,36 @@ def folder(tmp_path):
     return write_device(tmp_path / "grip")
 
 
-def written(folder):
+def file_text(folder):
     return (folder / "device.toml").read_bytes().decode()
 
 
 def random_edit(project, rng):
-    """One of what a person may do, sometimes of what is not there."""
+    """Return a random edit, sometimes of a part that does not exist."""
     device = project.device
     cord = str(rng.choice([s.name for s in device.sensors] or ["none"]))
     pose = str(rng.choice([p.name for p in device.poses] or ["none"]))
-    at, place = int(rng.integers(0, 6)), rng.uniform(-20, 150, 2)
+    index, point = int(rng.integers(0, 6)), rng.uniform(-20, 150, 2)
     new = free_name("copy", [s.name for s in device.sensors])
     pose_new = free_name("pose", [p.name for p in device.poses])
     edits = [
-        cords.move_point(cord, at, place), cords.insert_point(cord, at, place),
-        cords.delete_point(cord, at), cords.rename_cord(cord, new), cords.remove_cord(cord),
+        cords.move_point(cord, index, point),
+        cords.insert_point(cord, index, point),
+        cords.delete_point(cord, index),
+        cords.rename_cord(cord, new),
+        cords.remove_cord(cord),
         cords.mirror_cord(cord, new, np.zeros(3), rng.normal(size=3)),
-        cords.set_freedoms(cord, ["path"] if at % 2 else []),
-        poses.duplicate_pose(pose, pose_new), poses.rename_pose(pose, pose_new),
-        poses.remove_pose(pose), poses.turn_handle(pose, "tip", rng.normal(size=3), 20.0),
-        poses.rename_region("tip", "end"), poses.rename_region("end", "tip"),
+        cords.set_freedoms(cord, ["path"] if index % 2 else []),
+        poses.duplicate_pose(pose, pose_new),
+        poses.rename_pose(pose, pose_new),
+        poses.remove_pose(pose),
+        poses.turn_handle(pose, "tip", rng.normal(size=3), 20.0),
+        poses.rename_region("tip", "end"),
+        poses.rename_region("end", "tip"),
         body.set_parameter("length", float(rng.uniform(100, 200))),
         body.set_value("fabrication", "wall", float(rng.uniform(1, 3))),
         body.reset_value("fabrication", "wall"),
-    ]  # fmt: skip
+    ]
     return edits[rng.integers(len(edits))]
 
 
@@ -51,24 +57,24 @@ def test_undo_and_redo_through_two_hundred_operations(folder, seed):
     rng = np.random.default_rng(seed)
     project, texts, refused = Project(folder), [TEXT], 0
     while len(texts) < 201:
-        before = written(folder)
+        before = file_text(folder)
         try:
             project.apply(random_edit(project, rng))
         except DeviceError:
             refused += 1
-            assert written(folder) == before
+            assert file_text(folder) == before
             continue
-        if written(folder) != before:
-            texts.append(written(folder))
+        if file_text(folder) != before:
+            texts.append(file_text(folder))
     assert refused > 10
     for text in reversed(texts[:-1]):
         assert project.undo()
-        assert written(folder) == text
+        assert file_text(folder) == text
     assert project.undo() is None
-    assert written(folder) == TEXT
+    assert file_text(folder) == TEXT
     for text in texts[1:]:
         assert project.redo()
-        assert written(folder) == text
+        assert file_text(folder) == text
     assert project.redo() is None
 
 
@@ -76,27 +82,27 @@ def test_undo_and_redo_mixed_with_edits(folder):
     rng, project = np.random.default_rng(5), Project(folder)
     done, undone = [TEXT], []
     for _ in range(200):
-        what = rng.integers(3)
-        if what == 0:
+        choice = rng.integers(3)
+        if choice == 0:
             assert (project.undo() is not None) == (len(done) > 1)
             if len(done) > 1:
                 undone.append(done.pop())
-        elif what == 1:
+        elif choice == 1:
             assert (project.redo() is not None) == bool(undone)
             if undone:
                 done.append(undone.pop())
         else:
             value = float(np.round(rng.uniform(100, 200), 2))
             project.apply(body.set_parameter("length", value))
-            if written(folder) != done[-1]:
-                done.append(written(folder))
+            if file_text(folder) != done[-1]:
+                done.append(file_text(folder))
                 undone.clear()
-        assert written(folder) == done[-1] == project.text
+        assert file_text(folder) == done[-1] == project.text
 
 
 def test_watchers_are_called_with_the_names_of_steps(folder):
-    project, heard = Project(folder), []
-    project.watchers.append(heard.append)
+    project, names = Project(folder), []
+    project.watchers.append(names.append)
     assert project.undo_name is None
     project.apply(cords.move_point("top", 2, np.array([70.0, 1.0])))
     assert project.undo_name == "move control point 3 of `top`"
@@ -104,9 +110,9 @@ def test_watchers_are_called_with_the_names_of_steps(folder):
     assert project.redo_name == "move control point 3 of `top`"
     project.redo()
     name = "move control point 3 of `top`"
-    assert heard == [name, f"undo: {name}", f"redo: {name}"]
-    project.apply(body.set_parameter("length", 150))  # as it is
-    assert len(heard) == 3
+    assert names == [name, f"undo: {name}", f"redo: {name}"]
+    project.apply(body.set_parameter("length", 150))  # no change
+    assert len(names) == 3
 
 
 def test_the_history_survives_a_program_that_is_killed(folder):
@@ -117,33 +123,33 @@ def test_the_history_survives_a_program_that_is_killed(folder):
     again = Project(folder)
     assert again.undo_name == "set length to 154"
     assert again.redo_name == "set length to 155"
-    # Killed while it wrote: half a line.
+    # The program was killed while it wrote a line.
     file = folder / history.FOLDER / history.FILE
     file.write_bytes(file.read_bytes()[:-4])
     other = Project(folder)
     assert other.undo_name == "edit outside of the studio" or other.undo_name == "set length to 154"
     for _ in range(6):
         other.undo()
-    assert written(folder) == TEXT
+    assert file_text(folder) == TEXT
     file.write_text("garbage\n" * 3, encoding="utf-8")
     assert Project(folder).undo_name is None
 
 
-def test_an_edit_from_outside_is_a_step_and_loses_nothing(folder):
+def test_an_edit_by_another_program_is_a_step_and_loses_nothing(folder):
     project = Project(folder)
     project.apply(cords.move_point("top", 2, np.array([70.0, 1.0])))
-    mine = written(folder)
-    outside = mine.replace('name = "side"', 'name = "flank"  # by hand')
+    before = file_text(folder)
+    outside = before.replace('name = "side"', 'name = "flank"  # changed elsewhere')
     (folder / "device.toml").write_text(outside, encoding="utf-8")
     project.apply(body.set_parameter("length", 160))
-    assert "flank" in written(folder)
-    assert "length = 160" in written(folder)
+    assert "flank" in file_text(folder)
+    assert "length = 160" in file_text(folder)
     assert [s.name for s in project.device.sensors] == ["top", "flank"]
     with raises(DeviceError, "not-in-device", name="side", names=("top", "flank")):
         project.apply(cords.remove_cord("side"))
     assert project.undo() == "set length to 160"
     assert project.undo() == "edit outside of the studio"
-    assert written(folder) == mine
+    assert file_text(folder) == before
 
 
 def test_an_invalid_file_keeps_the_last_device(folder):
@@ -154,7 +160,7 @@ def test_an_invalid_file_keeps_the_last_device(folder):
             action()
     assert project.device.name == "grip"
     project.restore()
-    assert written(folder) == TEXT
+    assert file_text(folder) == TEXT
     assert not project.refresh()
 
 
@@ -162,12 +168,12 @@ def test_an_edit_with_an_invalid_result_changes_nothing(folder):
     project = Project(folder)
     for edit, code in (
         (body.set_value("mesh", "edge_length", -1.0), "out-of-range"),
-        (cords.rename_cord("side", "top"), "duplicate-names"),
+        (cords.rename_cord("side", "top"), "name-repeated"),
         (Edit("spoil", lambda d: d.add("name", 3)), "edit-not-possible"),
     ):
         with raises(DeviceError, code):
             project.apply(edit)
-        assert written(folder) == TEXT
+        assert file_text(folder) == TEXT
         assert project.undo_name is None
 
 
@@ -181,7 +187,7 @@ def test_a_failed_write_is_an_error_and_changes_nothing(folder, monkeypatch):
     with raises(StorageError, "disk-full"):
         project.apply(body.set_parameter("length", 160))
     assert project.undo_name is None
-    assert project.text == written(folder) == TEXT
+    assert project.text == file_text(folder) == TEXT
 
 
 def test_line_ends_stay_as_they_are(folder):
@@ -189,7 +195,7 @@ def test_line_ends_stay_as_they_are(folder):
     project = Project(folder)
     project.apply(cords.move_point("top", 2, np.array([70.0, 1.0])))
     assert b"\r\n" in (folder / "device.toml").read_bytes()
-    assert "\n" not in written(folder).replace("\r\n", "")
+    assert "\n" not in file_text(folder).replace("\r\n", "")
 
 
 def test_long_histories_are_trimmed(folder, monkeypatch):
@@ -207,7 +213,7 @@ def test_a_truncated_row_loses_no_other_row(folder):
         project.apply(body.rename_device(name))
     path = folder / history.FOLDER / history.FILE
     path.write_bytes(path.read_bytes()[:-9])
-    again = Project(folder)  # `c` is what the file has
+    again = Project(folder)  # the file has the name `c`
     again.apply(body.rename_device("d"))
     again.undo()
     text = again.text

@@ -16,7 +16,7 @@ from defsense_fab.studio.workbench.background_job import (
 )
 from defsense_fab.studio.workbench.build_job import run_build
 
-LONG = 120.0
+TIMEOUT_S = 120.0
 
 
 class Pipe:
@@ -67,7 +67,7 @@ def run(job, *arguments):
     assert background.state == "idle"
     assert background.start(job, *arguments)
     assert background.state == "running"
-    assert background.wait(LONG)
+    assert background.wait(TIMEOUT_S)
     assert background.state == "idle"
     ((error, result),) = outcomes
     return items, error, result
@@ -93,22 +93,25 @@ def test_a_job_is_paused_resumed_and_cancelled():
             more.set()
 
     job = BackgroundJob(
-        "count", lambda *_: None, lambda error, _: errors.append(error), on_item,
+        "count",
+        lambda *_: None,
+        lambda error, _: errors.append(error),
+        on_item,
         lambda is_paused: paused.set() if is_paused else None,
-    )  # fmt: skip
+    )
     assert job.start(count, 10**9)
     assert not job.start(count, 1)
     job.pause()
-    assert paused.wait(LONG)
+    assert paused.wait(TIMEOUT_S)
     assert job.state == "paused"
     before = len(items)
     assert not more.wait(0.5)
     assert len(items) == before
     job.resume()
-    assert more.wait(LONG)
+    assert more.wait(TIMEOUT_S)
     assert job.state == "running"
     job.cancel()
-    assert job.wait(LONG)
+    assert job.wait(TIMEOUT_S)
     assert [e.code for e in errors] == [CANCELLED]
 
 
@@ -118,9 +121,9 @@ def test_a_build_that_fails_and_one_that_is_cancelled_leave_the_studio_running(t
     job = BackgroundJob("build", lambda *_: None, lambda error, _: errors.append(error))
     assert job.start(run_build, tmp_path / "nothing", "report")
     assert not job.start(run_build, tmp_path / "nothing", "report")
-    assert job.wait(LONG)
+    assert job.wait(TIMEOUT_S)
     assert job.start(run_build, tmp_path / "nothing", "report")
     job.cancel()
-    assert job.wait(LONG)
+    assert job.wait(TIMEOUT_S)
     assert [e.code for e in errors] == ["file-not-found", CANCELLED]
-    assert not job.running
+    assert not job.is_running

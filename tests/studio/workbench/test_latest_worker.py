@@ -7,7 +7,7 @@ import threading
 
 from defsense_fab.studio.workbench.latest_worker import LatestWorker
 
-LONG = 60.0
+TIMEOUT_S = 60.0
 
 
 def test_the_latest_item_is_handled_and_errors_are_reported():
@@ -15,26 +15,26 @@ def test_the_latest_item_is_handled_and_errors_are_reported():
 
     def work(x):
         started.set()
-        go.wait(LONG)
+        go.wait(TIMEOUT_S)
         if x < 0:
             raise ValueError(x)
         handled.append(x)
 
     worker = LatestWorker(work, errors.append)
     worker.give(1)
-    assert started.wait(LONG)
-    assert worker.busy
+    assert started.wait(TIMEOUT_S)
+    assert worker.is_busy
     for x in (2, 3, 4):
         worker.give(x)
     assert worker.pending == 4
     go.set()
-    assert worker.wait(LONG)
+    assert worker.wait(TIMEOUT_S)
     assert handled == [1, 4]
     worker.give(-1)
-    assert worker.wait(LONG)
+    assert worker.wait(TIMEOUT_S)
     assert [e.args for e in errors] == [(-1,)]
     assert worker.done_count == 3
-    assert not worker.busy
+    assert not worker.is_busy
     worker.close()
     worker.give(5)
     assert handled == [1, 4]
@@ -52,7 +52,7 @@ def test_merged_items_are_handled_after_the_delay():
         worker.give({"a": value})
     worker.give({"b": 7})
     assert "a" in worker.pending
-    assert done.wait(LONG)
+    assert done.wait(TIMEOUT_S)
     assert handled == [{"a": 4, "b": 7}]
     assert worker.pending is None
     worker.close()
@@ -64,7 +64,7 @@ def test_flush_handles_the_waiting_item_on_the_calling_thread():
     def work(values):
         raise ValueError(values, threading.current_thread())
 
-    worker = LatestWorker(work, errors.append, delay_s=LONG)
+    worker = LatestWorker(work, errors.append, delay_s=TIMEOUT_S)
     worker.give(1)
     worker.flush()
     worker.flush()
@@ -74,7 +74,7 @@ def test_flush_handles_the_waiting_item_on_the_calling_thread():
 
 def test_close_drops_the_waiting_item():
     handled = []
-    worker = LatestWorker(handled.append, handled.append, delay_s=LONG)
+    worker = LatestWorker(handled.append, handled.append, delay_s=TIMEOUT_S)
     worker.give(1)
     worker.close()
     worker.flush()

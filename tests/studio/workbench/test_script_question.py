@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.script_source import read_script
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
 from defsense_fab.studio.workbench.background_job import BackgroundJob
 from defsense_fab.studio.workbench.script_question import script_html
+from defsense_fab.workflow.starts.body_scripts import read_script
 from tests.studio.devices import set_by_user, write_device
 
 HOSTILE = """\
@@ -20,24 +20,24 @@ def body(length=150, width=30):
     pass
 """
 B_TEXT = "import a\n" + "y = 1\n" * 20_000
-LONG = 60.0
+TIMEOUT_S = 60.0
 
 
 @pytest.fixture
 def hostile(studio_server, tmp_path):
-    """The page of a folder from an unknown sender."""
+    """Return the page of a folder from an unknown sender."""
     folder = write_device(tmp_path / "grip")
     (folder / "grip.py").write_text(HOSTILE)
     studio_server.gui.reset()
     studio_server.scene.reset()
-    made = StudioPage(studio_server, Project(folder))
-    yield made
-    made.close()
+    page = StudioPage(studio_server, Project(folder))
+    yield page
+    page.close()
 
 
 @pytest.fixture
 def stages(monkeypatch):
-    """Stages of the builds that were started, which are not run."""
+    """Return the stages of the builds that were requested; none is run."""
     started = []
     monkeypatch.setattr(
         BackgroundJob, "start", lambda *arguments: started.append(arguments[-1]) or True
@@ -54,21 +54,21 @@ def test_the_page_starts_no_build_before_the_user_agrees(hostile, stages):
     mode.make_body()
     set_by_user(mode.parameters.controls["length"], 120.0)
     mode.flush()
-    assert mode.wait(LONG)
-    assert mode.state == "not-agreed"
+    assert mode.wait(TIMEOUT_S)
+    assert mode.status.code == "not-agreed"
     hostile.poll()
     assert bench.project.device.body.parameters["length"] == 120
     assert stages == []
-    assert bench.question.open
+    assert bench.question.is_open
     bench.question.answer(run=False)
-    assert not bench.question.open
-    assert bench.message_code == "script-refused"
+    assert not bench.question.is_open
+    assert bench.status.code == "script-refused"
     assert stages == []
     bench.build("simulate")
     bench.question.answer(run=True)
     assert stages == ["simulate"]
     assert bench.build("mesh")
-    assert not bench.question.open
+    assert not bench.question.is_open
     assert not (bench.project.folder / "ran").exists()
 
 
@@ -78,7 +78,7 @@ def test_the_user_is_asked_again_if_the_script_changes_while_it_is_shown(hostile
     path.write_text(HOSTILE + "# and more\n")
     hostile.bench.question.answer(run=True)
     assert stages == []
-    assert hostile.bench.question.open
+    assert hostile.bench.question.is_open
 
 
 def test_trusted_folders_and_meshes_are_not_asked_for(studio_page):
@@ -117,17 +117,8 @@ def test_scripts_that_raise_or_never_end_leave_the_page_usable(studio_server, tm
     page = StudioPage(studio_server, Project(folder), Agreement(trusted=True))
     mode = page.modes["Device"]
     mode.make_body()
-    assert mode.preview.wait(LONG)
-    assert mode.state == "failed"
-    assert mode.error.code == code
-    assert not mode.preview.running
+    assert mode.preview.wait(TIMEOUT_S)
+    assert mode.status.code == code
+    assert not mode.preview.is_running
     assert load_device(folder).name == "grip"
     page.close()
-
-
-def test_the_user_is_asked_before_poses_are_proposed(hostile):
-    mode = hostile.modes["Poses"]
-    mode.scene.body = object()
-    mode.suggestions.search("base")
-    assert hostile.bench.question.open
-    mode.scene.body = None

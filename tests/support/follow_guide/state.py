@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from .workpiece import STEP, Cord, cords_of
+from .workpiece import STEP_MM, Cord, cords_of
 
 
 class State:
-    """What has been done, and its consequences.
+    """Records the finished actions and their consequences.
 
     Attributes:
-        complaints: Actions that could not be done, with the numbers of their steps.
+        cords: Cords by name.
+        complaints: Actions that were impossible, with the numbers of their steps.
+        refused: Kind of the action of each complaint; "finish" is the final check.
     """
 
     def __init__(
@@ -22,42 +24,47 @@ class State:
         layout: dict[str, Any],
         parts: dict[str, Any],
         ferrule: float,
-        most: float,
+        max_strain: float,
     ) -> None:
-        """Start with nothing done.
+        """Start with loose parts.
 
         Args:
             manifest: The manifest of the parts.
             layout: The layout.
             parts: Triangles (m, 3, 3) of the parts by name.
             ferrule: Length of a ferrule, mm.
-            most: Largest strain of a cord.
+            max_strain: Largest strain of a cord.
         """
         self._joints = [tuple(set(side) for side in s["join"]) for s in manifest["assembly"]]
         self._laid_in = [set(s["cords"]) for s in manifest["assembly"]]
         self._pins = [bool(s["pins"]) for s in manifest["assembly"]]
-        self._cords = cords_of(manifest, layout, parts)
+        self.cords = cords_of(manifest, layout, parts)
         self._piece = {name: k for k, name in enumerate(parts)}
         self._cast_parts = manifest.get("casting") is not None
         self._bonded = manifest["assembly_of_cords"] == "bonded"
-        self._ferrule, self._most = ferrule, most
+        self._ferrule, self._max_strain = ferrule, max_strain
         self._done: set[tuple[Any, ...]] = set()
         self._number, self._time = 0, 0
         self._closed_at: dict[int, int] = {}
+        self._kind = ""
         self.complaints: list[str] = []
+        self.refused: list[str] = []
 
-    def _no(self, text: str) -> None:
+    def _complain(self, text: str) -> None:
         self.complaints.append(f"step {self._number}: {text}")
+        self.refused.append(self._kind)
 
-    def _need(self, holds: Any, text: str) -> None:
+    def _check(self, holds: Any, text: str) -> None:
         if not holds:
-            self._no(text)
+            self._complain(text)
 
     def _covered(self, line: Any) -> Any:
-        return np.array([
-            a is not None and b is not None and self._piece[a] == self._piece[b]
-            for a, b in line.pairs
-        ])  # fmt: skip
+        return np.array(
+            [
+                a is not None and b is not None and self._piece[a] == self._piece[b]
+                for a, b in line.pairs
+            ]
+        )
 
     def _enclosed(self, cord: Cord, end: int) -> bool:
         """Return whether an end is in a closed joint, and not pulled out."""
@@ -72,11 +79,11 @@ class State:
     def _spanning(self, c: Cord) -> Any:
         """Return the places that are not in a groove yet, because they cross an open joint.
 
-        A cord that passes through a slanted joint crosses it on no more length than the width of
-        the channel requires, and is laid on both sides.
+        A cord that passes through a slanted joint crosses it within twice the width of its channel,
+        and is inserted on both sides.
         """
         out = np.zeros(len(c.line.pairs), bool)
-        longest = int(2 * c.record["channel_diameter"] / STEP)
+        longest = int(2 * c.record["channel_diameter"] / STEP_MM)
         for j, (low, high) in enumerate(self._joints):
             if ("glued", j) in self._done or c.name in self._laid_in[j]:
                 continue
@@ -96,9 +103,10 @@ class State:
     def _inner(self, j: int) -> list[int]:
         """Return the joints inside one side of a joint."""
         return [
-            i for i, (a, b) in enumerate(self._joints)
+            i
+            for i, (a, b) in enumerate(self._joints)
             if i != j and any(a | b <= side for side in self._joints[j])
-        ]  # fmt: skip
+        ]
 
     def _stuck(self, c: Cord, part: slice) -> bool:
         """Return whether set glue holds a bonded cord at some of its places."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-STEP = 0.5  # mm, between places of a cord
+STEP_MM = 0.5  # distance between places of a cord
 
 
 @dataclass
@@ -18,9 +18,9 @@ class Line:
     """A cord or a wire.
 
     Attributes:
-        pairs: The parts below and above each place; None: outside.
+        pairs: Parts below and above each place; None is outside the body.
         length: Length, mm.
-        laid: Whether each place has been laid.
+        laid: Whether each place is in its groove.
     """
 
     pairs: list[tuple[str | None, str | None]]
@@ -39,7 +39,7 @@ class Line:
 
 @dataclass
 class Cord:
-    """A cord and what has been done to it.
+    """A cord and its state.
 
     Attributes:
         name: Its name.
@@ -70,8 +70,8 @@ class Cord:
 
     def end(self, which: int) -> dict[str, Any]:
         """Return the record of an end."""
-        entered: dict[str, Any] = self.record["ends"][which]
-        return entered
+        record: dict[str, Any] = self.record["ends"][which]
+        return record
 
 
 def cords_of(
@@ -85,10 +85,11 @@ def cords_of(
         normal = np.asarray(sensor["plane"]["normal"], float)
         line = line_of(np.asarray(sensor["points"], float), normal, parts)
         wires = [
-            None if (path := e["wire"].get("path")) is None
+            None
+            if (path := e["wire"].get("path")) is None
             else line_of(np.asarray(path, float), normal, parts)
             for e in record["ends"]
-        ]  # fmt: skip
+        ]
         out[record["sensor"]] = Cord(record["sensor"], record, line, wires)
     return out
 
@@ -96,11 +97,11 @@ def cords_of(
 def line_of(points: Any, normal: Any, parts: dict[str, Any]) -> Line:
     """Return the places of a line, with the parts that rays up and down enter first."""
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    places = np.arange(0.5 * STEP, max(at[-1], STEP), STEP)
+    places = np.arange(0.5 * STEP_MM, max(at[-1], STEP_MM), STEP_MM)
     samples = np.stack([np.interp(places, at, points[:, k]) for k in range(3)], axis=1)
     ups, downs = [_entered(samples, sign * normal, parts) for sign in (1, -1)]
     pairs = list(zip(downs, ups, strict=True))
-    # Where a ray leaves by a mouth or a hole, the place is as its neighbours are.
+    # Where a ray leaves through a mouth or a hole, the nearest certain place is taken.
     certain = [k for k, (a, b) in enumerate(pairs) if a and b and a != b]
     if certain:
         pairs = [
@@ -118,7 +119,7 @@ def _entered(samples: Any, direction: Any, parts: dict[str, Any]) -> list[str | 
     entered: list[str | None] = [None] * len(samples)
     for name, corners in parts.items():
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        facing = corners[normal @ direction < 0]  # entering: the facet looks against the ray
+        facing = corners[normal @ direction < 0]  # the ray enters through facets that face it
         xy, z = facing @ across.T, facing @ direction
         low, top = xy.min(1), xy.max(1)
         for k, (p, start) in enumerate(zip(flat, high, strict=True)):

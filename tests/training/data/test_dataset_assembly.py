@@ -55,8 +55,10 @@ def test_channels_are_matched_by_name_and_markers_by_number():
     r = recording(2)
     b = dataset(
         replace(r, points=r.points[:, fewer], sigma=r.sigma[:, fewer]),
-        ids=IDS[fewer], rest_points=REST[fewer], provenance={"sessions": [{"folder": "b"}]},
-    )  # fmt: skip
+        ids=IDS[fewer],
+        rest_points=REST[fewer],
+        provenance={"sessions": [{"folder": "b"}]},
+    )
     both = join_datasets([a, permuted(b, [2, 0, 1])])
     assert both.channels == CHANNELS
     assert both.ids.tolist() == IDS.tolist()
@@ -69,8 +71,9 @@ def test_channels_are_matched_by_name_and_markers_by_number():
     turned = join_datasets([b, a])
     assert turned.ids.tolist() == sorted(IDS.tolist())
     np.testing.assert_array_equal(turned.rest_points[turned.ids == 8], REST[4:])
-    np.testing.assert_array_equal(select_channels(both, CHANNELS[::-1]).recordings[0].ohm[:, 2],
-                                  both.recordings[0].ohm[:, 0])  # fmt: skip
+    np.testing.assert_array_equal(
+        select_channels(both, CHANNELS[::-1]).recordings[0].ohm[:, 2], both.recordings[0].ohm[:, 0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -98,12 +101,13 @@ def test_datasets_that_do_not_match_are_refused(other, code, data):
 def test_extra_channels_and_empty_lists_are_refused():
     a = dataset(recording(1))
     more = replace(
-        a, channels=(*CHANNELS, "spare"),
+        a,
+        channels=(*CHANNELS, "spare"),
         recordings=tuple(
             replace(r, ohm=np.hstack([r.ohm, r.ohm[:, :1]]), rest=np.append(r.rest, 1.0))
             for r in a.recordings
         ),
-    )  # fmt: skip
+    )
     with raises(TrainingError, "channels-differ", missing=(), extra=("spare",)):
         join_datasets([a, more])
     with raises(TrainingError, "no-data"):

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.training.data.dataset_assembly import exclude
 from defsense_fab.training.data.dataset_checks import check_dataset, require_trainable
-from defsense_fab.training.data.time_alignment import find_time_shift, shift_samples
+from defsense_fab.training.data.time_alignment import align_samples, find_time_shift
 from tests.support.errors import raises
-from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, dataset, recording
+from tests.training.synthetic import IDS, QUIET, R0, REST, dataset, recording
 
 
 def only_problem(problems, code):
@@ -34,7 +33,7 @@ def good():
 
 
 def test_a_good_dataset_has_no_problems(good):
-    assert check_dataset(good, channels=CHANNELS) == ()
+    assert check_dataset(good) == ()
     assert require_trainable(good) == ()
     three = dataset(*(recording(k, session=f"s{k}") for k in (1, 2, 3)))
     assert check_dataset(three) == ()
@@ -48,28 +47,17 @@ def test_sessions_of_different_devices_or_layouts(good, key, code):
     mixed = replace(good, provenance={"sessions": sessions})
     problem = only_problem(check_dataset(mixed), code)
     assert problem.is_fatal
-    assert problem.data["found"] == {"one": "a", "two": "b"}
+    assert problem.data["folders"] == {"one": "a", "two": "b"}
     with raises(TrainingError, code):
         require_trainable(mixed)
 
 
 def test_a_missing_channel(good):
-    problem = only_problem(check_dataset(good, channels=[*CHANNELS, "top"]), "missing-channel")
-    assert problem.is_fatal
-    assert problem.data["channels"] == ("top",)
     gone = of_channel(good.recordings[0], 1, lambda R: np.full_like(R, np.nan))
     problem = only_problem(check_dataset(dataset(gone, good.recordings[1])), "missing-channel")
     assert (problem.recordings, problem.data["channels"]) == (("session-1/run-1",), ("middle",))
     rest = replace(good.recordings[0], rest=R0 * [1, np.nan, 1])
     assert only_problem(check_dataset(dataset(rest)), "missing-channel").is_fatal
-    # The suggested action removes the problem.
-    assert check_dataset(exclude(dataset(gone, good.recordings[1]), ["middle"])) == ()
-    left = exclude(good, recordings=["session-1/run-1"])
-    assert [r.session for r in left.recordings] == ["session-2"]
-    with raises(TrainingError, "unknown-channel", name="top", known=CHANNELS):
-        exclude(good, ["top"])
-    with raises(TrainingError, "no-channels-left"):
-        exclude(good, CHANNELS)
 
 
 def test_permuted_channels(good):
@@ -229,11 +217,12 @@ def test_signals_out_of_step(good, late):
     assert problem.recordings == ("session-1/run-1",)
     assert problem.value == pytest.approx(-late, abs=0.04)
     assert problem.is_fatal == (abs(late) > 0.2)
-    aligned = shift_samples(off, {problem.recordings[0]: problem.value})
+    aligned, notes = align_samples(off, "auto")
     assert check_dataset(aligned) == ()
     assert aligned.provenance["shifts"] == {problem.recordings[0]: problem.value}
-    assert shift_samples(off, "auto").provenance == aligned.provenance
-    both = shift_samples(dataset(recording(1, late=late), recording(2, late=late)), -late)
+    assert len(notes) == 1
+    both, notes = align_samples(dataset(recording(1, late=late), recording(2, late=late)), -late)
+    assert notes == []
     for r, true in zip(both.recordings, good.recordings, strict=True):
         np.testing.assert_allclose(r.sample_time, true.sample_time, atol=1e-9)
 
@@ -249,8 +238,6 @@ def test_relaxation_is_not_taken_for_a_shift(good):
     assert not find_time_shift(noise).is_informative
     problem = only_problem(check_dataset(dataset(noise)), "signals-tell-nothing")
     assert problem.is_fatal
-    with raises(TrainingError, "not-a-number"):
-        shift_samples(good, float("nan"))
 
 
 def test_a_layout_that_senses_little_does_not_forbid_training():

@@ -25,11 +25,16 @@ def changed(data, *, length=1.0, time=1.0, ohm=1.0):
     """Return the dataset with each quantity times a factor."""
     runs = [
         replace(
-            r, points=r.points * length, sigma=r.sigma * length, time=r.time * time,
-            sample_time=r.sample_time * time, ohm=r.ohm * ohm, rest=r.rest * ohm,
+            r,
+            points=r.points * length,
+            sigma=r.sigma * length,
+            time=r.time * time,
+            sample_time=r.sample_time * time,
+            ohm=r.ohm * ohm,
+            rest=r.rest * ohm,
         )
         for r in data.recordings
-    ]  # fmt: skip
+    ]
     return replace(data, rest_points=data.rest_points * length, recordings=tuple(runs))
 
 

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.training.evaluation import error_budget as budget
 from defsense_fab.training.evaluation.corrections import RIDGES, fit_features, residual_of
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import sample_noise
-from tests.support.errors import raises
 from tests.training import soft_bar as bar
 
 
@@ -123,10 +121,9 @@ def test_an_affine_decoder_is_identified():
     data = bar.dataset(bar.recording(90))
     model = bar.trained(data)
     test = bar.dataset(bar.recording(60, seed=1))
-    for training in (None, data):
-        out = budget.error_budget(model, test, training=training)
-        inside = sum(v for k, v in out.shares.items() if k != budget.UNSEEN)
-        assert out.shares[budget.DECODER] > 0.95 * inside
+    out = budget.error_budget(model, test)
+    inside = sum(v for k, v in out.shares.items() if k != budget.UNSEEN)
+    assert out.shares[budget.DECODER] > 0.95 * inside
 
 
 def test_unseen_poses_are_identified():
@@ -171,41 +168,6 @@ def test_a_model_with_memories():
     knowing = budget.error_budget(bar.trained(data, past=Past((1.0,))), test)
     assert knowing.total < 0.7 * plain.total
     assert knowing.shares[budget.HYSTERESIS] < 0.3 * plain.shares[budget.HYSTERESIS]
-
-
-def test_budget_by_substitution(model):
-    """The share of a cause is the reduction of the error when it is removed."""
-
-    def recorded(**causes):
-        return bar.dataset(bar.recording(60, seed=1, **causes))
-
-    stages = [
-        ("recorded", recorded(sigma=0.5, noise=0.004, drift=0.05)),
-        ("camera noise", recorded(noise=0.004, drift=0.05)),
-        ("read-out noise", recorded(drift=0.05)),
-        ("drift", recorded()),
-    ]
-    out = budget.budget_by_substitution(model, stages)
-    squares = [evaluate(model, data).total.rmse ** 2 for _, data in stages]
-    assert out.total == pytest.approx(squares[0])
-    assert [out.shares[c] for c, _ in stages[1:]] == pytest.approx(-np.diff(squares))
-    assert sum(out.shares.values()) == pytest.approx(out.total)
-    assert out.shares["camera noise"] == pytest.approx(0.75, rel=0.05)
-    formula = split_error(model, noise=0.004).shares[budget.READ_OUT]
-    assert out.shares["read-out noise"] == pytest.approx(formula, rel=0.15)
-
-
-def test_budget_by_substitution_uses_common_frames(model):
-    """True data have no gaps; only frames visible in all stages count."""
-    run = bar.recording(20, seed=1, gaps=0.3)
-    stages = [("recorded", bar.dataset(run)), ("gaps", bar.dataset(bar.recording(20, seed=1)))]
-    out = budget.budget_by_substitution(model, stages)
-    assert out.shares["gaps"] == pytest.approx(0, abs=1e-12)
-    with raises(TrainingError, "too-few-stages"):
-        budget.budget_by_substitution(model, stages[:1])
-    other = bar.dataset(replace(run, time=run.time + 1e-4))
-    with raises(TrainingError, "no-common-frames"):
-        budget.budget_by_substitution(model, [stages[0], ("clock", other)])
 
 
 def test_sample_noise():

@@ -77,9 +77,9 @@ def test_frames_that_cannot_be_tested_are_counted(model):
     ohm[(run.sample_time > 10) & (run.sample_time < 12), 1] = np.nan
     result = evaluate(model, edited(run, points=points, ohm=ohm)).frames
     missed = ((run.time > 9.98) & (run.time < 12)).sum()
-    assert result.without_markers == 40
-    assert abs(result.without_samples - missed) <= 1
-    assert len(result.time) == len(run.time) - 40 - result.without_samples
+    assert result.omitted.without_markers == 40
+    assert abs(result.omitted.without_samples - missed) <= 1
+    assert len(result.time) == len(run.time) - 40 - result.omitted.without_samples
 
 
 def test_the_last_share_matches_the_split_of_training(model):
@@ -94,10 +94,10 @@ def test_the_last_share_matches_the_split_of_training(model):
         _, held_out = split_frames(Frames.from_dataset(data), share)
         assert (result.run == held_out.recording_index).all()
         assert (result.time == held_out.time).all()
-    assert result.without_markers == 0
+    assert result.omitted.without_markers == 0
     assert (np.diff(result.elapsed) > 0).all()
     assert result.elapsed[-1] == pytest.approx(0.6 * (30 - 40 / 30), abs=0.3)
-    assert evaluate(model, data).frames.without_markers == 40
+    assert evaluate(model, data).frames.omitted.without_markers == 40
 
 
 def test_errors_by_pose(model):
@@ -188,11 +188,11 @@ def test_the_order_of_channels_and_markers_does_not_matter(model):
     run = bar.recording(20, seed=1)
     c, m = [2, 0, 1], [5, 4, 0, 1, 2, 3]
     turned = replace(
-        bar.dataset(
-            replace(run, ohm=run.ohm[:, c], rest=run.rest[c], points=run.points[:, m])
-        ),
-        channels=tuple(bar.CHANNELS[k] for k in c), ids=bar.IDS[m], rest_points=bar.REST[m],
-    )  # fmt: skip
+        bar.dataset(replace(run, ohm=run.ohm[:, c], rest=run.rest[c], points=run.points[:, m])),
+        channels=tuple(bar.CHANNELS[k] for k in c),
+        ids=bar.IDS[m],
+        rest_points=bar.REST[m],
+    )
     assert evaluate(model, turned).total == evaluate(model, bar.dataset(run)).total
 
 
@@ -206,7 +206,7 @@ def test_invalid_input_is_refused(model):
             model,
             replace(data, channels=("x", "lower", "side"), ids=bar.IDS + 100 * (bar.IDS == 3)),
         )
-    with raises(TrainingError, "share-out-of-range", share=0.0):
+    with raises(TrainingError, "out-of-range", share=0.0):
         evaluate(model, data, 0.0)
     run = data.recordings[0]
     with raises(TrainingError, "no-frames", count=len(run.time)):

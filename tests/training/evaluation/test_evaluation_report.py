@@ -14,7 +14,8 @@ from defsense_fab.decoding.signal_history import Past
 from defsense_fab.report.evaluation import evaluation_report
 from defsense_fab.report.evaluation.evaluation_report import write_evaluation
 from defsense_fab.training.data.dataset import recording_fingerprint
-from defsense_fab.training.evaluation.evaluate_models import evaluate_models, short_names
+from defsense_fab.training.evaluation.evaluate_models import evaluate_models
+from defsense_fab.workflow.train.evaluation import short_names
 from tests.support.errors import raises
 from tests.training import soft_bar as bar
 
@@ -76,8 +77,10 @@ def test_tables_agree_with_the_records(folder, result):
     assert sum(float(r["mean_square_mm2"]) for r in budget[:-1]) == pytest.approx(
         float(budget[-1]["mean_square_mm2"]), rel=1e-4
     )
-    tests = {(r["samples"], r["test"]) for r in rows(folder, "comparison.csv")}
-    assert {("frames", "anova"), ("blocks", "anova")} <= tests
+    [test] = rows(folder, "comparison.csv")
+    [expected] = result.comparison.tests
+    assert (test["first"], test["second"]) == ("plain", "with-memory")
+    assert float(test["difference_mm"]) == pytest.approx(expected.difference, rel=1e-4)
 
 
 def test_numbers_for_programs(folder, result):
@@ -85,7 +88,7 @@ def test_numbers_for_programs(folder, result):
     plain = data["models"]["plain"]
     assert plain["errors"]["frames"] == result.models[0].evaluation.total.frames
     assert set(plain["poses"]) == {"bend", "twist", "bend and twist"}
-    assert data["comparison"]["by_frame"]["anova"]["p"] < 1e-6
+    assert data["comparison"]["tests"][0]["p"] == result.comparison.tests[0].p < 1e-6
 
 
 def test_figures_are_one_column_wide(folder):
@@ -168,9 +171,12 @@ def test_training_frames_are_left_out(models, unseen):
     moved = replace(r, name="copy/run-1", session="copy", ohm=r.ohm.copy())
     # Another format rounds numbers, shifts times, and has another R0.
     moved = replace(
-        moved, ohm=np.round(moved.ohm, 3), rest=1.01 * r.rest, time=np.round(r.time + 7, 4),
+        moved,
+        ohm=np.round(moved.ohm, 3),
+        rest=1.01 * r.rest,
+        time=np.round(r.time + 7, 4),
         sample_time=np.round(r.sample_time + 7, 4),
-    )  # fmt: skip
+    )
     again = evaluate_models(knowing, replace(unseen, recordings=(moved,)))
     assert again.models[0].evaluation.total.frames == held.models[0].evaluation.total.frames
     every = evaluate_models(knowing, unseen, 1.0)
@@ -223,9 +229,8 @@ def test_a_single_frame(models, tmp_path):
     run = bar.recording(10, seed=2)
     one = replace(run, time=run.time[:1], points=run.points[:1], sigma=run.sigma[:1])
     result = evaluate_models(models, bar.dataset(one))
-    assert result.comparison is None
+    assert result.comparison.tests == ()
     assert any(note.startswith("1 frames") for note in result.notes)
-    assert all(name in result.notes[-1] for name, _ in models)  # they cannot be compared
     write_evaluation(tmp_path / "out", result)
 
 

@@ -1,24 +1,17 @@
-"""Tests between models' errors against hand-computed and library values, and by simulation."""
+"""Tests between models' errors against library values and by simulation."""
 
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.evaluation.decoded_frames import DecodedFrames, OmittedFrames
 from defsense_fab.training.evaluation.independent_blocks import (
     autocorrelation_time,
     block_length,
     block_means,
 )
-from defsense_fab.training.evaluation.model_comparison import (
-    FrameErrors,
-    analyze,
-    analyze_welch,
-    compare,
-    compare_pairs,
-)
-from tests.support.errors import raises
+from defsense_fab.training.evaluation.model_comparison import compare
 
 NAMES = ("a", "b", "c")
 
@@ -29,62 +22,33 @@ def autoregressive(rng, count, memory, series=1):
     return lfilter([1], [1, -memory], noise, axis=1)[:, 500:]
 
 
-def frame_errors(name, errors, test="session", run=None):
-    return FrameErrors(name, errors, np.zeros(len(errors), int) if run is None else run, test)
+def decoded(errors, start=0):
+    """Return frames of one marker with these errors (t,), the first of them at `start` s."""
+    count = len(errors)
+    one, none = np.zeros((count, 1)), np.zeros(count, int)
+    time = start + np.arange(float(count))
+    measured = np.zeros((count, 1, 3))
+    predicted = measured + errors[:, None, None] * [1.0, 0, 0]
+    return DecodedFrames(
+        ("run-1",),
+        ("all",),
+        none,
+        none,
+        time,
+        time,
+        predicted,
+        measured,
+        measured,
+        one,
+        one[:, 0],
+        OmittedFrames(0, 0),
+    )
 
 
-def test_hand_computed_values():
-    """Means 2, 3 and 7 of three samples each: between 42, within 6, F = 21/1."""
-    samples = [np.array([1.0, 2, 3]), np.array([2.0, 3, 4]), np.array([6.0, 7, 8])]
-    result = analyze(NAMES, samples)
-    assert result.anova.value == pytest.approx(21)
-    assert (result.anova.between, result.anova.within) == (2, 6)
-    assert result.anova.p == pytest.approx(stats.f.sf(21, 2, 6))
-    assert result.eta_squared == pytest.approx(42 / 48)
-    assert result.omega_squared == pytest.approx((42 - 2 * 1) / (48 + 1))
-    after = compare_pairs(NAMES, samples, has_equal_variances=True)
-    assert [p.difference for p in after] == pytest.approx([-1, -5, -4])
-    q = 5 / np.sqrt(1 / 3)
-    assert after[1].p == pytest.approx(stats.studentized_range.sf(q, 3, 6), rel=1e-6)
-    assert not result.variances_differ
-    assert result.valid_test is result.anova
-
-
-def test_two_samples_give_the_t_test():
-    rng = np.random.default_rng(0)
-    a, b = rng.normal(0, 1, 12), rng.normal(1, 5, 30)
-    result = analyze(NAMES[:2], [a, b])
-    t = stats.ttest_ind(a, b)
-    assert result.anova.value == pytest.approx(t.statistic**2)
-    assert result.anova.p == pytest.approx(t.pvalue)
-    uneven = stats.ttest_ind(a, b, equal_var=False)
-    assert result.welch.value == pytest.approx(uneven.statistic**2)
-    assert result.welch.p == pytest.approx(uneven.pvalue)
-    assert result.welch.within == pytest.approx(uneven.df)
-    assert result.variances_differ
-    assert result.valid_test is result.welch
-
-
-@pytest.mark.parametrize("alike", [True, False])
-def test_pairs_agree_with_scipy(alike):
-    rng = np.random.default_rng(9)
-    samples = [rng.normal(m, s, n) for m, s, n in ((0, 1, 8), (1, 2, 11), (2, 4, 9))]
-    library = stats.tukey_hsd(*samples, equal_var=alike)
-    interval = library.confidence_interval(0.95)
-    for result, at in zip(
-        compare_pairs(NAMES, samples, alike), ((0, 1), (0, 2), (1, 2)), strict=True
-    ):
-        assert result.p == pytest.approx(library.pvalue[at], rel=1e-6)
-        assert (result.low, result.high) == pytest.approx((interval.low[at], interval.high[at]))
-
-
-def test_welch_agrees_with_scipy():
-    """Compare Welch's test with scipy's."""
-    rng = np.random.default_rng(1)
-    samples = [rng.normal(0, s, n) for s, n in ((1, 10), (3, 20), (9, 15))]
-    expected = stats.f_oneway(*samples, equal_var=False)
-    assert analyze_welch(samples).value == pytest.approx(expected.statistic)
-    assert analyze_welch(samples).p == pytest.approx(expected.pvalue)
+def paired_p(difference):
+    run = np.zeros(len(difference), int)
+    length = block_length(autocorrelation_time(difference, run))
+    return stats.ttest_1samp(block_means(difference, run, length), 0).pvalue
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
@@ -110,82 +74,65 @@ def test_blocks_do_not_span_runs():
 
 
 def test_correlated_frames_are_not_independent_samples():
-    """Equal models differ significantly in nearly all tests by frame, and in 5 % by block."""
+    """Equal models differ significantly in most tests by frame, and in 5 % by block."""
     rng = np.random.default_rng(3)
     trials = 250
-    frames, blocks = 0, 0
-    run = np.zeros(2000, int)
+    by_frame = by_block = 0
     for _ in range(trials):
-        series = 2 + 0.1 * autoregressive(rng, 2000, 0.9, series=3)
-        length = block_length(max(autocorrelation_time(x, run) for x in series))
-        means = [block_means(x, run, length) for x in series]
-        frames += stats.f_oneway(*series).pvalue < 0.05
-        blocks += len(means[0]) >= 4 and analyze(NAMES, means).anova.p < 0.05
-    assert 0.03 <= blocks / trials <= 0.08
-    assert frames / trials > 0.7
+        first, second = 2 + 0.1 * autoregressive(rng, 2000, 0.9, series=2)
+        by_frame += stats.ttest_1samp(first - second, 0).pvalue < 0.05
+        [test] = compare([("a", decoded(first)), ("b", decoded(second))]).tests
+        by_block += test.p < 0.05
+    assert 0.03 <= by_block / trials <= 0.08
+    assert by_frame / trials > 0.6
 
 
-def test_a_real_difference_is_significant():
-    """Use the errors of the paper's manual, visual and optimized layouts."""
-    rng = np.random.default_rng(5)
-    models = [
-        frame_errors(name, mean + spread * 0.4 * autoregressive(rng, 2040, 0.9)[0], test=name)
-        for name, mean, spread in (
-            ("manual", 4.1, 1.76),
-            ("visual", 3.4, 1.33),
-            ("full", 0.94, 0.7),
-        )
-    ]
-    result = compare(models)
-    assert result.by_block.valid_test.p < 1e-3
-    assert result.pairs_by_block[1].first == "manual"
-    assert result.pairs_by_block[1].low > 1
-    assert result.by_block.omega_squared > 0.5
-    assert result.paired == ()
-
-
-def test_models_on_the_same_frames_are_compared_in_pairs():
-    """Errors that both models share do not hide their difference."""
+def test_shared_errors_do_not_hide_a_difference():
     rng = np.random.default_rng(6)
-    shared = 2 + 0.3 * autoregressive(rng, 2000, 0.95)[0]
-    own = 0.02 * autoregressive(rng, 2000, 0.5, series=2)
-    models = [frame_errors("a", shared + own[0]), frame_errors("b", shared + 0.05 + own[1])]
-    result = compare(models)
-    assert result.by_block.anova.p > 0.5
-    [pair] = result.paired
-    assert pair.p < 1e-4
-    assert pair.low < -0.05 < pair.high
-    assert pair.samples > 50
+    shared = 9 + 0.3 * autoregressive(rng, 2000, 0.95)[0]
+    first, second = shared + 0.02 * autoregressive(rng, 2000, 0.5, series=2) + [[0], [0.05]]
+    result = compare([("a", decoded(first)), ("b", decoded(second))])
+    [test] = result.tests
+    assert result.means == pytest.approx([first.mean(), second.mean()])
+    assert (test.first, test.second) == result.names == ("a", "b")
+    assert test.p == pytest.approx(paired_p(first - second))
+    assert test.p < 1e-4
+    assert test.low < -0.05 < test.high
+    assert test.blocks > 50
+    assert test.blocks * test.block_frames <= 2000
 
 
 def test_p_values_are_corrected_for_the_number_of_pairs():
     """Holm: the smallest p counts three times, the next twice."""
     rng = np.random.default_rng(7)
     series = 1 + 0.1 * rng.random((3, 400)) + np.array([[0.0], [0.004], [0.01]])
-    result = compare([frame_errors(n, s) for n, s in zip(NAMES, series, strict=True)])
-    plain = []
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        apart, run = series[i] - series[j], np.zeros(400, int)
-        blocks = block_means(apart, run, block_length(autocorrelation_time(apart, run)))
-        plain.append(stats.ttest_1samp(blocks, 0).pvalue)
+    result = compare([(n, decoded(s)) for n, s in zip(NAMES, series, strict=True)])
+    plain = [paired_p(series[i] - series[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
     order = np.argsort(plain)
     expected = np.maximum.accumulate(np.array(plain)[order] * [3, 2, 1])
-    assert [result.paired[k].p for k in order] == pytest.approx(np.minimum(expected, 1))
+    assert [result.tests[k].p for k in order] == pytest.approx(np.minimum(expected, 1))
+
+
+def test_only_common_frames_are_compared():
+    """The second model has no frames in the first 50 s, and the first none in the last 50 s."""
+    rng = np.random.default_rng(4)
+    first, second = 1 + rng.random((2, 400))
+    result = compare([("a", decoded(first)), ("b", decoded(second, start=50))])
+    assert result.means == pytest.approx([first[50:].mean(), second[:-50].mean()])
+    [test] = result.tests
+    assert test.difference == pytest.approx((first[50:] - second[:-50]).mean(), abs=2e-3)
+    nothing = compare([("a", decoded(first)), ("b", decoded(second, start=1e4))])
+    assert nothing.tests == ()
+    assert np.isnan(nothing.means).all()
 
 
 def test_too_few_blocks_give_no_test():
     rng = np.random.default_rng(8)
-    models = [frame_errors(n, autoregressive(rng, 200, 0.97)[0]) for n in NAMES[:2]]
-    assert compare(models).by_block is None
+    models = [(n, decoded(autoregressive(rng, 200, 0.97)[0])) for n in NAMES[:2]]
+    assert compare(models).tests == ()
 
 
-def test_invalid_input_is_refused():
-    good = frame_errors("a", np.arange(5.0))
-    with raises(TrainingError, "too-few-models"):
-        compare([good])
-    with raises(TrainingError, "duplicate-names"):
-        compare([good, good])
-    with raises(TrainingError, "not-a-number"):
-        frame_errors("a", np.array([1.0, np.nan]))
-    with raises(TrainingError, "errors-constant"):
-        compare([frame_errors(n, np.full(50, 0.3)) for n in NAMES])
+def test_equal_errors_do_not_differ():
+    errors = np.full(50, 0.3)
+    assert compare([("a", decoded(errors)), ("b", decoded(errors))]).tests[0].p == 1
+    assert compare([("a", decoded(errors)), ("b", decoded(errors + 0.5))]).tests[0].p == 0

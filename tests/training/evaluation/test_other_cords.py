@@ -9,17 +9,17 @@ import pytest
 from defsense_fab.cli.main import main
 from defsense_fab.report.evaluation import evaluation_report
 from defsense_fab.training.evaluation.evaluate_models import note_changed_cords
-from defsense_fab.training.fitting.train_model import TrainingOptions
-from defsense_fab.training.models.model_file import write_model
-from defsense_fab.training.models.train_device import train_dataset
+from defsense_fab.training.fitting.model_file import write_model
+from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
+from defsense_fab.workflow.train.training import train_dataset
 from tests.training import soft_bar as bar
 
 
 @pytest.fixture(scope="module")
 def model():
     data = bar.dataset(bar.recording(40, noise=0.002, sigma=0.15))
-    return train_dataset(data, TrainingOptions("quadratic", memory=False)).model
+    return train_dataset(data, TrainOptions("quadratic", memory=False)).model
 
 
 def later(scale, **changes):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
+from defsense_fab.decoding.trained_model import TrainedModel
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.fitting.recalibration import recalibrate
-from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from defsense_fab.training.fitting.train_model import train
+from defsense_fab.training.options import TrainOptions
 from tests.support.errors import raises
 
 from ..conftest import Maker
@@ -19,8 +22,7 @@ POSES = {"bend": [0.8, -0.5, 0.3], "twist": [-0.3, 0.9, 0.4], "pull": [0.2, 0.3,
 
 
 def routine(
-    recorded: Maker,
-    gain: list[float],
+    gain: Sequence[float] = (1.0, 1.0, 1.0),
     seconds: float = 5.0,
     shown: float = 1.0,
     seed: int = 3,
@@ -42,107 +44,108 @@ def routine(
     signals = levels @ bend + 0.005 * (levels[:, i] * levels[:, j]) @ more
     ohm = 1500 * (1 + np.array(gain) * signals + 5e-4 * rng.normal(size=signals.shape))
     none = np.full((1, 6, 3), np.nan)
-    return Recording("routine", "s", "1", time, ohm, np.full(3, 1500.0), np.zeros(1) + 0.5, none,
-                     none, None, tuple(marks))  # fmt: skip
+    return Recording(
+        "routine",
+        "s",
+        "1",
+        time,
+        ohm,
+        np.full(3, 1500.0),
+        np.zeros(1) + 0.5,
+        none,
+        none,
+        None,
+        tuple(marks),
+    )
 
 
-def trained(recorded: Maker) -> tuple[Dataset, object]:
+@pytest.fixture(scope="module")
+def model(recorded: Maker) -> TrainedModel:
     dataset = recorded(90)
-    shown = replace(routine(recorded, [1.0, 1.0, 1.0], rounds=6), name="shown")
+    shown = replace(routine(rounds=6), name="shown")
     both = replace(dataset, recordings=(dataset.recordings[0], shown))
-    return dataset, train(both, TrainingOptions(memory=False)).model
+    return train(both, TrainOptions(memory=False)).model
 
 
-def error(model: object, dataset: Dataset) -> float:
+def error(model: TrainedModel, dataset: Dataset) -> float:
     run = dataset.recordings[0]
-    result = model.decode(run.sample_time, run.signals, run.time)  # type: ignore[attr-defined]
+    result = model.decode(run.sample_time, run.signals, run.time)
     return float(np.sqrt(((result.points - run.points) ** 2).sum(2).mean()))
 
 
-def test_a_gain_that_changed_by_a_fifth_is_corrected(recorded: Maker) -> None:
+def test_a_gain_that_changed_by_a_fifth_is_corrected(model: TrainedModel, recorded: Maker) -> None:
     """The third gain is determined less well, since few poses strain that cord."""
-    _, model = trained(recorded)
-    found_by = []
+    gains = []
     for channel in range(3):
         gain = [1.0, 1.0, 1.0]
         gain[channel] = 1.2
         later = recorded(30, seed=4, gain=gain)
-        result = recalibrate(model, [routine(recorded, gain, rounds=3)])  # type: ignore[arg-type]
-        found_by.append(result.gain[channel])
+        result = recalibrate(model, [routine(gain, rounds=3)])
+        gains.append(result.gain[channel])
         np.testing.assert_allclose(np.delete(result.gain, channel), 1.0, atol=0.05)
         assert result.problems == ()
         assert error(result.model, later) < 0.9 * error(model, later)
-    np.testing.assert_allclose(found_by[:2], 1.2, rtol=0.08)
-    assert 1.04 < found_by[2] < 1.25
+    np.testing.assert_allclose(gains[:2], 1.2, rtol=0.08)
+    assert 1.04 < gains[2] < 1.25
 
 
-def test_poses_shown_less_far_do_not_change_gains(recorded: Maker) -> None:
-    _, model = trained(recorded)
-    result = recalibrate(model, [routine(recorded, [1.0] * 3, shown=0.9)])  # type: ignore[arg-type]
+def test_poses_shown_less_far_do_not_change_gains(model: TrainedModel) -> None:
+    result = recalibrate(model, [routine(shown=0.9)])
     np.testing.assert_allclose(result.gain, 1.0, atol=0.05)
 
 
-def test_swapped_and_inverted_cords_are_reported(recorded: Maker) -> None:
-    _, model = trained(recorded)
-    run = routine(recorded, [1.0] * 3)
+def test_swapped_and_inverted_cords_are_reported(model: TrainedModel) -> None:
+    run = routine()
     swapped = replace(run, ohm=run.ohm[:, [1, 0, 2]])
     with raises(TrainingError, "too-few-poses"):
-        recalibrate(model, [swapped])  # type: ignore[arg-type]
+        recalibrate(model, [swapped])
     other = replace(run, ohm=run.rest * (1 + run.signals * [1.0, 1.0, -1.0]))
-    result = recalibrate(model, [other])  # type: ignore[arg-type]
+    result = recalibrate(model, [other])
     assert result.problems
 
 
-def test_a_changed_resistance_at_rest_does_not_change_gains(recorded: Maker) -> None:
-    _, model = trained(recorded)
-    run = routine(recorded, [1.0] * 3)
+def test_a_changed_resistance_at_rest_does_not_change_gains(model: TrainedModel) -> None:
+    run = routine()
     aged = replace(run, ohm=run.ohm + np.array([0.0, 45.0, 0.0]))
-    result = recalibrate(model, [aged])  # type: ignore[arg-type]
+    result = recalibrate(model, [aged])
     np.testing.assert_allclose(result.rest_signals, [0.0, 0.03, 0.0], atol=2e-3)
     np.testing.assert_allclose(result.gain, 1.0, atol=0.05)
 
 
-def test_a_recording_without_poses_is_refused(recorded: Maker) -> None:
-    _, model = trained(recorded)
-    run = replace(routine(recorded, [1.0] * 3), poses=((0.0, "rest"), (5.0, "bend")))
+def test_a_recording_without_poses_is_refused(model: TrainedModel) -> None:
+    run = replace(routine(), poses=((0.0, "rest"), (5.0, "bend")))
     with raises(TrainingError, "too-few-poses", shown=("bend",), incomplete={}):
-        recalibrate(model, [run])  # type: ignore[arg-type]
+        recalibrate(model, [run])
 
 
-def test_undetermined_gains_stay_near_one_and_are_noted(
-    recorded: Maker,
-) -> None:
-    _, model = trained(recorded)
-    remembering = replace(model, pose_spread=dict.fromkeys(POSES, 0.15))  # type: ignore[type-var]
+def test_undetermined_gains_stay_near_one_and_are_noted(model: TrainedModel) -> None:
+    remembering = replace(model, pose_spread=dict.fromkeys(POSES, 0.15))
     for gain in ([1.2, 1.0, 1.0], [0.8, 0.8, 0.8]):
-        result = recalibrate(remembering, [routine(recorded, gain)])
+        result = recalibrate(remembering, [routine(gain)])
         assert np.abs(np.log(result.gain)).max() < 0.12
         assert result.change_probability < 0.9
         assert result.notes
 
 
-def test_usual_differences_between_repetitions_do_not_change_gains(recorded: Maker) -> None:
-    _, model = trained(recorded)
+def test_usual_differences_between_repetitions_do_not_change_gains(model: TrainedModel) -> None:
     rng = np.random.default_rng(5)
     for seed in range(10):
-        run = routine(recorded, [1.0] * 3, seed=seed, rounds=3)
+        run = routine(seed=seed, rounds=3)
         moved = run.signals * (1 + 0.03 * rng.normal(size=3))  # as after a day of drift
-        result = recalibrate(model, [replace(run, ohm=run.rest * (1 + moved))])  # type: ignore[arg-type]
+        result = recalibrate(model, [replace(run, ohm=run.rest * (1 + moved))])
         np.testing.assert_allclose(result.gain, 1.0, atol=0.08)
 
 
-def test_the_extreme_of_the_previous_pose_is_not_used(recorded: Maker) -> None:
+def test_the_extreme_of_the_previous_pose_is_not_used(model: TrainedModel) -> None:
     """The user still leaves the previous pose when the next one is requested."""
-    _, model = trained(recorded)
-    run = routine(recorded, [1.0] * 3, rounds=2)
+    run = routine(rounds=2)
     late = replace(run, poses=tuple((at - 2.2 * (at > 0), name) for at, name in run.poses))
-    result = recalibrate(model, [late])  # type: ignore[arg-type]
+    result = recalibrate(model, [late])
     np.testing.assert_allclose(result.gain, 1.0, atol=0.1)
     assert result.problems == ()
 
 
-def test_poses_that_are_hardly_shown_are_refused(recorded: Maker) -> None:
-    _, model = trained(recorded)
+def test_poses_that_are_hardly_shown_are_refused(model: TrainedModel) -> None:
     with raises(TrainingError, "too-few-poses", shown=()) as caught:
-        recalibrate(model, [routine(recorded, [1.0] * 3, shown=0.3)])  # type: ignore[arg-type]
+        recalibrate(model, [routine(shown=0.3)])
     assert caught.value.data["incomplete"]["bend"] == pytest.approx(0.3, abs=0.02)

@@ -72,8 +72,10 @@ def test_clock_errors_matter_during_movement(frames):
 def test_shapes_that_never_recur_give_no_result():
     time = np.arange(0.0, 60.0, 0.1)
     run = replace(
-        bar.recording(60), time=time, points=bar.points_of(time, 0 * time),
+        bar.recording(60),
+        time=time,
+        points=bar.points_of(time, 0 * time),
         sigma=np.full((len(time), 6, 3), 0.001),
-    )  # fmt: skip
+    )
     frames = Frames.from_dataset(bar.dataset(run))
     assert measure_repeatability(frames, np.zeros(frames.points.shape)) is None

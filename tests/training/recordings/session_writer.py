@@ -28,18 +28,28 @@ def write_samples(path: Path, r: Recording) -> Path:
 def write_session(folder: Path, r: Recording, device: str = "bar", layout: str = "") -> Path:
     """Write the facts on its only run."""
     create(
-        folder, device=device, steps=[PoseStep("rest", 3.0)], channels=CHANNELS,
-        reference=[1000.0] * 3, calibration=None, markers=markers(), unit=r.unit, layout=layout,
-    )  # fmt: skip
+        folder,
+        device=device,
+        steps=[PoseStep("rest", 3.0)],
+        channels=CHANNELS,
+        reference=[1000.0] * 3,
+        calibration=None,
+        markers=markers(),
+        unit=r.unit,
+        layout=layout,
+    )
     (folder / "run-1").mkdir()
     write_tracks(folder / "aligned.csv", tracks_of(r))
     write_samples(folder / "samples.csv", r)
     columns = [np.arange(len(r.time)), r.time, *r.signals_at(r.time).T]
     write_csv(folder / "signals.csv", ["frame", "time", *CHANNELS], np.column_stack(columns))
     run = {
-        "run": "run-1", "begin": float(r.time[0]), "end": float(r.time[-1]),
-        "steps": [list(step) for step in r.poses], "sync": {"error_ms": 3.0},
-    }  # fmt: skip
+        "run": "run-1",
+        "begin": float(r.time[0]),
+        "end": float(r.time[-1]),
+        "steps": [list(step) for step in r.poses],
+        "sync": {"error_ms": 3.0},
+    }
     quality = {"runs": [run], "skipped": [], "R0": {"run-1": r.rest.tolist()}, "version": "test"}
     (folder / "quality.json").write_text(json.dumps(quality))
     return folder

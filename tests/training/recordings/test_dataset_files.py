@@ -25,9 +25,10 @@ def whole():
     lost[50:90, 1], lost[100, 2] = np.nan, np.inf
     second = recording(2, 8.0, rate=50.0, frames=15.0)
     return dataset(
-        replace(first, ohm=lost), replace(second, rest=rest, sync_error=None, poses=()),
+        replace(first, ohm=lost),
+        replace(second, rest=rest, sync_error=None, poses=()),
         provenance={"sessions": [{"folder": "a", "cameras": ["left"]}], "response": None},
-    )  # fmt: skip
+    )
 
 
 def test_a_dataset_round_trip(tmp_path, whole):
@@ -159,7 +160,7 @@ def test_a_lerobot_folder_has_the_required_files(tmp_path, whole):
     assert np.isnan(action[1::2]).all()
     true = places(np.arange(len(action)) / 30, 2).reshape(len(action), -1)
     assert np.nanmax(np.abs(action - true)) < 0.4
-    with raises(TrainingError, "path-exists"):
+    with raises(TrainingError, "file-exists"):
         write_lerobot(tmp_path / "out", whole)
     write_lerobot(tmp_path / "own", dataset(whole.recordings[1]))
     assert json.loads((tmp_path / "own/meta/info.json").read_text(encoding="utf-8"))["fps"] == 15

@@ -12,8 +12,9 @@ from defsense_fab.capture.files.formats import write_tracks
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.markers import write_markers_file
+from defsense_fab.training.options import DataFiles
 from defsense_fab.training.recordings.dataset_parquet import write_dataset
-from defsense_fab.training.recordings.datasets import DataFiles
+from defsense_fab.training.recordings.datasets import load_dataset
 from tests.support.errors import raises
 from tests.support.places import BAR
 from tests.training.recordings.files_of_others import markers, tracks_of, write_signals
@@ -40,13 +41,14 @@ def files(tmp_path):
 
 def test_all_kinds_of_files_are_joined(files):
     folder, r = files
-    result = DataFiles(
+    data = DataFiles(
         (folder / "d", folder / "a.XDF"),
         signals=folder / "s.csv",
         tracks=folder / "t.npz",
         markers=folder / "markers.json",
         unit="second",
-    ).load()
+    )
+    result = load_dataset(data)
     assert [x.unit for x in result.recordings] == ["unit-1", "second", "second"]
     for got, true in zip(result.recordings, r, strict=False):
         np.testing.assert_allclose(got.signals, true.signals, atol=1e-6)
@@ -57,18 +59,18 @@ def test_all_kinds_of_files_are_joined(files):
 
 def test_invalid_sources_are_refused(files):
     folder, _ = files
-    with raises(TrainingError, "file-missing", missing="tracks"):
-        DataFiles(signals=folder / "s.csv").load()
+    with raises(TrainingError, "file-not-found", missing="tracks"):
+        DataFiles(signals=folder / "s.csv")
     with raises(TrainingError, "no-data"):
-        DataFiles().load()
-    with raises(TrainingError, "duplicate-recording", recording="session-0/run-1"):
-        DataFiles((folder / "d", folder / "d")).load()
+        load_dataset(DataFiles())
+    with raises(TrainingError, "recording-repeated", recording="session-0/run-1"):
+        load_dataset(DataFiles((folder / "d", folder / "d")))
     with raises(TrainingError, "file-not-found"):
-        DataFiles((folder / "none",)).load()
+        load_dataset(DataFiles((folder / "none",)))
     with raises(TrainingError, "not-a-dataset"):
-        DataFiles((folder,)).load()
+        load_dataset(DataFiles((folder,)))
     with raises(TrainingError, "unknown-format"):
-        DataFiles((folder / "s.csv",)).load()
+        load_dataset(DataFiles((folder / "s.csv",)))
 
 
 def test_recordings_must_be_of_the_device(files):
@@ -78,8 +80,8 @@ def test_recordings_must_be_of_the_device(files):
     (folder / "bar" / "markers").mkdir()
     shutil.copy(folder / "markers.json", folder / "bar" / "markers")
     device = load_device(folder / "bar")
-    result = DataFiles((folder / "a.XDF",)).load(device)
+    result = load_dataset(DataFiles((folder / "a.XDF",)), device)
     assert result.device == device.name
     np.testing.assert_array_equal(result.rest_points, REST)
     with raises(TrainingError, "devices-differ", devices=("other", "bar")):
-        DataFiles((folder / "d",)).load(replace(device, name="other"))
+        load_dataset(DataFiles((folder / "d",)), replace(device, name="other"))

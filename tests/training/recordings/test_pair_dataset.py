@@ -137,10 +137,10 @@ def test_tracks_in_another_frame_are_aligned_to_the_rest_pose(tmp_path, r):
 @pytest.mark.parametrize(
     ("table", "code", "data"),
     [
-        ("a,b\n1,2\n", "missing-column", {"column": "time"}),
+        ("a,b\n1,2\n", "column-missing", {"column": "time"}),
         ("time,a\n0,0.1\n20,0.1\n40,0.2\n", "wrong-unit", {"quantity": "times", "step": 20.0}),
         ("time,a\n0,1200\n0.1,1201\n0.2,1200\n", "signals-too-large", {"value": 1200.0}),
-        ("time,a,a\n0,1,1\n", "duplicate-column", {"column": "a"}),
+        ("time,a,a\n0,1,1\n", "column-repeated", {"column": "a"}),
         ("0,1,2\n", "header-missing", {}),
         ("", "header-missing", {}),
         ("time,a\n0,x\n", "not-a-number", {"column": "a", "line": 2}),

@@ -15,10 +15,12 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.storage import typed_json
 from defsense_fab.store.layout import layout_hash
+from defsense_fab.training.data.dataset_assembly import join_datasets
+from defsense_fab.training.recordings.datasets import match_to_device
 from defsense_fab.training.recordings.session_dataset import session_dataset
 from defsense_fab.workflow.sessions import processing
 from defsense_fab.workflow.sessions.processing import process_session
-from tests.core.records.layouts import layout
+from tests.store.layouts import layout
 from tests.support import memory
 from tests.support.errors import raises
 from tests.support.places import BAR
@@ -53,7 +55,7 @@ def changed(folder, name, **values):
 
 def test_each_run_becomes_a_recording(processed):
     session, result = processed
-    found = session_dataset([session.folder])
+    found = session_dataset(session.folder)
     assert found.channels == tuple("abcd")
     assert found.device == "plate"
     np.testing.assert_array_equal(found.ids, session.markers.ids)
@@ -84,68 +86,53 @@ def test_each_run_becomes_a_recording(processed):
     assert stated["signals"] == "samples.csv"
 
 
-def test_signals_at_frames_are_used_without_samples(processed, tmp_path):
-    session, _ = processed
-    old = shutil.copytree(session.folder, tmp_path / "old")
-    (old / "samples.csv").unlink()
-    whole, found = session_dataset([session.folder]), session_dataset([old])
-    for a, b in zip(whole.recordings, found.recordings, strict=True):
-        assert np.isin(b.sample_time, b.time).all()
-        assert len(b.sample_time) > 0.95 * len(b.time)
-        between = np.stack([np.interp(b.sample_time, a.sample_time, s) for s in a.signals.T], 1)
-        assert b.signals == pytest.approx(between, abs=2e-5)
-        np.testing.assert_array_equal(a.rest, b.rest)
-    changed(old, "quality.json", R0={})
-    unknown = session_dataset([old])
-    assert (unknown.recordings[0].rest == 1).all()
-    np.testing.assert_allclose(
-        unknown.recordings[0].signals, found.recordings[0].signals, atol=1e-9
-    )
-
-
 def test_sessions_of_one_device_are_joined(processed, tmp_path):
     session, _ = processed
     other = shutil.copytree(session.folder, tmp_path / "other")
     changed(other, sessions.FILE, unit="second", layout="abc")
-    both = session_dataset([session.folder, other])
+    both = join_datasets([session_dataset(session.folder), session_dataset(other)])
     assert [r.unit for r in both.recordings] == ["plate", "plate", "second", "second"]
     assert len({r.session for r in both.recordings}) == 2
     assert both.layout == "abc"
     assert len(both.provenance["sessions"]) == 2
     changed(other, sessions.FILE, device="bun")
     with raises(TrainingError, "devices-differ", devices=("plate", "bun")):
-        session_dataset([session.folder, other])
+        join_datasets([session_dataset(session.folder), session_dataset(other)])
     with raises(TrainingError, "devices-differ", devices=("bar", "plate")):
-        session_dataset([session.folder], load_device(BAR))
+        match_to_device(session_dataset(session.folder), load_device(BAR))
 
 
 def test_unusable_sessions_are_refused(processed, tmp_path):
     session, _ = processed
     with raises(TrainingError, "not-a-session"):
-        session_dataset([tmp_path])
+        session_dataset(tmp_path)
     raw = memory.create(tmp_path / "raw", 2, 12)
     with raises(TrainingError, "session-not-processed", file="quality.json"):
-        session_dataset([raw.folder])
+        session_dataset(raw.folder)
     later = shutil.copytree(session.folder, tmp_path / "later")
     shutil.copytree(later / "run-2", later / "run-3")
     with raises(TrainingError, "session-not-processed", run="run-3"):
-        session_dataset([later])
+        session_dataset(later)
     old = shutil.copytree(session.folder, tmp_path / "old")
     quality = json.loads((old / "quality.json").read_text(encoding="utf-8"))
     for run in quality["runs"]:
         del run["begin"]
     changed(old, "quality.json", runs=quality["runs"])
-    with raises(TrainingError, "session-outdated"):
-        session_dataset([old])
+    with raises(TrainingError, "file-damaged"):
+        session_dataset(old)
     # A single run needs no start and end.
-    changed(old, "quality.json", runs=quality["runs"][:1],
-            skipped=[{"run": "run-2", "why": "lost", "ended": ""}])  # fmt: skip
-    assert len(session_dataset([old]).recordings) == 1
+    changed(
+        old,
+        "quality.json",
+        runs=quality["runs"][:1],
+        skipped=[{"run": "run-2", "why": "lost", "ended": ""}],
+    )
+    assert len(session_dataset(old).recordings) == 1
     (old / "samples.csv").write_text(
         "\n".join((old / "samples.csv").read_text(encoding="utf-8").splitlines()[:1])
     )
     with raises(TrainingError, "no-usable-run") as caught:
-        session_dataset([old])
+        session_dataset(old)
     assert [reason.split(":")[0] for reason in caught.value.data["skipped"]] == ["run-2", "run-1"]
 
 
@@ -155,19 +142,19 @@ def test_samples_with_decreasing_times_are_left_out(processed, tmp_path):
     lines = (back / "samples.csv").read_text(encoding="utf-8").splitlines()
     lines[100], lines[200] = lines[300], lines[200].replace(lines[200].split(",")[3], "")
     (back / "samples.csv").write_text("\n".join(lines) + "\n")
-    r = session_dataset([back]).recordings[0]
-    whole = session_dataset([session.folder]).recordings[0]
+    r = session_dataset(back).recordings[0]
+    whole = session_dataset(session.folder).recordings[0]
     # One sample has the time of another, and one has none.
     assert len(whole.sample_time) - len(r.sample_time) == 2
     assert (np.diff(r.sample_time) > 0).all()
-    assert session_dataset([back]).provenance["sessions"][0]["notes"] == []
+    assert session_dataset(back).provenance["sessions"][0]["notes"] == []
     broken = [*lines[:50], "run-1,1,2,3"]
     (back / "samples.csv").write_text("\n".join(broken) + "\n")
     with raises(TrainingError, "cell-count-differs", line=51):
-        session_dataset([back])
+        session_dataset(back)
     (back / "samples.csv").write_text("\n".join([*lines[:50], lines[50] + "x"]) + "\n")
     with raises(TrainingError, "not-a-number", line=51, column="d_ohm"):
-        session_dataset([back])
+        session_dataset(back)
 
 
 def test_sessions_must_match_the_built_cords(processed, straight, tmp_path):
@@ -179,17 +166,17 @@ def test_sessions_must_match_the_built_cords(processed, straight, tmp_path):
     device = load_device(bar)
     own = shutil.copytree(session.folder, tmp_path / "own")
     changed(own, sessions.FILE, device=device.name, layout=layout_hash(known))
-    found, whole = session_dataset([own], device), session_dataset([own])
+    found, whole = match_to_device(session_dataset(own), device), session_dataset(own)
     assert found.layout == layout_hash(known)
     assert found.channels == tuple("dcba")
     np.testing.assert_array_equal(found.recordings[0].ohm, whole.recordings[0].ohm[:, ::-1])
     changed(own, sessions.FILE, layout="other")
     with raises(TrainingError, "layouts-differ", layouts=(layout_hash(known), "other")):
-        session_dataset([own], device)
+        match_to_device(session_dataset(own), device)
     changed(own, sessions.FILE, layout="")
     typed_json.save(bar / "build" / "layout.json", replace(known, sensors=known.sensors[:3]))
     with raises(TrainingError, "channels-differ", missing=(), extra=("a",)):
-        session_dataset([own], device)
+        match_to_device(session_dataset(own), device)
 
 
 def test_damaged_results_are_refused(processed, tmp_path):
@@ -199,16 +186,16 @@ def test_damaged_results_are_refused(processed, tmp_path):
     for R0 in ([1000.0], ["high"] * 4):
         changed(bad, "quality.json", R0={"run-1": R0})
         with raises(TrainingError, "file-damaged", run="run-1"):
-            session_dataset([bad])
+            session_dataset(bad)
     changed(bad, "quality.json", R0=quality["R0"])
     for name in ("signals.csv", "aligned.csv"):
         lines = (bad / name).read_text(encoding="utf-8").splitlines()
         (bad / name).write_text("\n".join(lines[: len(lines) // 2]) + "\n")
         with raises(TrainingError, "file-truncated") as caught:
-            session_dataset([bad])
+            session_dataset(bad)
         assert caught.value.data["count"] < caught.value.data["expected"]
         shutil.copy(session.folder / name, bad / name)
     text = (bad / "quality.json").read_text(encoding="utf-8")
     (bad / "quality.json").write_text(text[: len(text) // 2])
     with raises(TrainingError, "not-json"):
-        session_dataset([bad])
+        session_dataset(bad)

@@ -55,9 +55,10 @@ def test_two_streams_become_a_recording_on_the_common_clock(tmp_path, r, suffix)
 def test_signals_meters_and_short_labels(tmp_path, r):
     short = [f"{i}_{a.upper()}" for i in IDS.tolist() for a in "xyz"]
     path = write_xdf(
-        tmp_path / "take.xdf", cords(r, kind="Cords", ohm=False),
+        tmp_path / "take.xdf",
+        cords(r, kind="Cords", ohm=False),
         mocap(r, short, scale=1e-3, units="m"),
-    )  # fmt: skip
+    )
     (got,) = xdf_dataset(path, RecordingInfo(markers=markers())).recordings
     np.testing.assert_allclose(got.signals, r.signals, atol=1e-12)
     np.testing.assert_allclose(got.points, r.points, atol=1e-9)

@@ -15,9 +15,17 @@ def chunk(tag: int, content: bytes) -> bytes:
 
 
 def stream(
-    number: int, name: str, kind: str, labels: list[str], time: np.ndarray, values: np.ndarray,
-    *, units: str = "", rate: float = 0.0, clock: float = 0.0,
-) -> tuple[bytes, bytes, bytes]:  # fmt: skip
+    number: int,
+    name: str,
+    kind: str,
+    labels: list[str],
+    time: np.ndarray,
+    values: np.ndarray,
+    *,
+    units: str = "",
+    rate: float = 0.0,
+    clock: float = 0.0,
+) -> tuple[bytes, bytes, bytes]:
     """Return header, samples and footer of a stream of doubles.
 
     Its clock is `clock` s ahead of the recorder's.

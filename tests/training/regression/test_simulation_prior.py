@@ -9,7 +9,8 @@ import numpy as np
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.data.dataset_checks import check_dataset
-from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from defsense_fab.training.fitting.train_model import train
+from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.regression.frames import Frames
 from defsense_fab.training.regression.simulated_decoder import fit_simulated_model
 from defsense_fab.training.regression.simulation_prior import (
@@ -55,7 +56,7 @@ def test_sixty_frames_with_a_prior_are_nearly_as_good_as_thousands(
     prior = simulated(recorded)
     long, later = recorded(120, gain=[1.1, 0.9, 1.05]), recorded(30, seed=5, gain=[1.1, 0.9, 1.05])
     few = part(long, slice(0, 240, 4))
-    options = TrainingOptions(test_share=0.0)
+    options = TrainOptions(test_share=0.0)
     full = error(train(long, options).model, later)
     alone = error(train(few, options).model, later)
     helped = error(train(few, options, prior=prior).model, later)
@@ -92,9 +93,11 @@ def test_a_prior_without_states_is_refused() -> None:
 def test_coverage_names_states_that_were_not_shown(recorded: Maker) -> None:
     prior, dataset = simulated(recorded), recorded(60)
     far = replace(
-        prior, names=(*prior.names, "pull"), signals=np.append(prior.signals, [[0.3] * 3], axis=0),
+        prior,
+        names=(*prior.names, "pull"),
+        signals=np.append(prior.signals, [[0.3] * 3], axis=0),
         displacements=np.append(prior.displacements, 40 + prior.displacements[-1:], axis=0),
-    )  # fmt: skip
+    )
     result = measure_coverage(Frames.from_dataset(dataset), far)
     assert not result.is_shown[-1]
     assert "pull" in result.advice[0]

@@ -25,8 +25,8 @@ def affine(inputs: Float) -> tuple[Float, Whitening]:
     """Return whitened features of an affine map, and the transform."""
     c = inputs.shape[1]
     features = InputFeatures(c, no_products(), np.zeros((0, c)), np.ones(c))
-    whitened = Whitening.of(features(inputs), features.slopes(inputs), features.roughness())
-    return whitened(features(inputs)), whitened
+    whitened, x = Whitening.fit(features, inputs)
+    return x, whitened
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ from defsense_fab.mechanics.loading.boundary_conditions import State
 from defsense_fab.mechanics.loading.pose import mix_poses
 from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.load_stepping import Equilibrium, Status
+from defsense_fab.store.build import Build
 from defsense_fab.store.layout import load_prediction
 from defsense_fab.store.mesh import load_mesh
 from defsense_fab.twin.devices.device_fields import MechanicsTraits, choose_material, solve_fields
 from defsense_fab.twin.devices.pose_samples import (
     add_grips,
     find_mixable_poses,
-    place_grips,
     pose_axes,
 )
 from defsense_fab.twin.scenes.assumptions import disable_traits
@@ -107,13 +107,15 @@ def test_opposite_poses_share_an_axis_and_are_not_mixed():
     assert axes.shape == (2, 3)
     assert np.abs(axes[:, 0] + axes[:, 1]).max() < 1e-9
     assert find_mixable_poses(poses).tolist() == [
-        [False, False, True], [False, False, True], [True, True, False]
-    ]  # fmt: skip
+        [False, False, True],
+        [False, False, True],
+        [True, True, False],
+    ]
 
 
 def test_grips_pull_outside_of_the_regions_of_poses(device):
-    grips = place_grips(device, device.source / "build", 2)
-    poses = add_grips(device.poses, grips)
+    build = Build(device.source / "build")
+    poses = add_grips(device, build, 2)
     assert [p.name for p in poses] == ["bend_up", "twist", "grip_1", "grip_2"]
     assert find_mixable_poses(poses)[0, 2:].all()
     assert pose_axes(poses).shape == (4, 4)
@@ -121,7 +123,7 @@ def test_grips_pull_outside_of_the_regions_of_poses(device):
         assert p.fixed == poses[0].fixed
         assert np.linalg.norm(p.drags[0].by) == pytest.approx(8.0)
         assert 10 < p.drags[0].at[0] < 140
-    assert place_grips(device, device.source / "build", 0) == ()
+    assert add_grips(device, build, 0) == device.poses
 
 
 def test_search_for_states_ends_when_no_more_can_be_solved(device, monkeypatch):

@@ -12,14 +12,13 @@ from defsense_fab.twin.filming.camera_kinds import (
     simulate_passing_finger,
 )
 from defsense_fab.twin.filming.camera_optics import ImageProcessing, Optics
-from defsense_fab.twin.filming.exposure import expose
+from defsense_fab.twin.filming.cameras import expose
 from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
 from tests.conftest import box_surface
 from tests.support.errors import raises
-from tests.twin.views import camera, tag
+from tests.twin.views import UPRIGHT, camera, tag
 
-UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
 FAMILY = dictionary("4X4_50")
 VIEW = camera((0, -150, 0))
 NOISELESS = {"blur": 0.0, "read_noise": 0.0, "shot_noise": 0.0, "vignetting": 0.0}
@@ -53,7 +52,7 @@ def test_sharpening_overshoots_and_gamma_lifts_tones():
 
 @pytest.mark.parametrize("invalid", [{"gamma": 0.0}, {"sharpening": -1.0}, {"quality": 0}])
 def test_invalid_processing_is_rejected(invalid):
-    with raises(CaptureError, "setting-out-of-range", record="image processing"):
+    with raises(CaptureError, "out-of-range", record="image processing"):
         ImageProcessing(**invalid)
 
 

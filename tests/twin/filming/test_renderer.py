@@ -10,7 +10,7 @@ from defsense_fab.twin.filming.camera_optics import Optics
 from defsense_fab.twin.filming.renderer import Renderer, render
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
 from tests.support.errors import raises
-from tests.twin.views import camera, tag, turn
+from tests.twin.views import UPRIGHT, camera, tag, turn
 
 NOISELESS = Optics(blur=0.0, read_noise=0.0, shot_noise=0.0, vignetting=0.0)
 DARK = Backdrop(0.0, (0.0, 0.0), 0.0)
@@ -60,8 +60,7 @@ def area_before(outline, axis, limit):
 )  # fmt: skip
 def test_centroid_of_a_square_agrees_with_the_camera_model(x, z, tilt, sway, roll):
     view = camera((0, -150, 0))
-    upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
-    axes = turn(tilt, 0, sway) @ upright @ turn(z=roll)
+    axes = turn(tilt, 0, sway) @ UPRIGHT @ turn(z=roll)
     patch = Patch(0, WHITE, np.array([x, 0, z]), axes, 15.0, margin=0.0)
     picture = Renderer(view, NOISELESS, np.random.default_rng(0)).shoot(Scene((patch,), **FLAT))
     corners = view.project(patch.corners)
@@ -127,10 +126,9 @@ def test_noise_has_the_specified_variance():
 
 def test_instants_smear_moving_patches_and_keep_their_centers():
     view = camera((0, -150, 0), lens=(0.0, 0.0, 0.0, 0.0))
-    upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
     positions = np.linspace(-1.5, 1.5, 7)
     scenes = [
-        Scene((Patch(0, WHITE, np.array([x, 0, 0]), upright, 10.0, margin=0.0),), **FLAT)
+        Scene((Patch(0, WHITE, np.array([x, 0, 0]), UPRIGHT, 10.0, margin=0.0),), **FLAT)
         for x in positions
     ]
     renderer = Renderer(view, NOISELESS, np.random.default_rng(0))
@@ -158,5 +156,5 @@ def test_patches_of_earlier_images_leave_no_trace():
 
 def test_invalid_optics_are_rejected():
     for invalid in ({"blur": -1.0}, {"gain": 0.0}, {"read_noise": float("nan")}):
-        with raises(CaptureError, "setting-out-of-range", record="optics"):
+        with raises(CaptureError, "out-of-range", record="optics"):
             Optics(**invalid)

@@ -23,9 +23,9 @@ def test_fault_that_ends_before_it_starts_is_rejected(when):
 @pytest.mark.parametrize(
     ("word", "code"),
     [
-        ("left@20-30", "invalid-fault"),
-        ("melt=left@20-30", "invalid-fault"),
-        ("cut=left@soon", "invalid-fault"),
+        ("left@20-30", "fault-invalid"),
+        ("melt=left@20-30", "fault-invalid"),
+        ("cut=left@soon", "fault-invalid"),
         ("cut=middle@20", "unknown-channel"),
         ("swap=left@20", "unknown-channel"),
     ],

@@ -1,15 +1,15 @@
-"""Motions of a device: ramps through simulated states, random motions, poses on demand, sway."""
+"""Motions of a device: ramps through simulated states, random paths, poses on demand, sway."""
 
 import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.scenes.device_motion import (
-    Motion,
     PosePlayer,
     Ramp,
-    draw_motion,
+    draw_keys,
     draw_sway,
+    interpolate_keys,
 )
 from tests.support.errors import raises
 
@@ -26,28 +26,24 @@ def test_ramp_passes_through_its_states():
     assert RAMPS[0].weights(np.array(0.0)) == pytest.approx(np.zeros(4))
 
 
-def test_random_motion_is_smooth_and_shows_every_pose():
-    motion = draw_motion(RAMPS, 20.0, np.random.default_rng(2))
-    t = np.arange(0, motion.times[-1], 1e-3)
-    weights, levels = motion.weights(t), motion.levels(t)
-    assert motion.times[-1] >= 20
-    assert weights.shape == (len(t), 6)
-    assert (weights[0] == 0).all()
+def test_random_path_is_smooth_and_shows_every_pose():
+    times, keys = draw_keys(2, 20.0, np.random.default_rng(2))
+    levels = interpolate_keys(times, keys, np.arange(0, times[-1], 1e-3))
+    assert times[-1] >= 20
+    assert (levels[0] == 0).all()
     assert (levels >= 0).all()
     assert (levels.sum(1) <= 1 + 1e-9).all()
     assert (levels.max(0) > 0.5).all()
-    assert np.abs(np.diff(weights, n=2, axis=0)).max() < 4e-4  # a kink would be 3e-3
-    assert weights[1234] == pytest.approx(motion.weights(float(t[1234])))
-    repeated = draw_motion(RAMPS, 20.0, np.random.default_rng(2))
-    assert (repeated.keys == motion.keys).all()
+    for ramp, level in zip(RAMPS, levels.T, strict=True):
+        weights = ramp.weights(level)
+        assert np.abs(np.diff(weights, n=2, axis=0)).max() < 6e-4  # a kink would be 4e-3
+    assert (draw_keys(2, 20.0, np.random.default_rng(2))[1] == keys).all()
 
 
-def test_motion_passes_through_its_keys_and_rests_before_and_after():
-    keys = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.5]])
-    motion = Motion(RAMPS, np.array([0.0, 1.0, 2.0]), keys)
-    assert motion.weights(1.0) == pytest.approx(np.eye(6)[3])
-    assert motion.weights(5.0) == pytest.approx(np.eye(6)[4])
-    assert motion.weights(-1.0) == pytest.approx(np.zeros(6))
+def test_path_passes_through_its_keys_and_stands_still_before_and_after():
+    times, keys = np.arange(3.0), np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.5]])
+    for time, k in ((1.0, 1), (5.0, 2), (-1.0, 0)):
+        assert interpolate_keys(times, keys, time) == pytest.approx(keys[k])
 
 
 def test_sway_is_a_small_smooth_rigid_motion():
@@ -84,14 +80,8 @@ def test_performances_start_and_end_at_rest():
 
 
 @pytest.mark.parametrize(
-    ("code", "make"),
-    [
-        ("levels-not-increasing", lambda: Ramp("bend", np.array([0.5, 0.25]), np.arange(2))),
-        ("ramp-sizes-differ", lambda: Ramp("bend", np.array([0.5]), np.arange(2))),
-        ("motion-sizes-differ", lambda: Motion(RAMPS, np.array([0.0, 1.0]), np.zeros((2, 3)))),
-        ("motion-not-increasing", lambda: Motion(RAMPS, np.array([1.0, 1.0]), np.zeros((2, 2)))),
-    ],
+    ("code", "levels"), [("levels-not-increasing", [0.5, 0.25]), ("ramp-sizes-differ", [0.5])]
 )
-def test_invalid_motions_are_rejected(code, make):
+def test_invalid_ramps_are_rejected(code, levels):
     with raises(CaptureError, code):
-        make()
+        Ramp("bend", np.array(levels), np.arange(2))

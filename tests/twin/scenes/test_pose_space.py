@@ -76,5 +76,5 @@ def test_dependent_polynomial_terms_are_dropped():
 
 
 def test_too_few_states_are_rejected():
-    with raises(CaptureError, "states-too-few", states=2, axes=2):
+    with raises(CaptureError, "too-few-states", states=2, axes=2):
         PoseSpace(OPPOSITE, np.eye(3)[:2])

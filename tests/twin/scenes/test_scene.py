@@ -9,10 +9,9 @@ from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Ball, Ellipse, Led, Patch, Scene
 from tests.conftest import box_surface
 from tests.support.errors import raises
-from tests.twin.views import camera, tag, turn
+from tests.twin.views import UPRIGHT, camera, tag, turn
 
 NOISELESS = Optics(blur=0.0, read_noise=0.0, shot_noise=0.0, vignetting=0.0)
-UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
 FRONT = Patch(7, tag(), np.zeros(3), UPRIGHT, 30.0)
 
 
@@ -108,8 +107,8 @@ def view_edge():
         ({"axes": np.eye(3)[:, [1, 0, 2]]}, "axes-not-rotation"),
         ({"axes": 2 * np.eye(3)}, "axes-not-rotation"),
         ({"center": np.zeros(2)}, "patch-shape-invalid"),
-        ({"size": 0.0}, "patch-out-of-range"),
-        ({"center": np.array([0, np.nan, 0])}, "patch-out-of-range"),
+        ({"size": 0.0}, "out-of-range"),
+        ({"center": np.array([0, np.nan, 0])}, "out-of-range"),
     ],
 )
 def test_invalid_patches_are_rejected(change, code):

@@ -57,7 +57,7 @@ def test_recordings_in_the_folder_do_not_count(folder):
     assert made(folder) == ["body"]
     session = folder / "session" / "run-1"
     session.mkdir(parents=True)
-    (folder / "session" / "session.toml").write_text("schema = 1\n")
+    (folder / "session" / "session.json").write_text("{}\n")
     for path in (session / "frames.csv", session / "scan.stl", folder / "notes.py"):
         path.write_text("x,y\n1,2\n")
     assert made(folder) == []

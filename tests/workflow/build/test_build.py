@@ -15,19 +15,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import defsense_fab as df
 from defsense_fab.capture.files.formats import read_tracks
-from defsense_fab.cli.design import build
 from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.curve import Plane
+from defsense_fab.core.device import device_file
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.errors import DeviceError, StorageError
+from defsense_fab.core.errors import CaptureError, DeviceError, StorageError
 from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.storage.files import storage_errors
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.optimize.prediction.design_task import load_task
-from defsense_fab.optimize.refinement.refine import OptimizedLayout
+from defsense_fab.optimization.prediction.design_task import load_task
+from defsense_fab.optimization.refinement.refine import OptimizedLayout
 from defsense_fab.sensing.voltage_divider import choose_reference
 from defsense_fab.store.build import Build
 from defsense_fab.store.layout import load_layout
@@ -94,9 +95,9 @@ def test_terminal_shows_the_range_of_errors_of_unseen_states(copy, capsys):
     errors = json.loads((copy / "build" / "layout.json").read_text("utf-8"))["prediction"][
         "held_out"
     ]
-    told = f"{min(errors.values()):.2f} to {max(errors.values()):.2f}"
+    error_range = f"{min(errors.values()):.2f} to {max(errors.values()):.2f}"
     row = next(x for x in capsys.readouterr().out.splitlines() if "best state to worst" in x)
-    assert told in row
+    assert error_range in row
 
 
 @pytest.mark.slow
@@ -148,7 +149,7 @@ def test_layout_and_manifest_are_consistent(device):
     # Nothing asks the network (this is a name, not an address); base64 holds no colon.
     assert set(re.findall(r"\w+://[\w./]*", page)) == {"http://www.w3.org/1999/xhtml"}
     for each in (page, (device / "build" / "guide.html").read_text("utf-8")):
-        assert [each.count(mark) for mark in ("data-v3-told>", "data-v3-numbers>")] == [1, 1]
+        assert [each.count(mark) for mark in ("data-v3-scene>", "data-v3-numbers>")] == [1, 1]
         assert len(each) < 6e6
 
 
@@ -185,9 +186,9 @@ def test_resistance_in_the_cut_list_is_that_of_the_cord_as_built(device):
         straight = sum(max(0, i - p) for i, p in zip((start, end), pockets, strict=True))
         # Unstretched length; the cord is then stretched during assembly and by the body.
         loose = steps[cord].sum() / (1 + row.prestretch)
-        own = (steps[cord] * (1 + strain[:, cord])).sum(axis=1) / loose - 1
-        assert own.min() > 0
-        ohm = built.cord.ohm_per_mm * (loose * (1 + 2.0 * own) + straight + lead)
+        cord_strain = (steps[cord] * (1 + strain[:, cord])).sum(axis=1) / loose - 1
+        assert cord_strain.min() > 0
+        ohm = built.cord.ohm_per_mm * (loose * (1 + 2.0 * cord_strain) + straight + lead)
         assert row.resistance == pytest.approx(ohm[0], rel=2e-3, abs=2.0)  # 0.14 mm of cord
         low, high = np.array([ohm.min(), ohm.max()]) - ohm[0]
         assert row.range[0] - row.resistance == pytest.approx(low, rel=5e-3, abs=0.1)
@@ -292,7 +293,7 @@ def test_missing_part_is_made_again_and_other_files_are_ignored(copy, capsys):
 def test_recorded_session_outdates_no_stage(copy, capsys):
     run = copy / "session" / "run-1"
     run.mkdir(parents=True)
-    (copy / "session" / "session.toml").write_text("schema = 1\n")
+    (copy / "session" / "session.json").write_text("{}\n")
     (run / "frames.csv").write_text("frame,time\n0,0\n")
     (copy / "tracks.csv").write_text("frame,time,id\n")
     assert main(["build", str(copy), "--json"]) == 0
@@ -328,13 +329,13 @@ def test_error_after_ctrl_c_counts_as_an_interrupt(capsys, monkeypatch):
     """Native modules turn a KeyboardInterrupt during their import into an ImportError."""
     import signal
 
-    def clumsy(_):
+    def interrupt_import(*_):
         try:
             signal.raise_signal(signal.SIGINT)
         except KeyboardInterrupt:
             raise ImportError("initialization failed") from None
 
-    monkeypatch.setattr(build, "_build", clumsy)
+    monkeypatch.setattr(device_file, "load_device", interrupt_import)
     assert main(["build", str(BAR)]) == STOPPED
     assert capsys.readouterr().err.startswith("Interrupted. ")
 
@@ -369,8 +370,8 @@ def test_help_and_version_need_no_heavy_import():
         "except SystemExit: pass\n"
         "print(sorted({'numpy','scipy','build123d','vtk','numba'} & set(sys.modules)))"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.splitlines()[-1] == "[]"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert out.stdout.splitlines()[-1] == b"[]"
 
 
 def test_set_needs_a_name_and_a_value():
@@ -393,7 +394,7 @@ def test_strains_outside_of_the_calibrated_range_are_warnings():
         SimpleNamespace(name="a", least_strain=-0.03, peak_strain=0.09),
         SimpleNamespace(name="b", least_strain=-0.05, peak_strain=0.05),
     ]
-    assert warn_uncalibrated_strains(device, sensors) == []
+    assert warn_uncalibrated_strains(device, sensors) == {}
     spec = ResponseSpec("line", {"k": 2.0}, (-0.067, 0.067))
     device = replace(device, cord=replace(device.cord, response=spec))
     (warning,) = warn_uncalibrated_strains(device, sensors)
@@ -407,11 +408,13 @@ def test_built_device_is_recorded_by_its_twin_and_processed(copy, capsys):
     record = ["capture", "record", str(copy), "--cameras", "twin", "--port", "twin", "--auto"]
     record += ["--rounds", "1", "--seconds", "3", "--free", "0", "--rest", "2"]
     assert main(record) == 0
-    assert main([*record]) == 2  # it is finished
+    with raises(CaptureError, "session-finished"):
+        df.record(copy, ["twin"], "twin", rounds=1)
     capsys.readouterr()
     assert main(["capture", "process", str(copy / "session"), "--align", "all", "--json"]) == 0
     quality = json.loads(capsys.readouterr().out)
     assert quality["runs"][0]["ended"] == "all steps were shown"
+    assert df.process(copy / "session", align="all").quality["runs"] == quality["runs"]
     assert quality["aligned_frames"] > 0.7
     assert not quality["skipped"]
     tracks = read_tracks(copy / "session" / "aligned.csv")

@@ -71,7 +71,7 @@ def test_source_with_the_name_of_a_result_is_refused(folder, name):
     (folder / name).parent.mkdir(exist_ok=True)
     (folder / name).write_text("of the device")
     sources(folder, name)
-    with raises(StorageError, "names-collide", name=name):
+    with raises(StorageError, "name-repeated", name=name):
         _files(load_device(folder), folder / "build", ["print.csv"])
 
 
@@ -79,5 +79,5 @@ def test_sources_that_differ_only_in_case_are_refused(folder):
     for name in ("Data.stl", "data.stl"):
         (folder / name).write_text(name)
     sources(folder, "Data.stl", "data.stl")
-    with raises(StorageError, "names-collide"):
+    with raises(StorageError, "name-repeated"):
         names(folder)

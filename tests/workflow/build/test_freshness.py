@@ -18,7 +18,8 @@ from defsense_fab.store.body import load_surface
 from defsense_fab.workflow.build import body_sources, stages
 from defsense_fab.workflow.build.build import build, build_body, first_outdated, freshness
 from defsense_fab.workflow.build.export import export
-from defsense_fab.workflow.build.options import BuildOptions, recorded_options
+from defsense_fab.workflow.build.options import BuildOptions
+from defsense_fab.workflow.build.recorded_options import recorded_options
 from tests.conftest import box_surface
 from tests.support.errors import raises
 from tests.support.places import DEVICES
@@ -119,7 +120,7 @@ def test_options_are_recorded_with_the_build(folder, quick):
 
     path.write_text(text)
     assert build(load_device(folder)).made[-2:] == ("fabricate", "report")
-    assert recorded_options(load_device(folder), folder / "build").is_empty
+    assert not recorded_options(load_device(folder), folder / "build").overrides
 
 
 def test_a_later_change_of_device_toml_overrides_a_recorded_option(folder, quick):
@@ -129,5 +130,5 @@ def test_a_later_change_of_device_toml_overrides_a_recorded_option(folder, quick
     path.write_text(text.replace("[fabrication]", "[fabrication]\ncopies = 3"))
     assert build(load_device(folder)).made == ()
     path.write_text(text)
-    assert recorded_options(load_device(folder), folder / "build").is_empty
+    assert not recorded_options(load_device(folder), folder / "build").overrides
     assert first_outdated(load_device(folder)).name == "fabricate"

@@ -114,10 +114,10 @@ def test_pose_that_does_not_converge_leaves_its_last_field(folder):
     )
     with raises(SolveError, "pose-not-reached", state="bend_up@1") as caught:
         build(load_device(folder), "simulate")
-    (left,) = (folder / "not-reached").glob("bend_up@*.vtu")
-    assert caught.value.data["path"] == left
+    (unreached,) = (folder / "not-reached").glob("bend_up@*.vtu")
+    assert caught.value.data["path"] == unreached
     assert 0 < caught.value.data["amplitude"] < 1
-    field = meshio.read(left)
+    field = meshio.read(unreached)
     assert np.abs(field.point_data["displacement"]).max() > 0
     assert (folder / "build" / "mesh.json").exists()  # earlier stages are kept
     assert not (folder / "build" / "fields").exists()

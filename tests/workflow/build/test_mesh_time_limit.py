@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.geometry.bodies.meshing import mesh_lock
+from defsense_fab.geometry.bodies.meshing import mesh_store
 from defsense_fab.geometry.printing.export import write_stl
 from defsense_fab.workflow.build import stage_mesh
 from defsense_fab.workflow.build.build import build
@@ -44,7 +44,7 @@ def test_mesh_is_made_again_only_if_the_limit_is_raised(folder, monkeypatch):
     with monkeypatch.context() as m:
         m.setattr(stage_mesh, "tetrahedralize", slow)
         assert build(load_device(folder), "mesh").made == ("body", "mesh")
-    assert [made.time_limit for made in mesh_lock.read_meshes(folder).values()] == [60.0]
+    assert [made.time_limit for made in mesh_store.read_meshes(folder).values()] == [60.0]
     assert build(load_device(folder), "mesh").made == ()
     text = (folder / "device.toml").read_text("utf-8")
     assert build(limited(folder, 50), "mesh").made == ()

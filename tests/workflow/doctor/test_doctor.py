@@ -6,10 +6,6 @@ import sys
 import numpy as np
 import pytest
 
-from defsense_fab.sensing.response import Response
-from defsense_fab.twin.electronics.cords import CordTraits, DeviceCords
-from defsense_fab.twin.electronics.readout_board import ReadoutTwin
-from defsense_fab.twin.electronics.virtual_port import PseudoTerminal, SocketPort
 from defsense_fab.workflow.doctor import checks, doctor, hardware, libraries, machine
 from defsense_fab.workflow.doctor.checks import Finding
 
@@ -22,12 +18,12 @@ BROKEN = {
 
 @pytest.mark.parametrize("way", BROKEN)
 def test_broken_library_is_reported(way, tmp_path, monkeypatch):
-    code, trouble = BROKEN[way]
+    code, failure = BROKEN[way]
     (tmp_path / "broken_library.py").write_text(code, encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
     seconds = 1 if way == "hangs" else 30
     answer = checks.call(libraries.__name__, "import_module", "broken_library", seconds=seconds)
-    assert answer.trouble == trouble
+    assert answer.failure == failure
 
 
 def test_absent_library_is_missing_if_the_core_needs_it():
@@ -36,92 +32,63 @@ def test_absent_library_is_missing_if_the_core_needs_it():
     requirement = Requirement("no-such-library>=1")
     core = libraries.check_library(libraries.RequiredLibrary(requirement, ""), 5)
     extra = libraries.check_library(libraries.RequiredLibrary(requirement, "live"), 5)
-    assert (core.status, core.core) == ("missing", True)
-    assert (extra.status, extra.core) == ("not needed", False)
+    assert (core.status, core.needed_for) == ("missing", "")
+    assert extra.status == "not needed"
+    assert extra.needed_for
     assert core.command.endswith('-m pip install "no-such-library>=1"')
 
 
 def test_outdated_library_is_reported_with_both_versions():
     from packaging.requirements import Requirement
 
-    found = libraries.check_library(
+    finding = libraries.check_library(
         libraries.RequiredLibrary(Requirement(f"numpy>{np.__version__}"), ""), 5
     )
-    assert found.status == "missing"
-    assert found.told.count(np.__version__) == 2
+    assert finding.status == "missing"
+    assert finding.message.count(np.__version__) == 2
 
 
 def test_missing_system_library_is_not_installed_by_pip(monkeypatch):
     from packaging.requirements import Requirement
 
     for name, package in (("libGL.so.1", "libgl1"), ("libasound.so.2", "libasound2")):
-        trouble = f"ImportError: {name}: cannot open shared object file"
-        answer = checks.Answer(trouble=trouble)
+        failure = f"ImportError: {name}: cannot open shared object file"
+        answer = checks.Answer(failure=failure)
         monkeypatch.setattr(libraries, "call", lambda *words, seconds, a=answer: a)
-        found = libraries.check_library(libraries.RequiredLibrary(Requirement("numpy"), ""), 5)
-        assert found.status == "missing"
-        assert found.command.startswith("sudo apt-get install ")
-        assert package in found.command
+        finding = libraries.check_library(libraries.RequiredLibrary(Requirement("numpy"), ""), 5)
+        assert finding.status == "missing"
+        assert finding.command.startswith("sudo apt-get install ")
+        assert package in finding.command
 
 
 def test_slow_import_suggests_a_longer_time_limit(monkeypatch):
     from packaging.requirements import Requirement
 
-    slow = checks.Answer(trouble="hangs: no answer within 5 s")
+    slow = checks.Answer(failure="hangs: no answer within 5 s")
     monkeypatch.setattr(libraries, "call", lambda *words, seconds: slow)
-    found = libraries.check_library(libraries.RequiredLibrary(Requirement("numpy"), ""), 5)
-    assert (found.status, found.command) == ("missing", "defsense doctor --timeout 50")
+    finding = libraries.check_library(libraries.RequiredLibrary(Requirement("numpy"), ""), 5)
+    assert (finding.status, finding.command) == ("missing", "defsense doctor --timeout 50")
 
 
 def test_errors_are_reported_without_their_class():
     answer = checks.call(hardware.__name__, "describe_board", "/dev/no-such-port", seconds=60)
-    assert answer.trouble.startswith("/dev/no-such-port: ")
-    assert "doctor" not in answer.trouble
+    assert answer.failure.startswith("/dev/no-such-port: ")
+    assert "doctor" not in answer.failure
 
 
 def test_cache_that_cannot_be_written_is_not_fatal(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "file"))
-    found = machine.check_cache(60)
-    assert (found.status, found.core) == ("not needed", False)
-    assert found.command.partition("=")[0].endswith(" DEFSENSE_CACHE")
-
-
-@pytest.mark.parametrize(
-    ("kind", "way"),
-    [(PseudoTerminal, "a pseudo-terminal"), (SocketPort, "a socket of this machine")],
-)
-def test_twin_behind_a_port_is_reported_as_a_program(kind, way):
-    response = CordTraits(Response.line(1.0))
-    cords = DeviceCords(
-        ("a", "b"), np.array([100.0, 80.0]), lambda s: np.zeros(2), response,
-        np.random.default_rng(0),
-    )  # fmt: skip
-    line = kind(ReadoutTwin(cords, 1500.0, offset=5.0))
-    try:
-        found = hardware.check_port(line.port, 30)
-    finally:
-        line.close()
-    assert found.status == "not needed"
-    assert found.told.startswith("firmware ")
-    assert way in found.told
-
-
-def test_ports_of_boards_are_not_local_programs():
-    for port in ("/dev/ttyUSB0", "COM3", "socket://192.168.1.7:4000", "socket://[bad"):
-        assert not hardware.local_program(port)
-
-
-def test_finding_without_a_use_must_not_be_optional():
-    with pytest.raises(ValueError, match="b"):
-        Finding("a", "b", "not needed", "c")
+    finding = machine.check_cache(60)
+    assert finding.status == "not needed"
+    assert finding.command.partition("=")[0].endswith(" DEFSENSE_CACHE")
 
 
 def test_licences_come_from_the_metadata():
-    found = {one.name.lower(): one.licence for one in libraries.installed_licences()}
-    assert "MIT" in found["rich"]
-    assert "BSD" in found["numpy"]
-    assert "pytest" not in found
+    licences = {row.name.lower(): row.licence for row in libraries.installed_licences()}
+    assert "MIT" in licences["rich"]
+    assert "BSD" in licences["numpy"]
+    assert "pytest" not in licences
 
 
 def test_picture_of_a_camera_is_written(tmp_path):
@@ -147,11 +114,11 @@ def test_check_without_permission_does_not_end_the_others(monkeypatch):
     for name in ("check_libraries", "check_cameras", "check_boards"):
         monkeypatch.setattr(doctor, name, lambda *_: [])
     for name in ("check_graphics", "check_cad", "check_solver", "check_gamepad", "check_midi"):
-        monkeypatch.setattr(doctor, name, lambda *_, name=name: Finding("a", name, "good", "b"))
+        monkeypatch.setattr(doctor, name, lambda *_, name=name: Finding("a", name, True, "b"))
     monkeypatch.setattr(doctor, "check_machine", deny)
     monkeypatch.setattr(doctor, "check_cameras", deny)
-    found = {one.about: one for one in doctor.examine(5)}
-    assert "Permission denied" in found["machine"].told
+    findings = {finding.about: finding for finding in doctor.examine()}
+    assert "Permission denied" in findings["machine"].message
     # Devices can be built without cameras, but the core must be checked.
-    assert [found[about].status for about in ("machine", "cameras")] == ["missing", "not needed"]
-    assert found["check_midi"].status == "good"
+    assert [findings[about].status for about in ("machine", "cameras")] == ["missing", "not needed"]
+    assert findings["check_midi"].status == "good"

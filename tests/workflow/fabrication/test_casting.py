@@ -10,11 +10,10 @@ from defsense_fab.core.device.materials import find_silicone
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.moulds.records import Mould
-from defsense_fab.optimize.prediction.as_built import mould_rules
+from defsense_fab.optimization.prediction.as_built import mould_rules
 from defsense_fab.workflow.build.stages import STAGES
 from defsense_fab.workflow.fabrication.casting import casting, notes
-from defsense_fab.workflow.fabrication.plates import on_plates
-from defsense_fab.workflow.fabrication.print_advice import print_advice
+from defsense_fab.workflow.fabrication.printing import on_plates, print_advice
 from tests.conftest import box_surface
 from tests.support.errors import raises
 from tests.support.places import DEVICES
@@ -34,38 +33,38 @@ def mould(volume, strain=0.0):
     return Mould("1-top", (), up, np.zeros(3), none, volume, 2 * volume, strain, at, ())
 
 
-def test_masses_are_those_of_what_is_mixed():
-    made = device('process = "cast-silicone"\ncopies = 2')
-    found = casting(made, [mould(40_000.0), mould(10_000.0)])
-    assert found.volume == 100_000
-    assert found.mass_a == found.mass_b == pytest.approx(110 * 1.08 / 2)
-    assert (found.pot_life, found.cure, found.shrinkage) == (45, 16, 0.001)
-    said = " ".join(found.steps)
-    # A mixture can be poured for less time than a cast takes: each is mixed by itself.
+def test_masses_are_those_of_the_mixtures():
+    cast = device('process = "cast-silicone"\ncopies = 2')
+    mixture = casting(cast, [mould(40_000.0), mould(10_000.0)])
+    assert mixture.volume == 100_000
+    assert mixture.mass_a == mixture.mass_b == pytest.approx(110 * 1.08 / 2)
+    assert (mixture.pot_life, mixture.cure, mixture.shrinkage) == (45, 16, 0.001)
+    text = " ".join(mixture.steps)
+    # A mixture can be poured for less time than a cast takes: each is mixed separately.
     for amount in ("30 g of part A", "30 g of part B", "55 cm3", "2 devices", "45 min", "16 h"):
-        assert amount in said
+        assert amount in text
     ten = casting(device('process = "cast-silicone"', 'name = "smooth-sil-950"'), [mould(1000.0)])
     assert ten.mass_a == pytest.approx(10 * ten.mass_b)
     assert ten.mass_a + ten.mass_b == pytest.approx(1.1 * 1.24)
 
 
-def test_shrinkage_is_the_silicones_or_that_which_is_given():
+def test_shrinkage_is_that_of_the_device_or_of_its_silicone():
     assert mould_rules(device('process = "cast-silicone"')).shrinkage == 0.001
     given = device('process = "cast-silicone"\nshrinkage = 0.02\nmould_wall = 7')
     assert (mould_rules(given).shrinkage, mould_rules(given).wall) == (0.02, 7)
-    own = device('process = "cast-silicone"', "young_modulus = 1.0\npoisson_ratio = 0.48")
-    assert mould_rules(own).shrinkage == 0
-    assert "shrinkage = 0.002" in notes(own, [])[0]
-    assert "7%" in notes(given, [mould(1.0, 0.07)])[0]
-    assert notes(given, [mould(1.0, 0.004)]) == []
+    custom = device('process = "cast-silicone"', "young_modulus = 1.0\npoisson_ratio = 0.48")
+    assert mould_rules(custom).shrinkage == 0
+    assert "shrinkage = 0.002" in next(iter(notes(custom, [])))
+    assert "7%" in next(iter(notes(given, [mould(1.0, 0.07)])))
+    assert notes(given, [mould(1.0, 0.004)]) == {}
 
 
 def test_every_process_is_read_and_advises():
     for name, row in read_rows("printers.csv").items():
         material = "dragon-skin-30" if row["kind"] == "cast" else "tpu-85a"
         printed = device(f'process = "{name}"', f'name = "{material}"')
-        said = " ".join(print_advice(printed))
-        assert "support" in said or "sealed" in said
+        advice = " ".join(print_advice(printed))
+        assert "support" in advice or "sealed" in advice
         assert row["source"]
         assert printed.fabrication.bed == tuple(float(row[f"bed_{c}"]) for c in "xyz")
     for name in read_rows("silicones.csv"):
@@ -73,10 +72,10 @@ def test_every_process_is_read_and_advises():
         assert find_silicone(name).shrinkage < 0.01
 
 
-def test_a_process_that_somebody_added_gets_the_advice_that_is_true_of_all():
+def test_custom_process_gets_the_advice_for_all_processes():
     tpu = device('process = "fdm-tpu"', 'name = "tpu-85a"')
-    own = replace(tpu, fabrication=replace(tpu.fabrication, process="belt-tpu"))
-    assert print_advice(own) == print_advice(tpu)[:1]
+    custom = replace(tpu, fabrication=replace(tpu.fabrication, process="belt-tpu"))
+    assert print_advice(custom) == print_advice(tpu)[:1]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import pytest
 from msgspec import structs
 
 from defsense_fab.core.progress import silent
+from defsense_fab.sensing.response import build_response
 from defsense_fab.workflow.reproduce import cord_experiment
 from defsense_fab.workflow.reproduce.cord_experiment import (
     StretchedCord,
@@ -12,14 +13,14 @@ from defsense_fab.workflow.reproduce.cord_experiment import (
     run_cord_experiment,
     stretch_cord,
 )
-from defsense_fab.workflow.reproduce.experiments.examples import find_experiments
+from defsense_fab.workflow.reproduce.experiment_file import find_experiments
 
 
 @pytest.fixture(scope="module")
 def plan():
     (experiment,) = find_experiments(["cord"])
     radii = (75.0, 100.0, 150.0, 250.0)
-    return structs.replace(experiment.cords, lengths=(150.0,), radii=radii, rounds=2)
+    return structs.replace(experiment.file.cords, lengths=(150.0,), radii=radii, rounds=2)
 
 
 def test_calibration_finds_the_slope_of_the_twin(plan, tmp_path, monkeypatch):
@@ -29,9 +30,8 @@ def test_calibration_finds_the_slope_of_the_twin(plan, tmp_path, monkeypatch):
     assert cord["k_res"] == [pytest.approx(plan.k_res, rel=0.1)]
     assert results["pictures"]["fit"].startswith("data:image/png;base64,")
     assert "k_res" not in results["cords"]["etpu"]
-    slope = (
-        make_true_response(2.0)(np.array(1e-3)) - make_true_response(2.0)(np.array(-1e-3))
-    ) / 2e-3
+    response = build_response(make_true_response(2.0))
+    slope = (response(np.array(1e-3)) - response(np.array(-1e-3))) / 2e-3
     assert slope == pytest.approx(2.0, rel=1e-3)
 
 

@@ -7,29 +7,24 @@ import pytest
 from msgspec import structs
 
 from defsense_fab.core.progress import silent
+from defsense_fab.workflow.reproduce import pictures, sessions
 from defsense_fab.workflow.reproduce import run as module
-from defsense_fab.workflow.reproduce.devices import sessions
-from defsense_fab.workflow.reproduce.experiments.examples import find_experiments
+from defsense_fab.workflow.reproduce.experiment_file import find_experiments
+from defsense_fab.workflow.reproduce.options import ReproduceOptions
 from defsense_fab.workflow.reproduce.run import PAGE, RESULTS, reproduce
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_cause():
-    """Limit the causes to one: each needs another session and training."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sessions, "CAUSES", {"clocks": ("sync",)})
-        yield
-
-
 @pytest.fixture(scope="module")
 def small():
     """Return the twist bar with its drawn cord alone, on a coarse mesh."""
-    (experiment,) = find_experiments(["twist-bar"])
-    small = experiment.at_size(quick=True)
-    session = structs.replace(small.session, frames=150, tags=8, tag_size=10.0)
-    return replace(small, layouts=experiment.layouts[:1], session=session, edge_length=18.0)
+    (experiment,) = find_experiments(["twist-bar"], ReproduceOptions(quick=True))
+    file = experiment.file
+    session = structs.replace(experiment.session, frames=150, tags=8, tag_size=10.0)
+    quick = structs.replace(file.quick, edge_length=18.0)
+    file = structs.replace(file, layouts=file.layouts[:1], session=session, quick=quick)
+    return replace(experiment, file=file)
 
 
 @pytest.fixture(scope="module")
@@ -80,15 +75,14 @@ def test_results_are_reused_until_their_inputs_change(small, done, out, monkeypa
     def fail(*_, **__):
         raise AssertionError("computed again")
 
-    from defsense_fab.workflow.reproduce.devices import pictures
-
     monkeypatch.setattr(sessions, "simulate_runs", fail)
     monkeypatch.setattr(sessions, "train_files", fail)
     monkeypatch.setattr(pictures, "_draw", fail)
     reports = []
     assert reproduce([small], out, lambda *report: reports.append(report)) == done
     assert reports[-1][:2] == ("twist-bar: pictures", 1.0)
-    longer = replace(small, session=structs.replace(small.session, frames=160))
+    session = structs.replace(small.session, frames=160)
+    longer = replace(small, file=structs.replace(small.file, session=session))
     with pytest.raises(AssertionError, match="computed again"):
         reproduce([longer], out, silent)
 
@@ -97,7 +91,7 @@ def test_interrupted_run_leaves_finished_experiments(small, done, tmp_path, monk
     other = replace(small, name="other")
     finished = dict(done["experiments"][0])
 
-    def reproduce_one(experiment, folder, steps=None):
+    def reproduce_one(experiment, folder, steps):
         if experiment.name == "other":
             raise KeyboardInterrupt
         return finished

@@ -13,27 +13,45 @@ from defsense_fab.core.device.device_file import DeviceFile, load_device
 from defsense_fab.core.device.states import default_states
 from defsense_fab.core.errors import BodyError, DeviceError, StorageError
 from defsense_fab.core.mesh import Surface
+from defsense_fab.core.schema.options import options_of
 from defsense_fab.core.schema.reference import commented
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.workflow.starts import starting_devices
 from defsense_fab.workflow.starts.body_ends import find_ends
-from defsense_fab.workflow.starts.dropped_body import DroppedBody, load_body_content, load_body_file
+from defsense_fab.workflow.starts.body_file import (
+    BodyFile,
+    guess_unit,
+    load_body_content,
+    load_body_file,
+)
 from defsense_fab.workflow.starts.first_device import (
-    FirstDevice,
     create_first_device,
     default_material,
+    fill_options,
+)
+from defsense_fab.workflow.starts.options import (
+    DEFAULT_CORD,
+    DEFAULT_PROCESS,
+    EXAMPLES,
+    MIN_DEFAULT_CORDS,
+    UNITS,
+    NewOptions,
 )
 from defsense_fab.workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
-from defsense_fab.workflow.starts.units import UNITS, guess_unit
 from tests.conftest import box_surface
 from tests.support.errors import raises
 from tests.support.places import DEVICES
 
 
-def drop_bar(unit="mm", suffix=".stl"):
+def create_draft(body, folder, name="grip", unit="mm", material="tango-plus", edge_length=6.0):
+    options = NewOptions(name=name, units=unit, material=material, edge_length=edge_length)
+    create_first_device(body, folder, options, is_draft=True)
+
+
+def bar_file(unit="mm", suffix=".stl"):
     scale = UNITS[unit]
     surface = box_surface(np.array([0, -15, -15]) / scale, np.array([150, 15, 15]) / scale)
-    return DroppedBody(b"content", "my-bar", suffix, surface, unit, unit != "mm", ())
+    return BodyFile(b"content", "my-bar", suffix, surface, unit, unit != "mm", ())
 
 
 def find_uncommented(text):
@@ -88,9 +106,9 @@ def test_folder_that_cannot_be_written_is_left_unchanged(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("unit", ["mm", "inch", "m"])
 def test_mesh_becomes_a_device_in_mm_that_is_held_at_one_end(unit, tmp_path):
-    body = drop_bar(unit)
+    body = bar_file(unit)
     assert body.edge_length(unit) == pytest.approx(6.0)
-    create_first_device(body, tmp_path, FirstDevice('a "grip"', unit, "tango-plus", 6.0))
+    create_draft(body, tmp_path, 'a "grip"', unit)
     device = load_device(tmp_path, complete=False)
     assert device.name == 'a "grip"'
     assert device.body.path.read_bytes() == b"content"
@@ -103,18 +121,18 @@ def test_mesh_becomes_a_device_in_mm_that_is_held_at_one_end(unit, tmp_path):
 
 
 def test_step_file_has_its_own_unit(tmp_path):
-    create_first_device(
-        drop_bar(suffix=".step"), tmp_path, FirstDevice("grip", "mm", "tango-plus", 6.0)
-    )
+    create_draft(bar_file(suffix=".step"), tmp_path)
     spec = load_device(tmp_path, complete=False).body
     assert (spec.kind, spec.path.name) == ("step", "my-bar.step")
 
 
 def test_filled_cavity_is_declared_in_the_device(tmp_path):
-    filled = replace(drop_bar(), repaired=("filled a closed cavity of 120 mm3 around (1, 2, 3)",))
-    create_first_device(filled, tmp_path / "a", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    filled = replace(
+        bar_file(), repair_notes=("filled a closed cavity of 120 mm3 around (1, 2, 3)",)
+    )
+    create_draft(filled, tmp_path / "a")
     assert load_device(tmp_path / "a", complete=False).body.fill_cavities
-    create_first_device(drop_bar(), tmp_path / "b", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    create_draft(bar_file(), tmp_path / "b")
     assert not load_device(tmp_path / "b", complete=False).body.fill_cavities
 
 
@@ -128,11 +146,12 @@ def test_invalid_devices_are_not_written(tmp_path):
         (("x", "um", "tango-plus", 6.0), BodyError),
         (("x\ny", "mm", "tango-plus", 6.0), DeviceError),
         (("x", "mm", "tango-plus", 31.0), DeviceError),  # thicker than the body
-        (("x", "mm", "tango-plus", 6.0, ("bend", "bend")), DeviceError),
-        (("x", "mm", "tango-plus", 6.0, ("modes", "bend")), DeviceError),
     ):
         with pytest.raises(error):
-            create_first_device(drop_bar(), tmp_path / "new", FirstDevice(*values))
+            create_draft(bar_file(), tmp_path / "new", *values)
+    for poses in (("bend", "bend"), ("modes", "bend")):
+        with raises(DeviceError, "unknown-pose"):
+            NewOptions(poses=poses)
     assert not (tmp_path / "new").exists()
 
 
@@ -155,9 +174,9 @@ def test_content_that_is_no_body_is_rejected():
 
 
 def test_device_with_poses_and_cords_is_complete(tmp_path):
-    first = FirstDevice("wand", "mm", "ninjaflex-85a", 6.0, ("bend", "twist", "pull"), cords=3)
-    assert create_first_device(drop_bar(), tmp_path, first) == ("bend", "twist", "pull")
-    device = load_device(tmp_path)
+    options = NewOptions(name="wand", poses=("bend", "twist", "pull"))
+    device = create_first_device(bar_file(), tmp_path, options)
+    assert [pose.name for pose in device.poses] == ["bend", "twist", "pull"]
     assert device.propose == 3
     text = (tmp_path / "device.toml").read_text(encoding="utf-8")
     spec, given = default_states(device.poses), device.states
@@ -198,16 +217,16 @@ def test_files_that_a_script_imports_are_copied(tmp_path, monkeypatch):
         "def body(length=110, *, more=None):\n    return Cylinder(RADIUS, length)\n",
         encoding="utf-8",
     )
-    found = load_body_file(tmp_path / "grip.py")
-    assert (found.parameters, list(found.others)) == ({"length": 110}, ["sizes.py"])
-    create_first_device(found, tmp_path / "new", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    body = load_body_file(tmp_path / "grip.py")
+    assert (body.parameters, list(body.others)) == ({"length": 110}, ["sizes.py"])
+    create_draft(body, tmp_path / "new")
     device = load_device(tmp_path / "new", complete=False)
     assert device.body.parameters == {"length": 110}
     assert (tmp_path / "new" / "sizes.py").read_text(encoding="utf-8") == "RADIUS = 15\n"
 
 
 def test_user_defined_process_needs_a_material():
-    with raises(DeviceError, "material-unknown", process="my-printer"):
+    with raises(DeviceError, "unknown-material", process="my-printer"):
         default_material("my-printer")
 
 
@@ -226,3 +245,24 @@ def test_unchanged_cord_keeps_its_noise(tmp_path):
         create_starting_device(STARTING_DEVICES[0], tmp_path / name, "bar", cord)
     texts = [(tmp_path / n / "device.toml").read_text(encoding="utf-8") for n in ("same", "none")]
     assert texts[0] == texts[1]
+
+
+def test_help_of_new_names_the_examples_and_defaults():
+    """The help is static text, since a default of None depends on the body."""
+    options = options_of(NewOptions)
+    assert ", ".join(EXAMPLES) in options["body"].description
+    for name, default in (("cord", DEFAULT_CORD), ("process", DEFAULT_PROCESS)):
+        assert f"default: {default}" in options[name].description
+    assert f"at least {MIN_DEFAULT_CORDS}" in options["cords"].description
+
+
+def test_choices_of_the_user_override_defaults_that_fit_the_body():
+    filled = fill_options(bar_file(), NewOptions())
+    assert (filled.name, filled.units, filled.edge_length) == ("my-bar", "mm", 6.0)
+    assert (filled.poses, filled.material) == (("bend", "bend_side", "twist"), "ninjaflex-85a")
+    options = NewOptions(name="x", poses=("pull",), process="polyjet", edge_length=5.0, cords=4)
+    filled = fill_options(bar_file(), options)
+    assert replace(filled, units=None, material=None, cord=None) == options
+    assert filled.material == "tango-black-plus"
+    with raises(DeviceError, "unit-doubtful"):
+        fill_options(bar_file("inch"), NewOptions())

@@ -1,19 +1,21 @@
 """Parameter studies through the command line: new, resumed, on a cluster, and rejected."""
 
+import csv
 import json
 import socket
 
 import meshio
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 import trimesh
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.errors import StudyError
-from defsense_fab.workflow.study.parameter_study import run_study
-from defsense_fab.workflow.study.runs import batch, cluster
-from defsense_fab.workflow.study.runs.run_log import RunLog, RunRecord, read_records
+from defsense_fab.core.errors import CaptureError, StudyError
+from defsense_fab.workflow.build import cluster
+from defsense_fab.workflow.study import run_group
+from defsense_fab.workflow.study.options import StudyOptions
+from defsense_fab.workflow.study.parameter_study import study_parameters
+from defsense_fab.workflow.study.run_log import RunLog
 from tests.support.errors import raises
 
 DEVICE = """schema = 1
@@ -59,21 +61,26 @@ def reject(capsys, folder, *words):
     return lines[-1]
 
 
-def check_complete(found):
-    assert (found["points"], found["runs"]) == (5, 4)
-    volumes = {r["parameters"]["body.scale"]: r["measures"]["volume"] for r in found["done"]}
+def read_records(folder):
+    with RunLog(folder) as log:
+        return log.records
+
+
+def check_complete(result):
+    assert result["points"] == 5
+    volumes = {r["parameters"]["body.scale"]: r["measures"]["volume"] for r in result["done"]}
     assert list(volumes) == [1, 2, 3]
     assert list(volumes.values()) == pytest.approx(10240 * np.array([1, 8, 27]))
-    (failed,) = found["failed"]
+    (failed,) = result["failed"]
     assert failed["message"].startswith("device.toml:3: body.scale: ")
 
 
 def test_interrupted_study_resumes(folder, capsys):
-    found = study(capsys, folder, "--workers", "1")
-    check_complete(found)
-    assert found["made"] == 4
-    table = pq.read_table(found["file"])
-    assert table["body.scale"].to_pylist() == [1, 2, -1, 3]
+    result = study(capsys, folder, "--workers", "1")
+    check_complete(result)
+    assert result["made"] == 4
+    with open(result["file"]) as file:
+        assert [float(r["body.scale"]) for r in csv.DictReader(file)] == [1, 2, -1, 3]
     # Runs are not repeated, nor those that a larger study of the device has in common with it.
     assert study(capsys, folder)["made"] == 0
     log = folder / "study" / "runs.log"
@@ -83,37 +90,42 @@ def test_interrupted_study_resumes(folder, capsys):
     (folder / "study.toml").write_text(STUDY.replace("3.0, 3.0", "2.0, 3.0, 1.0"))
     resumed = study(capsys, folder, "--workers", "1")
     assert (resumed["made"], len(resumed["done"])) == (1, 3)
-    assert len(read_records(log)) == 4
+    assert len(read_records(folder)) == 4
     # An earlier run is reported with the values of the current study.
     with (folder / "study.toml").open("a") as file:
         file.write("mesh.edge_length = [20.0]\n")
     wider = study(capsys, folder)
     assert wider["made"] == 1  # the invalid one has other values
     assert [r["parameters"]["mesh.edge_length"] for r in wider["done"]] == [20] * 3
-    # Results of another device, and a log of another program, are not changed.
-    (folder / "device.toml").write_text(DEVICE.replace('"box"', '"cube"', 1))
-    with raises(StudyError, "results-of-another-device", device="box"):
-        run_study(folder, {}, 1)
-    assert "results.parquet" in reject(capsys, folder)
+    # The log of another program is not changed.
     log.write_text("what?\n")
-    (folder / "study" / "results.parquet").unlink()
-    with raises(StudyError, "not-a-study-log"):
-        run_study(folder, {}, 1)
+    with raises(CaptureError, "wrong-file-format"):
+        study_parameters(folder, {})
     assert "runs.log" in reject(capsys, folder)
     assert log.read_text("utf-8") == "what?\n"
 
 
 def test_run_whose_process_dies_is_broken_and_repeated(folder, capsys, monkeypatch):
-    monkeypatch.setattr(batch, "_MODULE", "no_such_module")
+    monkeypatch.setattr(run_group, "RUN_MODULE", "no_such_module")
     with raises(StudyError, "all-runs-failed", runs=4):
-        run_study(folder, {}, 2)
-    assert "study.html" in reject(capsys, folder, "--workers", "2")
-    found = read_records(folder / "study" / "runs.log").values()
-    assert sorted(r.outcome for r in found) == ["broken", "broken", "broken", "refused"]
-    with RunLog(folder), raises(StudyError, "study-running"):
+        study_parameters(folder, {}, options=StudyOptions(workers=2))
+    assert "results.csv" in reject(capsys, folder, "--workers", "2")
+    result = read_records(folder).values()
+    assert sorted(r.outcome for r in result) == ["broken", "broken", "broken", "refused"]
+    with RunLog(folder), raises(CaptureError, "file-in-use"):
         RunLog(folder)
     monkeypatch.undo()
     check_complete(study(capsys, folder))
+
+
+def test_run_that_takes_too_long_is_broken(folder):
+    text = "time_limit = 0.01\n" + STUDY.replace("[1.0, 2.0, -1.0, 3.0, 3.0]", "[1.0, 2.0]")
+    (folder / "study.toml").write_text(text)
+    with raises(StudyError, "all-runs-failed", runs=2):
+        study_parameters(folder, {})
+    records = read_records(folder).values()
+    assert [r.outcome for r in records] == ["broken", "broken"]
+    assert all("time_limit" in r.message for r in records), [r.message for r in records]
 
 
 @pytest.mark.parametrize(
@@ -150,7 +162,7 @@ def test_missing_scheduler_is_reported_within_seconds(folder, capsys, monkeypatc
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
         with raises(StudyError, "scheduler-unreachable", address=address):
-            run_study(folder, {}, 1, address)
+            study_parameters(folder, {}, options=StudyOptions(scheduler=address))
 
 
 def test_cluster_gives_the_same_results_and_rejects_other_versions(
@@ -163,14 +175,13 @@ def test_cluster_gives_the_same_results_and_rejects_other_versions(
     ) as local:
         words = ["--scheduler", local.scheduler_address]
         versions = cluster.installed_versions()
-        expected = versions | {"numpy": "1.0"}
-        monkeypatch.setattr(cluster, "installed_versions", lambda: expected)
-        with raises(StudyError, "worker-versions-differ"):
-            run_study(folder, {}, 1, local.scheduler_address)
+        answers = iter([versions | {"numpy": "1.0"}])
+        monkeypatch.setattr(cluster, "installed_versions", lambda: next(answers, versions))
+        with raises(StudyError, "worker-versions-differ", name="numpy"):
+            study_parameters(folder, {}, options=StudyOptions(scheduler=local.scheduler_address))
         monkeypatch.undo()
         check_complete(study(capsys, folder, *words))
-        (record, *_) = read_records(folder / "study" / "runs.log").values()
-        assert isinstance(record, RunRecord)
+        assert len(read_records(folder)) == 4
         remote = solve_fields(folder, tmp_path_factory.mktemp("remote"), *words)
         local_fields = solve_fields(folder, tmp_path_factory.mktemp("local"))
         assert len(local_fields) == 3  # the pose, its half, and a state that is held out

@@ -1,4 +1,4 @@
-"""Which tags a device gets and where, and what is printed of it."""
+"""Places of a device's tags, and the sheets to print."""
 
 import json
 from dataclasses import replace
@@ -24,6 +24,7 @@ from defsense_fab.store.manifest import Manifest, TagSeat, save_manifest
 from defsense_fab.workflow.tags import marker_pages
 from defsense_fab.workflow.tags import markers as module
 from defsense_fab.workflow.tags.markers import write_markers
+from defsense_fab.workflow.tags.options import MarkerOptions
 from tests.support.errors import raises
 
 DEVICE = """
@@ -76,12 +77,12 @@ def make(box, tmp_path):
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Pictures take seconds."""
+    """Draw no pictures, which take seconds."""
     monkeypatch.setattr(marker_pages, "draw_places", lambda *_: None)
 
 
 def check_places(markers, surface, tags):
-    """Tags lie on the skin, look outwards, and leave each other their white."""
+    """Check that tags are on the skin, face outwards, and keep their white margins free."""
     edge = np.linspace(-0.5, 0.5, 21) * markers.size
     grid = np.stack(np.meshgrid(edge, edge), axis=-1).reshape(-1, 2)
     on = markers.centers[:, None] + np.einsum("gk,mjk->mgj", grid, markers.axes[:, :, :2])
@@ -101,7 +102,7 @@ def check_places(markers, surface, tags):
 
 
 def with_seats(seats):
-    """A manifest of nothing else."""
+    """Return a manifest with seats only."""
     return Manifest(
         "box", "mm", (), (), (), (), "held", (), (), tuple(seats), (), None, 0.0, 1.0, warnings=()
     )
@@ -109,17 +110,17 @@ def with_seats(seats):
 
 def test_a_device_gets_its_tags(make, box):
     device = make()
-    found = write_markers(device)
+    files = write_markers(device)
     markers = read_markers(device.source / "markers")
-    assert found.folder == device.source / "markers"
+    assert files.folder == device.source / "markers"
     assert markers.ids.tolist() == list(range(1, 13))
     assert markers.size == SIZE
     check_places(markers, box, dictionary("4X4_50"))
     assert (markers.anchor == (markers.centers[:, 0] < 12 - 0.25 * SIZE)).all()
     assert are_spread_out(markers.centers[markers.anchor], SIZE / 2)
     assert markers.centers[~markers.anchor, 0].max() > 60
-    assert found.notes == ()
-    with pypdfium2.PdfDocument(str(found.folder / "markers.pdf")) as sheets:
+    assert files.notes == ()
+    with pypdfium2.PdfDocument(str(files.folder / "markers.pdf")) as sheets:
         assert len(sheets) >= 2
         table = sheets[len(sheets) - 1]
         text = table.get_textpage()
@@ -129,22 +130,22 @@ def test_a_device_gets_its_tags(make, box):
 
 
 def test_pictures_together_show_every_tag_upright(make, box, undrawn):
-    markers = write_markers(make(), count=8).markers
+    markers = write_markers(make(), MarkerOptions(count=8)).markers
     chosen = marker_pages.choose_views(box, markers)
     assert 2 <= len(chosen) <= 4
-    assert np.any([seen for _, seen in chosen], axis=0).all()
-    view, seen = chosen[0]
-    png = np.frombuffer(marker_pages.draw_picture(box, markers, view, seen), np.uint8)
+    assert np.any([visible for _, visible in chosen], axis=0).all()
+    view, visible = chosen[0]
+    png = np.frombuffer(marker_pages.draw_picture(box, markers, view, visible), np.uint8)
     image = cv2.resize(cv2.imdecode(png, cv2.IMREAD_GRAYSCALE), None, fx=2, fy=2)
     corners, ids, _ = cv2.aruco.ArucoDetector(dictionary("4X4_50").table).detectMarkers(image)
-    assert set(ids.ravel()) <= set(markers.ids[seen].tolist())  # not mirrored, nor another
-    assert len(ids) >= seen.sum() - 1  # a number may touch a tag
+    assert set(ids.ravel()) <= set(markers.ids[visible].tolist())  # not mirrored, nor another
+    assert len(ids) >= visible.sum() - 1  # a number may touch a tag
     right = np.cross([0, 0, 1.0], view)
     for number, corner in zip(ids.ravel(), corners, strict=True):
         axes = markers.axes[markers.ids == number][0]
         drawn = corner[0][1] - corner[0][0]
-        asked = [axes[:, 0] @ right, -axes[:, 0] @ np.cross(view, right)]
-        assert drawn @ asked > 0.9 * np.linalg.norm(drawn) * np.linalg.norm(asked)
+        expected = [axes[:, 0] @ right, -axes[:, 0] @ np.cross(view, right)]
+        assert drawn @ expected > 0.9 * np.linalg.norm(drawn) * np.linalg.norm(expected)
 
 
 @settings(max_examples=2, deadline=None)
@@ -158,10 +159,10 @@ def test_tags_on_a_curved_body(count, family, seed):
     stretch = np.random.default_rng(seed).uniform(35, 70, 3)
     body = Surface(unit * stretch, ball.faces)
     tags = dictionary(family)
-    wanted = module.TagRequest(
+    request = module.TagRequest(
         count, 10.0, module.piece_size(tags, 10.0), 3, lambda p: p[:, 2] < 0, np.zeros((0, 3)), []
     )
-    places = module.place_tags(body, wanted)
+    places = module.place_tags(body, request)
     assert len(places) == count
     assert sum(p.anchor for p in places) >= min(3, count)
     markers = Markers(
@@ -178,8 +179,8 @@ def test_tags_on_a_curved_body(count, family, seed):
 
 def test_tags_avoid_the_ends_of_cords(make, box):
     end = np.array([40.0, 0, 15])
-    wanted = module.TagRequest(20, 8.0, 10.7, 0, lambda p: np.zeros(len(p), bool), end[None], [])
-    places = module.place_tags(box, wanted)
+    request = module.TagRequest(20, 8.0, 10.7, 0, lambda p: np.zeros(len(p), bool), end[None], [])
+    places = module.place_tags(box, request)
     assert len(places) == 20
     for p in places:
         local = (end - p.center) @ p.axes
@@ -188,17 +189,17 @@ def test_tags_avoid_the_ends_of_cords(make, box):
 
 def test_an_anchor_without_room_is_reported(make, undrawn):
     device = make()
-    found = write_markers(device, size=20.0, count=8)
-    assert found.markers.size == 20.0
-    (note,) = found.notes
+    files = write_markers(device, MarkerOptions(size=20.0, count=8))
+    assert files.markers.size == 20.0
+    (note,) = files.notes
     assert "anchor base" in note
 
 
 def test_no_anchor(make, undrawn):
-    found = write_markers(make(anchor=""), family="36h11")
-    assert found.markers.dictionary == "APRILTAG_36H11"
-    assert not found.markers.anchor.any()
-    assert "all tags in the rest pose" in found.notes[0]
+    files = write_markers(make(anchor=""), MarkerOptions(dictionary="36h11"))
+    assert files.markers.dictionary == "APRILTAG_36H11"
+    assert not files.markers.anchor.any()
+    assert "all tags in the rest pose" in files.notes[0]
 
 
 def test_seats_have_priority(make, undrawn):
@@ -211,13 +212,13 @@ def test_seats_have_priority(make, undrawn):
         for k in range(2)
     ]
     save_manifest(device.source / "build", with_seats(seats))
-    found = write_markers(device)
-    assert found.markers.size == 7.5  # with a white cell on both sides 10 mm
-    assert found.markers.anchor.tolist() == [True, False]
-    assert found.markers.axes[0] == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]))
+    files = write_markers(device)
+    assert files.markers.size == 7.5  # with a white cell on both sides 10 mm
+    assert files.markers.anchor.tolist() == [True, False]
+    assert files.markers.axes[0] == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]))
     with raises(CaptureError, "tag-seats-given", count=2):
-        write_markers(device, count=5)
-    assert len(write_markers(device, count=5, skin=True).markers.ids) == 5
+        write_markers(device, MarkerOptions(count=5))
+    assert len(write_markers(device, MarkerOptions(count=5, skin=True)).markers.ids) == 5
     seats[0] = replace(seats[0], center=np.array([10.0, 0, 40]))
     save_manifest(device.source / "build", with_seats(seats))
     with raises(CaptureError, "tag-seats-outdated") as caught:
@@ -231,17 +232,19 @@ def test_seats_have_priority(make, undrawn):
         ({"size": 22.0}, "tags-do-not-fit"),
         ({"size": 60.0}, "tags-do-not-fit"),
         ({"count": 45, "size": 15.0}, "tags-do-not-fit"),
-        ({"count": 50}, "tag-count-out-of-range"),
-        ({"count": 0}, "tag-count-out-of-range"),
-        ({"size": -3.0}, "tag-size-out-of-range"),
-        ({"family": "8X8_50"}, "unknown-tag-dictionary"),
+        ({"count": 50}, "out-of-range"),
+        ({"count": 0}, "out-of-range"),
+        ({"size": -3.0}, "out-of-range"),
+        ({"dictionary": "8X8_50"}, "unknown-tag-dictionary"),
         ({"paper": "a7"}, "unknown-paper"),
+        ({"side": (0.0, 0.0, 0.0)}, "direction-invalid"),
+        ({"side": (np.nan, 0.0, 1.0)}, "direction-invalid"),
     ],
 )
 def test_impossible_tags_are_refused(make, undrawn, options, code):
     device = make()
     with raises(CaptureError, code):
-        write_markers(device, **options)
+        write_markers(device, MarkerOptions(**options))
     assert not (device.source / "markers" / "markers.json").exists()
 
 
@@ -260,14 +263,14 @@ def test_markers_are_read_back(tmp_path):
         ({"schema": 9}, "wrong-schema"),
         ({"tags": []}, None),
         ({"tags": [{**tag, "center": [1, 2]}]}, "wrong-shape"),
-        ({"tags": [{**tag, "axes": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}]}, "bad-marker-axes"),
-        ({"tags": [tag, tag]}, "duplicate-marker"),
-        ({"tags": [{**tag, "id": 1.5}]}, "bad-marker-id"),
-        ({"tags": [{**tag, "anchor": 1}]}, "not-a-boolean"),
-        ({"tags": [{"id": 1}]}, "missing-key"),
-        ({"tags": 5}, "bad-marker-file"),
+        ({"tags": [{**tag, "axes": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}]}, "marker-axes-invalid"),
+        ({"tags": [tag, tag]}, "marker-repeated"),
+        ({"tags": [{**tag, "id": 1.5}]}, "marker-id-invalid"),
+        ({"tags": [{**tag, "anchor": 1}]}, "not-a-bool"),
+        ({"tags": [{"id": 1}]}, "key-missing"),
+        ({"tags": 5}, "marker-file-invalid"),
         ({"size": "x"}, None),
-        ({"size": -1}, "bad-marker-size"),
+        ({"size": -1}, "marker-size-invalid"),
     ):
         (tmp_path / "markers.json").write_text(json.dumps({**good, **change}))
         with pytest.raises(CaptureError) as caught:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array, eye_array
 from scipy.sparse.linalg import spsolve
@@ -19,7 +18,7 @@ from scipy.sparse.linalg import spsolve
 from ....core.arrays import Float
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh, facet_crosses
-from ...kernels.surface_queries import signed_distance_of
+from ...kernels.surface_queries import SignedDistance, signed_distance_of
 
 #: Barycentric coordinates at which a facet is compared with the surface: a quadrature that is exact
 #: to second order.
@@ -168,14 +167,12 @@ def measure_quality(mesh: TetMesh, surface: Surface) -> MeshQuality:
     boundary = mesh.boundary()
     used = np.unique(boundary.faces)
     to_surface = signed_distance_of(surface).unsigned(mesh.nodes[used])
-    to_boundary = igl.point_mesh_squared_distance(
-        surface.vertices, mesh.nodes, np.ascontiguousarray(boundary.faces)
-    )[0]
+    to_boundary = SignedDistance(boundary).unsigned(surface.vertices)
     return MeshQuality(
         tets=len(mesh.tets),
         nodes=len(mesh.nodes),
         min_dihedral=float(np.rad2deg(dihedral_angles(mesh).min())),
-        boundary_deviation=float(max(to_surface.max(), np.sqrt(to_boundary.max()))),
+        boundary_deviation=float(max(to_surface.max(), to_boundary.max())),
         volume_change=float(mesh.volumes.sum() / surface.volume - 1),
     )
 

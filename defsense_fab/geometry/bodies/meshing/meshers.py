@@ -1,16 +1,13 @@
 """Run the meshers Netgen and fTetWild on a surface in a child process.
 
 Netgen's OpenCascade must not meet that of the CAD libraries, and native code of both meshers may
-end the process. The child is `python -m` this module with a folder that holds `TASK`.
+end the process. The child is `python -m` this module.
 """
 
 from __future__ import annotations
 
-import os
 import sys
-import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,70 +15,18 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.errors import MeshingError
-from ....core.mesh import Surface, TetMesh, facet_crosses
-from ..child_process import OUT_OF_MEMORY, ChildFailure, end_with_parent, run_module
+from ....core.mesh import Surface, TetMesh
+from .child_work import RunMonitor, run_work, serve_work
 
 #: Names of the meshers, as stored with a mesh.
 NETGEN, FTETWILD = "netgen", "ftetwild"
 #: Display name and package of each mesher.
 _NAMES = {NETGEN: ("Netgen", "netgen-mesher"), FTETWILD: ("fTetWild", "pytetwild")}
-TASK, RESULT = "surface.npz", "mesh.npz"
-_UNFINISHED = "unfinished.npz"
 _NETGEN_STL, _NETGEN_SIZES = "surface.stl", "sizes.txt"
-#: A mesher that takes this many times as long as usual gets advice displayed.
-SLOW_RATIO = 3.0
 
 
 class UnusableMesherError(MeshingError):
     """A mesher is not installed properly: falling back to another one would hide that."""
-
-
-@dataclass(frozen=True)
-class RunMonitor:
-    """Time limit and progress of all runs of one meshing method.
-
-    Attributes:
-        limit: Time limit of all runs together, s.
-        report: Called with progress messages.
-        description: What is running.
-        usual_duration: Duration on an idle machine, s.
-        fallback: What is done if it fails.
-        started_at: Start on the monotonic clock, s.
-    """
-
-    limit: float
-    report: Callable[[str], None]
-    description: str
-    usual_duration: float
-    fallback: str
-    started_at: float = field(default_factory=time.monotonic)
-
-    def time_left(self) -> float:
-        """Return the rest of the limit, s.
-
-        Raises:
-            MeshingError: If no time is left.
-        """
-        left = self.limit - (time.monotonic() - self.started_at)
-        if left <= 0:
-            raise MeshingError(
-                f"did not end within {round(self.limit, 2):g} s, or did not start",
-                code="time-limit-exceeded",
-                where="the mesher",
-                limit=self.limit,
-            )
-        return left
-
-    def report_waiting(self) -> None:
-        """Report that the run continues."""
-        seconds = time.monotonic() - self.started_at
-        text = f"{self.description}: {seconds:.0f} s, usually {self.usual_duration:.0f} s"
-        if seconds > SLOW_RATIO * self.usual_duration:
-            text += (
-                f"; stopped after {self.limit:.0f} s, then {self.fallback}; a larger [mesh]"
-                " edge_length or a surface of fewer triangles is faster"
-            )
-        self.report(text)
 
 
 def run_mesher(
@@ -104,58 +49,21 @@ def run_mesher(
         MemoryError: If it runs out of memory.
     """
     name, package = _NAMES[mesher]
-    failure = ChildFailure(MeshingError, "", name)
-
-    def write_task(folder: Path) -> None:
-        faces = np.asarray(surface.faces, np.int32)
-        arrays: dict[str, Any] = {"vertices": surface.vertices, "faces": faces, "mesher": mesher}
-        np.savez(folder / TASK, **arrays, **task)
-
-    with (
-        run_module(
-            _MODULE,
-            write_task,
-            RESULT,
-            monitor.time_left(),
-            failure,
-            on_wait=monitor.report_waiting,
-        ) as folder,
-        np.load(folder / RESULT) as result,
-    ):
-        if "missing" in result:
-            raise UnusableMesherError(
-                f"cannot be imported ({result['missing']}), so that the mesh would differ from that"
-                " of other machines",
-                code="mesher-missing",
-                where=name,
-                action=f"Install {package} and its requirements, or mesh the body on another"
-                " system: docs/platforms.md",
-                mesher=name,
-                reason=str(result["missing"]),
-            )
-        raise_child_error(result, name)
-        return make_mesh(np.asarray(result["nodes"], float), np.asarray(result["tets"], np.int64))
-
-
-_MODULE = f"{__package__}.meshers"
-
-
-def raise_child_error(result: Mapping[str, Any], subject: str) -> None:
-    """Raise the error in a child's result, if there is one.
-
-    Args:
-        result: What the child left.
-        subject: What failed.
-
-    Raises:
-        MemoryError: If the child ran out of memory.
-        MeshingError: For other errors.
-    """
-    if "error" in result:
-        text = str(result["error"])
-        if text == OUT_OF_MEMORY:
-            raise MemoryError
-        raise MeshingError(f"{subject} failed: {text}", code="mesher-failed")
+    faces = np.asarray(surface.faces, np.int32)
+    arrays = {"vertices": surface.vertices, "faces": faces, "mesher": mesher}
+    result = run_work(f"{__package__}.meshers", name, arrays | dict(task), monitor)
+    if "missing" in result:
+        raise UnusableMesherError(
+            f"cannot be imported ({result['missing']}), so that the mesh would differ from that"
+            " of other machines",
+            code="mesher-missing",
+            where=name,
+            action=f"Install {package} and its requirements, or mesh the body on another"
+            " system: docs/platforms.md",
+            mesher=name,
+            reason=str(result["missing"]),
+        )
+    return make_mesh(np.asarray(result["nodes"], float), np.asarray(result["tets"], np.int64))
 
 
 def make_mesh(nodes: Float, tets: Any) -> TetMesh:
@@ -176,71 +84,56 @@ def make_mesh(nodes: Float, tets: Any) -> TetMesh:
     return TetMesh(nodes[used], index.reshape(-1, 4).astype(np.int64))
 
 
-def main(folder: str) -> None:
-    """Run the mesher of the task in `folder`, and write nodes and tets, or the error, there."""
-    end_with_parent()
-    os.chdir(folder)  # fTetWild leaves a file there
-    with np.load(TASK) as task:
-        data = dict(task)
+def _run(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nodes and tets, or why the mesher cannot be imported."""
     run = _run_netgen if str(data["mesher"]) == NETGEN else _run_ftetwild
     try:
-        result = run(data)
-    except MemoryError:
-        result = {"error": OUT_OF_MEMORY}
-    np.savez(_UNFINISHED, **result)
-    Path(_UNFINISHED).replace(RESULT)
-
-
-def _run_ftetwild(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Mesh vertices and faces with edges of `edge_length` mm and an envelope `epsilon`."""
-    try:
-        import pytetwild
+        nodes, tets = run(data)
     except ImportError as error:
         return {"missing": str(error)}
-    try:
-        nodes, tets = pytetwild.tetrahedralize(
-            data["vertices"],
-            data["faces"],
-            edge_length_abs=float(data["edge_length"]),
-            epsilon=float(data["epsilon"]),
-            num_threads=1,
-        )
-    except RuntimeError as error:
-        return {"error": str(error)}
     return {"nodes": nodes, "tets": tets}
 
 
-def _run_netgen(data: Mapping[str, Any]) -> dict[str, Any]:
+def _run_ftetwild(data: Mapping[str, Any]) -> tuple[Float, Int]:
+    """Mesh vertices and faces with edges of `edge_length` mm and an envelope `epsilon`."""
+    import pytetwild
+
+    nodes, tets = pytetwild.tetrahedralize(
+        data["vertices"],
+        data["faces"],
+        edge_length_abs=float(data["edge_length"]),
+        epsilon=float(data["epsilon"]),
+        num_threads=1,
+    )
+    return nodes, tets
+
+
+def _run_netgen(data: Mapping[str, Any]) -> tuple[Float, Int]:
     """Mesh vertices and faces with edges up to `edge_length` mm, and `edges` (k,) mm at `points`.
 
     With `fill` the given triangles stay, and only their inside is meshed.
     """
-    try:
-        from netgen.libngpy._meshing import NgException
-        from netgen.stl import STLGeometry
-    except ImportError as error:
-        return {"missing": str(error)}
-    vertices, faces = data["vertices"], data["faces"]
+    from netgen.libngpy._meshing import NgException
+    from netgen.stl import STLGeometry
+
+    surface = Surface(data["vertices"], data["faces"])
     _write_sizes(data["points"], data["edges"])
     max_edge = float(data["edge_length"])
     try:
         if "fill" in data:
-            mesh = _fill_surface(vertices, faces, max_edge)
+            mesh = _fill_surface(surface, max_edge)
         else:
-            _write_stl(vertices, faces)
+            _write_stl(surface)
             geometry = STLGeometry(_NETGEN_STL)
             mesh = geometry.GenerateMesh(maxh=max_edge, meshsizefilename=_NETGEN_SIZES)
-        return {
-            "nodes": np.array([p.p for p in mesh.Points()]).reshape(-1, 3),
-            "tets": np.array(
-                [[v.nr - 1 for v in e.vertices] for e in mesh.Elements3D()], np.int64
-            ).reshape(-1, 4),
-        }
-    except (NgException, RuntimeError) as error:
-        return {"error": " ".join(str(error).split()) or type(error).__name__}
+        nodes = [p.p for p in mesh.Points()]
+        tets = [[v.nr - 1 for v in e.vertices] for e in mesh.Elements3D()]
+    except NgException as error:
+        raise RuntimeError(str(error) or type(error).__name__) from None
+    return np.array(nodes).reshape(-1, 3), np.array(tets, np.int64).reshape(-1, 4)
 
 
-def _fill_surface(vertices: Float, faces: Int, largest: float) -> Any:
+def _fill_surface(surface: Surface, largest: float) -> Any:
     """Return Netgen's mesh with these triangles as its surface."""
     from netgen.meshing import (
         Element2D,
@@ -253,25 +146,22 @@ def _fill_surface(vertices: Float, faces: Int, largest: float) -> Any:
 
     mesh = Mesh(dim=3)
     face = mesh.Add(FaceDescriptor(bc=1, domin=1, domout=0, surfnr=1))
-    points = [mesh.Add(MeshPoint(Pnt(*map(float, p)))) for p in vertices]
-    for corners in faces:
+    points = [mesh.Add(MeshPoint(Pnt(*map(float, p)))) for p in surface.vertices]
+    for corners in surface.faces:
         mesh.Add(Element2D(face, [points[i] for i in corners]))
     mesh.GenerateVolumeMesh(mp=MeshingParameters(maxh=largest))
     return mesh
 
 
-def _write_stl(vertices: Float, faces: Int) -> None:
+def _write_stl(surface: Surface) -> None:
     """Write the surface as text, since the binary format has single precision."""
-    corners = vertices[faces]
-    normals = facet_crosses(vertices, faces)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = normals / np.where(lengths > 0, lengths, 1.0)
+    corners = surface.vertices[surface.faces].reshape(-1, 9)
     facet = (
         "facet normal %.9g %.9g %.9g\nouter loop\n"
         + "vertex %.12g %.12g %.12g\n" * 3
         + "endloop\nendfacet\n"
     )
-    rows = np.concatenate([normals, corners.reshape(-1, 9)], axis=1)
+    rows = np.concatenate([surface.normals, corners], axis=1)
     with Path(_NETGEN_STL).open("w", encoding="ascii") as file:
         file.write("solid body\n")
         file.writelines(facet % tuple(row) for row in rows)
@@ -288,4 +178,4 @@ def _write_sizes(points: Float, edges: Float) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    serve_work(sys.argv[1], _run)

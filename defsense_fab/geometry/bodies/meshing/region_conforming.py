@@ -14,7 +14,7 @@ import numpy as np
 
 from ....core.arrays import Bool, Float, Int
 from ....core.device.regions import Shape
-from ....core.mesh import TetMesh
+from ....core.mesh import TetMesh, triangle_edges
 
 TET_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 #: No tet may become worse than this, or much worse than it was (see `tet_quality`).
@@ -113,16 +113,13 @@ class _Surface:
     """The boundary's faces and edges, queried for single nodes."""
 
     def __init__(self, mesh: TetMesh) -> None:
-        self._faces = mesh.boundary().faces
+        boundary = mesh.boundary()
+        self._faces = boundary.faces
         self._around = _cells_at_nodes(self._faces, len(mesh.nodes))
-        pairs = np.sort(self._faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        edges, index = np.unique(pairs, axis=0, return_inverse=True)
-        x = mesh.nodes[self._faces]
-        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        edges, _, index = triangle_edges(self._faces)
         # The sum of an edge's unit normals is short where its faces fold.
         total = np.zeros((len(edges), 3))
-        np.add.at(total, index.ravel(), np.repeat(normal, 3, axis=0))
+        np.add.at(total, index, np.repeat(boundary.normals, 3, axis=0))
         folded = (total**2).sum(1) < 2 + 2 * CREASE_COSINE
         self._edges = {(int(a), int(b)): bool(f) for (a, b), f in zip(edges, folded, strict=True)}
         self._creases = np.bincount(edges[folded].ravel(), minlength=len(mesh.nodes))

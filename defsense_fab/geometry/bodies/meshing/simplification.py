@@ -13,7 +13,8 @@ import igl
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.mesh import Surface, facet_crosses
+from ....core.mesh import Surface
+from ...kernels.surface_queries import signed_distance_of
 
 #: Surfaces with fewer triangles than this are never simplified.
 MIN_FINE_TRIANGLES = 20_000
@@ -44,12 +45,6 @@ class SimplifiedSurface:
     deviation: float = 0.0
 
 
-def surface_area(surface: Surface) -> float:
-    """Return the area of a surface, mm^2."""
-    crosses = facet_crosses(surface.vertices, surface.faces)
-    return float(np.linalg.norm(crosses, axis=1).sum() / 2)
-
-
 def is_fine(surface: Surface, edge_length: float) -> bool:
     """Return whether a surface has many triangles, all smaller than the tets, and no sharp edges.
 
@@ -68,7 +63,7 @@ def is_fine(surface: Surface, edge_length: float) -> bool:
 
 def _useful_triangles(surface: Surface, edge_length: float) -> int:
     """Return the number of triangles of the finest surface that tets can represent."""
-    return int(surface_area(surface) / (np.sqrt(3) / 4 * (FINE_EDGE_SHARE * edge_length) ** 2))
+    return int(surface.area / (np.sqrt(3) / 4 * (FINE_EDGE_SHARE * edge_length) ** 2))
 
 
 def simplify_surface(surface: Surface, edge_length: float) -> SimplifiedSurface:
@@ -114,10 +109,7 @@ def _sample_distances(a: Surface, b: Surface) -> Float:
     points = np.concatenate(
         [a.vertices[np.unique(a.faces)], middles.reshape(-1, 3), corners.mean(1)]
     )
-    squared = igl.point_mesh_squared_distance(
-        points, np.ascontiguousarray(b.vertices), np.ascontiguousarray(b.faces)
-    )[0]
-    return np.asarray(np.sqrt(squared))
+    return signed_distance_of(b).unsigned(points)
 
 
 def is_creased(surface: Surface) -> bool:
@@ -126,9 +118,7 @@ def is_creased(surface: Surface) -> bool:
     These are folds that continue straight and together are longer than the body. Folds of noise and
     bumps do not.
     """
-    cross = facet_crosses(surface.vertices, surface.faces)
-    length = np.linalg.norm(cross, axis=1)
-    normals = cross / np.where(length > 0, length, 1.0)[:, None]
+    normals = surface.normals
     a, b, left, right = find_triangle_pairs(surface.faces)
     is_folded = (normals[left] * normals[right]).sum(1) < FOLD_COSINE
     a, b = a[is_folded], b[is_folded]

@@ -4,10 +4,15 @@ The vertices are lifted into six dimensions by their normals, times a length (Le
 there, triangles of one size are small where the normals turn. The shortest edges are collapsed
 until as many triangles are left as that size gives; then edges are flipped and vertices moved along
 the surface, onto which they are projected. A surface that cannot be meshed as it is is rebuilt from
-a grid of signed distances instead.
+a grid of signed distances instead. Large surfaces are remeshed, or simplified, in a child process:
+`python -m` this module.
 """
 
 from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
 
 import igl
 import numpy as np
@@ -15,9 +20,15 @@ from scipy.sparse import csr_matrix
 
 from ....core.arrays import Float, Int
 from ....core.errors import MeshingError
-from ....core.mesh import Surface, facet_crosses
+from ....core.mesh import Surface, facet_crosses, triangle_edges
 from ...kernels.surface_queries import signed_distance_of
-from .simplification import find_triangle_pairs
+from .child_work import RunMonitor, run_work, serve_work
+from .simplification import (
+    MIN_FINE_TRIANGLES,
+    SimplifiedSurface,
+    find_triangle_pairs,
+    simplify_surface,
+)
 
 #: Step of the grid in edges of the tets, and its largest number of points.
 GRID_STEP_EDGES, MAX_GRID_POINTS = 0.4, 1_500_000
@@ -44,13 +55,8 @@ def remesh_on_grid(surface: Surface, edge_length: float) -> Surface:
     axes = [np.arange(a - 2 * step, b + 3 * step, step) for a, b in zip(low, high, strict=True)]
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    inside = (
-        igl.fast_winding_number(surface.vertices, np.ascontiguousarray(surface.faces), points) > 0.5
-    )
-    squared = igl.point_mesh_squared_distance(
-        points, surface.vertices, np.ascontiguousarray(surface.faces)
-    )[0]
-    signed = np.where(inside, -1.0, 1.0) * np.sqrt(np.asarray(squared))
+    distances = signed_distance_of(surface)
+    signed = np.where(distances.inside(points), -1.0, 1.0) * distances.unsigned(points)
     signed = np.where(np.abs(signed) < 0.05 * step, 0.05 * step, signed)  # no slivers
     vertices, faces, _ = igl.marching_cubes(signed, points, *(len(a) for a in axes), 0.0)
     if not len(faces):
@@ -136,7 +142,7 @@ def _sum_at_vertices(values: Float, faces: Int, count: int) -> Float:
 def _smooth_normals(vertices: Float, faces: Int, edge_length: float) -> Float:
     """Return normals at the vertices, smoothed so that details finer than the tets do not count."""
     normals = _unit(_sum_at_vertices(facet_crosses(vertices, faces), faces, len(vertices)))
-    a, b = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0).T
+    a, b = triangle_edges(faces)[0].T
     edges = np.linalg.norm(vertices[a] - vertices[b], axis=1).mean()
     itself = np.arange(len(vertices))
     i, j = np.concatenate([a, b, itself]), np.concatenate([b, a, itself])
@@ -241,3 +247,83 @@ def _relax_vertices(vertices: Float, faces: Int, surface: Surface) -> Float:
         restored = np.unique(faces[is_turned])
         target[restored] = vertices[restored]
     return vertices
+
+
+#: Kinds of work of a child process, as named in messages.
+SIMPLIFY = "simplifying the surface"
+REMESH = "remeshing the surface"
+GRID = "building a grid of distances"
+#: Larger grids take long: each point takes a winding number and a distance.
+MAX_QUICK_POINTS = 200_000
+
+
+def simplify_in_time(
+    surface: Surface, edge_length: float, monitor: RunMonitor
+) -> SimplifiedSurface:
+    """Return the result of `simplify_surface` of a fine surface.
+
+    Raises:
+        MeshingError: If it takes longer than the monitor allows.
+    """
+    simplified = _run(SIMPLIFY, surface, edge_length, monitor)
+    is_unchanged = len(simplified.surface.faces) == len(surface.faces)
+    return SimplifiedSurface(surface) if is_unchanged else simplified
+
+
+def remesh_in_time(surface: Surface, edge_length: float, monitor: RunMonitor) -> Surface:
+    """Return the result of `remesh_surface`.
+
+    Raises:
+        MeshingError: As `remesh_surface`, or if it takes longer than the monitor allows.
+    """
+    if len(surface.faces) <= MIN_FINE_TRIANGLES:
+        return remesh_surface(surface, edge_length)
+    return _run(REMESH, surface, edge_length, monitor).surface
+
+
+def remesh_on_grid_in_time(surface: Surface, edge_length: float, monitor: RunMonitor) -> Surface:
+    """Return the result of `remesh_on_grid`.
+
+    Raises:
+        MeshingError: As `remesh_on_grid`, or if it takes longer than the monitor allows.
+    """
+    if (
+        len(surface.faces) <= MIN_FINE_TRIANGLES
+        and count_grid_points(surface, edge_length) <= MAX_QUICK_POINTS
+    ):
+        return remesh_on_grid(surface, edge_length)
+    return _run(GRID, surface, edge_length, monitor).surface
+
+
+def _run(work: str, surface: Surface, edge_length: float, monitor: RunMonitor) -> SimplifiedSurface:
+    task = {"work": work, "edge_length": edge_length}
+    arrays = {"vertices": surface.vertices, "faces": surface.faces}
+    result = run_work(f"{__package__}.surface_remeshing", work, task | arrays, monitor)
+    return SimplifiedSurface(
+        Surface(result["vertices"], result["faces"]),
+        float(result["tolerance"]),
+        float(result["deviation"]),
+    )
+
+
+_WORK: dict[str, Callable[[Surface, float], SimplifiedSurface]] = {
+    SIMPLIFY: simplify_surface,
+    REMESH: lambda s, edge: SimplifiedSurface(remesh_surface(s, edge)),
+    GRID: lambda s, edge: SimplifiedSurface(remesh_on_grid(s, edge)),
+}
+
+
+def _do_work(task: dict[str, Any]) -> dict[str, Any]:
+    """Return the result of one kind of work, in a child process."""
+    surface = Surface(task["vertices"], task["faces"])
+    simplified = _WORK[str(task["work"])](surface, float(task["edge_length"]))
+    return {
+        "vertices": simplified.surface.vertices,
+        "faces": simplified.surface.faces,
+        "tolerance": simplified.tolerance,
+        "deviation": simplified.deviation,
+    }
+
+
+if __name__ == "__main__":
+    serve_work(sys.argv[1], _do_work)

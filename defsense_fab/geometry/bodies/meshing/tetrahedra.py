@@ -17,8 +17,9 @@ from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh
 from ..child_process import OUT_OF_MEMORY
+from .child_work import RunMonitor
 from .mesh_quality import check_mesh, fit_boundary, measure_facet_gaps
-from .meshers import FTETWILD, NETGEN, RunMonitor, UnusableMesherError, run_mesher
+from .meshers import FTETWILD, NETGEN, UnusableMesherError, run_mesher
 from .simplification import (
     MIN_FINE_TRIANGLES,
     SimplifiedSurface,
@@ -26,7 +27,7 @@ from .simplification import (
     is_fine,
     measure_deviation,
 )
-from .surface_process import remesh_in_time, remesh_on_grid_in_time, simplify_in_time
+from .surface_remeshing import remesh_in_time, remesh_on_grid_in_time, simplify_in_time
 
 #: Netgen's largest edge for a mean edge of 1, and its smallest where the surface is curved.
 MAX_EDGE, MIN_EDGE = 0.8, 0.3
@@ -93,7 +94,7 @@ def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
     tets = 8.5 * abs(surface.volume) / edge_length**3
     fine_surface = is_fine(surface, edge_length)
     surface_name = "the simplified surface" if fine_surface else "the surface"
-    simplified = _LazySimplification(surface, edge_length)
+    simplified = _LazySimplification(surface, edge_length, fine_surface)
     count = min(triangles, MIN_FINE_TRIANGLES) if fine_surface else triangles
     direct = MeshingMethod(
         f"Netgen on {surface_name}",
@@ -209,11 +210,11 @@ def _ftetwild_step(
 
 
 class _LazySimplification:
-    """A surface that is simplified when it is first requested."""
+    """A surface that is simplified when it is first requested, if it is fine."""
 
-    def __init__(self, surface: Surface, edge_length: float) -> None:
-        self._surface, self._edge_length = surface, edge_length
-        self._simplified: SimplifiedSurface | None = None
+    def __init__(self, surface: Surface, edge_length: float, fine: bool) -> None:
+        self._original, self._edge_length = surface, edge_length
+        self._simplified = None if fine else SimplifiedSurface(surface)
 
     def surface(self, monitor: RunMonitor) -> Surface:
         """Return the simplified surface.
@@ -222,25 +223,17 @@ class _LazySimplification:
         surface.
         """
         if self._simplified is None:
-            self._simplified = SimplifiedSurface(self._surface)
-            self._simplified = simplify_in_time(self._surface, self._edge_length, monitor)
+            self._simplified = SimplifiedSurface(self._original)
+            self._simplified = simplify_in_time(self._original, self._edge_length, monitor)
         return self._simplified.surface
 
     @property
     def record(self) -> MeshedSurface | None:
         """The record of the simplified surface, or None if the body's own was meshed."""
-        if self._simplified is None or self._simplified.surface is self._surface:
+        s, original = self._simplified, self._original
+        if s is None or s.surface is original:
             return None
-        triangles, original_triangles = (
-            len(self._simplified.surface.faces),
-            len(self._surface.faces),
-        )
-        return MeshedSurface(
-            triangles,
-            original_triangles,
-            self._simplified.tolerance,
-            self._simplified.deviation,
-        )
+        return MeshedSurface(len(s.surface.faces), len(original.faces), s.tolerance, s.deviation)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ....core.arrays import Bool, Float, Int
-from ....core.mesh import facet_crosses
+from ....core.mesh import facet_crosses, triangle_edges
 from .findings import describe_point, format_count
 
 MAX_PASSES = 30
@@ -45,25 +45,11 @@ def clean_triangles(vertices: Float, faces: Int, size: float) -> tuple[Float, In
     return vertices, faces, sentences + lost
 
 
-def find_edges(faces: Int) -> tuple[Int, Int, Int]:
-    """Return the edges of triangles.
-
-    Returns:
-        The edges (k, 2); how many triangles each has (k,); and the edge indices (3 m,) of the three
-        edges of each triangle, in a row.
-    """
-    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    edges, index, count = np.unique(
-        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    return edges, count, index.reshape(-1)
-
-
 def _find_patches(faces: Int) -> Int:
     """Return a patch number (m,) for each triangle: triangles joined by two-triangle edges share
     one.
     """
-    _, count, index = find_edges(faces)
+    _, count, index = triangle_edges(faces)
     order = np.argsort(index, kind="stable")
     owner = order // 3
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])[count == 2]
@@ -95,7 +81,7 @@ def _remove_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
         )
     before = faces
     for _ in range(MAX_PASSES):
-        _, count, index = find_edges(faces)
+        _, count, index = triangle_edges(faces)
         odd = (count > 2) & (count % 2 == 1)
         if not odd.any():
             break
@@ -120,7 +106,7 @@ def _areas(vertices: Float, faces: Int) -> Float:
 
 def _find_surplus(vertices: Float, faces: Int) -> Bool:
     """Return the triangles (m,) to remove: of patches that have no such edge in common."""
-    _, count, index = find_edges(faces)
+    _, count, index = triangle_edges(faces)
     odd = (count > 2) & (count % 2 == 1)
     is_surplus = np.zeros(len(faces), bool)
     if not odd.any():
@@ -184,7 +170,7 @@ def separate_sheets(
     corners_out = vertices[original]
     faces = label.reshape(-1, 3).astype(np.int64)
     is_shared = np.bincount(original, minlength=len(vertices))[original] > 1
-    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges = triangle_edges(faces)[0]
     around = np.zeros_like(corners_out)
     degree = np.bincount(edges.reshape(-1), minlength=count)
     for axis in range(3):
@@ -215,7 +201,7 @@ def _join_corners(vertices: Float, faces: Int) -> tuple[Int, Int] | Bool:
     across which two triangles are joined. If that is undefined at some edges, return their
     triangles (m,).
     """
-    edges, count, index = find_edges(faces)
+    edges, count, index = triangle_edges(faces)
     order = np.argsort(index, kind="stable")
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
     first, second = [order[starts[count == 2]]], [order[starts[count == 2] + 1]]

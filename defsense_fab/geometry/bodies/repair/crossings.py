@@ -6,66 +6,47 @@ from __future__ import annotations
 
 from typing import Any
 
-import igl
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
 from ....core.machine.compiled import compiled
+from ....core.mesh import Surface
+from ...kernels.surface_queries import SignedDistance
 
 STEP_SHARE = 1e-5  # of the bounding box's diagonal
 MIN_HEIGHT_SHARE = 1e-4  # of the diagonal; thinner triangles may be narrower than the step
 
 
-class WindingNumber:
-    """Generalized winding number of triangles that need be neither closed nor disjoint.
-
-    References:
-        Jacobson et al. (2013); Barill et al. (2018).
-    """
-
-    def __init__(self, vertices: Float, faces: Int) -> None:
-        self._tree = igl.FastWindingNumberBVH()
-        self._tree.init(np.ascontiguousarray(vertices), np.ascontiguousarray(faces))
-
-    def number(self, points: Float) -> Float:
-        """Return the winding number (n,) at points (n, 3)."""
-        return np.asarray(self._tree.winding_number(np.ascontiguousarray(points)))
-
-    def __call__(self, points: Float) -> Bool:
-        """Return which points (n, 3) are inside: those with a winding number above 0.5."""
-        return np.asarray(self.number(points) > 0.5)
-
-
 def winding_on_both_sides(
-    inside: WindingNumber, points: Float, normals: Float, size: float
+    surface: Surface, points: Float, normals: Float, size: float
 ) -> tuple[Float, Float]:
     """Return the winding numbers (n,) just behind and just in front of a surface.
 
     Args:
-        inside: Winding number of the surface.
+        surface: The surface.
         points: Points (n, 3) on the surface, mm.
         normals: Unit normals (n, 3) there.
         size: Diagonal of the bounding box, mm.
     """
-    step = STEP_SHARE * size * normals
-    return inside.number(points - step), inside.number(points + step)
+    step, distances = STEP_SHARE * size * normals, SignedDistance(surface)
+    return distances.winding(points - step), distances.winding(points + step)
 
 
-def find_wrong_faces(vertices: Float, faces: Int, size: float) -> Bool:
+def find_wrong_faces(surface: Surface, size: float) -> Bool:
     """Return triangles (m,) that do not have the inside behind them and the outside in front of
     them.
 
     The winding number must be 1 behind and 0 in front. Triangles that are too thin to judge are not
     reported.
     """
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     length = np.linalg.norm(normal, axis=1)
     longest = np.maximum.reduce([np.linalg.norm(x, axis=1) for x in (b - a, c - b, a - c)])
     is_thick = length > MIN_HEIGHT_SHARE * size * longest
-    wrong = np.zeros(len(faces), bool)
+    wrong = np.zeros(len(normal), bool)
     behind, before = winding_on_both_sides(
-        WindingNumber(vertices, faces),
+        surface,
         ((a + b + c) / 3)[is_thick],
         normal[is_thick] / length[is_thick, None],
         size,
@@ -74,7 +55,7 @@ def find_wrong_faces(vertices: Float, faces: Int, size: float) -> Bool:
     return wrong
 
 
-TRIANGLES_PER_LEAF = 4  # triangles
+TRIANGLES_PER_LEAF = 4
 MAX_PAIRS = 1_000_000  # of crossing triangles that are searched for
 VOLUME_TOLERANCE = 1e-15  # of the cube of the surface's size: smaller volumes are rounding
 
@@ -162,8 +143,8 @@ def _pairs(v: Float, f: Int, boxes: Float, leaves: int, tolerance: float, max_pa
                 stack[top + 1] = 2 * node + 1
                 top += 2
                 continue
-            first = (node - leaves) * 4
-            for j in range(max(first, i + 1), min(first + 4, len(f))):
+            first = (node - leaves) * TRIANGLES_PER_LEAF
+            for j in range(max(first, i + 1), min(first + TRIANGLES_PER_LEAF, len(f))):
                 if _cross(v, f[i], f[j], tolerance):
                     if count == len(pairs):
                         return pairs

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ....core.arrays import Float
@@ -15,15 +17,15 @@ MAX_REACH_SIZES = 1.5
 
 def describe_point(p: Float) -> str:
     """Return a point (3,) mm as text, such as "(1, 2.5, 0)"."""
-    return "(" + ", ".join(f"{x + 0.0:.4g}" for x in p) + ")"
+    return "(" + ", ".join(f"{x + 0.0:.4g}" for x in np.round(p, 6)) + ")"
 
 
-def format_count(count: int, singular: str, plural: str = "") -> str:
+def format_count(count: int, noun: str) -> str:
     """Return a count with its noun, such as "1 hole" or "2 holes"."""
-    return f"{count} {singular if count == 1 else plural or singular + 's'}"
+    return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
-def describe_cavity(volume: float, middle: Float, smaller: int = 0) -> str:
+def describe_cavity(volume: float, middle: Float, smaller: int) -> str:
     """Describe a closed cavity.
 
     Args:
@@ -36,6 +38,12 @@ def describe_cavity(volume: float, middle: Float, smaller: int = 0) -> str:
     """
     text = f"a closed cavity of {volume:.3g} mm3 around {describe_point(middle)}"
     return f"{text} and {smaller} smaller" if smaller else text
+
+
+def describe_solids(solids: Sequence[tuple[float, Float]]) -> str:
+    """Describe the first five of some solids, each by its volume, mm^3, and center (3,), mm."""
+    text = "; ".join(f"{volume:.3g} mm3 around {describe_point(at)}" for volume, at in solids[:5])
+    return f"{text} and {len(solids) - 5} more" if len(solids) > 5 else text
 
 
 def closed_cavity_error(where: str, volume: float, middle: Float, smaller: int) -> BodyError:

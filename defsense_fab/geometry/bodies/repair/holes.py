@@ -9,7 +9,7 @@ import numpy as np
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
 from ....core.machine.compiled import compiled
-from .connectivity import find_edges
+from ....core.mesh import facet_crosses, triangle_edges
 from .findings import describe_point, format_count
 
 #: Holes of more than three edges that are wider than this share of the bounding box's diagonal are
@@ -36,7 +36,7 @@ def close_holes(
     Raises:
         BodyError: If a hole is too wide to guess what was there.
     """
-    edges, count, _ = find_edges(faces)
+    edges, count, _ = triangle_edges(faces)
     loops = _find_loops(edges[count == 1], where, vertices)
     if not loops:
         return vertices, faces, []
@@ -75,17 +75,11 @@ def _describe(
     """Describe the filled holes; cracks between triangles, of which one has an extra vertex,
     apart.
     """
-    area = []
-    for filled in fillings:
-        c = vertices[filled]
-        cross = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-        area.append(np.linalg.norm(cross, axis=1).sum() / 2)
-    cracks = [
-        w for w, a in zip(filled_holes, area, strict=True) if a < CRACK_WIDTH_SHARE * size * w[0]
-    ]
-    holes = [
-        w for w, a in zip(filled_holes, area, strict=True) if a >= CRACK_WIDTH_SHARE * size * w[0]
-    ]
+    cracks: list[tuple[float, int, Float]] = []
+    holes: list[tuple[float, int, Float]] = []
+    for hole, filled in zip(filled_holes, fillings, strict=True):
+        area = np.linalg.norm(facet_crosses(vertices, filled), axis=1).sum() / 2
+        (cracks if area < CRACK_WIDTH_SHARE * size * hole[0] else holes).append(hole)
     sentences = []
     if len(holes) == 1:
         width, count, at = holes[0]

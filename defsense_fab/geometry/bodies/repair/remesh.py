@@ -2,19 +2,27 @@
 
 Inside a box around each crossing, the body is where the winding number exceeds 0.5, on a grid that
 is finer for smaller boxes; outside the boxes the triangles stay as they are.
+
+fTetWild also meshes surfaces that cross themselves, but cannot replace this: parts are cut from the
+surface, which it would remesh everywhere, differently each time, and not on every platform.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-import igl
 import manifold3d as m3
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
-from ....core.mesh import facet_crosses
-from .crossings import WindingNumber, winding_on_both_sides
+from ....core.mesh import Surface, facet_crosses
+from ...kernels import triangle_kernel
+from ...kernels.surface_queries import SignedDistance
+from .crossings import winding_on_both_sides
+
+#: Function that returns which points (n, 3) are inside.
+Inside = Callable[[Float], Bool]
 
 MAX_SAMPLES = 40_000  # measured in each direction
 MATCH_SHARE = 1e-9  # of the size
@@ -23,12 +31,12 @@ INWARD_SHARE = 1e-3  # of the way from a corner to the opposite side
 FIXED_WEIGHTS = np.concatenate([np.full((1, 3), 1 / 3), np.eye(3), (1 - np.eye(3)) / 2])
 
 
-def measure_displacement(before: tuple[Float, Int], after: tuple[Float, Int], size: float) -> float:
+def measure_displacement(before: Surface, after: Surface, size: float) -> float:
     """Return how far a repair moved a surface.
 
     Args:
-        before: Vertices and faces before.
-        after: Vertices and faces after.
+        before: The surface before.
+        after: The surface after.
         size: Diagonal of the bounding box, mm.
 
     Returns:
@@ -39,29 +47,30 @@ def measure_displacement(before: tuple[Float, Int], after: tuple[Float, Int], si
     added = _sample(after, _find_new(after, before, size))[0]
     points, inner_points, normals = _sample(before, _find_new(before, after, size))
     behind, front = (
-        np.abs(w) < 0.5
-        for w in winding_on_both_sides(WindingNumber(*before), inner_points, normals, size)
+        np.abs(w) < 0.5 for w in winding_on_both_sides(before, inner_points, normals, size)
     )
     is_exposed = behind != front
     return max(_largest_distance(added, before), _largest_distance(points[is_exposed], after))
 
 
-def _find_new(mesh: tuple[Float, Int], other: tuple[Float, Int], size: float) -> Bool:
+def _find_new(mesh: Surface, other: Surface, size: float) -> Bool:
     """Return the triangles (m,) that the other mesh does not have."""
-    mine, theirs = (np.round(v[f].mean(1) / (MATCH_SHARE * size)) for v, f in (mesh, other))
+    mine, theirs = (
+        np.round(s.vertices[s.faces].mean(1) / (MATCH_SHARE * size)) for s in (mesh, other)
+    )
     _, index = np.unique(np.concatenate([theirs, mine]), axis=0, return_inverse=True)
     index = index.reshape(-1)
     return np.asarray(~np.isin(index[len(theirs) :], index[: len(theirs)]))
 
 
-def _sample(mesh: tuple[Float, Int], chosen: Bool) -> tuple[Float, Float, Float]:
+def _sample(mesh: Surface, chosen: Bool) -> tuple[Float, Float, Float]:
     """Sample the chosen triangles: always their corners, edge centers and center, and more by area.
 
     Return points (n, 3), for each a nearby point that is not on an edge, and the triangles'
     normals.
     """
-    corners = mesh[0][mesh[1][chosen]]
-    cross = facet_crosses(mesh[0], mesh[1][chosen])
+    corners = mesh.vertices[mesh.faces[chosen]]
+    cross = facet_crosses(mesh.vertices, mesh.faces[chosen])
     area = np.linalg.norm(cross, axis=1)
     corners, cross, area = corners[area > 0], cross[area > 0], area[area > 0]
     if not len(corners):
@@ -82,30 +91,24 @@ def _sample(mesh: tuple[Float, Int], chosen: Bool) -> tuple[Float, Float, Float]
     return points, within, (cross / area[:, None])[face]
 
 
-def _largest_distance(points: Float, mesh: tuple[Float, Int]) -> float:
-    if not len(points):
-        return 0.0
-    squared = igl.point_mesh_squared_distance(
-        np.ascontiguousarray(points), np.ascontiguousarray(mesh[0]), np.ascontiguousarray(mesh[1])
-    )[0]
-    return float(np.sqrt(np.max(squared)))
+def _largest_distance(points: Float, surface: Surface) -> float:
+    return float(SignedDistance(surface).unsigned(points).max()) if len(points) else 0.0
 
 
 BOX_MARGIN_SHARE = 0.08  # of a box's longest side, on each side
 MIN_MARGIN_SHARE = 1e-3  # of the size
 
 
-def enclose_in_boxes(vertices: Float, faces: Int, bad: Bool, size: float, wider: float) -> Float:
+def enclose_in_boxes(surface: Surface, bad: Bool, size: float, wider: float) -> Float:
     """Return disjoint boxes (k, 2, 3) around bad triangles, with a margin.
 
     Args:
-        vertices: Corners (n, 3), mm.
-        faces: Triangles (m, 3).
+        surface: The surface.
         bad: Flags (m,) of the triangles to enclose.
         size: Diagonal of the bounding box, mm.
         wider: Factor on the usual margin.
     """
-    corners = vertices[faces[bad]]
+    corners = surface.vertices[surface.faces[bad]]
     cores = np.stack([corners.min(1), corners.max(1)], axis=1)
     while True:
         margin = wider * np.maximum(
@@ -156,18 +159,16 @@ SIMPLIFY_CELLS = 0.05  # tolerance of the simplification
 MIN_EDGE_SHARE = 0.02  # of a grid edge, between its ends and the surface
 
 
-def rebuild_in_boxes(vertices: Float, faces: Int, boxes: Float) -> tuple[Float, Int] | None:
+def rebuild_in_boxes(surface: Surface, boxes: Float) -> Surface | None:
     """Rebuild the contents of boxes (k, 2, 3) of a surface.
 
     Returns:
-        Vertices and faces, or None if the triangle kernel does not accept the surface.
+        The new surface, or None if the triangle kernel does not accept the given one.
     """
-    body = m3.Manifold(
-        m3.Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, np.uint64))
-    )
-    if body.status() != m3.Error.NoError:
+    body = triangle_kernel.try_manifold(surface)
+    if body is None:
         return None
-    inside = WindingNumber(vertices, faces)
+    inside = SignedDistance(surface).inside
     patches = []
     for low, high in boxes:
         cell = float((high - low).max()) / CELLS_PER_BOX
@@ -176,36 +177,31 @@ def rebuild_in_boxes(vertices: Float, faces: Int, boxes: Float) -> tuple[Float, 
         if patch is not None:
             # A little wider than what was cut out, so that no gap is left.
             patches.append(patch ^ _box(low - 0.5 * cell, high + 0.5 * cell))
-    return _arrays(m3.Manifold.batch_boolean([body, *patches], m3.OpType.Add))
+    rebuilt = triangle_kernel.union([body, *patches])
+    return None if rebuilt.is_empty() else triangle_kernel.to_surface(rebuilt)
 
 
-def rebuild_whole(vertices: Float, faces: Int, cells: int) -> tuple[Float, Int] | None:
+def rebuild_whole(surface: Surface, cells: int) -> Surface | None:
     """Rebuild a whole surface with about `cells` grid cells along its longest side.
 
     Returns:
-        Vertices and faces, or None if the surface encloses nothing.
+        The new surface, or None if the given one encloses nothing.
     """
-    low, high = vertices[faces].min((0, 1)), vertices[faces].max((0, 1))
+    low, high = surface.bounds
     extent = high - low
     cell = max(
         float(extent.max()) / cells,
         float(np.prod(extent + 1e-3 * extent.max()) / MAX_CELLS) ** (1 / 3),
     )
-    patch = _patch(WindingNumber(vertices, faces), low - 2 * cell, high + 2 * cell, cell)
-    return None if patch is None else _arrays(patch)
+    patch = _patch(SignedDistance(surface).inside, low - 2 * cell, high + 2 * cell, cell)
+    return None if patch is None or patch.is_empty() else triangle_kernel.to_surface(patch)
 
 
 def _box(low: Float, high: Float) -> Any:
     return m3.Manifold.cube(tuple(high - low)).translate(tuple(low))
 
 
-def _arrays(solid: Any) -> tuple[Float, Int] | None:
-    mesh = solid.to_mesh64()
-    faces = np.array(mesh.tri_verts, np.int64)
-    return (np.array(mesh.vert_properties, float)[:, :3], faces) if len(faces) else None
-
-
-def _patch(inside: WindingNumber, low: Float, high: Float, cell: float) -> Any:
+def _patch(inside: Inside, low: Float, high: Float, cell: float) -> Any:
     """Return a manifold3d solid of what is inside a box, with its vertices on the surface."""
     # Off the planes in which bodies often have faces.
     low = low - cell * np.array([0.137, 0.291, 0.413])
@@ -223,10 +219,8 @@ def _patch(inside: WindingNumber, low: Float, high: Float, cell: float) -> Any:
         return None
     grid, faces = _march(flags)
     vertices = _move_to_surface(grid, flags, inside, low, cell)
-    solid = m3.Manifold(
-        m3.Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, np.uint64))
-    )
-    return solid.simplify(SIMPLIFY_CELLS * cell) if solid.status() == m3.Error.NoError else None
+    solid = triangle_kernel.try_manifold(Surface(vertices, faces))
+    return None if solid is None else solid.simplify(SIMPLIFY_CELLS * cell)
 
 
 def _march(flags: Any) -> tuple[Float, Int]:
@@ -249,15 +243,10 @@ def _march(flags: Any) -> tuple[Float, Int]:
     output = marching.GetOutput()
     vertices = vtk_to_numpy(output.GetPoints().GetData()).astype(float)
     faces = vtk_to_numpy(output.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    if np.einsum("ij,ij->", a, np.cross(b, c)) < 0:
-        faces = faces[:, ::-1]
-    return vertices, faces
+    return vertices, faces[:, ::-1] if Surface(vertices, faces).volume < 0 else faces
 
 
-def _move_to_surface(
-    grid: Float, flags: Any, inside: WindingNumber, low: Float, cell: float
-) -> Float:
+def _move_to_surface(grid: Float, flags: Any, inside: Inside, low: Float, cell: float) -> Float:
     """Move each vertex along its grid edge to where the inside ends."""
     start = np.floor(grid + 1e-3).astype(int)
     end = np.ceil(grid - 1e-3).astype(int)

@@ -9,8 +9,15 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
-from .crossings import WindingNumber
-from .findings import closed_cavity_error, describe_cavity, describe_point, format_count
+from ....core.mesh import Surface
+from ...kernels.surface_queries import SignedDistance
+from .findings import (
+    closed_cavity_error,
+    describe_cavity,
+    describe_point,
+    describe_solids,
+    format_count,
+)
 
 #: Pieces and cavities below this share of the volume are debris.
 DEBRIS_SHARE = 1e-3
@@ -42,14 +49,15 @@ class Shell:
         return (self.low + self.high) / 2
 
 
-def find_shells(vertices: Float, faces: Int, size: float) -> list[Shell]:
+def find_shells(surface: Surface, size: float) -> list[Shell]:
     """Return the shells that enclose a volume, the largest first."""
+    faces = surface.faces
     label = np.asarray(igl.facet_components(np.ascontiguousarray(faces))[1])
     order = np.argsort(label, kind="stable")
     shells = []
     for members in np.split(order, np.nonzero(np.diff(label[order]))[0] + 1):
         triangles = faces[np.sort(members)]
-        corners = vertices[triangles]
+        corners = surface.vertices[triangles]
         a, b, c = (corners[:, i] - corners[0, 0] for i in range(3))
         volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
         if abs(volume) < MIN_VOLUME_SHARE * size**3 and len(members) < len(faces):
@@ -67,29 +75,31 @@ def find_shells(vertices: Float, faces: Int, size: float) -> list[Shell]:
     return sorted(shells, key=lambda s: -s.volume)
 
 
-def find_holders(vertices: Float, shells: list[Shell], crossing: Int) -> list[int | None]:
+def find_holders(
+    vertices: Float, shells: list[Shell], crossing: set[tuple[int, int]]
+) -> list[int | None]:
     """Return, for each shell, the index of the smallest shell that holds it, or None.
 
     Args:
         vertices: Corners (n, 3), mm.
         shells: Shells, the largest first.
-        crossing: Pairs (k, 2) of shells that cross: they do not hold each other.
+        crossing: Pairs of shells that cross, the first before the second: they do not hold each
+            other.
     """
-    crossed = {(int(a), int(b)) for a, b in crossing} | {(int(b), int(a)) for a, b in crossing}
-    trees: dict[int, WindingNumber] = {}
+    trees: dict[int, SignedDistance] = {}
     holder: list[int | None] = [None] * len(shells)
     for i, inner in enumerate(shells[:MAX_NESTED]):
         for j in range(i - 1, -1, -1):
             outer = shells[j]
             if (
-                (i, j) in crossed
+                (j, i) in crossing
                 or (outer.low > inner.low).any()
                 or (outer.high < inner.high).any()
             ):
                 continue
             if j not in trees:
-                trees[j] = WindingNumber(vertices, outer.faces)
-            if trees[j](vertices[inner.faces[:3, 0]]).all():
+                trees[j] = SignedDistance(Surface(vertices, outer.faces))
+            if trees[j].inside(vertices[inner.faces[:3, 0]]).all():
                 holder[i] = j
                 break
     return holder
@@ -144,12 +154,9 @@ def select_piece(pieces: list[Shell], where: str) -> tuple[list[Shell], list[str
     large = [p for p in pieces if p.volume >= DEBRIS_SHARE * whole]
     debris = [p for p in pieces if p.volume < DEBRIS_SHARE * whole]
     if len(large) > 1:
-        descriptions = "; ".join(
-            f"{p.volume:.3g} mm3 around {describe_point(p.middle)}" for p in large[:5]
-        )
-        more = f" and {len(large) - 5} more" if len(large) > 5 else ""
+        descriptions = describe_solids([(p.volume, p.middle) for p in large])
         raise BodyError(
-            f"consists of {len(large)} separate pieces: {descriptions}{more}",
+            f"consists of {len(large)} separate pieces: {descriptions}",
             code="separate-pieces",
             where=where,
             action="Unite the pieces or keep one",

@@ -1,17 +1,17 @@
-// The camera: where it looks from, what fits into its picture, how mouse, touch and keys move it.
+// The camera: its place, its field of view, and how mouse, touch and keys move it.
 const LENS = 30; // degrees
 const calm = window.matchMedia("(prefers-reduced-motion: reduce)");
 
 class Eye {
-  constructor(canvas, told, changed) {
-    this.camera = new THREE.PerspectiveCamera(LENS, 1, told.size / 100, told.size * 100);
-    const [right, up, front] = told.frame.map((way) => new THREE.Vector3(...way).normalize());
+  constructor(canvas, content, changed) {
+    this.camera = new THREE.PerspectiveCamera(LENS, 1, content.size / 100, content.size * 100);
+    const [right, up, front] = content.frame.map((way) => new THREE.Vector3(...way).normalize());
     this.right = right;
     this.up = up;
     this.camera.up.copy(this.up);
     this.controls = new THREE.OrbitControls(this.camera, canvas);
-    this.controls.minDistance = 0.05 * told.size;
-    this.controls.maxDistance = 50 * told.size;
+    this.controls.minDistance = 0.05 * content.size;
+    this.controls.maxDistance = 50 * content.size;
     this.controls.enableZoom = false; // the wheel scrolls the page until the view is clicked
     this.controls.addEventListener("change", changed);
     canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }));
@@ -32,7 +32,7 @@ class Eye {
     this.camera.updateProjectionMatrix();
   }
 
-  // How far from the middle of a box the camera sees all of it along a way.
+  // Distance from the middle of a box at which the camera shows all of it, along a direction.
   distance(box, way) {
     const back = way.clone().normalize();
     const right = new THREE.Vector3().crossVectors(this.up, back).normalize();
@@ -58,7 +58,7 @@ class Eye {
     this.box = box.clone();
   }
 
-  // What is shown has another size now: it fills the picture as much as before.
+  // Keep the share of the picture that the content fills when its size changes.
   follow(box) {
     const way = this.camera.position.clone().sub(this.controls.target);
     const grown = this.distance(box, way) / this.distance(this.box, way);
@@ -89,17 +89,17 @@ class Eye {
   _fly(target, way) {
     cancelAnimationFrame(this.flight);
     const from = this.controls.target.clone();
-    const begun = this.camera.position.clone().sub(from);
+    const startedAt = this.camera.position.clone().sub(from);
     const place = (share) => {
       this.controls.target.lerpVectors(from, target, share);
-      const length = begun.length() * (1 - share) + way.length() * share;
-      const now = begun.clone().normalize().lerp(way.clone().normalize(), share);
+      const length = startedAt.length() * (1 - share) + way.length() * share;
+      const now = startedAt.clone().normalize().lerp(way.clone().normalize(), share);
       if (now.lengthSq() < 1e-6) now.copy(way);
       this.camera.position.copy(this.controls.target).add(now.setLength(length));
       this.controls.update();
       this.changed();
     };
-    if (calm.matches || !this.box || begun.lengthSq() === 0) return place(1);
+    if (calm.matches || !this.box || startedAt.lengthSq() === 0) return place(1);
     const start = performance.now();
     const frame = (now) => {
       const t = Math.min(Math.max((now - start) / 350, 0), 1);

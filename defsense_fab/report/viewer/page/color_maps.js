@@ -1,6 +1,7 @@
-// Colours of numbers, those of the report's pictures: magma for errors, viridis for strains.
+// Color maps, the same as in the pictures of the report: reversed magma for errors, viridis
+// for strains.
 const MAPS = {
-  error: "000004 140e36 3b0f70 641a80 8c2981 b73779 de4968 f7705c fe9f6d fecf92 fcfdbf",
+  error: "fcfdbf fecf92 fe9f6d f7705c de4968 b73779 8c2981 641a80 3b0f70 140e36 000004",
   strain: "440154 482475 414487 355f8d 2a788e 21918c 22a884 44bf70 7ad151 bddf26 fde725",
 };
 

@@ -1,4 +1,4 @@
-// What is seen: the parts, what goes with them, and the body's simulated surface.
+// The parts, the things that move along with them, and the body's simulated surface.
 const KIND_COLORS = { wire: "#c1121f", pin: "#e8dcb0", seat: "#f8f9fa" };
 
 function meshOf(positions, faces, material) {
@@ -12,51 +12,51 @@ function solidOf(color, extra) {
   return new THREE.MeshLambertMaterial({ color, flatShading: true, ...extra });
 }
 
-// A part's colour, so pale that the cords' stand out from it.
+// A paler color for a part, so that cords stand out.
 function paler(color) {
   return "#" + new THREE.Color(color).lerp(new THREE.Color("#ffffff"), 0.12).getHexString();
 }
 
 class Part {
-  constructor(told, k, scene) {
-    const points = pointsOf(scene.arrays[told.places], scene.told.step);
+  constructor(record, k, scene) {
+    const points = pointsOf(scene.arrays[record.places], scene.content.step);
     this.kind = "part";
-    this.told = told;
-    this.mesh = meshOf(points, facesOf(scene.arrays[told.faces]), solidOf(paler(told.color)));
+    this.record = record;
+    this.mesh = meshOf(points, facesOf(scene.arrays[record.faces]), solidOf(paler(record.color)));
     this.mesh.geometry.computeBoundingBox();
-    this.ways = scene.told.joints.map((joint) => new THREE.Vector3(...joint.ways[k]));
+    this.ways = scene.content.joints.map((joint) => new THREE.Vector3(...joint.ways[k]));
   }
 
-  // Moved as far as each joint is open, from 0 to 1.
+  // Move the part as far as each joint is open, from 0 to 1.
   open(shares) {
     this.mesh.position.set(0, 0, 0);
     shares.forEach((share, k) => this.mesh.position.addScaledVector(this.ways[k], share));
   }
 
   growBox(box) {
-    const own = this.mesh.geometry.boundingBox.clone().translate(this.mesh.position);
-    box.union(own);
+    const moved = this.mesh.geometry.boundingBox.clone().translate(this.mesh.position);
+    box.union(moved);
   }
 }
 
 // A cord, wire, pin or marker seat.
 class Follower {
-  constructor(told, scene) {
-    const { arrays } = scene, { step, joints, states } = scene.told;
+  constructor(record, scene) {
+    const { arrays } = scene, { step, joints, states } = scene.content;
     const sheets = (place, count) =>
       Array.from({ length: count }, (_, k) => pointsOf(arrays[place], step, count, k));
-    this.kind = told.kind;
-    this.told = told;
-    this.rest = pointsOf(arrays[told.places], step);
-    this.opened = sheets(told.opened, joints.length);
-    this.moved = sheets(told.moved, states.length);
+    this.kind = record.kind;
+    this.record = record;
+    this.rest = pointsOf(arrays[record.places], step);
+    this.opened = sheets(record.opened, joints.length);
+    this.moved = sheets(record.moved, states.length);
     this.now = this.rest.slice();
-    const color = told.color || KIND_COLORS[told.kind];
-    this.mesh = told.radius
+    const color = record.color || KIND_COLORS[record.kind];
+    this.mesh = record.radius
       ? new THREE.Mesh(tubeGeometry(this.rest.length / 3), new THREE.MeshLambertMaterial({ color }))
       : meshOf(new Float32Array(12), new Uint32Array([0, 1, 2, 0, 2, 3]),
           solidOf(color, { side: THREE.DoubleSide }));
-    this.size = scene.told.size;
+    this.size = scene.content.size;
     this._show(0);
   }
 
@@ -70,10 +70,10 @@ class Follower {
     this._show(0.02 * this.size); // the simulated surface has no flats
   }
 
-  // A seat is lifted by so many mm above its flat, to be seen.
+  // A seat is lifted by `lift` mm above its flat, so that it is visible.
   _show(lift) {
     const { geometry } = this.mesh;
-    if (this.told.radius) return layTube(geometry, this.now, this.told.radius);
+    if (this.record.radius) return layTube(geometry, this.now, this.record.radius);
     const [a, b, c] = [0, 3, 6].map((k) => new THREE.Vector3().fromArray(this.now, k));
     const out = b.clone().sub(a).cross(c.sub(b)).setLength(lift);
     const position = geometry.getAttribute("position");
@@ -84,15 +84,15 @@ class Follower {
   }
 }
 
-// The surface that was simulated, in a pose; beside or over it that which is read.
+// The simulated surface in a pose, and the surface as the device reads it.
 class Body {
   constructor(scene) {
-    const { arrays } = scene, { step, states, surface } = scene.told;
+    const { arrays } = scene, { step, states, surface } = scene.content;
     const sheets = (place, by) =>
       states.map((_, k) => pointsOf(arrays[place], by, states.length, k));
     const faces = facesOf(arrays[surface.faces]);
     this.kind = "surface";
-    this.told = { name: "body", facts: [["simulated surface", faces.length / 3 + " triangles"]] };
+    this.record = { name: "body", facts: [["simulated surface", faces.length / 3 + " triangles"]] };
     this.rest = pointsOf(arrays[surface.places], step);
     this.moved = sheets(surface.moved, step);
     this.missed = sheets(surface.missed, surface.missed_step);
@@ -142,12 +142,12 @@ class Body {
     attribute.needsUpdate = true;
   }
 
-  // Root mean square of how far the read shape is off, mm.
+  // Root mean square error of the surface as read, mm.
   rmse() {
     return Math.sqrt(this.off.reduce((sum, x) => sum + x * x, 0) / (this.off.length / 3));
   }
 
-  // The box around all that the body passes through on the way from rest to `weights`.
+  // Box around the body's movement from rest to `weights`.
   reach(weights) {
     const there = new Float32Array(this.rest.length);
     blend(there, this.rest, this.moved, weights);

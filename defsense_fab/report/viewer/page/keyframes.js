@@ -1,4 +1,4 @@
-// Shapes between those that were simulated: piecewise cubic through them, whose slope at each is
+// Shapes between the simulated ones: a piecewise cubic curve through them, whose slope at each is
 // that of the parabola through it and its neighbours.
 
 // Weights of the shapes at the increasing places `at` (the first is rest, at 0) for place t.

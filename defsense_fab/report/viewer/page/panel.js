@@ -1,6 +1,6 @@
-// The controls beside the view, and what they tell. All words of the device are set as text.
+// The controls next to the view, and their texts. Names from the device are set as text, not HTML.
 const KINDS = { body: "body", cord: "cords", wire: "wires", pin: "pins", seat: "marker seats" };
-const QUANTITIES = { error: "error without noise, mm", strain: "largest principal strain, %" };
+const QUANTITIES = { error: "Error without noise, mm", strain: "Largest principal strain, %" };
 const KIND_WORDS = { part: "part", cord: "cord", wire: "wire", pin: "pin", seat: "marker seat" };
 const ROUND_TRIP = 4; // s, from rest to the pose and back
 
@@ -8,7 +8,7 @@ class Panel {
   constructor(section, stage) {
     this.section = section;
     this.stage = stage;
-    this.told = stage.told;
+    this.content = stage.content;
     this.picked = null;
     this._poses();
     this._open();
@@ -19,17 +19,17 @@ class Panel {
       button.addEventListener("click", () => this.look(button.dataset.look)));
     this._pick();
     this._keys();
-    this.tell();
+    this.update();
   }
 
   get(name) {
     return this.section.querySelector(`[data-${name}]`);
   }
 
-  // Changes of what is shown, and what is told of it.
+  // Change the state, and update the view and the texts.
   set(changes) {
     this.stage.set(changes);
-    this.tell();
+    this.update();
   }
 
   look(name) {
@@ -40,7 +40,7 @@ class Panel {
     this.stage.eye.look(name, this.stage.box());
   }
 
-  tell() {
+  update() {
     const { state } = this.stage, posed = state.pose !== null;
     this.get("open").value = state.open;
     this.get("pose").value = posed ? state.pose : "";
@@ -48,8 +48,8 @@ class Panel {
     for (const name of ["amount", "colors", "read"]) this.get(name).value = state[name];
     this.get("joint").textContent = this._joint();
     this.get("open").setAttribute("aria-valuetext", this._joint());
-    if (posed) this._tellPose();
-    if (this.picked) this._tellPicked();
+    if (posed) this._describePose();
+    if (this.picked) this._describePicked();
   }
 
   play(on) {
@@ -61,10 +61,10 @@ class Panel {
     this.get("picked").setAttribute("aria-live", on ? "off" : "polite"); // not with every frame
     if (!on) return;
     const from = Math.acos(1 - 2 * this.stage.state.amount);
-    let begun = null;
+    let startedAt = null;
     const frame = (now) => {
-      begun = begun ?? now;
-      const phase = from + (2 * Math.PI * (now - begun)) / (1000 * ROUND_TRIP);
+      startedAt = startedAt ?? now;
+      const phase = from + (2 * Math.PI * (now - startedAt)) / (1000 * ROUND_TRIP);
       this.set({ amount: (1 - Math.cos(phase)) / 2 });
       this.frame = requestAnimationFrame(frame);
     };
@@ -77,14 +77,14 @@ class Panel {
     this.get("names").querySelectorAll("button").forEach((button) =>
       button.setAttribute("aria-pressed", String(Boolean(follower) && button.follower === follower)));
     this.get("picked").replaceChildren();
-    if (follower) this._tellPicked();
+    if (follower) this._describePicked();
   }
 
   _poses() {
     const list = this.get("pose");
-    list.append(new Option("at rest, as parts", ""));
-    this.told.poses.forEach((pose, k) =>
-      list.append(new Option(pose.name + (pose.held_out ? ", worst unseen" : ""), k)));
+    list.append(new Option("At rest, as parts", ""));
+    this.content.poses.forEach((pose, k) =>
+      list.append(new Option(pose.name + (pose.held_out ? " (largest error, not designed for)" : ""), k)));
     list.addEventListener("change", () => {
       this.play(false);
       this.set({ open: 0, amount: 1, pose: list.value === "" ? null : Number(list.value) });
@@ -92,7 +92,7 @@ class Panel {
   }
 
   _open() {
-    if (!this.told.joints.length) {
+    if (!this.content.joints.length) {
       this.section.querySelectorAll("[data-if=joints]").forEach((each) => (each.hidden = true));
     }
     this.get("open").addEventListener("input", (event) => {
@@ -104,10 +104,10 @@ class Panel {
   _joint() {
     const shares = this.stage.shares(this.stage.state.open), n = shares.length;
     const opening = shares.findIndex((share) => share > 0);
-    if (opening < 0) return n ? `${n} joint${n > 1 ? "s" : ""}, all closed` : "";
-    const { join, cords } = this.told.joints[opening];
-    const held = cords.length ? ` Cord ${cords.join(", ")} lies in it.` : "";
-    return `Joint ${opening + 1} of ${n}, in the order in which they are closed: ${join[0].join(" + ")} and ${join[1].join(" + ")}.${held}`;
+    if (opening < 0) return n ? `${n} joint${n > 1 ? "s" : ""}, all closed.` : "";
+    const { join, cords } = this.content.joints[opening];
+    const held = cords.length ? ` With ${cords.length > 1 ? "cords" : "cord"} ${cords.join(", ")}.` : "";
+    return `Joint ${opening + 1} of ${n} in the order of assembly: ${join[0].join(" + ")} and ${join[1].join(" + ")}.${held}`;
   }
 
   _posed() {
@@ -120,7 +120,7 @@ class Panel {
     this.get("read").addEventListener("change", (event) => this.set({ read: event.target.value }));
   }
 
-  _tellPose() {
+  _describePose() {
     const { state, body } = this.stage, scale = this.get("scale");
     scale.hidden = state.colors === "none";
     if (!scale.hidden) {
@@ -129,25 +129,25 @@ class Panel {
       this.get("quantity").textContent = QUANTITIES[state.colors];
       this.get("top").textContent = String(Number(top.toPrecision(3)));
     }
-    const pose = this.told.poses[state.pose];
+    const pose = this.content.poses[state.pose];
     const solved = pose.at.map((at) => `${Math.round(100 * at)}\u00a0%`).join(", ");
-    const between = pose.at.length > 1 ? "a smooth curve between" : "a straight way from rest to it";
-    const unseen = pose.held_out ? " (not designed for; of such states the worst read)" : "";
+    const between = pose.at.length > 1 ? "interpolated smoothly between them" : "interpolated linearly from rest";
+    const unseen = pose.held_out ? " (of the states not designed for, the one with the largest error)" : "";
     this.get("state").textContent =
-      `${Math.round(100 * state.amount)}\u00a0% of “${pose.name}”${unseen}: read ${body.rmse().toFixed(2)} mm off (RMSE without noise). Simulated at ${solved}, ${between}.`;
+      `${Math.round(100 * state.amount)}\u00a0% of “${pose.name}”${unseen}: error ${body.rmse().toFixed(2)} mm (RMSE without noise). Simulated at ${solved}, ${between}.`;
   }
 
   _shown() {
     const row = this.get("shown");
     const there = Object.keys(KINDS).filter((kind) =>
-      kind === "body" || this.told.followers.some((follower) => follower.kind === kind));
+      kind === "body" || this.content.followers.some((follower) => follower.kind === kind));
     for (const kind of there) {
       this._box(row, KINDS[kind], KIND_COLORS[kind], true, (on) => {
         this.stage.hidden[on ? "delete" : "add"](kind);
         this.set({});
       });
     }
-    this._box(row, "see through", null, false, (on) => this.set({ through: on }));
+    this._box(row, "transparent", null, false, (on) => this.set({ through: on }));
   }
 
   _box(row, words, color, on, changed) {
@@ -167,23 +167,23 @@ class Panel {
       const button = document.createElement("button"), dot = document.createElement("i");
       button.type = "button";
       button.follower = follower;
-      dot.style.background = follower.kind === "part" ? paler(follower.told.color) : follower.told.color;
+      dot.style.background = follower.kind === "part" ? paler(follower.record.color) : follower.record.color;
       dot.classList.toggle("v3-round", follower.kind === "cord");
-      button.append(dot, follower.told.name);
+      button.append(dot, follower.record.name);
       button.addEventListener("click", () => this.pick(this.picked === follower ? null : follower));
       this.get("names").append(button);
     }
   }
 
-  _tellPicked() {
-    const { told, kind } = this.picked, box = this.get("picked");
+  _describePicked() {
+    const { record, kind } = this.picked, box = this.get("picked");
     const title = document.createElement("strong"), list = document.createElement("dl");
-    const facts = [...told.facts];
+    const facts = [...record.facts];
     if (kind === "cord") {
       const cord = this.stage.followers.indexOf(this.picked);
-      facts.push(["as shown", `${Math.round(this.stage.resistances()[cord])} Ω`]);
+      facts.push(["resistance in this view", `${Math.round(this.stage.resistances()[cord])} Ω`]);
     }
-    title.textContent = kind === "surface" ? told.name : `${told.name} (${KIND_WORDS[kind]})`;
+    title.textContent = kind === "surface" ? record.name : `${record.name} (${KIND_WORDS[kind]})`;
     for (const [label, value] of facts) {
       const term = document.createElement("dt"), words = document.createElement("dd");
       term.textContent = label;
@@ -219,7 +219,7 @@ class Panel {
         this.set({ open: state.open < 0.5 ? 1 : 0, pose: null });
       },
       p: () => {
-        if (state.pose === null && this.told.poses.length) this.set({ open: 0, pose: 0 });
+        if (state.pose === null && this.content.poses.length) this.set({ open: 0, pose: 0 });
         if (state.pose !== null) this.play(!this.playing);
       },
       Escape: () => this.pick(null),

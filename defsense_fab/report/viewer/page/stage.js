@@ -1,15 +1,16 @@
-// The stage: all that is seen, its state (how far open, which pose, what is shown), and drawing it.
+// The stage: everything that is visible, its state (how far open, which pose, visible kinds), and how
+// it is drawn.
 class Stage {
   constructor(canvas, scene, redrawn) {
-    this.told = scene.told;
+    this.content = scene.content;
     this.canvas = canvas;
     this.redrawn = redrawn;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
     this.scene = new THREE.Scene();
-    this.eye = new Eye(canvas, scene.told, () => this.draw());
-    this.parts = scene.told.parts.map((part, k) => new Part(part, k, scene));
-    this.followers = scene.told.followers.map((follower) => new Follower(follower, scene));
+    this.eye = new Eye(canvas, scene.content, () => this.draw());
+    this.parts = scene.content.parts.map((part, k) => new Part(part, k, scene));
+    this.followers = scene.content.followers.map((follower) => new Follower(follower, scene));
     this.body = new Body(scene);
     this.hidden = new Set();
     this.state = { open: 0, pose: null, amount: 1, colors: "error", read: "hidden", through: false };
@@ -22,7 +23,7 @@ class Stage {
     new ResizeObserver(() => this.resize()).observe(canvas);
   }
 
-  // Changes of the state, which is then shown.
+  // Change the state and show it.
   set(changes) {
     Object.assign(this.state, changes);
     this.apply();
@@ -43,41 +44,41 @@ class Stage {
       for (const follower of [...this.parts, ...this.followers]) follower.open(shares);
     }
     const bodyShown = !this.hidden.has("body");
-    for (const part of this.parts) this._see(part.mesh, !posed && bodyShown, through);
-    this._see(this.body.mesh, posed && bodyShown, through);
-    this._see(this.body.read, posed && read !== "hidden", false);
+    for (const part of this.parts) this._setVisible(part.mesh, !posed && bodyShown, through);
+    this._setVisible(this.body.mesh, posed && bodyShown, through);
+    this._setVisible(this.body.read, posed && read !== "hidden", false);
     this.body.read.material.wireframe = read === "over";
     const beside = posed && read === "beside";
-    this.body.read.position.copy(beside ? this._beside() : new THREE.Vector3());
+    this.body.read.position.copy(beside ? this._besideOffset() : new THREE.Vector3());
     for (const follower of this.followers) follower.mesh.visible = !this.hidden.has(follower.kind);
   }
 
-  // How far each joint is open: that which is closed last opens first.
+  // How far each joint is open: the joint that is closed last opens first.
   shares(open) {
-    const n = this.told.joints.length;
-    return this.told.joints.map((_, k) => Math.min(Math.max(n * open - (n - 1 - k), 0), 1));
+    const n = this.content.joints.length;
+    return this.content.joints.map((_, k) => Math.min(Math.max(n * open - (n - 1 - k), 0), 1));
   }
 
   // Weights of all states, of the pose and amount shown.
   weights(amount = this.state.amount) {
-    const pose = this.told.poses[this.state.pose];
-    const weights = new Array(this.told.states.length).fill(0);
+    const pose = this.content.poses[this.state.pose];
+    const weights = new Array(this.content.states.length).fill(0);
     weightsAt([0, ...pose.at], amount)
       .slice(1)
       .forEach((w, k) => (weights[pose.states[k]] = w));
     return weights;
   }
 
-  // Resistance of each cord as it is shown, ohm.
+  // Resistance of each cord in the pose shown, ohm.
   resistances() {
     const weights = this.state.pose === null ? [] : this.weights();
-    return this.told.resistances.map((rest, c) => {
-      const change = weights.reduce((sum, w, k) => sum + w * this.told.states[k].signals[c], 0);
+    return this.content.resistances.map((rest, c) => {
+      const change = weights.reduce((sum, w, k) => sum + w * this.content.states[k].signals[c], 0);
       return rest * (1 + change);
     });
   }
 
-  // What the camera has to see: of a pose, all of its way.
+  // Box that the camera must show; for a pose, it holds the whole movement.
   box() {
     const box = new THREE.Box3();
     if (this.state.pose === null) {
@@ -97,11 +98,11 @@ class Stage {
     if (this.eye.box) this.draw();
   }
 
-  // Once, with the next frame.
+  // Draw once, with the next frame.
   draw() {
-    if (this.asked) return;
-    this.asked = requestAnimationFrame(() => {
-      this.asked = 0;
+    if (this.frameRequest) return;
+    this.frameRequest = requestAnimationFrame(() => {
+      this.frameRequest = 0;
       this.renderer.render(this.scene, this.eye.camera);
       this.redrawn();
     });
@@ -128,7 +129,7 @@ class Stage {
     this.draw();
   }
 
-  _see(mesh, visible, faint) {
+  _setVisible(mesh, visible, faint) {
     mesh.visible = visible;
     if (mesh.material.transparent === faint) return;
     mesh.material.transparent = faint;
@@ -138,10 +139,10 @@ class Stage {
     mesh.material.needsUpdate = true;
   }
 
-  // Below a wide body, to the right of a tall one.
-  _beside() {
+  // Offset of the surface as read: below a wide body, to the right of a tall one.
+  _besideOffset() {
     const size = this.body.reach(this.weights(1)).getSize(new THREE.Vector3());
-    const { up, right } = this.eye, gap = 0.05 * this.told.size;
+    const { up, right } = this.eye, gap = 0.05 * this.content.size;
     const along = (way) => ["x", "y", "z"].reduce((sum, axis) => sum + size[axis] * Math.abs(way[axis]), 0);
     const tall = along(up), wide = along(right);
     if (wide <= tall) return right.clone().multiplyScalar(1.05 * wide + gap);
@@ -150,7 +151,7 @@ class Stage {
 
   _light() {
     const lamp = new THREE.DirectionalLight("#ffffff", 1.9);
-    lamp.position.set(-0.5, 0.8, 1); // beside the camera
+    lamp.position.set(-0.5, 0.8, 1); // next to the camera
     this.eye.camera.add(lamp);
     this.scene.add(this.eye.camera, new THREE.AmbientLight("#ffffff", 1.5));
   }

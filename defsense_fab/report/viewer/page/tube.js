@@ -1,4 +1,4 @@
-// Tubes around lines of points, whose points may move, closed at their ends.
+// Tubes around lines of moving points, closed at their ends.
 const SIDES = 10;
 
 function tubeGeometry(count) {

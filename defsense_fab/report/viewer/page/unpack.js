@@ -1,4 +1,4 @@
-// The numbers of the page: base64 of deflated integers, as view3d's packed.py writes them.
+// Read the packed arrays of the page, as PackedArrays in compact_data.py writes them.
 const TYPES = { u1: Uint8Array, i2: Int16Array, u2: Uint16Array, u4: Uint32Array };
 
 async function unpack(text, index) {

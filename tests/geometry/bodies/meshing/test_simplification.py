@@ -6,29 +6,23 @@ import trimesh
 
 from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.bodies.meshing.child_work import RunMonitor
 from defsense_fab.geometry.bodies.meshing.mesh_quality import measure_quality
-from defsense_fab.geometry.bodies.meshing.meshers import NETGEN, RunMonitor
+from defsense_fab.geometry.bodies.meshing.meshers import NETGEN
 from defsense_fab.geometry.bodies.meshing.simplification import (
-    find_triangle_pairs,
     is_creased,
     is_fine,
     simplify_surface,
 )
-from defsense_fab.geometry.bodies.meshing.surface_process import (
-    remesh_in_time,
-    simplify_in_time,
-)
 from defsense_fab.geometry.bodies.meshing.surface_remeshing import (
-    _split_edges,
+    remesh_in_time,
     remesh_on_grid,
     remesh_surface,
+    simplify_in_time,
 )
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from tests.support.errors import raises
-
-
-def surface(mesh):
-    return Surface(np.array(mesh.vertices), np.array(mesh.faces, np.int64))
+from tests.support.surfaces import from_trimesh
 
 
 def closed(simplified):
@@ -53,7 +47,7 @@ def furthest(a, b):
 @pytest.fixture(scope="module")
 def bean():
     """A bent, bumpy body of 20,480 triangles, 100 mm long."""
-    simplified = surface(trimesh.creation.icosphere(5))
+    simplified = from_trimesh(trimesh.creation.icosphere(5))
     v = (
         simplified.vertices
         * [50, 16, 16]
@@ -101,19 +95,18 @@ def test_remeshed_triangles_are_even_and_lie_on_the_surface(bean):
 
 
 def test_coarse_surface_is_split_without_gaps():
-    ball = surface(trimesh.creation.icosphere(1, 30))
-    v, f = _split_edges(ball.vertices, ball.faces, 5.0)
-    simplified = Surface(v, f)
-    assert closed(simplified)
-    assert simplified.volume == pytest.approx(ball.volume)
-    corners = v[f]
-    assert np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max() <= 5.0
+    ball = from_trimesh(trimesh.creation.icosphere(1, 30))
+    remeshed = remesh_surface(ball, 8.0)
+    assert closed(remeshed)
+    assert len(remeshed.faces) > 5 * len(ball.faces)
+    assert remeshed.volume == pytest.approx(ball.volume, rel=0.02)
+    assert away(remeshed.vertices, ball).max() < 1e-4
 
 
 def test_surfaces_with_sharp_edges_are_not_fine():
     box = trimesh.creation.box((40, 30, 20))
-    assert is_creased(surface(box))
-    fine = surface(box.subdivide_to_size(0.6).process(validate=True))
+    assert is_creased(from_trimesh(box))
+    fine = from_trimesh(box.subdivide_to_size(0.6).process(validate=True))
     assert len(fine.faces) > 20_000
     assert is_creased(fine)
     assert not is_fine(fine, 8.0)
@@ -136,17 +129,12 @@ def test_grid_of_distances_closes_a_surface_with_holes(bean):
 
 def test_long_work_runs_in_a_child_process_and_is_stopped_in_time(bean):
     messages = []
-    watch = RunMonitor(60.0, messages.append, "laid afresh", 1.0, "nothing")
+    watch = RunMonitor(60.0, messages.append, "remeshing", 1.0, "nothing")
     remeshed = remesh_in_time(bean, 6.0, watch)
     here = remesh_surface(bean, 6.0)
     assert (remeshed.vertices == here.vertices).all()
     assert (remeshed.faces == here.faces).all()
     with raises(MeshingError, "time-limit-exceeded"):
-        simplify_in_time(bean, 6.0, RunMonitor(0.05, messages.append, "own", 1.0, "nothing"))
-
-
-def test_pairs_name_both_triangles():
-    faces = np.array([[0, 1, 2], [2, 1, 3]])
-    a, b, left, right = find_triangle_pairs(faces)
-    assert (a[0], b[0], left[0], right[0]) == (1, 2, 0, 1)
-    assert len(a) == 1
+        simplify_in_time(
+            bean, 6.0, RunMonitor(0.05, messages.append, "simplifying", 1.0, "nothing")
+        )

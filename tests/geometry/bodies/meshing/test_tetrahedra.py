@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,19 +16,15 @@ from defsense_fab.core.device.device import MeshSpec
 from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.child_process import OUT_OF_MEMORY
-from defsense_fab.geometry.bodies.mesh_repair import read_mesh
+from defsense_fab.geometry.bodies.mesh_files import read_mesh
 from defsense_fab.geometry.bodies.meshing import mesh_quality, tetrahedra
+from defsense_fab.geometry.bodies.meshing.child_work import RunMonitor, raise_child_error
 from defsense_fab.geometry.bodies.meshing.mesh_quality import (
     fit_boundary,
     measure_facet_gaps,
     measure_quality,
 )
-from defsense_fab.geometry.bodies.meshing.meshers import (
-    RunMonitor,
-    make_mesh,
-    raise_child_error,
-    run_mesher,
-)
+from defsense_fab.geometry.bodies.meshing.meshers import make_mesh, run_mesher
 from defsense_fab.geometry.bodies.meshing.tetrahedra import (
     FTETWILD,
     NETGEN,
@@ -36,14 +33,12 @@ from defsense_fab.geometry.bodies.meshing.tetrahedra import (
 )
 from tests.support.errors import raises
 from tests.support.places import DEVICES
+from tests.support.surfaces import from_trimesh
 
 
 def ball(radius, rounds=4):
     """A sphere of 20 * 4^rounds facets, whose corners lie on it."""
-    import trimesh
-
-    result = trimesh.creation.icosphere(rounds, radius)
-    return Surface(np.array(result.vertices), np.array(result.faces, np.int64))
+    return from_trimesh(trimesh.creation.icosphere(rounds, radius))
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +75,12 @@ def test_another_processor_makes_the_same_mesh(blob):
     assert result.stdout.split() == [tetrahedralize(blob, 9.0).mesh.digest]
 
 
-@pytest.mark.parametrize("how", ["killed", "told"])
+@pytest.mark.parametrize("how", ["killed", "reported"])
 def test_mesh_after_a_lack_of_memory_is_not_repeatable(monkeypatch, how):
     """Another machine has more, and would make another mesh."""
 
     def short(monitor):
-        if how == "told":
+        if how == "reported":
             raise_child_error({"error": OUT_OF_MEMORY}, "Netgen")
         error = MeshingError("was killed", code="process-ended-early", where="Netgen")
         error.is_machine_limit = True
@@ -115,6 +110,15 @@ def test_edges_have_the_requested_length(bar, edge_length):
     edges = np.linalg.norm(np.diff(mesh.nodes[pairs], axis=1)[:, 0], axis=1)
     assert edges.mean() == pytest.approx(edge_length, rel=0.15)
     assert mesh.volumes.sum() == pytest.approx(bar.volume, rel=1e-9)
+    assert mesh.boundary().volume == pytest.approx(bar.volume, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("edge_length", "code"), [(0.05, "edge-too-short"), (500, "edge-too-long")]
+)
+def test_edge_length_that_does_not_fit_is_refused(bar, edge_length, code):
+    with raises(MeshingError, code, edge_length=edge_length):
+        tetrahedralize(bar, edge_length)
 
 
 def test_the_boundary_of_a_coarse_ball_is_fitted():
@@ -160,7 +164,7 @@ def test_no_tet_turns_over_while_the_boundary_is_fitted(seed):
 
 
 def only(monkeypatch, mesher):
-    """Leave the ways of one mesher; the others fail."""
+    """Leave the methods of one mesher; the others fail."""
 
     def planned(surface, edge_length):
         def fails(_):
@@ -211,11 +215,6 @@ def test_errors_of_libraries_lead_to_the_next_method(bar, monkeypatch, error):
     assert result.mesher == planned[0].mesher
     assert len(result.tried) == 1
     assert "\n" not in result.tried[0]
-
-
-def test_time_limit_is_kept_and_reported(blob):
-    with raises(MeshingError, "no-mesh", limit=1e-3, out_of_time=True):
-        tetrahedralize(blob, 9.0, time_limit=1e-3)
 
 
 def test_mesh_after_a_stopped_method_is_not_repeatable(bar, monkeypatch):

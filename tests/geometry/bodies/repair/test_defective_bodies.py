@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import BodyError
-from defsense_fab.geometry.bodies.mesh_repair import repair_mesh
+from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.repair.crossings import find_crossing_pairs
+from defsense_fab.geometry.bodies.repair.mesh_repair import repair_mesh
 from tests.conftest import box_surface
 from tests.support.defective_bodies import (
     BODIES,
-    Defective,
     creature,
     exact_winding,
     sampled_distance,
     volume_of,
 )
 from tests.support.errors import raises
+from tests.support.surfaces import join
 
 DETAIL = {"genus": 4, "overlap": 4}  # faceted so finely that they are their round originals
 BOX = box_surface([0, 0, 0], [40, 20, 10])
@@ -38,7 +39,7 @@ def sound(v, f):
 
 
 def reported_move(sentences):
-    """The largest of the distances that were told."""
+    """The largest of the reported distances."""
     return max(
         float(x)
         for line in sentences
@@ -91,25 +92,28 @@ def test_missing_triangle_is_reported_as_a_hole_with_its_place():
     assert "near (" in sentences[0]
 
 
-def shell(size, at, inward):
+def box(size, at, inward=False):
+    """A box by its size and middle."""
     half = np.array(size) / 2
-    box = box_surface(at - half, at + half)
-    return box.vertices, box.faces[:, ::-1] if inward else box.faces
+    surface = box_surface(np.array(at) - half, np.array(at) + half)
+    return Surface(surface.vertices, surface.faces[:, ::-1]) if inward else surface
 
 
-def together(*meshes):
-    offsets = np.cumsum([0] + [len(v) for v, _ in meshes[:-1]])
-    faces = [f + o for (_, f), o in zip(meshes, offsets, strict=True)]
-    return np.concatenate([v for v, _ in meshes]), np.concatenate(faces)
+def repair(*surfaces, **options):
+    """Repair several surfaces as one; return its vertices, faces and sentences."""
+    whole = join(*surfaces)
+    return repair_mesh(whole.vertices, whole.faces, "x", **options)
+
+
+CAVITY = box([6, 5, 4], [20, 10, 5], inward=True)
 
 
 def test_cavity_is_refused_or_filled():
-    v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
     with raises(BodyError, "closed-cavity") as caught:
-        repair_mesh(v, f, "box")
+        repair(BOX, CAVITY)
     assert caught.value.data["volume"] == pytest.approx(120)
     assert caught.value.data["at"] == pytest.approx([20, 10, 5])
-    v, f, sentences = repair_mesh(v, f, "box", fill_cavities=True)
+    v, f, sentences = repair(BOX, CAVITY, fill_cavities=True)
     assert volume_of(v, f) == pytest.approx(8000)
     assert len(sentences) == 1
     assert "120 mm3" in sentences[0]
@@ -117,48 +121,42 @@ def test_cavity_is_refused_or_filled():
 
 
 def test_cavity_of_an_inside_out_body_is_detected():
-    v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
+    whole = join(BOX, CAVITY)
     with raises(BodyError, "closed-cavity") as caught:
-        repair_mesh(v, f[:, ::-1], "box")
+        repair_mesh(whole.vertices, whole.faces[:, ::-1], "box")
     assert caught.value.data["volume"] == pytest.approx(120)
 
 
 def test_pieces_are_reported_with_places_and_crumbs_dropped():
-    other = shell([4, 4, 4], np.array([80.0, 0, 0]), False)
-    v, f = together((BOX.vertices, BOX.faces), other)
     with raises(BodyError, "separate-pieces", count=2) as caught:
-        repair_mesh(v, f, "x")
+        repair(BOX, box([4, 4, 4], [80, 0, 0]))
     assert caught.value.data["volumes"] == pytest.approx([8000, 64])
     np.testing.assert_allclose(caught.value.data["places"], [[20, 10, 5], [80, 0, 0]], atol=1e-9)
-    crumb = shell([1, 1, 1], np.array([80.0, 0, 0]), False)
-    v, f, sentences = repair_mesh(*together((BOX.vertices, BOX.faces), crumb), "x")
+    v, f, sentences = repair(BOX, box([1, 1, 1], [80, 0, 0]))
     assert volume_of(v, f) == pytest.approx(8000)
     assert len(sentences) == 1
     assert "1 mm3" in sentences[0]
     assert "(80, 0, 0)" in sentences[0]
 
 
-def test_boxes_that_overlap_are_united():
-    other = shell([20, 10, 6], np.array([40.0, 10, 5]), False)  # half of it outside
-    v, f, sentences = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
+@pytest.mark.parametrize(
+    ("other", "overlap"),
+    [(box([20, 10, 6], [40, 10, 5]), "600 mm3"), (box([10, 10, 6], [20, 10, 13]), "0 mm3")],
+    ids=["overlap", "touch in a face"],
+)
+def test_two_boxes_are_united(other, overlap):
+    v, f, sentences = repair(BOX, other)
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8600)
     assert "2 shells" in sentences[0]
-    assert "600 mm3" in sentences[0]
-
-
-def test_box_on_a_larger_one_is_united_with_it():
-    other = shell([10, 10, 6], np.array([20.0, 10, 13]), False)
-    v, f, sentences = repair_mesh(*together((BOX.vertices, BOX.faces), other), "x")
-    sound(v, f)
-    assert volume_of(v, f) == pytest.approx(8600)
-    assert "2 shells" in sentences[0]
+    assert overlap in sentences[0]
 
 
 def test_boxes_that_share_a_wall_are_united():
     """Of each, a face is inside of the other's outline: an inner wall once they are merged."""
-    a, b = box_surface([0, 0, 0], [10, 10, 10]), box_surface([10, 0, 0], [25, 10, 10])
-    v, f, sentences = repair_mesh(*together((a.vertices, a.faces), (b.vertices, b.faces)), "x")
+    v, f, sentences = repair(
+        box_surface([0, 0, 0], [10, 10, 10]), box_surface([10, 0, 0], [25, 10, 10])
+    )
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(2500)
     assert any("2 triangles" in line or "4 triangles" in line for line in sentences)
@@ -169,10 +167,10 @@ def test_body_that_touches_itself_at_an_edge_is_separated():
     cubes = {(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 2), (0, 1)} - {(1, 1)}
     v, f, faces = [], [], {}
     for x, y in cubes:
-        box = box_surface([10 * x, 10 * y, 0], [10 * x + 10, 10 * y + 10, 10])
-        for face in box.faces:
-            key = tuple(sorted(map(tuple, box.vertices[face].round(6).tolist())))
-            faces.setdefault(key, []).append(box.vertices[face])
+        cube = box_surface([10 * x, 10 * y, 0], [10 * x + 10, 10 * y + 10, 10])
+        for face in cube.faces:
+            key = tuple(sorted(map(tuple, cube.vertices[face].round(6).tolist())))
+            faces.setdefault(key, []).append(cube.vertices[face])
     walls = {k: c for k, c in faces.items() if len(c) == 1}
     for corners in walls.values():
         f.append([len(v), len(v) + 1, len(v) + 2])
@@ -190,4 +188,48 @@ def test_sound_body_is_unchanged():
     order = np.lexsort(v.T[::-1])
     assert (got_v == v[order]).all()
     assert len(got_f) == len(f)
-    assert isinstance(BODIES["folds"](2, 0), Defective)
+
+
+def fine(surface, times=3):
+    """Each triangle split into four, several times."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces)
+    for _ in range(times):
+        mesh = mesh.subdivide()
+    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
+
+
+def test_soup_and_small_holes_and_turned_faces_are_repaired(bar):
+    vertices, faces = fine(bar)
+    faces = faces[1:].copy()
+    faces[10] = faces[10][::-1]
+    soup = vertices[faces].reshape(-1, 3)
+    v, f, sentences = repair_mesh(soup, np.arange(len(soup)).reshape(-1, 3), "x.stl")
+    assert Surface(v, f).volume == pytest.approx(bar.volume, rel=1e-9)
+    assert len(sentences) == 3  # vertices merged, a hole closed, faces turned
+
+
+def test_inside_out_is_turned(bar):
+    v, f, sentences = repair_mesh(bar.vertices, bar.faces[:, ::-1], "x")
+    assert Surface(v, f).volume == pytest.approx(135000)
+    assert len(sentences) == 1
+
+
+def test_a_wide_hole_is_refused_with_its_place(bar):
+    with raises(BodyError, "hole-too-wide", edges=4) as caught:
+        repair_mesh(bar.vertices, bar.faces[2:], "box.stl")
+    assert "box.stl" in str(caught.value)
+
+
+def test_a_surface_that_passes_through_itself_is_refused_with_its_place(bar):
+    """One end of the bar is folded back through its side."""
+    vertices, faces = fine(bar)
+    end = vertices[:, 0] > 120
+    folded = vertices.copy()
+    folded[end] += (vertices[end, :1] - 120) * np.array([-2.2, 0, 1.0])
+    with raises(BodyError, "repair-moves-too-far") as caught:
+        repair_mesh(folded, faces, "x")
+    assert caught.value.data["distance"] == pytest.approx(30, rel=0.02)
+    bent = vertices + np.where(end[:, None], (vertices[:, :1] - 120) * np.array([-0.4, 0, 1]), 0)
+    assert repair_mesh(bent, faces, "x")[2] == []

@@ -1,0 +1,218 @@
+"""The commands `defsense calibrate ports | record | reference`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+from msgspec import Meta
+
+from ...core.schema.options import check_options
+from ...workflow.calibrate.options import BoardOptions, MeasureOptions, ReferenceOptions
+from ..app import command
+from ..exit_codes import DONE, STOPPED
+from ..output import OutputOptions, console, print_json, print_lines, standard_output
+
+if TYPE_CHECKING:
+    from ...core.arrays import Float
+    from ...workflow.calibrate.readout import PortReading
+    from ...workflow.calibrate.record_specimen import RecordedSpecimen
+
+_PORTS = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
+Port = Annotated[str, Parameter(help=f"Set the port of the read-out board: {_PORTS}")]
+
+
+@dataclass(frozen=True)
+class PortsOptions:
+    """Which ports are shown, and for how long.
+
+    Attributes:
+        port: Show the board on this port, or a recording (.csv), until Ctrl-C.
+        list: List the ports without opening them.
+        seconds: Stop after this time in s (default: at Ctrl-C).
+    """
+
+    port: str | None = None
+    list: bool = False
+    seconds: Annotated[float, Meta(ge=0.1, le=1e6)] | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+_ALL_PORTS, _READINGS, _BOARD = PortsOptions(), MeasureOptions(), BoardOptions()
+_OUTPUT = OutputOptions()
+
+ports = command("ports", "defsense calibrate ports", "defsense calibrate ports --port twin")
+record = command(
+    "record",
+    "defsense calibrate record --port /dev/ttyUSB0 --specimen my-specimen",
+    "defsense calibrate record --port twin:speed=20 --specimen my-specimen --rounds 2",
+)
+reference = command("reference", "defsense calibrate reference --port /dev/ttyUSB0 --known 2200")
+
+
+@ports.default
+def _ports(
+    *,
+    options: Annotated[PortsOptions, Parameter(name="*")] = _ALL_PORTS,
+    board: Annotated[BoardOptions, Parameter(name="*")] = _BOARD,
+    output: OutputOptions = _OUTPUT,
+) -> None:
+    """List serial ports and show what a read-out board reads.
+
+    Shows the resistances that the read-out boards on the ports read, as bars. Read-out boards
+    restart when their port is opened; --list opens none.
+    """
+    from ...workflow.calibrate.readout import list_ports
+
+    if options.port is None:
+        readings = list_ports(board, is_read=not options.list)
+        with standard_output():
+            _print_ports(readings, output)
+    else:
+        with suppress(KeyboardInterrupt), standard_output():
+            _watch(options.port, board, options.seconds, output)
+
+
+def _print_ports(readings: Sequence[PortReading], output: OutputOptions) -> None:
+    if output.json:
+        print_json([_port_data(p) for p in readings])
+        return
+    for p in readings:
+        print_lines([f"{p.device:<16} {p.description}", *([f"  {p.problem}"] if p.problem else [])])
+        if p.ohm is not None:
+            console().print(_bars(p.ohm))
+    if readings:
+        shown = next((p for p in readings if p.ohm is not None), readings[0])
+        next_step = f"defsense calibrate ports --port {shown.device}"
+    else:
+        print_lines(["No serial port was found."])
+        next_step = "connect the read-out board, or try defsense calibrate ports --port twin"
+    print_lines([f"Next:    {next_step}"])
+
+
+def _port_data(port: PortReading) -> dict[str, Any]:
+    data: dict[str, Any] = {"device": port.device, "description": port.description}
+    if port.ohm is not None:
+        data["ohm"] = _finite(port.ohm)
+    if port.problem:
+        data["problem"] = port.problem
+    return data
+
+
+def _watch(port: str, board: BoardOptions, seconds: float | None, output: OutputOptions) -> None:
+    """Show readings until the time is over or the source ends."""
+    from rich.console import Console
+    from rich.live import Live
+
+    from ...workflow.calibrate.readout import watch_board
+
+    screen = Console(stderr=output.json)
+    with Live(console=screen, auto_refresh=False, transient=output.json) as live:
+        for reading in watch_board(port, board, seconds):
+            live.update(_bars(reading.ohm), refresh=not output.json)
+    s = reading.statistics
+    if output.json:
+        print_json({"ohm": _finite(reading.ohm), **vars(s)})
+    else:
+        print_lines(["", f"{s.samples} samples, {s.lost} lost, {s.bad} damaged frames"])
+
+
+def _bars(ohm: Float) -> Any:
+    from ...core.guided_parts import resistance_bars
+    from ..terminal.guided_screen import bar_table
+
+    return bar_table(resistance_bars({f"channel {n}": float(r) for n, r in enumerate(ohm, 1)}))
+
+
+def _finite(ohm: Float) -> list[float | None]:
+    """Return resistances for JSON: None for an open circuit, or an unknown resistance."""
+    return [float(r) if math.isfinite(r) else None for r in ohm]
+
+
+@record.default
+def _record(
+    *,
+    port: Port,
+    specimen: Path,
+    out: Path | None = None,
+    auto: bool = False,
+    options: Annotated[MeasureOptions, Parameter(name="*")] = _READINGS,
+    board: Annotated[BoardOptions, Parameter(name="*")] = _BOARD,
+    output: OutputOptions = _OUTPUT,
+) -> int:
+    """Measure a specimen on its jigs, step by step.
+
+    The screen shows which jig is next and which side lies on it, waits until the reading has
+    settled, and plots the points so far. Every frame is written immediately. Press q to stop; rerun
+    the command to resume.
+
+    Args:
+        port: Set the port of the read-out board.
+        specimen: Set the folder that 'calibrate specimen' wrote, or its specimen.json.
+        out: Set the session folder (default: session, next to specimen.json).
+        auto: Read no keys: for twins, and for machines that bend the specimen.
+    """
+    from ...workflow.calibrate.record_specimen import record_specimen
+    from ..terminal.guided_screen import GuidedLines, GuidedTerminal
+
+    screen = GuidedLines() if auto else GuidedTerminal()
+    result = record_specimen(port, specimen, options, board, screen=screen, out=out, auto=auto)
+    with standard_output():
+        if output.json:
+            data = {
+                "session": str(result.folder),
+                "finished": result.is_finished,
+                "left": result.readings - result.finished,
+                "steps": result.readings,
+            }
+            print_json(data)
+        else:
+            print_lines(_describe_recorded(result))
+    return DONE if result.is_finished else STOPPED
+
+
+def _describe_recorded(result: RecordedSpecimen) -> list[str]:
+    folder, count = result.folder, result.readings
+    if result.is_finished:
+        return [
+            f"All {count} readings are complete: {folder}",
+            f"Next:    defsense calibrate fit {folder} (and other specimens' sessions)",
+        ]
+    return [
+        f"Stopped after {result.finished} of {count} readings; all frames are in {folder}",
+        "Next:    rerun the command to resume; fit accepts incomplete sessions",
+    ]
+
+
+@reference.default
+def _reference(
+    *,
+    port: Port,
+    options: Annotated[ReferenceOptions, Parameter(name="*")],
+    output: OutputOptions = _OUTPUT,
+) -> None:
+    """Measure the reference resistors with a known resistor.
+
+    Replace every cord by one known resistor (1 percent or better, near the cords' resistance), and
+    pass the printed numbers as --reference. The response does not depend on them; resistances in
+    ohm do.
+
+    Args:
+        port: Set the port of the read-out board.
+    """
+    from ...workflow.calibrate.readout import measure_reference_resistors
+
+    resistors = measure_reference_resistors(port, options)
+    with standard_output():
+        if output.json:
+            print_json({"reference": resistors})
+        else:
+            values = ",".join(f"{r:.1f}" for r in resistors)
+            print_lines([f"Next:    defsense calibrate record ... --reference {values}"])

@@ -1,0 +1,285 @@
+"""Choose the layout to build among those that a search found: one that is simple to make.
+
+Layouts whose errors differ by a few per cent differ more in effort than in accuracy, and the best
+may be impossible to make. Therefore each is made on trial (with triangle meshes, in some seconds),
+and its error is that of the cords as built in, on unseen states. For cast devices the openings of
+all moulds are checked, and the moulds of the chosen layout are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
+
+from ...core.arrays import Float
+from ...core.curve import distinct_planes
+from ...core.device.device import Device
+from ...core.errors import FabricationError
+from ...core.mesh import Surface
+from ...core.progress import Report, subrange
+from ...geometry.kernels.cutting_tools import Prism
+from ...geometry.moulds.moulds import check_openings, make_moulds
+from ...geometry.parts.records import PartSet
+from ..refinement.refine import OptimizedLayout
+from ..search.plane_directions import count_slanted, face_directions
+from .as_built import assumed_cords, decide_strain_relief, fabricate, mould_rules, score_channels
+from .assembly_effects import find_overstretched_cords
+from .design_task import DesignTask
+from .predict import ScoredLayout, predict
+
+SIMILAR_ERROR_RATIO = 1.05  # to the best error, within which layouts count as equally accurate
+
+
+class TriedLayout(Protocol):
+    """A layout that was made on trial; see `WeighedRecord`."""
+
+    @property
+    def built(self) -> float | None: ...
+    @property
+    def parts(self) -> int | None: ...
+    @property
+    def free_ends(self) -> int: ...
+    @property
+    def slanted(self) -> int: ...
+    @property
+    def warnings(self) -> tuple[str, ...]: ...
+    @property
+    def problem(self) -> str | None: ...
+
+
+W = TypeVar("W", bound=TriedLayout)
+
+
+def assembly_effort(one: TriedLayout) -> tuple[bool, int, int, int]:
+    """Return a sort key of the effort to make a layout; smaller is simpler.
+
+    It compares whether there are warnings, then parts and ends without pockets, then slanted
+    planes, then the number of warnings.
+    """
+    pieces = (one.parts or 0) + one.free_ends
+    return bool(one.warnings), pieces, one.slanted, len(one.warnings)
+
+
+def prefer_layout(trials: Sequence[W], prefer: str) -> W | None:
+    """Choose among layouts that were made on trial.
+
+    Args:
+        trials: The layouts.
+        prefer: `"accuracy"` for the smallest error as built, else the simplest of the layouts about
+            as good.
+
+    Returns:
+        The chosen layout, or None if no layout can be made.
+    """
+    feasible = [t for t in trials if t.problem is None]
+    if not feasible:
+        return None
+    if prefer == "accuracy":
+        return min(feasible, key=_built)
+    best = min(_built(t) for t in feasible)
+    similar = [t for t in feasible if _built(t) <= SIMILAR_ERROR_RATIO * best]
+    return min(similar, key=lambda t: (*assembly_effort(t), _built(t)))
+
+
+def _built(one: TriedLayout) -> float:
+    return float("inf") if one.built is None else one.built
+
+
+_MAX_TRIAL_RATIO, _MAX_TRIALS = 1.15, 6  # of designed errors to the best one; of layouts on trial
+_SAME_ERROR_RTOL = 1e-4  # by which the errors of equal layouts may differ
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A layout made on trial.
+
+    Attributes:
+        layout: The layout.
+        designed: RMSE (mm) on unseen states as designed.
+        scored: The prediction as built.
+        slanted: Number of directions of planes that are not those of flat faces.
+        parts: Number of parts, None if it cannot be made.
+        smallest: Volume of the smallest part, mm^3.
+        free_ends: Number of cord ends without a pocket that holds them.
+        warnings: Notes about the parts and their assembly.
+        problem: Reason why it cannot be made.
+        part_set: The parts.
+        as_built: The device with its strain relief decided.
+        relief_notes: Notes about the strain relief.
+    """
+
+    layout: OptimizedLayout
+    designed: float
+    scored: ScoredLayout
+    slanted: int
+    parts: int | None = None
+    smallest: float | None = None
+    free_ends: int = 0
+    warnings: tuple[str, ...] = ()
+    problem: str | None = None
+    part_set: PartSet | None = field(default=None, repr=False, compare=False)
+    as_built: Device | None = field(default=None, repr=False, compare=False)
+    relief_notes: tuple[str, ...] = ()
+
+    @property
+    def built(self) -> float:
+        """RMSE (mm) on unseen states as built."""
+        return self.scored.prediction.unseen
+
+    @property
+    def planes(self) -> int:
+        """Number of planes that the body is cut along."""
+        return _count_planes(self.layout)
+
+
+def drop_duplicates(layouts: Sequence[OptimizedLayout]) -> list[OptimizedLayout]:
+    """Drop equal layouts and sort by the error on fitted states; slivers come last."""
+    out: list[OptimizedLayout] = []
+    for layout in sorted(layouts, key=lambda f: (f.slivers, f.rmse)):
+        if not any(
+            abs(layout.rmse - other.rmse) <= _SAME_ERROR_RTOL * other.rmse
+            and _count_planes(layout) == _count_planes(other)
+            for other in out
+        ):
+            out.append(layout)
+    return out
+
+
+def _count_planes(layout: OptimizedLayout) -> int:
+    return len(distinct_planes([s.plane for s in layout.sensors]))
+
+
+def _count_slanted(layout: OptimizedLayout, directions: Float) -> int:
+    return count_slanted([s.plane for s in layout.sensors], directions)
+
+
+def choose_layout(
+    device: Device,
+    task: DesignTask,
+    layouts: Sequence[OptimizedLayout],
+    surface: Surface,
+    bay: Prism | None,
+    report: Report,
+) -> tuple[Trial, tuple[Trial, ...]]:
+    """Choose the layout to build.
+
+    Among the layouts that can be made and are about as accurate as the best, the simplest is
+    chosen, or the most accurate with `[design] prefer = "accuracy"`. Clearly worse layouts are
+    tried only if none of these can be made. Layouts with fewer planes or fewer slanted ones are
+    always tried, to show what they cost.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        layouts: The layouts from the search.
+        surface: The body's surface.
+        bay: Connector bay, if any.
+        report: Called with the share of the work done and a description.
+
+    Returns:
+        The trial to build, and all trials, the best by design first. If no layout can be made, the
+        best by design is returned with its problem.
+    """
+    expected = [(f, _score_design(task, f).prediction.unseen) for f in drop_duplicates(layouts)]
+    ranked = sorted(expected, key=lambda e: (e[0].slivers, e[1]))
+    slivers, bound = ranked[0][0].slivers, _MAX_TRIAL_RATIO * ranked[0][1]
+    candidates = [e for e in ranked if e[1] <= bound and e[0].slivers == slivers][:_MAX_TRIALS]
+    directions = face_directions(surface)
+
+    def make_trial(layout: OptimizedLayout, error: float) -> Trial:
+        return make_on_trial(device, task, layout, error, surface, bay, directions)
+
+    trials = []
+    cast = device.fabrication.kind == "cast"
+    share = 0.7 if cast else 1.0
+    for k, (layout, error) in enumerate(candidates):
+        report(share * k / len(candidates), f"making layout {k + 1} of {len(candidates)} on trial")
+        trials.append(make_trial(layout, error))
+    untried = []
+    for layout, error in ranked[len(candidates) :]:
+        feasible = [t for t in trials if not t.problem]
+        if (
+            not feasible
+            or _count_planes(layout) < min(t.planes for t in feasible)
+            or _count_slanted(layout, directions) < min(t.slanted for t in feasible)
+        ):
+            trials.append(make_trial(layout, error))
+        else:
+            untried.append((layout, error))
+    while True:
+        best = prefer_layout(trials, device.prefer)
+        if best is None and untried:
+            trials.append(make_trial(*untried.pop(0)))
+        elif best is None or not cast:
+            return best or trials[0], tuple(trials)
+        elif (problem := _casting_problem(device, best, subrange(report, share, 1.0))) is None:
+            return best, tuple(trials)
+        else:
+            failed = _with_problem(best, problem)
+            trials = [failed if t is best else t for t in trials]
+
+
+def _casting_problem(device: Device, trial: Trial, report: Report) -> str | None:
+    """Return why the parts of a layout cannot be cast, or None, by making their moulds."""
+    assert trial.part_set is not None
+    try:
+        make_moulds(trial.part_set, mould_rules(device), report)
+    except FabricationError as error:
+        return str(error)
+    return None
+
+
+def _with_problem(trial: Trial, problem: str) -> Trial:
+    """Return the trial of a layout that cannot be made after all."""
+    return Trial(trial.layout, trial.designed, trial.scored, trial.slanted, problem=problem)
+
+
+def _score_design(task: DesignTask, layout: OptimizedLayout) -> ScoredLayout:
+    return predict(task, assumed_cords(task, layout.sensors))
+
+
+def make_on_trial(
+    device: Device,
+    task: DesignTask,
+    layout: OptimizedLayout,
+    designed: float,
+    surface: Surface,
+    bay: Prism | None,
+    directions: Float,
+) -> Trial:
+    """Make a layout on trial.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        layout: The layout.
+        designed: Its expected error as designed, mm.
+        surface: The body's surface.
+        bay: Connector bay, if any.
+        directions: Directions (k, 3) of the body's flat faces.
+    """
+    slants = _count_slanted(layout, directions)
+    try:
+        device, relief_notes = decide_strain_relief(device, task, surface, layout.sensors, bay)
+        part_set = fabricate(device, surface, layout.sensors, lambda *_: None, None, bay)
+        if device.fabrication.kind == "cast":
+            check_openings(part_set)
+    except FabricationError as error:
+        return Trial(layout, designed, _score_design(task, layout), slants, problem=str(error))
+    built = score_channels(task, part_set.channels)
+    smallest = min(p.volume for p in part_set.parts)
+    free = sum(not e.pocket for c in part_set.channels for e in c.ends)
+    return Trial(
+        layout,
+        designed,
+        built,
+        slants,
+        len(part_set.parts),
+        smallest,
+        free if device.fabrication.pockets else 0,
+        (*part_set.warnings, *map(str, find_overstretched_cords(device, part_set, built.cords))),
+        part_set=part_set,
+        as_built=device,
+        relief_notes=tuple(relief_notes),
+    )

@@ -1,1 +1,0 @@
-"""Plan how to assemble a device: actions, their order, the steps and their instructions."""

@@ -1,0 +1,257 @@
+"""Divide a device's assembly into steps with instructions, without their pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import groupby
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.device.device import Device
+from ...core.errors import FabricationError
+from ...core.mesh import Surface
+from ...store.manifest import JoinedPin, JoinStep, Manifest
+from .actions import Action, ActionKind, order_actions
+from .instructions import (
+    GuideContext,
+    cord_label,
+    describe_sides,
+    join_names,
+    pin_letters,
+    write_instructions,
+)
+from .plan import plan_actions
+
+_OPENING_SHARE = 0.1  # of the device's size, by which each side of a joint opens
+_BENCH_KINDS = {
+    ActionKind.CUT,
+    ActionKind.CRIMP,
+    ActionKind.MARK,
+    ActionKind.TRIM,
+    ActionKind.MEASURE,
+}
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint that a step closes.
+
+    Attributes:
+        lower: Names of the parts that lie on the table.
+        upper: Names of the lighter parts, which are lifted.
+        opens: Unit direction (3,) in which the upper parts are lifted.
+        lift: How far pictures lift the upper parts, mm.
+        cords: Names of the cords in the joint.
+        wires: Lines (p, 3) of the wires in the joint, mm.
+        pins: Pins of the joint.
+        letters: Letters by which texts and pictures name the pins.
+        index: Index of the joint in the manifest's `assembly`.
+    """
+
+    lower: tuple[str, ...]
+    upper: tuple[str, ...]
+    opens: Float
+    lift: float
+    cords: tuple[str, ...]
+    wires: tuple[Float, ...]
+    pins: tuple[JoinedPin, ...]
+    letters: tuple[str, ...]
+    index: int
+
+
+class Illustration(StrEnum):
+    """Subject of a passage's picture."""
+
+    NOTHING = "nothing"
+    PINS = "pins"
+    LAY = "lay"
+    CLOSE = "close"
+    END = "end"
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Consecutive actions of a step that share a picture.
+
+    Attributes:
+        actions: Actions in their order, each with its instructions.
+        illustration: Subject of the picture.
+    """
+
+    actions: tuple[tuple[Action, tuple[str, ...]], ...]
+    illustration: Illustration
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Instructions of all actions."""
+        return tuple(line for _, lines in self.actions for line in lines)
+
+
+@dataclass(frozen=True)
+class GuideStep:
+    """A step of the guide.
+
+    Attributes:
+        title: Title of the step.
+        joint: The joint that the step closes, or None.
+        passages: Passages in their order.
+    """
+
+    title: str
+    joint: Joint | None = None
+    passages: tuple[Passage, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Instructions of all passages."""
+        return tuple(line for passage in self.passages for line in passage.lines)
+
+
+def exploded_shifts(manifest: Manifest, parts: Mapping[str, Surface]) -> dict[str, Float]:
+    """Return the displacement (3,) mm of each part when every joint is opened along its normal."""
+    size = float(np.linalg.norm(np.ptp([s.bounds for s in parts.values()], axis=(0, 1))))
+    shifts = joint_movements(manifest.assembly, list(parts), size).sum(axis=0)
+    return dict(zip(parts, shifts, strict=True))
+
+
+def joint_movements(steps: Sequence[JoinStep], names: Sequence[str], size: float) -> Float:
+    """Return the movement of each part when each joint opens along its normal.
+
+    Args:
+        steps: Joints, in the order in which they are closed.
+        names: Names of the parts.
+        size: Diagonal of the device, mm.
+
+    Returns:
+        Displacements (steps, parts, 3), mm.
+    """
+    movements = np.zeros((len(steps), len(names), 3))
+    for k, step in enumerate(steps):
+        for side, sign in zip(step.join, (-1, 1), strict=True):
+            for name in side:
+                movements[k, names.index(name)] = sign * _OPENING_SHARE * size * step.opens
+    return movements
+
+
+def assembly_order(manifest: Manifest) -> tuple[Sequence[Action], str | None]:
+    """Return a device's actions in a possible order.
+
+    Args:
+        manifest: The manifest of the device's parts.
+
+    Returns:
+        The actions and None; if no order is possible, the actions joint by joint and the reason.
+    """
+    actions = plan_actions(manifest)
+    try:
+        return order_actions(actions), None
+    except FabricationError as error:
+        return actions, str(error)
+
+
+def guide_steps(
+    device: Device, manifest: Manifest, parts: Mapping[str, Surface]
+) -> tuple[GuideStep, ...]:
+    """Return the steps that assemble a device.
+
+    Args:
+        device: The device.
+        manifest: The manifest of its parts.
+        parts: Surfaces of its parts, by name.
+
+    Returns:
+        The steps in their order.
+    """
+    groups = [(key, list(g)) for key, g in groupby(assembly_order(manifest)[0], _step_key)]
+    step_numbers = {
+        action.joint: number
+        for number, (_, actions) in enumerate(groups, start=1)
+        for action in actions
+        if action.kind is ActionKind.GLUE and action.joint is not None
+    }
+    joints = [_describe_joint(j, manifest, parts) for j in range(len(manifest.assembly))]
+    context = GuideContext(device, manifest, step_numbers, [joint.lower for joint in joints])
+    steps = []
+    for (kind, j), actions in groups:
+        passages = tuple(
+            Passage(tuple((a, write_instructions(context, a)) for a in group), illustration)
+            for (illustration, _), group in groupby(actions, _passage_key)
+        )
+        joint = joints[j] if kind == "join" and j is not None else None
+        steps.append(GuideStep(_write_title(kind, j, actions, manifest), joint, passages))
+    return tuple(steps)
+
+
+def _step_key(action: Action) -> tuple[str, int | None]:
+    """Return the kind and the joint of the step to which an action belongs."""
+    if action.kind in (ActionKind.PRINT, ActionKind.CAST, ActionKind.TRY_PINS, ActionKind.CONNECT):
+        return action.kind.value, None
+    if action.joint is None:
+        is_bench_work = action.kind in _BENCH_KINDS and not action.is_late
+        return ("cords" if is_bench_work else "thread"), None
+    if action.is_late:
+        return "finish", action.joint
+    return "join", action.joint
+
+
+def _illustrate(action: Action) -> Illustration:
+    if action.joint is None:
+        return Illustration.NOTHING
+    if action.is_late:
+        return Illustration.END
+    if action.kind in (ActionKind.DRY_FIT, ActionKind.PINS):
+        return Illustration.PINS
+    if action.kind in (ActionKind.GLUE, ActionKind.SET, ActionKind.MEASURE):
+        return Illustration.CLOSE
+    return Illustration.LAY
+
+
+def _passage_key(action: Action) -> tuple[Illustration, str | None]:
+    """Return the passage of an action; each cord has its own passage where no joint is open."""
+    illustration = _illustrate(action)
+    is_per_cord = illustration in (Illustration.END, Illustration.NOTHING)
+    return illustration, action.cord if is_per_cord else None
+
+
+def _write_title(
+    kind: str, joint: int | None, actions: Sequence[Action], manifest: Manifest
+) -> str:
+    if joint is not None:
+        if kind == "finish":
+            return f"Crimp the last end of {_label_cords(actions)}"
+        verb = "Join"
+        if not any(a.kind is ActionKind.GLUE for a in actions):
+            is_tried = any(a.kind is ActionKind.DRY_FIT for a in actions)
+            verb = "Try the joint of" if is_tried else "Continue with"
+        return f"{verb} {describe_sides(manifest.assembly[joint])}"
+    return {
+        "print": "Print the parts" if manifest.casting is None else "Print the moulds",
+        "cast": "Cast the parts",
+        "try pins": "Try the pins",
+        "cords": "Cut the cords and crimp their wires",
+        "thread": f"Insert {_label_cords(actions)}",
+        "wire to the board": "Connect the cords and measure",
+    }[kind]
+
+
+def _label_cords(actions: Sequence[Action]) -> str:
+    return join_names([cord_label(c) for c in dict.fromkeys(a.cord for a in actions if a.cord)])
+
+
+def _describe_joint(j: int, manifest: Manifest, parts: Mapping[str, Surface]) -> Joint:
+    """Describe a joint whose lighter side is lifted."""
+    step = manifest.assembly[j]
+    low, high = step.join
+    normal = step.opens
+    lower, upper = ([parts[n] for n in side] for side in (low, high))
+    if sum(s.volume for s in upper) > sum(s.volume for s in lower):
+        low, high, normal = high, low, -normal
+        lower, upper = upper, lower
+    size = np.ptp([s.bounds for s in (*lower, *upper)], axis=(0, 1))
+    lift = 0.4 * float(np.linalg.norm(size))
+    wires = (e.wire for c in manifest.cords for e in c.ends if j in e.wire.joints)
+    lines = tuple(w.line for w in wires if w.line is not None)
+    return Joint(low, high, normal, lift, step.cords, lines, step.pins, pin_letters(step), j)

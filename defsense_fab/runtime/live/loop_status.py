@@ -1,0 +1,91 @@
+"""The state of a live loop: its newest frame, its rates and latencies, and notes on events."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...capture.readout.source import Event
+from ...core.arrays import Float
+from ..frames.live_frame import LiveFrame, Note
+
+_MAX_LATENCIES = 6000  # a minute at 100 Hz
+_RATE_WINDOW_S = 3.0
+
+
+@dataclass(frozen=True)
+class LiveStatus:
+    """The state of a loop.
+
+    Attributes:
+        frame: The newest frame, or None.
+        rate: Decoded frames per second.
+        surface_rate: Surfaces per second.
+        output_latency: Median and 99th percentile of the time from a sample's arrival until its
+            frame was given to the outputs, s; NaN before the first frame.
+        view_latency: The same until its surface was given to the views.
+        samples: Number of samples that have arrived.
+        skipped: Number of samples that were not decoded.
+        notes: Notes on all parts of the loop.
+    """
+
+    frame: LiveFrame | None
+    rate: float
+    surface_rate: float
+    output_latency: tuple[float, float]
+    view_latency: tuple[float, float]
+    samples: int
+    skipped: int
+    notes: tuple[Note, ...]
+
+
+class Latency:
+    """Latencies of the last minute."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, float]] = deque(maxlen=_MAX_LATENCIES)
+
+    def add(self, seconds: float) -> None:
+        """Add the latency of a frame, s."""
+        self._rows.append((time.monotonic(), seconds))
+
+    @property
+    def values(self) -> Float:
+        """The latencies (n,), s."""
+        return np.array([s for _, s in tuple(self._rows)])
+
+    @property
+    def quantiles(self) -> tuple[float, float]:
+        """Median and 99th percentile, s; NaN without values."""
+        values = self.values
+        if not len(values):
+            return float("nan"), float("nan")
+        return float(np.median(values)), float(np.quantile(values, 0.99))
+
+    @property
+    def rate(self) -> float:
+        """Values per second, over the last three seconds."""
+        now = time.monotonic()
+        recent = [t for t, _ in tuple(self._rows) if t > now - _RATE_WINDOW_S]
+        return len(recent) / _RATE_WINDOW_S
+
+
+def event_note(source: str, event: Event) -> Note | None:
+    """Return a note on an event of the read-out board; None if users need not know it.
+
+    Args:
+        source: Name of the source.
+        event: The event.
+    """
+    if event.kind == "gap":
+        reason = event.data.get("why", "no answer")
+        text = f"{source}: the read-out board is disconnected ({reason}); waiting for it"
+        return Note("board-disconnected", text, {"reason": reason})
+    if event.kind == "resumed":
+        return Note("board-reconnected", f"{source}: the read-out board is connected again")
+    if event.kind == "restart":
+        return Note("board-restarted", f"{source}: the read-out board has restarted")
+    return None

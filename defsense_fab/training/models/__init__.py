@@ -1,1 +1,0 @@
-"""Make models from datasets and simulations, store them, and recalibrate them."""

@@ -1,0 +1,150 @@
+"""Options of training, evaluation and export, and the data that they read."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from ..core.errors import TrainingError
+from ..core.schema.options import check_options
+
+#: A time between two clocks in s, or "auto" to find it in the data.
+ClockShift = Annotated[float, Meta(ge=-1e12, le=1e12)] | Literal["auto"]
+#: Forms of decoders, the simplest first.
+DecoderForm = Literal["affine", "quadratic", "kernel"]
+#: Whether the simulation of a device is used; "auto": if the device is built.
+PriorMode = Literal["auto", "yes", "no"]
+
+
+@dataclass(frozen=True)
+class DataFiles:
+    """Data to train or test on.
+
+    Attributes:
+        sources: Read processed sessions, datasets, or XDF files; the kind is detected from the
+            content.
+        signals: Read signals or resistances over time from this file (.csv), with `tracks`.
+        tracks: Read the markers from this file (.csv, .npz, .parquet, .c3d, .trc), with `signals`.
+        markers: Set the file of the markers' positions at rest (default: markers.json of the
+            device).
+        offset: Set the time in s by which the tracks' clock is ahead, or auto to find it.
+        shift: Set the time in s to add to the times of the signals, or auto to find it.
+        unit: Set the name of the built device that XDF files and `signals` are of.
+
+    Raises:
+        TrainingError: Only one of `signals` and `tracks` is given (`file-not-found`), or a time is
+            not a finite number (`out-of-range`).
+    """
+
+    sources: tuple[Path, ...] = ()
+    _: KW_ONLY
+    signals: Path | None = None
+    tracks: Path | None = None
+    markers: Path | None = None
+    offset: ClockShift = 0.0
+    shift: ClockShift = 0.0
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        check_options(self, TrainingError)
+        if (self.signals is None) != (self.tracks is None):
+            given, missing = ("signals", "tracks") if self.tracks is None else ("tracks", "signals")
+            raise TrainingError(
+                f"a file of {given} needs one of {missing}",
+                code="file-not-found",
+                where=missing,
+                action="Give both",
+                missing=missing,
+            )
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are no data."""
+        return not self.sources and self.signals is None
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """Options of a training. The share of the test is that of DefSense (CHI 2016, section 6).
+
+    Attributes:
+        decoder: Choose the form of the decoder, or auto for the best.
+        memory: Try decoders with a memory of past signals.
+        weighted: Weight markers by their certainty, and leave out wrong ones.
+        test_share: Set the share of the pictures, at the end, to test on.
+        folds: Set the number of contiguous folds for cross-validation.
+        level: Set the probability that a marker lies within its interval.
+        prior: Train on the simulation of the device too: auto if it is built.
+        without_markers: Leave out the markers with these numbers, such as 4,7.
+
+    Raises:
+        TrainingError: A number is out of range (`out-of-range`), or a name is not one of the
+            choices (`unknown-choice`).
+    """
+
+    decoder: Literal[DecoderForm, "auto"] = "auto"
+    memory: bool = True
+    weighted: bool = True
+    test_share: Annotated[float, Meta(ge=0, le=0.99)] = 0.3
+    folds: Annotated[int, Meta(ge=2, le=1000)] = 5
+    level: Annotated[float, Meta(ge=0.01, le=0.999)] = 0.9
+    prior: PriorMode = "auto"
+    without_markers: tuple[Annotated[int, Meta(ge=0)], ...] = ()
+
+    def __post_init__(self) -> None:
+        check_options(self, TrainingError)
+
+
+@dataclass(frozen=True)
+class EvaluateOptions:
+    """Options of an evaluation.
+
+    Attributes:
+        against: Compare with these models, tested on the same data.
+        last_share: Set the share of the pictures to test on, at the end (default: all that the
+            models were not trained on).
+        out: Set the output folder (default: evaluation, next to the model).
+
+    Raises:
+        TrainingError: The share is out of range (`out-of-range`).
+    """
+
+    against: tuple[Path, ...] = ()
+    last_share: Annotated[float, Meta(ge=0.001, le=1)] | None = None
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self, TrainingError)
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Formats and folders of an exported dataset.
+
+    Attributes:
+        out: Set the output folder for Parquet; an existing dataset is replaced.
+        lerobot: Set the output folder for LeRobot's format 2.1; it must not exist.
+        rate: Set the rate of LeRobot's frames in Hz (default: that of the pictures).
+
+    Raises:
+        TrainingError: The rate is out of range (`out-of-range`), or given without `lerobot`
+            (`options-conflict`).
+    """
+
+    out: Path | None = None
+    lerobot: Path | None = None
+    rate: Annotated[int, Meta(ge=1, le=1000)] | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self, TrainingError)
+        if self.rate is not None and self.lerobot is None:
+            raise TrainingError(
+                "applies to LeRobot's format only; Parquet keeps the original times",
+                code="options-conflict",
+                where="rate",
+                action="Omit it, or give a folder for LeRobot's format",
+                option="rate",
+            )

@@ -1,0 +1,47 @@
+"""The results of a device's last build, for programs that show them."""
+
+from __future__ import annotations
+
+from ...core.device.build_folder import build_folder
+from ...core.device.device import Device
+from ...core.storage.files import digest
+from ...decoding.expected_errors import MEANING as MEANING
+from ...decoding.expected_errors import NONE as NONE
+from ...report.surface_errors import SurfaceErrors as SurfaceErrors
+from ...report.surface_errors import surface_errors as surface_errors
+from ...store.build import Build as Build
+from ...store.fields import INDEX
+from ...store.layout import LAYOUT
+from ...store.layout import LayoutRecord as LayoutRecord
+from ...store.manifest import MANIFEST
+from ...store.manifest import Manifest as Manifest
+from ...store.mesh import MeshRecord as MeshRecord
+
+
+def last_build(device: Device) -> Build:
+    """Return the results of a device's last build; each is read when it is first used."""
+    return Build(build_folder(device))
+
+
+def has_poses(build: Build) -> bool:
+    """Return whether a build has simulated poses."""
+    return (build.folder / INDEX).exists()
+
+
+def has_layout(build: Build) -> bool:
+    """Return whether a build has optimized cords."""
+    return (build.folder / LAYOUT).exists()
+
+
+def has_parts(build: Build) -> bool:
+    """Return whether a build has printable parts."""
+    return (build.folder / MANIFEST).exists()
+
+
+def layout_digest(build: Build) -> str:
+    """Return a hash of a build's layout, which differs if the cords were optimized again.
+
+    Raises:
+        OSError: The build has no layout.
+    """
+    return digest(build.folder / LAYOUT)

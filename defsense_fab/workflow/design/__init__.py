@@ -1,0 +1,1 @@
+"""Interactive design: judge cords, preview poses, and compare layouts while a person works."""

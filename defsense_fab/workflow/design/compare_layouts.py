@@ -1,0 +1,198 @@
+"""Compare layouts: as drawn, by eye, the most accurate, and the simplest to make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.curve import distinct_planes
+from ...core.device.device import Device, Sensor
+from ...core.errors import LayoutError, StorageError
+from ...core.progress import Report
+from ...optimization.prediction.as_built import assumed_cords
+from ...optimization.prediction.choose_layout import make_on_trial, prefer_layout
+from ...optimization.prediction.design_task import (
+    SEED,
+    DesignTask,
+    candidate_decoders,
+    device_tolerances,
+    load_task,
+)
+from ...optimization.prediction.predict import ScoredLayout, predict, predict_with_best_decoder
+from ...optimization.refinement.refine import OptimizedLayout
+from ...optimization.search import baselines
+from ...optimization.search.plane_directions import face_directions
+from ...optimization.studies.tolerance_monte_carlo import tolerance_band
+from ...store.build import Build
+from ...store.layout import CordPath, LayoutRecord, WeighedRecord
+
+DRAWN, VISUAL, FULL, SIMPLE = "as drawn", "by eye", "most accurate", "simplest"
+#: Seconds that a trial, a layout by eye, a band and each triangle of the body take on a machine of
+#: 2024.
+_TRIAL_S, _VISUAL_S, _BAND_S, _TRIANGLE_S = 10.0, 2.0, 5.0, 3e-4
+
+
+@dataclass(frozen=True)
+class ComparedLayout:
+    """A layout in a comparison.
+
+    Attributes:
+        name: Name for people.
+        sensors: The cords.
+        error: RMSE (mm) on unseen states, as built if parts were made on trial, else as designed.
+        parts: Number of parts, None if they were not made.
+        band: Limits (mm) between which 90 % of built devices lie, if computed.
+        warnings: Notes about the parts.
+        problem: Reason why it cannot be made.
+        is_built: Whether it is the layout of the build.
+        is_studied: Whether it is a result of `defsense study`.
+    """
+
+    name: str
+    sensors: tuple[Sensor, ...]
+    error: float
+    parts: int | None = None
+    band: tuple[float, float] | None = None
+    warnings: tuple[str, ...] = ()
+    problem: str | None = None
+    is_built: bool = False
+    is_studied: bool = False
+
+    @property
+    def planes(self) -> int:
+        """Number of planes that the body is cut along."""
+        return len(distinct_planes([s.plane for s in self.sensors]))
+
+
+def tried_layouts(build: Build) -> list[ComparedLayout]:
+    """Return the layouts that a build made on trial, in its order.
+
+    Args:
+        build: The build.
+
+    Raises:
+        StorageError: If the build has no layout.
+    """
+    layout = build.layout
+    try:
+        paths = build.weighed.layouts
+    except StorageError:  # builds of an earlier version stored only the chosen paths
+        paths = ()
+    if len(paths) != len(layout.weighed):
+        chosen = [w for w in layout.weighed if w.chosen]
+        return [_compared(layout, w, _cords(layout.sensors), "optimized") for w in chosen]
+    best, simple = (prefer_layout(layout.weighed, p) for p in ("accuracy", "simple"))
+    out = []
+    for k, (record, cords) in enumerate(zip(layout.weighed, paths, strict=True), start=1):
+        names = [n for n, w in ((FULL, best), (SIMPLE, simple)) if w is record]
+        out.append(_compared(layout, record, _cords(cords), " and ".join(names) or f"other {k}"))
+    return out
+
+
+def _cords(paths: tuple[CordPath, ...]) -> tuple[Sensor, ...]:
+    return tuple(p.sensor() for p in paths)
+
+
+def _compared(
+    layout: LayoutRecord, one: WeighedRecord, sensors: tuple[Sensor, ...], name: str
+) -> ComparedLayout:
+    band = (layout.band.low, layout.band.high) if one.chosen else None
+    error = one.designed if one.built is None else one.built
+    return ComparedLayout(
+        name, sensors, error, one.parts, band, one.warnings, one.problem, one.chosen
+    )
+
+
+def estimate_seconds(device: Device, build: Build) -> float:
+    """Estimate how long `compare_layouts` takes, s.
+
+    Args:
+        device: The device.
+        build: Its build.
+
+    Raises:
+        StorageError: If the build has no layout.
+    """
+    tried = tried_layouts(build)
+    triangles = len(build.surface.faces)
+    trials = 1 + bool(device.sensors)
+    bands = trials + sum(k.band is None and k.problem is None for k in tried)
+    return _VISUAL_S + trials * _TRIAL_S + bands * _BAND_S + (trials + 1) * _TRIANGLE_S * triangles
+
+
+def compare_layouts(
+    device: Device,
+    build: Build,
+    on_layout: Callable[[ComparedLayout], None],
+    report: Report,
+) -> None:
+    """Make the drawn cords and a layout by eye on trial, and compute all missing bands.
+
+    Args:
+        device: The device.
+        build: Its build.
+        on_layout: Called with each layout as soon as it is finished.
+        report: Called with the share of the work done and a description.
+
+    Raises:
+        DefsenseError: If the build has no layout.
+    """
+    layout, tried = build.layout, tried_layouts(build)
+    task = load_task(device, build)
+    count = len(layout.sensors)
+    new = [(DRAWN, tuple(device.sensors))] if device.sensors else []
+    report(0.0, "placing cords by eye")
+    try:
+        rng = np.random.default_rng(SEED)
+        new.append((VISUAL, tuple(baselines.visual_layout(task.design, count, rng))))
+    except LayoutError as error:
+        on_layout(ComparedLayout(VISUAL, (), float("nan"), problem=str(error)))
+    without_band = [k for k in tried if k.band is None and k.problem is None]
+    for k, (name, sensors) in enumerate(new):
+        report((k + 0.5) / (len(new) + 1), f"making the layout {name} on trial")
+        on_layout(_make_compared(device, build, task, name, sensors))
+    decoded = task.with_decoder(layout.prediction.decoder)
+    for k, layout_without_band in enumerate(without_band):
+        report(
+            (len(new) + k / len(without_band)) / (len(new) + 1),
+            f"devices built as {layout_without_band.name}",
+        )
+        scored = predict(decoded, assumed_cords(decoded, layout_without_band.sensors))
+        band = _band(device, decoded, scored, layout_without_band.error)
+        on_layout(replace(layout_without_band, band=band))
+
+
+def _make_compared(
+    device: Device, build: Build, task: DesignTask, name: str, sensors: tuple[Sensor, ...]
+) -> ComparedLayout:
+    """Make a layout on trial, for the decoder that predicts the smallest error."""
+    tasks = [task.with_decoder(kind) for kind in candidate_decoders(device, task)]
+    best, scored = predict_with_best_decoder(tasks, assumed_cords(task, sensors))
+    error = scored.prediction.unseen
+    surface = build.surface
+    layout = OptimizedLayout(sensors, error, False, (), sensors)
+    trial = make_on_trial(
+        device, best, layout, error, surface, build.body.bay, face_directions(surface)
+    )
+    if trial.problem is not None:
+        return ComparedLayout(name, sensors, error, problem=trial.problem)
+    band = _band(device, best, trial.scored, trial.built)
+    return ComparedLayout(name, sensors, trial.built, trial.parts, band, trial.warnings)
+
+
+def _band(
+    device: Device, task: DesignTask, scored: ScoredLayout, error: float
+) -> tuple[float, float]:
+    """Return the band of built devices, mm, scaled to the `error` as built."""
+    band = tolerance_band(
+        task.everything,
+        scored.cords,
+        task.reading,
+        np.random.default_rng(SEED),
+        task.unseen,
+        tolerances=device_tolerances(device),
+    )
+    factor = error / scored.prediction.unseen
+    return factor * band.low, factor * band.high

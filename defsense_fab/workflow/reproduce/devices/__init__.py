@@ -1,1 +1,0 @@
-"""Experiments with devices: their layouts, units and pictures."""

@@ -1,1 +1,0 @@
-"""Descriptions of experiments, and the files that declare them."""

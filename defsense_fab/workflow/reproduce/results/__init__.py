@@ -1,1 +1,0 @@
-"""Results of experiments: numbers, kept values, pictures and the page."""

@@ -1,0 +1,343 @@
+"""Prepare a live run: its source, decoder, controls, surface, view, outputs and recordings."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ...capture.readout.source import RecordingEnd as RecordingEnd
+from ...core.arrays import Float
+from ...core.errors import ControlError, DefsenseError, LiveError
+from ...core.progress import Progress, silent
+from ...runtime.controls.control_bank import ControlBank
+from ...runtime.controls.pose_amplitudes import RADIUS_90
+from ...runtime.frames.live_decoder import LiveDecoder
+from ...runtime.frames.live_frame import Note
+from ...runtime.frames.live_frame import Quality as Quality
+from ...runtime.live.live_loop import SURFACE_BUDGET_S, FrameSink, LiveLoop, Receivers
+from ...runtime.live.loop_status import LiveStatus as LiveStatus
+from ...runtime.live.run_files import (
+    Animations,
+    RawRecording,
+    RunFolder,
+    new_run_folder,
+    since_last_run,
+)
+from ...runtime.outputs.live_file import LiveSettings as LiveSettings
+from ...runtime.outputs.live_file import open_outputs
+from ...runtime.outputs.output import LatestFrameSender
+from ...runtime.surface.live_surface import LiveSurface
+from ...runtime.view.live_scene import ViewedDevice
+from ...runtime.view.live_view import LiveView, PagePlace, PanelActions
+from ...sensing.voltage_divider import REFERENCE_OHM, reference_resistors
+from ...twin.recordings.walking_board import WalkingBoard
+from .live_device import LiveDevice, device_surface, typical_marker_sd
+from .options import RunOptions
+from .sources import Port, SessionPlay, open_source, open_twin
+
+_ANIMATION_FILE = "animation.glb"
+_MAX_VIEW_RATE_HZ = 60.0
+_RECOVERY_S = 900.0  # since the last run; within it, cords that have set do not recover
+_NO_OPTIONS, _NO_SETTINGS = RunOptions(), LiveSettings()
+
+
+@dataclass
+class LiveRun:
+    """A run that is ready for `loop.start()`.
+
+    Attributes:
+        device: Name of the device.
+        port: The port it is read from.
+        loop: The loop.
+        outputs: The outputs.
+        view: The view, or None.
+        recording: Recording of the raw readings, or None.
+        animations: The animations, or None without a surface.
+        surface: Description of how the surface is solved; empty without one.
+        notes: What the user should know before the start.
+    """
+
+    device: str
+    port: str
+    loop: LiveLoop
+    outputs: Sequence[LatestFrameSender]
+    view: LiveView | None
+    recording: RawRecording | None
+    animations: Animations | None = None
+    surface: str = ""
+    notes: list[Note] = field(default_factory=list)
+
+    def end(self) -> None:
+        """Close everything that is live: port, outputs, view and the recording of the readings.
+
+        Animations, which are slow to write, are left to `close`.
+        """
+        self.loop.close()
+
+    def close(self) -> None:
+        """End the run, and write an animation that is being recorded.
+
+        Raises:
+            StorageError: The animation cannot be written.
+            LiveError: It has no frames.
+        """
+        self.end()
+        if self.animations is not None:
+            try:
+                self.animations.finish()
+            finally:
+                self.animations.discard()
+
+
+def prepare_run(
+    live: LiveDevice,
+    port: str,
+    options: RunOptions = _NO_OPTIONS,
+    *,
+    settings: LiveSettings = _NO_SETTINGS,
+    view: int | PagePlace | None = None,
+    receivers: Sequence[FrameSink] = (),
+    keeps_readings: bool = True,
+    progress: Progress = silent,
+) -> LiveRun:
+    """Prepare a live run of a device; call `loop.start()` on the result to start it.
+
+    Args:
+        live: The device.
+        port: A serial port, socket://host:port, the .csv file of a recording, a recording or a
+            session (replay:PATH), or the twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30).
+        options: Options of the run.
+        settings: The outputs, and the controls; by default one control for each pose.
+        view: Port of a page, a place on an existing page, or None for no view.
+        receivers: Further receivers of frames with surfaces.
+        keeps_readings: Whether the raw readings are recorded; recordings that are played are not
+            recorded again.
+        progress: Progress callback.
+
+    Raises:
+        LiveError: The options do not fit the device.
+        CaptureError: The source cannot be read.
+        OutputError: The view cannot be opened.
+        StorageError: Nothing can be written to the folder of the run.
+    """
+    notes, place = list[Note](), Port(port)
+    twin = open_twin(live, place, progress)
+    reference = _choose_reference(live, options, twin, notes)
+    source = open_source(live, place, options.rate, reference, twin)
+    decoder = _make_decoder(live, options, place)
+    controls = _make_controls(live, settings)
+    folder = RunFolder(options.record) if options.record else _new_folder(live)
+    views = list(receivers)
+    with contextlib.ExitStack() as undo:
+        solver, animations, page, recording = None, None, None, None
+        if options.surface and (view is not None or options.animation or views):
+            solver, animations = _make_surface(live, options, folder, notes, progress)
+        if animations is not None:
+            undo.callback(animations.discard)
+            views.append(animations)
+        actions = panel_actions(decoder, animations, folder)
+        if view is not None:
+            page = LiveView(_viewed_device(live), actions, view)
+            undo.callback(page.close)
+            views.append(LatestFrameSender("view", partial(_identity, page), _MAX_VIEW_RATE_HZ))
+        outputs = open_outputs(settings.outputs)
+        for output in outputs:
+            undo.callback(output.close)
+        if keeps_readings and not place.is_replay:
+            recording = RawRecording(folder, len(live.board_channels))
+        undo.pop_all()
+    loop = LiveLoop(
+        source,
+        decoder,
+        live.board_channels,
+        reference,
+        controls=controls,
+        surface=solver,
+        receivers=Receivers(outputs, views, recording),
+        tracks=source.tracks if isinstance(source, SessionPlay) else None,
+    )
+    connect_panel(actions, loop)
+    about = "" if solver is None else solver.description
+    name = live.model.device
+    return LiveRun(name, port, loop, outputs, page, recording, animations, about, notes)
+
+
+def _new_folder(live: LiveDevice) -> RunFolder:
+    return new_run_folder(live.device.source if live.device else Path())
+
+
+def panel_actions(
+    decoder: LiveDecoder, animations: Animations | None, folder: RunFolder
+) -> PanelActions:
+    """Return the actions of the view's panel.
+
+    Args:
+        decoder: Decoder of the run.
+        animations: Its animations; None for no button to record.
+        folder: Folder of the run, which animations go to.
+    """
+    if animations is None:
+        return PanelActions(decoder.rest_now)
+    return PanelActions(
+        decoder.rest_now,
+        record_action(animations, folder),
+        lambda: animations.recording is not None,
+    )
+
+
+def record_action(animations: Animations, folder: RunFolder) -> Callable[[bool], str]:
+    """Return a function that starts or stops an animation in the run's folder.
+
+    It returns a message about the result.
+    """
+
+    def record(is_on: bool) -> str:
+        try:
+            if is_on:
+                return f"recording into {animations.start(folder.make() / _ANIMATION_FILE)}"
+            saved = animations.finish()
+        except DefsenseError as error:
+            again = "; press again to retry" if animations.recording and not is_on else ""
+            return f"{error}{again}"
+        return "no animation was being recorded" if saved is None else saved.summary
+
+    return record
+
+
+def connect_panel(actions: PanelActions, loop: LiveLoop) -> None:
+    """Let the panel show the loop's notes and its latency."""
+    actions.notes = lambda: loop.status.notes
+    actions.latency = lambda: format_latency(loop.status.view_latency)
+
+
+def format_latency(latency: tuple[float, float]) -> str:
+    """Return a sentence on the median and 99th percentile of the latency, s; empty for NaN."""
+    if not all(map(math.isfinite, latency)):
+        return ""
+    median, high = (1e3 * s for s in latency)
+    return f"{median:.0f} ms from the sample to the view (99 %: {high:.0f} ms)"
+
+
+def _make_decoder(live: LiveDevice, options: RunOptions, port: Port) -> LiveDecoder:
+    return LiveDecoder(
+        live.model,
+        None if options.rest is None else _in_model_order(live, "rest", options.rest),
+        live.trained_rest,
+        first_rest_signals=_first_rest_signals(live, port),
+        fallback=options.fallback,
+    )
+
+
+def _in_model_order(live: LiveDevice, name: str, resistances: Sequence[float]) -> Float:
+    """Return the resistances (c,), ohm, of an option in the model's order of channels."""
+    channels = live.board_channels
+    values = dict(zip(channels, reference_resistors(resistances, len(channels), name), strict=True))
+    return np.array([values[channel] for channel in live.model.channels])
+
+
+def _make_controls(live: LiveDevice, settings: LiveSettings) -> ControlBank | None:
+    where = "" if settings.path is None else settings.path
+    if live.poses is None:
+        if settings.controls:
+            raise LiveError(
+                "controls need the poses of a built device",
+                code="not-built",
+                where=where,
+                action="Give the folder of the built device",
+            )
+        return None
+    model = live.model
+    try:
+        return ControlBank(
+            live.poses, model.rest_points, settings.controls, independent=len(model.channels)
+        )
+    except ControlError as error:
+        located = ControlError(str(error), code=error.code, where=where)
+        located.data = error.data
+        raise located from None
+
+
+def _make_surface(
+    live: LiveDevice,
+    options: RunOptions,
+    folder: RunFolder,
+    notes: list[Note],
+    progress: Progress,
+) -> tuple[LiveSurface | None, Animations | None]:
+    """Prepare the surface, and solve it once to compile its functions."""
+    if live.rest is None or live.states is None:
+        if options.animation is not None:
+            raise LiveError(
+                "an animation needs a built device",
+                code="not-built",
+                where=options.animation,
+                action="Give the folder of the built device",
+            )
+        text = "the device is not built: the view shows only markers; give its folder"
+        notes.append(Note("not-built", text))
+        return None, None
+    progress("live", 0.5, "preparing the surface")
+    surface = device_surface(live, options.surface or "default")
+    surface(live.model.rest_points, None, SURFACE_BUDGET_S)
+    surface.reset()
+    device = live.device.source if live.device else Path()
+    faces = np.asarray(live.rest.faces, np.int64)
+    animations = Animations(live.rest.vertices, faces, (folder.make, lambda: device))
+    if options.animation is not None:
+        animations.start(options.animation)
+    return surface, animations
+
+
+def _identity(view: LiveView) -> LiveView:
+    return view
+
+
+def _first_rest_signals(live: LiveDevice, port: Port) -> Float | None:
+    """Return the signals in the first rest (c,), if the cords have not moved for long."""
+    is_played = port.is_twin or port.is_replay
+    if not is_played and live.device and since_last_run(live.device.source) < _RECOVERY_S:
+        return None
+    return live.first_rest_signals
+
+
+def _choose_reference(
+    live: LiveDevice, options: RunOptions, twin: WalkingBoard | None, notes: list[Note]
+) -> Float:
+    """Return the dividers' resistors (c,), ohm, in the model's order.
+
+    They are those of the options, else of the training, else of the twin, else the default.
+    """
+    if options.reference is not None:
+        return _in_model_order(live, "reference", options.reference)
+    if live.reference is not None:
+        return live.reference
+    order = [live.board_channels.index(name) for name in live.model.channels]
+    if twin is not None:
+        return twin.runs.converter.reference[order]
+    text = (
+        f"the resistors of the dividers are unknown: {REFERENCE_OHM:g} ohm is assumed for each;"
+        " give their values as reference"
+    )
+    notes.append(Note("reference-assumed", text, {"ohms": REFERENCE_OHM}))
+    return np.full(len(order), REFERENCE_OHM)
+
+
+def _viewed_device(live: LiveDevice) -> ViewedDevice:
+    model, paths = live.model, {cord.name: cord.path for cord in live.cords}
+    return ViewedDevice(
+        name=model.device,
+        vertices=None if live.rest is None else live.rest.vertices,
+        faces=None if live.rest is None else live.rest.faces,
+        channels=model.channels,
+        cords=tuple(paths[name] for name in model.channels if name in paths),
+        cord_radius=live.device.cord.diameter / 2 if live.device else 1.0,
+        low=model.main.range.low,
+        high=model.main.range.high,
+        radius=float(RADIUS_90 * np.median(typical_marker_sd(model))),
+    )

@@ -1,1 +1,0 @@
-"""The points of a study: its file, parameters, devices and measures."""

@@ -1,1 +1,0 @@
-"""Results of a study: table, sensitivities and page."""

@@ -1,1 +1,0 @@
-"""Runs of a study: planning, log, batches, and clusters."""

@@ -1,0 +1,1 @@
+"""Train models from recordings or a simulation, evaluate and recalibrate them, export data."""

@@ -1,0 +1,56 @@
+"""Cords described by a data sheet, instead of or in addition to a row of the catalogue."""
+
+import pytest
+
+from defsense_fab.core.device.cord_tables import SHEET, CordTable
+from defsense_fab.core.errors import DeviceError
+from defsense_fab.core.response import ResponseSpec
+from defsense_fab.core.schema.document import parse_document
+from defsense_fab.core.storage.package_data import read_rows
+from tests.support.errors import raises
+
+FIGURES = "diameter = 1.2\nohm_per_mm = 9.8\ngauge_factor = 1.4\nmax_strain = 0.8\n"
+
+
+def read(text, folder):
+    return parse_document(text, folder / "device.toml").read(CordTable).record(folder)
+
+
+def test_a_cord_by_its_data_sheet(tmp_path):
+    cord = read(FIGURES, tmp_path)
+    assert (cord.name, cord.diameter, cord.ohm_per_mm, cord.max_strain) == ("custom", 1.2, 9.8, 0.8)
+    assert cord.response == ResponseSpec.line(1.4)
+    assert (cord.min_bend_radius, cord.min_stretch) == (3.0, 12.0)
+    assert cord.ferrule_diameter == pytest.approx(1.8)
+    assert read('name = "mine"\n' + FIGURES, tmp_path).name == "mine"
+
+
+def test_assumptions_for_a_data_sheet_are_those_of_the_catalogue(tmp_path):
+    for name, row in read_rows("cords.csv").items():
+        sheet = "\n".join(f"{key} = {row[key]}" for key in SHEET)
+        by_row, by_sheet = read(f'name = "{name}"', tmp_path), read(sheet, tmp_path)
+        for key in ("min_bend_radius", "ferrule_diameter", "ferrule_length", "modulus", "noise"):
+            assert getattr(by_sheet, key) == pytest.approx(getattr(by_row, key)), (name, key)
+        assert (by_sheet.contact, by_sheet.min_stretch) == (by_row.contact, by_row.min_stretch)
+
+
+def test_a_key_replaces_the_number_of_the_row(tmp_path):
+    cord = read('name = "rubber-2mm"\nferrule_diameter = 2.4\nohm_per_mm = 20', tmp_path)
+    assert (cord.ferrule_diameter, cord.ohm_per_mm, cord.diameter) == (2.4, 20, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "key"),
+    [
+        (FIGURES.replace("max_strain = 0.8", ""), "key-missing", "max_strain"),
+        (FIGURES + "ferrule_diameter = 1.2", "ferrule-too-thin", "ferrule_diameter"),
+        ('name = "mine"', "unknown-cord", "name"),
+        ("", "key-missing", "name"),
+        (FIGURES + "ohm_per_cm = 98", "key-unknown", "ohm_per_cm"),
+        (FIGURES + 'response = "r.json"\ncompression = "half"', "keys-exclusive", "compression"),
+        (FIGURES + "length = [100, 100.5]", "out-of-range", "length"),
+    ],
+)
+def test_errors_name_the_key(tmp_path, text, code, key):
+    with raises(DeviceError, code, key=key):
+        read(text, tmp_path)

@@ -1,0 +1,118 @@
+"""Compare the predicted band with devices simulated frame by frame and trained by a library."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sklearn.linear_model import Ridge
+
+from defsense_fab.core.curve import catmull_rom, sample_path
+from defsense_fab.decoding.expected_errors import HELD_OUT, NONE, UnseenStates
+from defsense_fab.optimization.refinement.refine import layout_error
+from defsense_fab.optimization.studies.tolerance_monte_carlo import Tolerances, tolerance_band
+from defsense_fab.sensing.built_cord import BuiltCord, CordReading
+from defsense_fab.sensing.response import cord_signals
+
+TWISTS = np.array([-1, -0.5, 0.5, 1])  # of the states of `problem`
+EXACT = Tolerances(offset=0, gauge=0, amplitude=0, prestretch=0, compression=0)
+
+
+def band_of(problem, layout, rng, unseen, **options):
+    """Return the band of bonded cords that sense on their whole length, with ideal joints."""
+    cords = [BuiltCord(sample_path(s), 0.0, None) for s in layout]
+    reading = CordReading(problem.sense.response, 14.5, problem.noise, 0.0)
+    options = {"tolerances": Tolerances(compression=0)} | options
+    return tolerance_band(problem, cords, reading, rng, unseen, **options)
+
+
+def every(problem):
+    """Return folds that train and test on all states."""
+    k = np.arange(len(problem.markers))
+    return UnseenStates(NONE, ((k, k),), ((k[1:], TWISTS),))
+
+
+def random_layout(straight, rng):
+    """Return two wavy cords; they need not keep the limits."""
+    layout = []
+    for name, y in (("a", 6.0), ("b", -6.0)):
+        sensor = straight(name, y=y + rng.uniform(-2, 2), z=rng.uniform(-4, 4))
+        points = sensor.curve.points.copy()
+        points[2:-2, 1] += rng.uniform(-4, 4, len(points) - 4)
+        curve = replace(sensor.curve, points=points, tangents=catmull_rom(points))
+        layout.append(replace(sensor, curve=curve))
+    return layout
+
+
+def built(problem, layout, rng):
+    """Return the test RMSE (mm) of one device, trained on 1,400 noisy frames and tested on 600.
+
+    Cords are shifted by up to 0.3 mm; gauge factors and amplitudes deviate by 5 %.
+    """
+    amplitude = 1 + rng.normal(0, 0.05, len(problem.fields))
+    columns = []
+    for sensor in layout:
+        path = sample_path(sensor) + rng.uniform(-0.3, 0.3, (1, 3)) * [0, 1, 1]
+        at = problem.locator.find(path)
+        u = problem.locator.displacement(at, amplitude[:, None, None] * problem.fields)
+        columns.append(
+            (1 + rng.normal(0, 0.05)) * cord_signals(path, path + u, problem.sense.response)
+        )
+    S = np.concatenate([np.zeros((1, 2)), np.stack(columns, axis=1)])
+    markers = problem.markers * np.concatenate([[1], amplitude])[:, None, None]
+    shown = rng.integers(len(S), size=2000)
+    read = S[shown] + rng.normal(0, problem.noise, (2000, 2))
+    truth = markers[shown].reshape(2000, -1)
+    model = Ridge(alpha=1e-9).fit(read[:1400], truth[:1400])
+    off = (model.predict(read[1400:]) - truth[1400:]).reshape(600, -1, 3)
+    return np.sqrt(((off**2).sum(2) @ problem.marker_weights).mean())
+
+
+def test_the_band_of_straight_cords_does_not_depend_on_rounding(problem, straight):
+    """A straight path lies in many planes, but a cord must wander equally in each run."""
+    path = sample_path(straight("a", y=6.0))
+    reading = CordReading(problem.sense.response, 14.5, problem.noise, 0.0)
+    bands = []
+    for last in (0.0, 1e-13, -1e-13):
+        moved = path.copy()
+        moved[len(path) // 2, 1:] += [last, -2 * last]
+        cords = [BuiltCord(moved, 0.0, None)]
+        band = tolerance_band(
+            problem, cords, reading, np.random.default_rng(0), every(problem), draws=20
+        )
+        bands.append((band.low, band.median, band.high))
+    assert np.ptp(bands, axis=0).max() < 1e-9
+
+
+def test_the_band_contains_nine_of_ten_devices(problem, straight):
+    problem = replace(problem, noise=0.001)
+    rng = np.random.default_rng(0)
+    ratios, inside = [], []
+    for _ in range(20):
+        layout = random_layout(straight, rng)
+        band = band_of(problem, layout, rng, every(problem), draws=100)
+        measured = [built(problem, layout, rng) for _ in range(3)]
+        ratios += [m / layout_error(problem, layout) for m in measured]
+        inside += [band.low <= m <= band.high for m in measured]
+    assert np.median(ratios) == pytest.approx(1, abs=0.1)
+    assert np.mean(inside) >= 0.8  # 90 % minus two standard deviations of 60 devices
+
+
+def test_without_tolerances_the_band_surrounds_the_expected_error(problem, straight):
+    layout = random_layout(straight, np.random.default_rng(1))
+    band = band_of(problem, layout, np.random.default_rng(2), every(problem), tolerances=EXACT)
+    assert band.low < layout_error(problem, layout) < band.high
+    assert band.median == pytest.approx(layout_error(problem, layout), rel=0.02)
+    wide = band_of(problem, layout, np.random.default_rng(2), every(problem))
+    assert wide.high - wide.low > 2 * (band.high - band.low)
+
+
+def test_errors_of_held_out_states_are_larger(problem, straight):
+    """Decoders trained on small amplitudes are tested on full ones, which the band must show."""
+    layout = random_layout(straight, np.random.default_rng(1))
+    k = np.arange(len(problem.markers))
+    size = np.linalg.norm(problem.markers, axis=2).mean(axis=1)
+    far = size > np.quantile(size, 0.7)
+    held = UnseenStates(HELD_OUT, ((k[~far], k[far]),), ((k[1:], TWISTS),))
+    fitted = band_of(problem, layout, np.random.default_rng(2), every(problem), draws=50)
+    unseen = band_of(problem, layout, np.random.default_rng(2), held, draws=50)
+    assert unseen.median > 1.2 * fitted.median

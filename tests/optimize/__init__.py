@@ -1,1 +1,0 @@
-"""Tests of `defsense_fab.optimize`."""
