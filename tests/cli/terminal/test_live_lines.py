@@ -104,9 +104,10 @@ def test_last_error_is_raised_but_not_the_end_of_a_recording():
     with LiveLines([run(ends=1, error=end)]) as lines:
         lines.follow(None)
     several = [
-        run("a", ends=1, error=CaptureError("first", code="port-disconnected")), run("b", ends=3, error=CaptureError("last", code="port-disconnected")),
+        run("a", ends=1, error=CaptureError("first", code="port-disconnected")),
+        run("b", ends=3, error=CaptureError("last", code="port-disconnected")),
         run("c", ends=5, error=end),
-    ]  # fmt: skip
+    ]
     with LiveLines(several) as lines, pytest.raises(CaptureError, match="last"):
         lines.follow(None)
 
