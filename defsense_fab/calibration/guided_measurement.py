@@ -60,7 +60,7 @@ MEASUREMENT_KEYS: Mapping[Phase, tuple[Key, ...]] = {
         Key("s", "skip", "skip"),
         STOP,
     ),
-    "waiting": (STOP,),
+    "waiting": (Key("b", "place again", "back"), Key("s", "skip", "skip"), STOP),
 }
 #: Which side of the specimen is on the jig, and which cord is then on top, by face.
 _SIDES = {"a": ("bottom", "top"), "b": ("top", "bottom")}

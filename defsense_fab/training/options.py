@@ -90,7 +90,7 @@ class TrainOptions:
     weighted: bool = True
     test_share: Annotated[float, Meta(ge=0, le=0.99)] = 0.3
     folds: Annotated[int, Meta(ge=2, le=1000)] = 5
-    level: Annotated[float, Meta(ge=0.01, le=0.999)] = 0.9
+    level: Annotated[float, Meta(ge=0.001, le=0.9999)] = 0.9
     prior: PriorMode = "auto"
     without_markers: tuple[Annotated[int, Meta(ge=0)], ...] = ()
 

@@ -3,9 +3,9 @@
     python examples/character/armadillo.py Armadillo.ply my-armadillo
     defsense build my-armadillo
 
-The Armadillo is available from the Stanford 3D Scanning Repository. Any figure with arms and legs
-that stands along y or z, with its arms along x, is possible. It is scaled to a height of 150 mm.
-Hands, feet and trunk are located relative to the bounding box.
+The Armadillo is available from the Stanford 3D Scanning Repository. Any figure with arms and
+legs in a PLY, STL, OBJ or OFF file is possible that stands along y or z, with its arms along x. It
+is scaled to a height of 150 mm. Hands, feet and trunk are located relative to the bounding box.
 """
 
 import argparse
@@ -98,6 +98,8 @@ def main():
     parser.add_argument("file", type=Path)
     parser.add_argument("folder", type=Path)
     options = parser.parse_args()
+    if options.file.suffix.lower() not in (".ply", ".stl", ".obj", ".off"):
+        parser.error(f"{options.file}: give a PLY, STL, OBJ or OFF file")
     points = np.asarray(trimesh.load_mesh(options.file).vertices)
     size = np.ptp(points, axis=0)
     up = 1 + int(size[2] > size[1])

@@ -137,7 +137,7 @@ def test_the_predicted_shape_is_over_or_next_to_the_simulated_one(page):
     off = page.surface("read") - page.surface()
     assert off == pytest.approx(np.tile([0, MISS, 0], (len(off), 1)), abs=0.01)
     assert "0.80 mm" in page.text("state")
-    page.page.locator("[data-read]").select_option("beside")
+    page.page.locator("[data-read]").select_option("next")
     place = page.js("defsenseView.stage.body.read.position.toArray()")
     assert place[2] < -24  # below a wide body
     reds = "Array.from(defsenseView.stage.body.mesh.geometry.getAttribute('color').array)"

@@ -222,7 +222,9 @@ class GuidedRecording(GuidedWork):
             status.append(f"{share:.0%} of the motions to the poses recorded")
         return GuidedView(
             state,
-            title=f"step {state.step + 1} of {self.step_count}: {plan.name}, {remaining:.0f} s",
+            title="recording ended"
+            if state.phase == "done"
+            else f"step {state.step + 1} of {self.step_count}: {plan.name}, {remaining:.0f} s",
             instruction=self._instruction(plan.name, state.phase),
             status=tuple(status),
             progress=1 - remaining / plan.seconds if plan.seconds > 0 else 1.0,
@@ -307,9 +309,9 @@ class GuidedRecording(GuidedWork):
     def _advice(self, name: str) -> str:
         if name == REST:
             return "Leave the device **at rest** and still, in view of the cameras."
-        least = self._coverage.least_covered() if self._coverage is not None else ""
-        if name == FREE and least:
-            return f"**Move freely** and mix poses. Least shown so far: {least}."
+        rarest = self._coverage.least_covered() if self._coverage is not None else ""
+        if name == FREE and rarest:
+            return f"**Move freely** and mix poses. Least covered so far: {rarest}."
         if name == FREE:
             return "**Move freely** and mix the poses, slowly and fast."
         return f"Show **{name}** slowly and repeatedly, from rest to its full extent and back."

@@ -28,7 +28,7 @@ class PoseCoverage:
         self._names = list(names)
         self._all_shapes = np.concatenate([rest[None], shapes.reshape(-1, *rest.shape)])
         self._rest = rest
-        self._seen = np.zeros((len(self._names), BINS), bool)
+        self._covered = np.zeros((len(self._names), BINS), bool)
 
     def add(self, points: Float) -> tuple[str, int] | None:
         """Add a frame: the shape that is nearest, up to a rigid motion, was seen.
@@ -54,26 +54,28 @@ class PoseCoverage:
         if best == 0 or distance[best] > MAX_DISTANCE * from_rest.residual[best]:
             return None
         pose, part = divmod(best - 1, BINS)
-        if self._seen[pose, part]:
+        if self._covered[pose, part]:
             return None
-        self._seen[pose, part] = True
+        self._covered[pose, part] = True
         return self._names[pose], part
 
     def restore(self, pose: str, part: int) -> None:
-        """Mark a part as seen before; poses that the device no longer has are ignored."""
+        """Mark a part as covered before; poses that the device no longer has are ignored."""
         if pose in self._names and 0 <= part < BINS:
-            self._seen[self._names.index(pose), part] = True
+            self._covered[self._names.index(pose), part] = True
 
     def reached(self) -> dict[str, tuple[float, Bool]]:
-        """Return by pose how far it was shown, 0 to 1, and which parts of the way were seen."""
-        extents = [(np.flatnonzero(covered).max(initial=-1) + 1) / BINS for covered in self._seen]
+        """Return by pose how far it was shown, 0 to 1, and which of its parts are covered."""
+        extents = [
+            (np.flatnonzero(covered).max(initial=-1) + 1) / BINS for covered in self._covered
+        ]
         return {
             name: (float(extent), covered.copy())
-            for name, extent, covered in zip(self._names, extents, self._seen, strict=True)
+            for name, extent, covered in zip(self._names, extents, self._covered, strict=True)
         }
 
     def least_covered(self) -> str:
         """Return the pose of which least was shown; empty if all were shown completely."""
-        covered = self._seen.mean(axis=1)
+        covered = self._covered.mean(axis=1)
         k = int(covered.argmin())
         return self._names[k] if covered[k] < 1 else ""

@@ -74,14 +74,14 @@ def fit_line(  # type: ignore[no-untyped-def]
         corners: Corners in the image (4, 2), px.
         ideal: Corners without distortion (4, 2), px.
         k: Number of the edge.
-        cx: Middle of the ideal corners, px.
-        cy: Likewise.
+        cx: Horizontal middle of the ideal corners, px.
+        cy: Vertical middle of the ideal corners, px.
         cells: Cells across a tag, with its border.
         pixels: Room for pixels (MAX_PIXELS, 3).
         rows: Room for derivatives (PARAMETERS + 1, MAX_PIXELS).
-        xs: Room for pixels (MAX_PIXELS,).
-        ys: Likewise.
-        grey: Likewise.
+        xs: Room for positions of pixels (MAX_PIXELS,), px.
+        ys: Room for positions of pixels (MAX_PIXELS,), px.
+        grey: Room for grey levels of pixels (MAX_PIXELS,).
         line: Result (6,): outward normal, offset along it, length, and middle of the edge, px.
         spread: Result (3,): variance of the offset, covariance of offset and angle, and variance of
             the angle about that middle, by independent pixels.

@@ -77,12 +77,12 @@ def converge(  # type: ignore[no-untyped-def]
     need them, as edges do that are out of focus.
 
     Args:
-        xs: Pixels' positions relative to the middle of the edge, px.
-        ys: Likewise.
+        xs: Pixels' horizontal positions relative to the middle of the edge, px.
+        ys: Their vertical positions, px.
         grey: Their grey levels.
         count: Number of pixels.
-        nx: Normal of the line, outwards.
-        ny: Likewise.
+        nx: Horizontal component of the line's outward normal.
+        ny: Vertical component of the line's outward normal.
         length: Length of the edge, px.
         q: Parameters; input is the start.
         expected: Step as first measured, grey levels.

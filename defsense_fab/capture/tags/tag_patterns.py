@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.storage.files import load_json, storage_errors, write_json
-from .board_options import BoardOptions
+from .charuco_options import CharucoOptions
 
 #: Names in OpenCV of each family.
 FAMILIES = {
@@ -124,11 +124,11 @@ class CharucoBoard:
             starts with white.
     """
 
-    columns: int = BoardOptions.columns
-    rows: int = BoardOptions.rows
-    square: float = BoardOptions.square
-    marker: float = TAG_SHARE * BoardOptions.square
-    dictionary: str = BoardOptions.dictionary
+    columns: int = CharucoOptions.columns
+    rows: int = CharucoOptions.rows
+    square: float = CharucoOptions.square
+    marker: float = TAG_SHARE * CharucoOptions.square
+    dictionary: str = CharucoOptions.dictionary
     measured: float | None = None
     inverted: bool = False
     legacy: bool = False

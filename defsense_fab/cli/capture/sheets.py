@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from ...core.errors import CaptureError
 from ...core.schema.options import changed_options
-from ...workflow.tags.options import BoardOptions, MarkerOptions
+from ...workflow.tags.options import CharucoOptions, MarkerOptions
 from ..app import command
 from ..device import DeviceFolder
 from ..output import OutputOptions, print_json, print_lines, progress_bars
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...workflow.tags.boards import BoardFiles
 
 _DEFAULT_MARKERS = MarkerOptions()
-_DEFAULT_BOARD = BoardOptions()
+_DEFAULT_BOARD = CharucoOptions()
 _NO_OUTPUT = OutputOptions()
 _PRINT = "print it at 100 % (the rulers must be 100 mm), "
 
@@ -91,7 +91,7 @@ def _board(
     folder: Path = Path(),
     /,
     *,
-    options: Annotated[BoardOptions, Parameter(name="*", negative=())] = _DEFAULT_BOARD,
+    options: Annotated[CharucoOptions, Parameter(name="*", negative=())] = _DEFAULT_BOARD,
     measured: float | None = None,
     output: OutputOptions = _NO_OUTPUT,
 ) -> None:

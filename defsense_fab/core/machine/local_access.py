@@ -43,7 +43,7 @@ class Access:
         """
         name = _own_address() if self._host in _ANY_HOST else self._host
         bracketed = f"[{name}]" if ":" in name else name
-        return f"http://{bracketed}:{port}" + (f"/?token={self.token}" if self.token else "")
+        return f"http://{bracketed}:{port}/" + (f"?token={self.token}" if self.token else "")
 
     def refusal(self, host: str, origins: list[str]) -> str | None:
         """Return why a request is refused, or None.

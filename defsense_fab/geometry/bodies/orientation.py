@@ -18,7 +18,7 @@ Y_UP = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
 #: Points up to this share of the height above the lowest one touch the ground.
 TOUCHING_HEIGHT_SHARE = 0.03
 #: Shares of its outline that the foot of a body covers: along y at least twice that along z, and
-#: this much; below the last the foot says nothing.
+#: this much; below the last, the foot is not evaluated.
 FOOTING_RATIO, MIN_FOOTING_SHARE, SMALL_FOOTING_SHARE = 2.0, 0.04, 0.1
 TALL_RATIO = 1.3  # height of a tall body, in its other sizes
 DEEP_RATIO = 1.5  # depth, in widths, from which a body is seen from its long side

@@ -73,7 +73,7 @@ class End:
         return "bend" if self.lead else "mouth"
 
     def hollows(self, pockets: Pockets | None) -> list[Hollow]:
-        """Return the hollows besides the channel: points (n, 3) along each, and its radius, mm."""
+        """Return the hollows next to the channel: points (n, 3) along each, and its radius, mm."""
         out = []
         if pockets and self.pocket:
             along = np.linspace(0, self.pocket, int(self.pocket / 0.25) + 2)
@@ -238,7 +238,7 @@ class _EndPlanner:
 def own_hollows(
     line: Float, twin: End, depth: float, channel: float, pockets: Pockets | None
 ) -> list[Hollow]:
-    """Return the hollows of an end's own cord besides its pocket.
+    """Return the hollows of an end's own cord in addition to its pocket.
 
     Args:
         line: Center line (p, 3) of the channel from this end on, mm.
@@ -251,7 +251,7 @@ def own_hollows(
 
 
 def make_end_tools(end: End, channel: float, wall: float, pockets: Pockets | None) -> list[Tool]:
-    """Return the tools that shape a channel's end, besides the channel of diameter `channel` mm."""
+    """Return the tools that shape a channel's end, without the channel of diameter `channel` mm."""
     diameter = pockets.diameter if pockets and end.pocket else channel
     c = chamfer_width(wall)
     tools: list[Tool] = [

@@ -184,7 +184,7 @@ def to_surface(solid: Any) -> Surface:
 
 @dataclass(frozen=True)
 class ThinPlaces:
-    """What of a solid is too thin to print.
+    """The places of a solid that are too thin to print.
 
     Attributes:
         share: Share of the area of all layers.

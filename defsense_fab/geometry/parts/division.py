@@ -163,8 +163,8 @@ def plan_division(
     A plane cuts only the pieces through which its cords run, and of what it would cut off only what
     a cord touches. Orders of cuts are compared, and cuts right through with limited ones that end a
     little beyond their cords, by the number of parts and by how far channels run along the faces of
-    other cuts. Before that, cords shorter than `across` between their ferrules are each laid in one
-    joint, if possible: in several, a joint that is closed later pulls at them while it is open.
+    other cuts. Before that, cords shorter than `across` between their ferrules are each placed in
+    one joint, if possible: in several, a joint that is closed later pulls at them while it is open.
 
     Args:
         body: The body (manifold3d solid).
@@ -174,7 +174,7 @@ def plan_division(
         play: Play of the lid of a limited cut, mm.
         limit: Whether all cuts are limited.
         through: Whether all cuts go right through.
-        across: Length below which a cord is laid in one joint, mm.
+        across: Length below which a cord is placed in one joint, mm.
     """
     coplanar = group_coincident_planes([c.sensor.plane for c in channels])
     planes = [channels[group[0]].sensor.plane for group in coplanar]

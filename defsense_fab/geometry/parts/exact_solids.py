@@ -37,7 +37,8 @@ def add_solids(part_set: PartSet, solid: Any) -> PartSet:
         with _convert_errors():
             return replace(part_set, parts=tuple(_make_solids(body, part_set)), carved=())
     except FabricationError as error:
-        return part_set.with_warnings({f"no STEP parts: {error}": None})
+        unsolved = replace(part_set, carved=())
+        return unsolved.with_warnings({f"no STEP parts: {error}": None})
 
 
 def carve_solid(solid: Any, tools: Sequence[Tool]) -> Any:

@@ -31,7 +31,7 @@ def solids_of(solid: Any) -> list[Any]:
 
 
 def runs_in(thread: Any, piece: Any) -> bool:
-    """Whether a thread runs in a piece."""
+    """Return whether a thread runs in a piece."""
     return float((piece ^ thread).volume()) > 0.1 * THREAD_DIAMETER_MM**2
 
 
@@ -172,11 +172,11 @@ def _prisms_around(
 
 
 def _is_blocked(taken: Sequence[Any], others: Sequence[Any], plane: Plane) -> bool:
-    """Whether what stays on the same side of the plane blocks what comes off along its normal:
-    whether they cover each other in that direction.
-    """
+    """Return whether the other solids on the same side cover the removed ones along the normal."""
     if not others:
         return False
-    turn = np.column_stack([plane.axes.T, np.zeros(3)])
-    a, b = (triangle_kernel.union(list(s)).transform(turn).project() for s in (taken, others))
-    return float((a ^ b).area()) > MAX_COVER_MM2
+    a, b = (
+        triangle_kernel.to_plane_frame(triangle_kernel.union(list(s)), plane.axes, np.zeros(3))
+        for s in (taken, others)
+    )
+    return float((a.project() ^ b.project()).area()) > MAX_COVER_MM2

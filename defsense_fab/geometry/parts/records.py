@@ -80,7 +80,7 @@ class PartRules:
         seats: Number of seats for tags in the skin.
         tag: Side of a square tag, mm.
         through: Whether every cut goes right through, as moulds require.
-        across: Length between the ferrules, mm, below which a cord is laid in one joint, since it
+        across: Length between the ferrules, mm, below which a cord is placed in one joint, since it
             cannot be held across an open one.
     """
 
@@ -141,7 +141,7 @@ class PartSet:
         cut_out: Volume of all that was removed, mm^3.
         body_volume: Volume of the body, mm^3.
         bare: The parts without channels, sockets and numbers (manifold3d solids).
-        carved: The parts without sockets and numbers, until they have their exact solids.
+        carved: The parts without sockets and numbers, from which exact solids are checked.
         rules: Rules that the parts were made by.
     """
 

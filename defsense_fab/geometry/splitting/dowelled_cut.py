@@ -114,6 +114,7 @@ def _renumber_parts(part_set: PartSet, cut: _CutPart) -> PartSet:
         pins=(*pins, *(replace(d, contact=len(contacts)) for d in cut.dowels)),
         labels=tuple(labels),
         cut_out=part_set.cut_out + cut.removed,
+        carved=(),
     )
 
 

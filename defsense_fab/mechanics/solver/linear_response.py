@@ -242,7 +242,7 @@ def propose_poses(mesh: QuadraticMesh, fixed: Int, modes: list[Mode]) -> list[Pr
 def _is_same_motion(rotation: Float, translation: Float, other: ProposedPose) -> bool:
     """Return whether a handle's motion equals that of another pose, or its reverse.
 
-    The end then cannot tell the two modes apart.
+    The end then cannot distinguish the two modes.
     """
     is_rotation, is_translation = rotation.any(), not np.isnan(translation).any()
     if is_rotation != other.rotation.any() or is_translation == np.isnan(other.translation).any():

@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...core.errors import TrainingError
 from ...core.storage.files import replace_folder, write_text
 from ...core.version import __version__
@@ -123,6 +125,8 @@ def probability(p: float) -> str:
 
 def verdict(c: Comparison) -> str:
     """Return whether the models differ, as a sentence."""
+    if np.isnan(c.means).any():
+        return "The models decode no frame in common. Test them on the same markers and channels."
     if not c.tests:
         return "The errors are correlated for too long to compare the models. Record for longer."
     best = c.names[int(c.means.argmin())]

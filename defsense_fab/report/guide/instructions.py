@@ -91,13 +91,14 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
 @cache
 def _template() -> jinja2.Template:
     text_environment = environment().overlay()
-    text_environment.filters.update(
-        n=_format_number,
-        percent="{:.0%}".format,
-        ohm=format_resistance,
-        names=join_names,
-        label=cord_label,
-    )
+    text_environment.filters = {  # an overlay shares those of the pages
+        **text_environment.filters,
+        "n": _format_number,
+        "percent": "{:.0%}".format,
+        "ohm": format_resistance,
+        "names": join_names,
+        "label": cord_label,
+    }
     functions = (joints_that_stretch, late_end, pulled_reach, pulled_strain, sliding_end)
     constants = {"ENDS": ENDS, "INSTALLED_TOLERANCE": INSTALLED_TOLERANCE}
     return text_environment.get_template(

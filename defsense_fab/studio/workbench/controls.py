@@ -51,10 +51,12 @@ def add_field(
     if kind is None:
         return gui.add_text(label, value or "", hint=hint)
     low, high = declared.bounds
-    if unset is not None:
-        low = unset[0] if low is None else min(low, unset[0])
     if isinstance(kind, inspect.IntType):
         step = 1
+    if unset is not None:
+        low = unset[0] if low is None else min(low, unset[0])
+    elif kind.gt is not None:
+        low = kind.gt + (step or 1e-3)  # the bound itself is not accepted
     return gui.add_number(label, value, min=low, max=high, step=step, hint=hint)
 
 

@@ -1,6 +1,6 @@
 """Signals at the extreme of each pose, and at rest, from the poses requested in recordings.
 
-A user who is asked for a pose is often still leaving the previous one, and does not always
+A user who is prompted for a pose is often still leaving the previous one, and does not always
 go all the way. So the extreme is searched along the direction in which the pose's repetitions
 agree, or along that of the training. Repetitions that go less than half as far as the farthest one
 do not count.

@@ -45,6 +45,7 @@ def load_dataset(
     Raises:
         TrainingError: A source is of no known kind, is damaged, is given twice, or does not match
             the others or the device.
+        StorageError: The layout of the device's build cannot be read.
     """
     layout = device_layout(device, build)
     info = RecordingInfo(
@@ -109,6 +110,7 @@ def match_to_device(dataset: Dataset, device: Device | None, build: Build | None
 
     Raises:
         TrainingError: The recordings are of another device, layout or other channels.
+        StorageError: The layout of the device's build cannot be read.
     """
     if device is None:
         return dataset

@@ -22,7 +22,7 @@ _MIN_DISTANCE_MM = 1.0
 _FINAL_REST_S = 5.0  # rest at the end of a recording shows how the cords drifted
 _REST_RATIO = 0.1  # of the largest distance of a state from rest; the device is at rest below
 _BLOCK_SIZE = 500  # frames compared at once
-_MAX_ADVICE = 3  # states that are asked for
+_MAX_ADVICE = 3  # requested states
 
 
 @dataclass(frozen=True)

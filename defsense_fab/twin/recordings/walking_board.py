@@ -116,7 +116,7 @@ def _parse_fault(channels: Sequence[str], word: str) -> CordFault:
         start, stop = float(begin), float(end) if end else float("inf")
     except ValueError:
         raise CaptureError(
-            "does not say from which second the fault lasts",
+            "has no valid start time",
             code="fault-invalid",
             where=where,
             action="Write seconds as in @20-30",

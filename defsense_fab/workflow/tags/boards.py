@@ -9,9 +9,9 @@ from ...capture.tags.print_sheets import write_board as draw_board
 from ...capture.tags.tag_patterns import FILE, TAG_SHARE, CharucoBoard, load_board, save_board
 from ...core.errors import CaptureError
 from ...core.storage.files import storage_errors
-from .options import BoardOptions
+from .options import CharucoOptions
 
-DEFAULT_OPTIONS = BoardOptions()
+DEFAULT_OPTIONS = CharucoOptions()
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class BoardFiles:
     lost_measurement: bool = False
 
 
-def write_board(folder: Path, options: BoardOptions = DEFAULT_OPTIONS) -> BoardFiles:
+def write_board(folder: Path, options: CharucoOptions = DEFAULT_OPTIONS) -> BoardFiles:
     """Write `board.json`, and `board.pdf` unless the board is printed already.
 
     Args:

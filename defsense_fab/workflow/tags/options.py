@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...capture.tags.board_options import BoardOptions as BoardOptions
+from ...capture.tags.charuco_options import CharucoOptions as CharucoOptions
 
 #: Folder of a device's markers, in the device folder.
 MARKERS_FOLDER = "markers"

@@ -217,6 +217,13 @@ def record(
     return GuidedRecording(session, openers, source, screen, levels, auto=True, video=video).run()
 
 
+def record_board_session(folder, seconds):
+    """Return a session at rest with a recording of the read-out board, and without cameras."""
+    session = create_session(folder, [("rest", 6.0)], has_cameras=False)
+    record_board(session, seconds)
+    return session
+
+
 def record_board(session: sessions.CaptureSession, seconds: float) -> None:
     """Write a run of the board alone, without waiting; its first tenth is a rest."""
     run = session.folder / "run-1"

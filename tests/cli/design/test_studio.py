@@ -34,7 +34,7 @@ def start(capsys, monkeypatch, tmp_path):
 def test_folder_without_device_stays_unwritten(start, tmp_path):
     code, out, _ = start(tmp_path / "new")
     assert code == 0
-    assert "http://127.0.0.1:PORT\n" in out
+    assert "http://127.0.0.1:PORT/\n" in out
     assert not (tmp_path / "new").exists()
 
 

@@ -128,8 +128,8 @@ def test_link_has_address_and_token():
     link = Access("0.0.0.0", TOKEN).link(8090)
     assert re.fullmatch(rf"http://[^/]+:8090/\?token={TOKEN}", link)
     assert "0.0.0.0" not in link
-    assert Access("127.0.0.1").link(8090) == "http://127.0.0.1:8090"
-    assert Access("::1").link(8090) == "http://[::1]:8090"
+    assert Access("127.0.0.1").link(8090) == "http://127.0.0.1:8090/"
+    assert Access("::1").link(8090) == "http://[::1]:8090/"
     assert len(Access("0.0.0.0").token) > 20
 
 

@@ -98,14 +98,14 @@ class Assembler(State):
         for end, k in ((0, 0), (1, -1)):
             if here[k] and c.end(end)["wire"]["leaves"] in ("bend", "bay"):
                 self._check(c.crimped[end], f"{c.name} is inserted before its {end} has a wire")
-        c.line.laid |= here
+        c.line.inserted |= here
 
     def _thread(self, _: Any, c: Cord, *__: Any) -> None:
         self._check(sum(c.crimped) < 2, f"{c.name} is threaded with a ferrule at its tip")
-        c.line.laid[:] = True
+        c.line.inserted[:] = True
 
     def _stretch(self, action: Any, c: Cord, *_: Any) -> None:
-        lies = c.line.laid | self._spanning(c)
+        lies = c.line.inserted | self._spanning(c)
         self._check(lies.all(), f"{c.name} is stretched before it is inserted")
         self._check(all(c.crimped), f"{c.name} is stretched before it has both ferrules")
         free = [not self._enclosed(c, e) for e in (0, 1)]
@@ -118,14 +118,14 @@ class Assembler(State):
 
     def _glue_end(self, _: Any, c: Cord, end: int, __: Any) -> None:
         self._check(
-            c.line.laid[-1 if end else 0], f"an end of {c.name} is glued before it is inserted"
+            c.line.inserted[-1 if end else 0], f"an end of {c.name} is glued before it is inserted"
         )
         if not c.let_in[end]:
             self._check(
                 not self._enclosed(c, end), f"an end of {c.name} is glued after it was covered"
             )
         both = c.held and self._anchored(c, 1 - end)
-        ready = not both or c.stretched or c.let_in[end] or not c.line.laid.all()
+        ready = not both or c.stretched or c.let_in[end] or not c.line.inserted.all()
         self._check(ready, f"the second end of {c.name} is glued before it is stretched")
         c.glued[end] = True
 
@@ -149,7 +149,7 @@ class Assembler(State):
             ("connected",) not in self._done,
             f"a wire of {c.name} is already connected to the board",
         )
-        line.laid |= here
+        line.inserted |= here
 
     def _glue_joint(self, _: Any, __: Any, ___: Any, j: int) -> None:
         self._check(("dry", j) in self._done, f"joint {j} is glued before it was tried dry")
@@ -181,7 +181,7 @@ class Assembler(State):
         """Check what had to be done with a cord before its groove was closed."""
         now = self._covered(c.line)
         fresh = now & ~before
-        missing = STEP_MM * float((fresh & ~c.line.laid).sum())
+        missing = STEP_MM * float((fresh & ~c.line.inserted).sum())
         self._check(missing < 2, f"{c.name} is not inserted in {missing:g} mm of a closed groove")
         open_ends = [
             not c.crimped[e] and c.end(e)["wire"]["leaves"] in ("mouth", "outside") for e in (0, 1)
@@ -194,7 +194,7 @@ class Assembler(State):
             line = c.wires[e]
             if line is not None:
                 new = self._covered(line) & ~wires[c.name, e]
-                lost = STEP_MM * float((new & ~line.laid).sum())
+                lost = STEP_MM * float((new & ~line.inserted).sum())
                 self._check(lost < 2, f"a wire of {c.name} is not in its closed groove")
         if fresh.any() and now.all() and c.held and not any(open_ends):
             self._check(c.stretched, f"{c.name} is enclosed before it is stretched")
@@ -207,19 +207,19 @@ class Assembler(State):
         for i, k in pairwise(certain):
             one, two = ({n for n in c.line.pairs[at] if n} for at in (i, k))
             apart = (one <= low and two <= high) or (one <= high and two <= low)
-            if not (apart and c.line.laid[i] and c.line.laid[k]):
+            if not (apart and c.line.inserted[i] and c.line.inserted[k]):
                 continue
-            c.line.laid[i:k] = True  # the cord between the faces
+            c.line.inserted[i:k] = True  # the cord between the faces
             sides = (slice(0, k), slice(k, None))
             stuck = [self._bonded and self._stuck(c, side) for side in sides]
             fixed = [
-                stuck[e] or (self._anchored(c, e) and bool(c.line.laid[sides[e]].all()))
+                stuck[e] or (self._anchored(c, e) and bool(c.line.inserted[sides[e]].all()))
                 for e in (0, 1)
             ]
             strain = OPENING_MM / c.record["unstretched"] + (c.record["prestretch"] or 0.0)
             if all(stuck) or (all(fixed) and strain > self._max_strain):
                 self._complain(f"{c.name} cannot slide while joint {j} is closed")
-            open_ends = [e for e in (0, 1) if not c.crimped[e] and c.line.laid[-1 if e else 0]]
+            open_ends = [e for e in (0, 1) if not c.crimped[e] and c.line.inserted[-1 if e else 0]]
             for e in open_ends:
                 hangs = (c.cut or 0.0) - self._to_mouth(c, e) - OPENING_MM
                 self._check(hangs >= GRIP_MM, f"{c.name} is too short to hang out of joint {j}")
@@ -259,10 +259,10 @@ class Assembler(State):
                 reading["low"] < reading["about"] < reading["high"],
                 f"{c.name}: the expected resistance has no tolerance",
             )
-            laid = c.line.laid.any()
-            ready = not laid or (self._whole(c) and self._in_place(c))
+            inserted = c.line.inserted.any()
+            ready = not inserted or (self._whole(c) and self._in_place(c))
             self._check(ready, f"{c.name} is measured while it is only partly inserted")
-            right = c.record["resistance" if laid else "resistance_before"]
+            right = c.record["resistance" if inserted else "resistance_before"]
             self._check(abs(reading["about"] - right) < 1.0, f"{c.name} has another resistance")
             c.measured = self._time
 
@@ -282,13 +282,15 @@ class Assembler(State):
         for c in self.cords.values():
             self._check(c.trimmed, f"{c.name} was never trimmed")
             self._check(all(c.crimped), f"{c.name} has no wire at an end")
-            self._check(c.line.laid.all(), f"{c.name} is not inserted along its whole length")
+            self._check(c.line.inserted.all(), f"{c.name} is not inserted along its whole length")
             self._check(not c.held or self._in_place(c), f"{c.name} was never stretched")
             self._check(not any(c.out), f"an end of {c.name} is still pulled out")
             for e in (0, 1):
                 holds = c.end(e)["joint"] != "free" or c.end_set[e]
                 self._check(holds, f"nothing holds an end of {c.name}")
                 line = c.wires[e]
-                self._check(line is None or line.laid.all(), f"a wire of {c.name} is not routed")
+                self._check(
+                    line is None or line.inserted.all(), f"a wire of {c.name} is not routed"
+                )
         self._check(("connected",) in self._done, "nothing was connected to the board")
         return self.complaints

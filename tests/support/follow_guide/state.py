@@ -69,12 +69,14 @@ class State:
     def _enclosed(self, cord: Cord, end: int) -> bool:
         """Return whether an end is in a closed joint, and not pulled out."""
         k = -1 if end else 0
-        return bool(cord.line.laid[k] and self._covered(cord.line)[k] and not cord.out[end])
+        return bool(cord.line.inserted[k] and self._covered(cord.line)[k] and not cord.out[end])
 
     def _whole(self, cord: Cord) -> bool:
         """Return whether all of a cord is at its final place."""
         pieces = {self._piece[n] for pair in cord.line.pairs for n in pair if n}
-        return bool(cord.line.laid.all() and self._covered(cord.line).all() and len(pieces) == 1)
+        return bool(
+            cord.line.inserted.all() and self._covered(cord.line).all() and len(pieces) == 1
+        )
 
     def _spanning(self, c: Cord) -> Any:
         """Return the places that are not in a groove yet, because they cross an open joint.
@@ -87,18 +89,18 @@ class State:
         for j, (low, high) in enumerate(self._joints):
             if ("glued", j) in self._done or c.name in self._laid_in[j]:
                 continue
-            across = np.flatnonzero(c.line.between(low, high) & ~c.line.laid)
+            across = np.flatnonzero(c.line.between(low, high) & ~c.line.inserted)
             for run in np.split(across, np.flatnonzero(np.diff(across) > 1) + 1):
                 if not 0 < len(run) <= longest or run[0] == 0 or run[-1] + 1 == len(out):
                     continue
-                out[run] = c.line.laid[run[0] - 1] and c.line.laid[run[-1] + 1]
+                out[run] = c.line.inserted[run[0] - 1] and c.line.inserted[run[-1] + 1]
         return out
 
     def _anchored(self, c: Cord, end: int) -> bool:
         """Return whether an end cannot slide out of its place."""
         if c.end(end)["joint"] == "free":
             return c.end_set[end]
-        return bool(c.crimped[end] and c.line.laid[-1 if end else 0])
+        return bool(c.crimped[end] and c.line.inserted[-1 if end else 0])
 
     def _inner(self, j: int) -> list[int]:
         """Return the joints inside one side of a joint."""

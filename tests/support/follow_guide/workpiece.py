@@ -20,15 +20,15 @@ class Line:
     Attributes:
         pairs: Parts below and above each place; None is outside the body.
         length: Length, mm.
-        laid: Whether each place is in its groove.
+        inserted: Whether each place is in its groove.
     """
 
     pairs: list[tuple[str | None, str | None]]
     length: float
-    laid: Any = None
+    inserted: Any = None
 
     def __post_init__(self) -> None:
-        self.laid = np.zeros(len(self.pairs), bool)
+        self.inserted = np.zeros(len(self.pairs), bool)
 
     def between(self, low: set[str], high: set[str]) -> Any:
         """Return which places are between two groups of parts."""

@@ -57,9 +57,11 @@ def test_the_longest_part_within_a_body_is_taken():
 
 
 def test_invalid_strokes_are_refused():
-    beside = Plane.from_normal(np.array([0.0, 0, 40]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    outside_plane = Plane.from_normal(
+        np.array([0.0, 0, 40]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
+    )
     with raises(LayoutError, "plane-misses-body"):
-        fit_stroke(BODY, beside, wave(0, 150))
+        fit_stroke(BODY, outside_plane, wave(0, 150))
     with raises(LayoutError, "stroke-outside-body"):
         fit_stroke(BODY, PLANE, wave(200, 300))
     with raises(LayoutError, "stroke-too-short"):

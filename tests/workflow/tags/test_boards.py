@@ -6,7 +6,7 @@ from defsense_fab.capture.tags.tag_patterns import CharucoBoard, load_board
 from defsense_fab.cli.main import run_command
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.workflow.tags.boards import store_measurement, write_board
-from defsense_fab.workflow.tags.options import BoardOptions
+from defsense_fab.workflow.tags.options import CharucoOptions
 from tests.support.errors import raises
 
 
@@ -18,13 +18,13 @@ def test_default_board_is_written_with_its_sheet(tmp_path):
 
 
 def test_tags_scale_with_the_squares(tmp_path):
-    board = write_board(tmp_path, BoardOptions(square=15.0)).board
+    board = write_board(tmp_path, CharucoOptions(square=15.0)).board
     assert board.marker / board.square == pytest.approx(22 / 30)
 
 
 @pytest.mark.parametrize("name", ["printed", "inverted", "legacy"])
 def test_boards_that_exist_already_are_not_drawn(tmp_path, name):
-    files = write_board(tmp_path, BoardOptions(**{name: True}))
+    files = write_board(tmp_path, CharucoOptions(**{name: True}))
     assert files.sheet is None
     assert [p.name for p in tmp_path.iterdir()] == ["board.json"]
 

@@ -114,8 +114,8 @@ def raise_child_error(result: Mapping[str, Any], subject: str) -> None:
     """Raise the error in a child's result, if there is one.
 
     Args:
-        result: What the child left.
-        subject: What failed.
+        result: Arrays that the child process wrote.
+        subject: Noun phrase for the work, for the message.
 
     Raises:
         MemoryError: If the child ran out of memory.

@@ -56,9 +56,9 @@ def repair_mesh(
     sentences += closings
     if closings:
         faces = _orient_faces(faces)
-    sheets, joined = _separate_sheets(vertices, faces, size, where)
-    solid, made = _make_one_solid(sheets, size, where, fill_cavities)
-    return solid.vertices, solid.faces, sentences + joined + made
+    sheets, joint_notes = _separate_sheets(vertices, faces, size, where)
+    solid, solid_notes = _make_one_solid(sheets, size, where, fill_cavities)
+    return solid.vertices, solid.faces, sentences + joint_notes + solid_notes
 
 
 def _separate_sheets(

@@ -48,8 +48,8 @@ class Stage {
     this._setVisible(this.body.mesh, posed && bodyShown, through);
     this._setVisible(this.body.read, posed && read !== "hidden", false);
     this.body.read.material.wireframe = read === "over";
-    const beside = posed && read === "beside";
-    this.body.read.position.copy(beside ? this._besideOffset() : new THREE.Vector3());
+    const isOffset = posed && read === "next";
+    this.body.read.position.copy(isOffset ? this._nextOffset() : new THREE.Vector3());
     for (const follower of this.followers) follower.mesh.visible = !this.hidden.has(follower.kind);
   }
 
@@ -86,7 +86,7 @@ class Stage {
       return box;
     }
     box.copy(this.body.reach(this.weights(1)));
-    if (this.state.read === "beside") box.union(box.clone().translate(this.body.read.position));
+    if (this.state.read === "next") box.union(box.clone().translate(this.body.read.position));
     return box;
   }
 
@@ -140,7 +140,7 @@ class Stage {
   }
 
   // Offset of the surface as read: below a wide body, to the right of a tall one.
-  _besideOffset() {
+  _nextOffset() {
     const size = this.body.reach(this.weights(1)).getSize(new THREE.Vector3());
     const { up, right } = this.eye, gap = 0.05 * this.content.size;
     const along = (way) => ["x", "y", "z"].reduce((sum, axis) => sum + size[axis] * Math.abs(way[axis]), 0);

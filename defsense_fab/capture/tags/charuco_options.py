@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class BoardOptions:
+class CharucoOptions:
     """Design of a ChArUco board.
 
     Attributes:
