@@ -65,11 +65,11 @@ def _changes(argument: Argument) -> dict[str, Any]:
     if parameter.help:
         changes["help"] = " ".join(parameter.help.split())
     if parameter.converter is None and _is_integer(argument.hint):
-        changes["converter"] = _whole_number
+        changes["converter"] = whole_number
     if parameter.metavar is None and parameter.converter is None and argument.name.startswith("-"):
         changes["metavar"] = _placeholder(argument.hint)
     if parameter.show_default is None:
-        is_empty = default is None or default is False or default == ()
+        is_empty = default is None or default is False or default in ((), "")
         changes["show_default"] = False if is_empty else _format_default
     if default is False:
         changes["negative"] = ()
@@ -108,7 +108,7 @@ def _is_integer(hint: Any) -> bool:
     return hint is int or (is_wrapped and any(map(_is_integer, get_args(hint))))
 
 
-def _whole_number(_: object, tokens: Sequence[Token]) -> int:
+def whole_number(_: object, tokens: Sequence[Token]) -> int:
     """Return an integer; cyclopts rounds `1.5` to 2."""
     (token,) = tokens
     if not token.value.strip().lstrip("+-").isdecimal():

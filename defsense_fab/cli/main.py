@@ -63,6 +63,7 @@ _FIXING_OPTIONS = {
     "unit-doubtful": "--units",
     "out-of-step": "--shift auto",
     "device-missing": "--device",
+    "sources-missing": "--signals, --tracks, --device",
 }
 
 _log = logging.getLogger(__name__)
@@ -117,7 +118,7 @@ def run_command(words: Sequence[str]) -> int:
             code = run(*bound.args, **bound.kwargs)
             return code if isinstance(code, int) else DONE
         except DefsenseError as error:
-            _add_flags(error, words)
+            _add_flags(error)
             raise
         except Exception as error:
             if interrupts:
@@ -147,6 +148,7 @@ def parse(words: Sequence[str]) -> tuple[Callable[..., object], BoundArguments]:
         activity.start(chain)
         if not _is_group(apps[-1]):
             arguments = apps[-1].assemble_argument_collection(parse_docstring=False)
+            activity.options = frozenset(name for a in arguments for name in a.names)
             options = _split_lists(arguments, rest, " ".join(("defsense", *chain)))
             words = [*words[: len(words) - len(rest)], *options]
         run, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
@@ -214,10 +216,10 @@ def _is_verbose(bound: BoundArguments) -> bool:
     )
 
 
-def _add_flags(error: DefsenseError, words: Sequence[str]) -> None:
+def _add_flags(error: DefsenseError) -> None:
     """Replace the argument that an error of the library names by its flag, and add the remedy."""
     flag = f"--{error.where.replace('_', '-').replace(' ', '-')}"
-    if error.where and any(word.partition("=")[0] == flag for word in words):
+    if error.where and flag in activity.options:
         error.where = flag
     option = _FIXING_OPTIONS.get(error.code)
     if option and error.action and option not in error.action:

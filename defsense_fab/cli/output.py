@@ -40,6 +40,7 @@ class Activity:
 
     Attributes:
         command: Name of the command.
+        options: Options that the command has, such as `--rate`.
     """
 
     def __init__(self) -> None:
@@ -49,6 +50,7 @@ class Activity:
         """Start a command, given by its words, such as `capture record`."""
         self._words = tuple(words)
         self.command = words[0] if words else ""
+        self.options: frozenset[str] = frozenset()
         self.step = ""
 
     def __str__(self) -> str:

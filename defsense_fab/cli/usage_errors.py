@@ -114,8 +114,16 @@ def _invalid(error: CoercionError, command: str) -> DeviceError:
         similar = get_close_matches(token.value, choices, n=1)
         hint = f"Did you mean {similar[0]}?" if similar else f"Use one of: {', '.join(choices)}"
     else:
-        problem = f"{token.value!r} is not {kind}"
+        words = _allowed_texts(argument.hint) if argument else []
+        problem = f"{token.value!r} is not {' or '.join([kind, *words])}"
     return _error(problem, "argument-invalid", command, where, hint)
+
+
+def _allowed_texts(hint: Any) -> list[str]:
+    """Return the texts that a type allows in addition to numbers, such as `auto`."""
+    if get_origin(hint) is Literal:
+        return [str(choice) for choice in get_args(hint)]
+    return [choice for part in get_args(hint) for choice in _allowed_texts(part)]
 
 
 def _choices_and_type(hint: Any) -> tuple[list[str], str]:
@@ -131,6 +139,4 @@ def _choices_and_type(hint: Any) -> tuple[list[str], str]:
 def _name(argument: Argument) -> str:
     """Return the name of an argument as the help shows it."""
     name = argument.name
-    if argument.parameter.metavar and not name.startswith("-"):
-        return str(argument.parameter.metavar)
     return name if name.startswith("-") else name.upper()

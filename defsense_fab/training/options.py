@@ -26,13 +26,15 @@ class DataFiles:
     Attributes:
         sources: Read processed sessions, datasets, or XDF files; the kind is detected from the
             content.
-        signals: Read signals or resistances over time from this file (.csv), with `tracks`.
-        tracks: Read the markers from this file (.csv, .npz, .parquet, .c3d, .trc), with `signals`.
+        signals: Read signals or resistances over time from this file (.csv); needs tracks.
+        tracks: Read the markers from this file (.csv, .npz, .parquet, .c3d, .trc); needs
+            signals.
         markers: Set the file of the markers' positions at rest (default: markers.json of the
             device).
         offset: Set the time in s by which the tracks' clock is ahead, or auto to find it.
         shift: Set the time in s to add to the times of the signals, or auto to find it.
-        unit: Set the name of the built device that XDF files and `signals` are of.
+        unit: Set the name of the built device that an XDF file or a table of
+            signals is of.
 
     Raises:
         TrainingError: Only one of `signals` and `tracks` is given (`file-not-found`), or a time is
@@ -53,7 +55,7 @@ class DataFiles:
         if (self.signals is None) != (self.tracks is None):
             given, missing = ("signals", "tracks") if self.tracks is None else ("tracks", "signals")
             raise TrainingError(
-                f"a file of {given} needs one of {missing}",
+                f"is missing: {given} need {missing}",
                 code="file-not-found",
                 where=missing,
                 action="Give both",

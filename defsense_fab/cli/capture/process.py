@@ -54,7 +54,7 @@ def _process(
     if (session is None) == (not videos.videos):
         raise DeviceError(
             "either a SESSION or --videos is required, and not both",
-            code="sources-missing",
+            code="options-incomplete",
             action="Give one of them",
         )
     if session is not None:
@@ -114,6 +114,13 @@ def _process_session(
 
     if file.out is not None:
         check_track_file(file)
+    elif file.smooth is not None:
+        raise DeviceError(
+            "applies to the output file only, and there is none",
+            code="options-conflict",
+            where="smooth",
+            action="Give --out, or leave it out",
+        )
     with progress_bars(output) as progress:
         result = process_session(session, options, progress)
     written = None if file.out is None else write_track_file(result.aligned, file)

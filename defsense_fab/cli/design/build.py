@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from ...core.errors import DeviceError
 from ...workflow.build.options import BuildOptions
 from ..app import Command, command
 from ..device import DeviceFolder, Overrides, parse_overrides
@@ -52,6 +53,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
         from ...workflow.build.build import summary
         from ...workflow.build.recorded_options import recorded_options
 
+        _refuse_unused(name, options)
         device = load_device(folder, parse_overrides(overrides))
         previous = recorded_options(device, device.source / "build")
         with silent_stdout(), progress_bars(output) as progress:
@@ -74,6 +76,22 @@ def _stage_command(name: str, last_stage: str) -> Command:
                 )
 
     return app
+
+
+def _refuse_unused(name: str, options: BuildOptions) -> None:
+    """Raise an error for options that the stages up to the last one do not use."""
+    has_plates = name in ("build", "fabricate", "report")
+    unused = [] if has_plates else list(options.overrides)
+    if name == "mesh" and options.scheduler is not None:
+        unused.append("scheduler")
+    if unused:
+        raise DeviceError(
+            f"does not apply to defsense {name}",
+            code="options-conflict",
+            where=unused[0],
+            action="Leave it out, or use defsense build",
+            options=tuple(unused),
+        )
 
 
 build = _stage_command("build", "report")

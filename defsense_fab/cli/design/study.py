@@ -146,6 +146,7 @@ def _to_json(result: StudyResult) -> dict[str, Any]:
     failed = [run for runs in result.runs.failures.values() for run in runs]
     return {
         "points": result.points,
+        "runs": len(result.runs.done),
         "made": result.new_runs,
         "done": to_builtins(result.runs.done),
         "failed": to_builtins(failed),

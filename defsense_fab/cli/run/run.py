@@ -14,7 +14,7 @@ from msgspec import Meta
 from ...core.errors import DeviceError
 from ...core.schema.options import check_options
 from ...workflow.run.options import RunOptions
-from ..app import command
+from ..app import command, whole_number
 from ..completers import complete_device_folders
 from ..output import OutputOptions, print_lines, progress_bars
 from .run_end import print_error_line, stop_at_end
@@ -42,7 +42,7 @@ def _device_folders(_: object, tokens: Sequence[Token]) -> tuple[Path, ...]:
 
 
 def _page_port(_: object, tokens: Sequence[Token]) -> tuple[int, ...]:
-    return tuple(int(token.value) for token in tokens)
+    return tuple(whole_number(None, [token]) for token in tokens)
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ class ShowOptions:
     """What `defsense run` shows, sends and stores.
 
     Attributes:
-        view: Show the surface in the browser on this port (following ports for further devices).
+        view: Show the surface in the browser on this port (default: 8080; following ports for
+            further devices).
         browser: Open a browser; otherwise only print the page's address.
         output: Send to osc, websocket, midi, lsl or gamepad, with its settings
             (docs/live-outputs.md); may be repeated.

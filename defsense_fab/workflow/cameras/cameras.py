@@ -350,7 +350,7 @@ def _load_board(cameras: CameraOptions) -> CharucoBoard:
     if not folder.is_dir():
         raise DeviceError(
             f"the folder {folder} does not exist",
-            code="folder-not-result",
+            code="folder-not-found",
             where=cameras.calibration,
             action="Create it, or choose another",
         )

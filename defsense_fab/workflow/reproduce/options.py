@@ -17,7 +17,7 @@ class ReproduceOptions:
     """Size and results of experiments.
 
     Attributes:
-        out: Set the output folder (default: reproduced, or reproduced-quick with quick).
+        out: Set the output folder (default: reproduced, or reproduced-quick for the small version).
         quick: Run a small version of the experiments, in minutes.
         units: Set the number of built devices per layout (default: the experiment's).
     """

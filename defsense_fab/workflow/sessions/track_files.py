@@ -94,7 +94,7 @@ def check_track_file(options: TrackFileOptions) -> None:
 
     Raises:
         CaptureError: The format is unknown.
-        StorageError: The folder does not exist (`folder-not-result`) or is not writable
+        StorageError: The folder does not exist (`folder-not-found`) or is not writable
             (`folder-not-writable`), or the path is a folder (`not-a-file`).
     """
     path = _path(options)
@@ -102,7 +102,7 @@ def check_track_file(options: TrackFileOptions) -> None:
     if not path.parent.is_dir():
         raise StorageError(
             f"the folder {path.parent} does not exist",
-            code="folder-not-result",
+            code="folder-not-found",
             where=path,
             action="Create it, or choose another",
             path=path,

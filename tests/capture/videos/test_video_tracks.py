@@ -278,7 +278,7 @@ def test_invalid_arguments_are_refused_before_detection(process, monkeypatch, op
         (CaptureError, "out-of-range", ("--rate", "nan")),
         (CaptureError, "out-of-range", ("--smooth", "0")),
         (DeviceError, "options-conflict", ("--align", "all")),
-        (DeviceError, "sources-missing", ("session",)),
+        (DeviceError, "options-incomplete", ("session",)),
     ],
 )
 def test_invalid_options_are_refused_before_detection(refuse, undetected, kind, code, words):
@@ -308,7 +308,7 @@ def test_outputs_that_cannot_be_written_are_refused_before_detection(
     refuse, undetected, films, tmp_path
 ):
     (films / "dir.csv").mkdir()
-    refuse(StorageError, "folder-not-result", out=tmp_path / "none" / "x.csv")
+    refuse(StorageError, "folder-not-found", out=tmp_path / "none" / "x.csv")
     refuse(StorageError, "not-a-file", out=films / "dir.csv")
     refuse(CaptureError, "unknown-format", out=tmp_path / "x.docx")
 

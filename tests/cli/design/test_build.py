@@ -6,7 +6,7 @@ import pytest
 
 from defsense_fab.cli.design.build import note_better_decoder, note_worse_than_start
 from defsense_fab.cli.main import run_command
-from defsense_fab.core.errors import DeviceError
+from defsense_fab.core.errors import DeviceError, TrainingError
 from tests.support.errors import raises
 from tests.support.places import BAR
 
@@ -44,3 +44,23 @@ def test_copies_are_checked():
     with raises(DeviceError, "out-of-range", value=0) as caught:
         run_command(["build", str(BAR), "--copies", "0"])
     assert caught.value.where == "--copies"
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "value"),
+    [
+        ("mesh", "--scheduler", "tcp://x:1"),
+        ("mesh", "--copies", "2"),
+        ("optimize", "--copies", "2"),
+    ],
+)
+def test_options_that_a_stage_does_not_use_are_refused(command, option, value):
+    with raises(DeviceError, "options-conflict") as caught:
+        run_command([command, str(BAR), option, value])
+    assert caught.value.where == option
+
+
+def test_missing_option_is_named_by_its_flag():
+    with raises(TrainingError, "file-not-found", missing="tracks") as caught:
+        run_command(["train", "--signals", "a.csv"])
+    assert caught.value.where == "--tracks"

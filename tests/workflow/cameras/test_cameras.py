@@ -287,7 +287,7 @@ def test_files_that_are_not_videos_are_rejected(rig_file, boards):
         (["calibrate", "0", "left.mkv"], "sources-mixed"),
         (["calibrate", "left.mkv", "--rate", "nan"], "out-of-range"),
         (["calibrate", "0", "--views", "0"], "out-of-range"),
-        (["calibrate", "left.mkv", "--calibration", "none/c.toml"], "folder-not-result"),
+        (["calibrate", "left.mkv", "--calibration", "none/c.toml"], "folder-not-found"),
         (["arrange", "left.mkv"], "camera-count-invalid"),
     ],
 )
