@@ -56,7 +56,7 @@ def add_field(
     if unset is not None:
         low = unset[0] if low is None else min(low, unset[0])
     elif kind.gt is not None:
-        low = kind.gt + (step or 1e-3)  # the bound itself is not accepted
+        low = kind.gt + (1 if step == 1 else 1e-3)  # the bound itself is not accepted
     return gui.add_number(label, value, min=low, max=high, step=step, hint=hint)
 
 
