@@ -2,79 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, Int
 from ...core.errors import BodyError
 from ...core.mesh import Surface
+from .formats.gltf import read_gltf
+from .formats.tetrahedra import TET_SUFFIXES, read_tets
+from .formats.threemf import read_3mf
+from .formats.triangles import Triangles
 from .repair.findings import check_distance_from_origin
-
-_FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".mesh": "medit"}
-#: Suffixes of the files that are read.
-TET_SUFFIXES = tuple(_FORMATS)
-TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-
-
-def read_tets(path: Path, suffix: str) -> tuple[Float, Int]:
-    """Read the boundary of tetrahedra, or triangles if there are none.
-
-    Returns:
-        Vertices (n, 3), and the faces (m, 3) that only one tetrahedron has.
-
-    Raises:
-        BodyError: For other cells. Damaged files raise whatever the reader does.
-    """
-    import meshio
-
-    mesh: Any = meshio.read(path, _FORMATS[suffix])
-    points = np.asarray(mesh.points, float)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise BodyError("its points are not three-dimensional", code="points-not-in-space")
-    tets = _cells_of(mesh, "tetra", 4)
-    if len(tets):
-        _check_cells(tets, len(points))
-        return points, _boundary(points, tets)
-    triangles = _cells_of(mesh, "triangle", 3)
-    if not len(triangles):
-        kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "none"
-        raise BodyError(
-            f"it has neither tetrahedra nor triangles; its cells: {kinds}", code="no-triangles"
-        )
-    _check_cells(triangles, len(points))
-    return points, triangles
-
-
-def _cells_of(mesh: Any, kind: str, corners: int) -> Int:
-    """Return the cells of a kind, of any order."""
-    blocks = [
-        np.asarray(block.data, np.int64)[:, :corners]
-        for block in mesh.cells
-        if block.type.rstrip("0123456789") == kind
-    ]
-    return np.concatenate(blocks) if blocks else np.zeros((0, corners), np.int64)
-
-
-def _check_cells(cells: Int, count: int) -> None:
-    if cells.min() < 0 or cells.max() >= count:
-        raise BodyError("a cell names a point that does not exist", code="vertex-missing")
-
-
-def _boundary(points: Float, tets: Int) -> Int:
-    x = points[tets]
-    is_inverted = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
-    tets = np.where(is_inverted[:, None], tets[:, [0, 2, 1, 3]], tets)
-    faces = tets[:, TET_FACES].reshape(-1, 3)
-    _, first, count = np.unique(
-        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    return np.asarray(faces[first[count == 1]])
-
 
 _STEP = re.compile(rb"\s*(/\*.*?\*/\s*)*ISO-10303-21\s*;", re.DOTALL)
 _VERTEX = re.compile(rb"^\s*v\s+[-+.\d]", re.MULTILINE)
@@ -134,31 +74,6 @@ ANY_UNIT_RANGE = (1e-6, 1e9)
 SUFFIXES_WITH_UNIT = (".3mf", ".glb", ".gltf")
 #: Names of the formats for messages.
 FORMAT_NAMES = "STL, OBJ, PLY, OFF, 3MF, GLB, or tetrahedra in .msh, .vtu or .mesh"
-_3MF_UNITS = {
-    "MicroMeter": 1e-3,
-    "MilliMeter": 1.0,
-    "CentiMeter": 10.0,
-    "Inch": 25.4,
-    "Foot": 304.8,
-    "Meter": 1e3,
-}
-
-
-@dataclass(frozen=True)
-class Triangles:
-    """Triangles of a file.
-
-    Attributes:
-        vertices: Corners (n, 3), in mm if the format has a unit.
-        faces: Triangles (m, 3).
-        notes: Sentences on the conversion.
-        unit: Millimetres of the file's unit; 1 if the format has none.
-    """
-
-    vertices: Float
-    faces: Int
-    notes: tuple[str, ...] = ()
-    unit: float = 1.0
 
 
 def read_triangles(path: Path, suffix: str) -> Triangles:
@@ -179,19 +94,15 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
             action=f"Give {FORMAT_NAMES}",
             suffix=suffix,
         )
-    notes: tuple[str, ...] = ()
-    unit = 1.0
     try:
         if suffix == ".3mf":
-            vertices, faces, unit = _read_3mf(path)
+            mesh = read_3mf(path)
         elif suffix in TET_SUFFIXES:
-            vertices, faces = read_tets(path, suffix)
+            mesh = read_tets(path, suffix)
         elif suffix in (".glb", ".gltf"):
-            vertices, faces = _read_gltf(path, suffix)
-            unit = 1e3
-            notes = ("converted metres with y up, as in GLB, to millimetres with z up",)
+            mesh = read_gltf(path, suffix)
         else:
-            vertices, faces = _read_surface(path, suffix)
+            mesh = _read_surface(path, suffix)
     except MemoryError:
         raise BodyError(
             "is too large to be read, or claims to be",
@@ -213,6 +124,7 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
         raise BodyError(
             f"cannot be read as {suffix[1:].upper()}: {text}", code=code, where=path, suffix=suffix
         ) from None
+    vertices, faces = mesh.vertices, mesh.faces
     if len(faces) == 0:
         raise BodyError("holds no triangles", code="no-triangles", where=path)
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -221,10 +133,10 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
         )
     if not np.isfinite(vertices).all():
         raise BodyError("a vertex is not a finite number", code="not-finite", where=path)
-    return Triangles(vertices, faces, notes, unit)
+    return mesh
 
 
-def _read_surface(path: Path, suffix: str) -> tuple[Float, Int]:
+def _read_surface(path: Path, suffix: str) -> Triangles:
     import trimesh
 
     with path.open("rb") as file:  # opened here, since the name may have another suffix
@@ -232,53 +144,7 @@ def _read_surface(path: Path, suffix: str) -> tuple[Float, Int]:
         mesh: Any = trimesh.load_mesh(
             file, file_type=suffix[1:], process=False, skip_materials=True
         )
-    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
-
-
-class _NoFiles:
-    """Refuse access to the files that a glTF file names."""
-
-    def get(self, name: str) -> bytes:
-        raise BodyError(
-            f"it names another file, {name[:80]!r}, which is not read",
-            code="names-another-file",
-            action="Export GLB, which holds everything",
-            name=name,
-        )
-
-    __getitem__ = get
-
-
-def _read_gltf(path: Path, suffix: str) -> tuple[Float, Int]:
-    import trimesh
-
-    content = path.read_bytes()
-    nowhere: Any = _NoFiles()
-    scene: Any = trimesh.load_scene(
-        io.BytesIO(content), file_type=suffix[1:], skip_materials=True, resolver=nowhere
-    )
-    mesh = scene.to_mesh()
-    x, y, z = np.asarray(mesh.vertices, float).T
-    return 1e3 * np.stack([x, -z, y], axis=1), np.asarray(mesh.faces, np.int64)
-
-
-def _read_3mf(path: Path) -> tuple[Float, Int, float]:
-    import lib3mf
-
-    model = lib3mf.get_wrapper().CreateModel()
-    model.QueryReader("3mf").ReadFromFile(str(path))
-    unit = _3MF_UNITS[model.GetUnit().name]
-    merged = model.MergeToModel()  # build items with their components and transforms
-    objects = merged.GetMeshObjects()
-    vertices, faces, offset = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-    while objects.MoveNext():
-        mesh = objects.GetCurrentMeshObject()
-        v = np.array([list(p.Coordinates) for p in mesh.GetVertices()], float).reshape(-1, 3)
-        f = np.array([list(t.Indices) for t in mesh.GetTriangleIndices()], np.int64).reshape(-1, 3)
-        vertices.append(v)
-        faces.append(f + offset)
-        offset += len(v)
-    return unit * np.concatenate(vertices), np.concatenate(faces), unit
+    return Triangles(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
 
 
 def read_mesh(
