@@ -45,4 +45,6 @@ def read_gltf(path: Path, suffix: str) -> Triangles:
     )
     mesh = scene.to_mesh()
     x, y, z = np.asarray(mesh.vertices, float).T
-    return 1e3 * np.stack([x, -z, y], axis=1), np.asarray(mesh.faces, np.int64)
+    notes = ("converted metres with y up, as in GLB, to millimetres with z up",)
+    vertices = 1e3 * np.stack([x, -z, y], axis=1)
+    return Triangles(vertices, np.asarray(mesh.faces, np.int64), notes, 1e3)

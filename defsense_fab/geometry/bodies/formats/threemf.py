@@ -42,4 +42,4 @@ def read_3mf(path: Path) -> Triangles:
         vertices.append(v)
         faces.append(f + offset)
         offset += len(v)
-    return unit * np.concatenate(vertices), np.concatenate(faces), unit
+    return Triangles(unit * np.concatenate(vertices), np.concatenate(faces), unit=unit)
