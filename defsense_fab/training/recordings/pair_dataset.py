@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -83,7 +84,13 @@ def pair_dataset(signals: Path, tracks: Path, info: RecordingInfo | None = None)
     )
 
 
-def dataset_of_series(series: Series, tracks: Tracks, source: str, info: RecordingInfo) -> Dataset:
+def dataset_of_series(
+    series: Series,
+    tracks: Tracks,
+    source: str,
+    info: RecordingInfo,
+    file_notes: Sequence[str] = (),
+) -> Dataset:
     """Make a dataset of signals and tracks.
 
     Args:
@@ -91,6 +98,7 @@ def dataset_of_series(series: Series, tracks: Tracks, source: str, info: Recordi
         tracks: The tracks.
         source: Name of the tracks' file.
         info: Facts that the files do not state.
+        file_notes: What the readers of the files left out or assumed.
 
     Returns:
         The dataset, with one recording.
@@ -110,7 +118,8 @@ def dataset_of_series(series: Series, tracks: Tracks, source: str, info: Recordi
     _require_common_time(series, time, tracks, source)
     start = max(float(tracks.time[0]), float(time[0]))
     is_initial = np.asarray(tracks.time <= start + _INITIAL_REST_S)
-    tracks, rest_points, notes = _find_rest(tracks, source, is_initial, info)
+    tracks, rest_points, rest_notes = _find_rest(tracks, source, is_initial, info)
+    notes = [*file_notes, *rest_notes]
     extra = float(time[-1] - tracks.time[-1])
     if extra > max(_MAX_EXTRA_SHARE * float(np.ptp(time)), _INITIAL_REST_S):
         notes.append(
