@@ -81,8 +81,8 @@ class BodyTable(Table, frozen=True):
     time_limit: Annotated[
         Positive,
         key(
-            "Longest time for the script, or for reading and repairing a file; Ctrl-C also stops"
-            " it.",
+            "Longest processor time for the script, or for reading and repairing a file; Ctrl-C"
+            " also stops it.",
             unit="s",
         ),
     ] = BodySpec.time_limit

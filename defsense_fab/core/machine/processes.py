@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 #: Arguments of `subprocess.Popen` for a process group that Ctrl-C does not reach, and that
@@ -67,6 +68,44 @@ def limit_memory(size: int) -> None:
     except (ValueError, OSError):
         if sys.platform == "linux":
             raise
+
+
+@dataclass(frozen=True)
+class GroupUsage:
+    """What a process and the processes that it started use.
+
+    Attributes:
+        cpu: Processor time of all together, s.
+        memory: Resident memory of the largest, bytes.
+    """
+
+    cpu: float
+    memory: int
+
+
+def group_usage(pid: int) -> GroupUsage:
+    """Measure a process and its descendants; zero if it has ended.
+
+    Args:
+        pid: Number of the process.
+    """
+    import psutil
+
+    cpu, memory = 0.0, 0
+    try:
+        process = psutil.Process(pid)
+        group = [process, *process.children(recursive=True)]
+    except psutil.Error:
+        return GroupUsage(cpu, memory)
+    for member in group:
+        try:
+            times = member.cpu_times()
+            cpu += times.user + times.system
+            cpu += getattr(times, "children_user", 0.0) + getattr(times, "children_system", 0.0)
+            memory = max(memory, int(member.memory_info().rss))
+        except psutil.Error:
+            continue  # it has ended
+    return GroupUsage(cpu, memory)
 
 
 def cpu_seconds() -> float:

@@ -19,19 +19,19 @@ import numpy as np
 
 from ...core.device.device import BodySpec
 from ...core.errors import BodyError
-from ...core.machine.processes import limit_memory
+from ...core.machine.child_process import (
+    ChildFailure,
+    ChildLimits,
+    error_from_record,
+    error_record,
+    run_module,
+    start_child,
+)
 from ...core.mesh import Surface
 from ...core.storage.files import write_json
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
-from .child_process import (
-    ChildFailure,
-    end_with_parent,
-    error_from_record,
-    error_record,
-    load_kernel_meanwhile,
-    run_module,
-)
+from ..kernels.loading import load_kernel_meanwhile
 from .connector_bay import place_bay
 from .mesh_files import detect_format, read_mesh
 from .script_process import SourceFile, run_script
@@ -155,7 +155,7 @@ def read_body_file(path: Path, limit: float = 120.0) -> Body:
 
     Args:
         path: The file.
-        limit: Time limit, s.
+        limit: Limit of processor time, s.
 
     Returns:
         The body in the file's unit.
@@ -198,7 +198,8 @@ def _read(
         write_json(folder / _TASK, task | paths)
 
     module = f"{__package__}.body"
-    with run_module(module, write_task, _RESULT, limit, failure) as folder:
+    limits = ChildLimits.of_cpu_time(limit, MEMORY_LIMIT_BYTES)
+    with run_module(module, write_task, _RESULT, limits, failure) as folder:
         result = json.loads((folder / _RESULT).read_text(encoding="utf-8"))
         if "error" in result:
             raise error_from_record(BodyError, result["error"], where=shown_path)
@@ -211,8 +212,7 @@ def _read(
 
 def _main(folder: Path) -> None:
     """Read the body of the task in `folder` and write it, or the error, there."""
-    end_with_parent()
-    limit_memory(MEMORY_LIMIT_BYTES)
+    start_child()
     task = json.loads((folder / _TASK).read_text(encoding="utf-8"))
     path = Path(task["path"])
     try:
@@ -222,9 +222,10 @@ def _main(folder: Path) -> None:
     except MemoryError:
         limit_error = BodyError(
             f"reading it takes more than {MEMORY_LIMIT_BYTES / 2**30:.0f} GB of memory",
-            code="file-too-large",
+            code="memory-limit-exceeded",
             where=path,
             action="Simplify the body",
+            limit=MEMORY_LIMIT_BYTES,
         )
         result = {"error": error_record(limit_error)}
     write_json(folder / _RESULT, result)

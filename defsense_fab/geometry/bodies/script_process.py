@@ -23,16 +23,17 @@ from typing import Any
 
 from ...core.device.device import BodySpec
 from ...core.errors import BodyError
-from ...core.machine.optional_libraries import missing, missing_code
-from ...core.storage.files import digest, write_json
-from .child_process import (
+from ...core.machine.child_process import (
     ChildFailure,
-    end_with_parent,
+    ChildLimits,
     error_from_record,
     error_record,
-    load_kernel_meanwhile,
     run_module,
+    start_child,
 )
+from ...core.machine.optional_libraries import missing, missing_code
+from ...core.storage.files import digest, write_json
+from ..kernels.loading import load_kernel_meanwhile
 
 _WRITE_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 #: Without /run itself: users' drives are mounted in /run/media.
@@ -229,7 +230,7 @@ _NO_FUNCTION = object()
 
 
 def run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
-    """Run a body script in a child process and return its solids.
+    """Run a body script in a child process and return its solid or surfaces.
 
     What the script prints goes to standard error.
 
@@ -237,7 +238,8 @@ def run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
         spec: The `[body]` section, whose kind is "script".
 
     Returns:
-        The TopoDS_Solids of `body(**parameters)`, and the files that the script read.
+        The pieces (see `brep.pieces_of`) of `body(**parameters)`, and the files that the script
+        read.
 
     Raises:
         BodyError: If the script fails, takes too long, or returns no solid.
@@ -256,10 +258,11 @@ def run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
         (folder / TASK).write_text(json.dumps(task, default=_to_json), encoding="utf-8")
 
     module = f"{__package__}.script_process"
+    limits = ChildLimits.of_cpu_time(spec.time_limit)
     # Both processes need the CAD kernel: this one loads it while the script runs.
     with (
         load_kernel_meanwhile("occ") as wait_for_brep,
-        run_module(module, write_task, RESULT, spec.time_limit, failure, relay=True) as folder,
+        run_module(module, write_task, RESULT, limits, failure, relay=True) as folder,
     ):
         result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
         if "error" in result:
@@ -286,7 +289,7 @@ def _to_json(value: Any) -> Any:
 
 def main(folder: Path) -> None:
     """Run the script of the task in `folder` and write its solids or its error there."""
-    end_with_parent()
+    start_child()
     task = json.loads((folder / TASK).read_text(encoding="utf-8"))
     path = Path(task["script"])
     opened_files = OpenedFiles(path.parent)
@@ -322,7 +325,7 @@ def _call(path: Path, parameters: dict[str, Any]) -> Any:
 
 
 def _save(result: Any, target: Path) -> dict[str, Any]:
-    """Write the solids to `target`, or return the error if the script returned none."""
+    """Write what bounds the body to `target`, or return the error if the result bounds none."""
     try:
         if result is _NO_FUNCTION:
             raise BodyError(
@@ -330,16 +333,10 @@ def _save(result: Any, target: Path) -> dict[str, Any]:
                 code="no-body-function",
                 action="Add one that returns a solid",
             )
-        if result is None:
-            raise BodyError(
-                "body() returned None",
-                code="not-a-solid",
-                action="Return the solid",
-                type="NoneType",
-            )
-        from ..kernels import brep, occ
+        from ..kernels import brep
+        from .script_result import pieces_from_result
 
-        brep.write_brep(occ.solids_of(result), target)
+        brep.write_brep(pieces_from_result(result), target)
     except BodyError as error:
         return {"error": error_record(error)}
     return {}

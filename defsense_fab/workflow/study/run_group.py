@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ...core.errors import StudyError
+from ...core.machine.child_process import ChildFailure, ChildLimits, run_module
 from ...core.storage.files import storage_errors
-from ...geometry.bodies.child_process import ChildFailure, run_module
 from .plan import Run
 from .run_log import RunRecord, read_records
 from .run_process import DEVICE, DONE, RECORDS, TASK
@@ -111,7 +111,9 @@ def _run_process(task: GroupTask, folder: Path, on_wait: Callable[[], None]) -> 
         (into / TASK).write_text(json.dumps(description), encoding="utf-8")
 
     try:
-        with run_module(RUN_MODULE, write_task, DONE, math.inf, _FAILURE, on_wait=on_wait):
+        with run_module(
+            RUN_MODULE, write_task, DONE, ChildLimits(math.inf), _FAILURE, on_wait=on_wait
+        ):
             return ""
     except StudyError as error:
         return str(error)

@@ -24,12 +24,12 @@ def main(folder: Path) -> None:
         for name in _THREAD_VARIABLES:
             os.environ.setdefault(name, str(task["threads"]))
     # NumPy reads these variables when it is imported.
+    from ...core.machine.child_process import start_child
     from ...core.machine.processes import kill_own_group
     from ...core.storage.append_log import AppendLog
-    from ...geometry.bodies.child_process import end_with_parent
     from .run_log import RunRecord, encode_record
 
-    end_with_parent()
+    start_child()
     limit = task["time_limit"]
     with AppendLog(Path(task["folder"]) / RECORDS) as log:
 

@@ -87,8 +87,8 @@ def test_effects_of_a_script_stay_in_its_process(tmp_path, capsys):
 def test_endless_script_is_stopped_with_its_processes(tmp_path):
     (tmp_path / "body.py").write_text(SLEEPER)
     file = tmp_path / "pids"
-    spec = BodySpec("script", tmp_path / "body.py", {"file": str(file)}, time_limit=3)
-    with raises(BodyError, "time-limit-exceeded", limit=3):
+    spec = BodySpec("script", tmp_path / "body.py", {"file": str(file)}, time_limit=2)
+    with raises(BodyError, "time-limit-exceeded", limit=2):
         load_body(spec)
     assert gone(appears(file, 1))
 

@@ -16,7 +16,13 @@ from typing import Any
 import numpy as np
 
 from ....core.errors import MeshingError
-from ..child_process import OUT_OF_MEMORY, ChildFailure, end_with_parent, run_module
+from ....core.machine.child_process import (
+    OUT_OF_MEMORY,
+    ChildFailure,
+    ChildLimits,
+    run_module,
+    start_child,
+)
 
 _TASK, _RESULT, _UNFINISHED = "task.npz", "result.npz", "unfinished.npz"
 #: Work that takes this many times as long as usual gets advice displayed.
@@ -99,7 +105,7 @@ def run_work(
             module,
             write_task,
             _RESULT,
-            monitor.time_left(),
+            ChildLimits(monitor.time_left()),
             failure,
             on_wait=monitor.report_waiting,
         ) as folder,
@@ -130,7 +136,7 @@ def raise_child_error(result: Mapping[str, Any], subject: str) -> None:
 
 def serve_work(folder: str, work: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
     """Do the work of the task in `folder`, and write the result or the error there."""
-    end_with_parent()
+    start_child()
     os.chdir(folder)  # native code may leave files there
     with np.load(_TASK) as task:
         data = dict(task)

@@ -15,8 +15,8 @@ import numpy as np
 
 from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
+from ....core.machine.child_process import OUT_OF_MEMORY
 from ....core.mesh import Surface, TetMesh
-from ..child_process import OUT_OF_MEMORY
 from .child_work import RunMonitor
 from .mesh_quality import check_mesh, fit_boundary, measure_facet_gaps
 from .meshers import FTETWILD, NETGEN, UnusableMesherError, run_mesher

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from defsense_fab.core.device.device import MeshSpec
 from defsense_fab.core.errors import MeshingError
+from defsense_fab.core.machine.child_process import OUT_OF_MEMORY
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.child_process import OUT_OF_MEMORY
 from defsense_fab.geometry.bodies.mesh_files import read_mesh
 from defsense_fab.geometry.bodies.meshing import mesh_quality, tetrahedra
 from defsense_fab.geometry.bodies.meshing.child_work import RunMonitor, raise_child_error
