@@ -23,6 +23,7 @@ from ..output import (
 )
 
 if TYPE_CHECKING:
+    from ...core.device.device import Device
     from ...workflow.build.build import BuildResult
     from ...workflow.build.results import LayoutRecord, Manifest, MeshRecord
 
@@ -63,7 +64,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
                 summarized = summary(result.folder)
                 print_json({**summarized, "made": result.made, "reused": result.reused})
                 return
-            _print_result(result)
+            _print_result(result, device)
             _print_next_step(name, last_stage, result.folder, folder, options)
             is_other = "fabricate" in result.made and str(options) != str(previous)
             if is_other and previous.overrides:
@@ -102,7 +103,8 @@ fabricate = _stage_command("fabricate", "fabricate")
 report = _stage_command("report", "report")
 
 
-def _print_result(result: BuildResult) -> None:
+def _print_result(result: BuildResult, device: Device) -> None:
+    from ...workflow.build.load_cases import describe_states
     from ...workflow.build.results import has_layout, has_parts, has_poses
 
     if not result.made:
@@ -118,6 +120,7 @@ def _print_result(result: BuildResult) -> None:
         print_lines([f"note: {mesh.note}"])
     if has_poses(results):
         print_lines(f"note: {warning}" for warning in results.field_index.warnings)
+        print_lines([describe_states(results.field_index.states, device.states)])
     if has_layout(results):
         print_lines(f"note: {warning}" for warning in results.layout.warnings)
         _print_layout(results.layout)

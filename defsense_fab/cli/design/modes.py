@@ -68,10 +68,19 @@ def _modes(
             " device.toml"
         )
         print_lines([f"Look at: {proposal.picture}", f"Next:    {next_step}"])
-        if write and device.poses and device.states.given:
+        states = device.states
+        given = [
+            name
+            for name, is_given in (
+                ("mixtures", states.mixtures_given),
+                ("held_out", states.held_out_given),
+            )
+            if is_given
+        ]
+        if write and device.poses and given:
             note = (
-                "note: [states] in device.toml lists mixtures. Add mixtures of the new poses, or"
-                " remove the lists to mix all poses."
+                f"note: [states] {' and '.join(given)} of device.toml does not contain the new"
+                " poses. Add mixtures of them, or remove the key to propose mixtures of all poses."
             )
             print_lines([note])
 

@@ -182,14 +182,16 @@ class StatesSpec:
         ramp: Fractions of each pose.
         mixtures: Weights of the poses in each mixture.
         held_out: The same for states that are only used to evaluate a design.
-        given: Whether the user gave the states. Others are proposed, and those that cannot be
-            solved are left out.
+        mixtures_given: Whether the user gave the mixtures. Others are proposed, and those that
+            cannot be solved are left out.
+        held_out_given: The same for the states held out.
     """
 
     ramp: tuple[float, ...] = (1.0,)
     mixtures: tuple[Mapping[str, float], ...] = ()
     held_out: tuple[Mapping[str, float], ...] = ()
-    given: bool = True
+    mixtures_given: bool = True
+    held_out_given: bool = True
 
 
 @dataclass(frozen=True)

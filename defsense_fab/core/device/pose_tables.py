@@ -12,7 +12,7 @@ from ..arrays import Float
 from ..schema.declare import Problem, Table, Vector, key, unknown_choice
 from ..storage.file_names import fold_name
 from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, SymmetryPlane
-from .states import DEFAULT_RAMP, default_states
+from .states import DEFAULT_RAMP, default_states, state_key
 
 #: Largest movement (mm), load or stiffness; beyond, arithmetic overflows.
 MAX_SIZE = 1e5
@@ -242,16 +242,17 @@ class StatesTable(Table, frozen=True):
             "Weights of poses that act at once, as `[{ bend_up = 0.5, twist = 0.5 }]`: rotation"
             " vectors and translations add up; a region that one pose leaves free and another"
             " translates moves on from where the first leaves it; `[]` is none.",
-            default="without `mixtures` and `held_out`: poses that agree and are not opposite, in"
-            " pairs, whole and half; mixtures that cannot be solved are left out with a note",
+            default="poses that agree and are not opposite, in pairs, whole and half, without the"
+            " states of `held_out`; mixtures that cannot be solved are left out with a note",
         ),
     ] = None
     held_out: Annotated[
         list[dict[str, float]] | None,
         key(
             "Mixtures to which neither paths nor decoder are fitted: they compare layouts, and"
-            " give the reported error.",
-            default="as with `mixtures`: pairs of a whole and a half, and three at once",
+            " give the reported error; `[]` is none.",
+            default="pairs of a whole and a half, and three at once, without the states of"
+            " `mixtures`; where no poses mix, each pose between its two largest fractions",
         ),
     ] = None
 
@@ -295,10 +296,8 @@ class StatesTable(Table, frozen=True):
                         yield unknown_choice(path, pose, poses, "pose", "unknown-pose")
 
     def record(self, poses: Sequence[Pose]) -> StatesSpec:
-        """Return the states; without mixtures, those that cover what the `poses` span."""
-        if self.mixtures is None and self.held_out is None:
-            return default_states(poses, self._fractions)
-        return StatesSpec(self._fractions, tuple(self.mixtures or ()), tuple(self.held_out or ()))
+        """Return the states; a list that is not given is proposed from what the `poses` span."""
+        return default_states(poses, self._fractions, self.mixtures, self.held_out)
 
 
 def repeated_states(states: StatesSpec, poses: Sequence[str]) -> Iterator[Problem]:
@@ -306,12 +305,10 @@ def repeated_states(states: StatesSpec, poses: Sequence[str]) -> Iterator[Proble
 
     It would count double, or be both designed for and held out.
     """
-    fractions = {f"{fraction:g}" for fraction in states.ramp}
-    known: set[object] = {(name, fraction) for name in poses for fraction in fractions}
+    known = {state_key({name: fraction}) for name in poses for fraction in states.ramp}
     for name, mixtures in (("mixtures", states.mixtures), ("held_out", states.held_out)):
         for mixture in mixtures:
-            parts = tuple(sorted((pose, f"{w:g}") for pose, w in mixture.items() if w))
-            state = parts[0] if len(parts) == 1 else parts
+            state = state_key(mixture)
             if state in known:
                 text = f"the state {dict(mixture)} occurs twice"
                 yield Problem((name,), text, "state-duplicate", "Remove one")

@@ -37,39 +37,67 @@ def loading_path(weights: Mapping[str, float]) -> tuple[LoadingPath, float]:
     return tuple((n, round(w / largest, 9)) for n, w in sorted(weights.items()) if w), largest
 
 
-def default_states(poses: Sequence[Pose], ramp: tuple[float, ...] = DEFAULT_RAMP) -> StatesSpec:
-    """Propose states for a device that does not define any.
+def default_states(
+    poses: Sequence[Pose],
+    ramp: tuple[float, ...] = DEFAULT_RAMP,
+    mixtures: Sequence[Mapping[str, float]] | None = None,
+    held_out: Sequence[Mapping[str, float]] | None = None,
+) -> StatesSpec:
+    """Complete the states of a device: propose the lists that are not given.
 
-    The states are each pose at the fractions of the ramp. Pairs of poses that can be mixed and are
-    not opposite are added at the largest fraction and at half of it. Held out are pairs of one at
-    the largest fraction and one at half, and three poses at once. Where no two poses can be mixed,
-    each pose between its two largest fractions is held out.
+    The states are each pose at the fractions of the ramp. Proposed mixtures are pairs of poses that
+    can be mixed and are not opposite, at the largest fraction and at half of it. Proposed to be
+    held out are pairs of one at the largest fraction and one at half, and three poses at once; if
+    no pair is left, each pose between its two largest fractions. A proposed list does not contain
+    states of a given list.
 
     Args:
         poses: Poses of the device.
         ramp: Fractions of each pose, increasing.
+        mixtures: Weights of the poses in each mixture; None to propose mixtures.
+        held_out: The same for states held out of the design; None to propose them.
 
     Returns:
-        The states, marked as not given.
+        The states, with marks on which lists were given.
     """
     pairs = [(a, b) for a, b in combinations(poses, 2) if can_mix(a, b) and not are_opposite(a, b)]
     pairs = sorted(pairs, key=lambda p: _pair_order(poses, p))[:_MAX_PAIRS]
-    mixtures, held_out = [], []
     full, half = ramp[-1], _round_weight(0.5 * ramp[-1])
+    mixed, unseen = [], []
     for a, b in pairs:
-        mixtures += [{a.name: w, b.name: w} for w in (half, full)]
-        held_out += [{a.name: full, b.name: half}, {a.name: half, b.name: full}]
-    mixed = {frozenset((a.name, b.name)) for a, b in pairs}
+        mixed += [{a.name: w, b.name: w} for w in (half, full)]
+        unseen += [{a.name: full, b.name: half}, {a.name: half, b.name: full}]
+    mixable = {frozenset((a.name, b.name)) for a, b in pairs}
     triples = [
         t
         for t in combinations([p.name for p in poses], 3)
-        if all(frozenset(pair) in mixed for pair in combinations(t, 2))
+        if all(frozenset(pair) in mixable for pair in combinations(t, 2))
     ]
-    held_out += [dict.fromkeys(t, _round_weight(0.7 * full)) for t in triples[:_MAX_TRIPLES]]
-    if not held_out:
+    unseen += [dict.fromkeys(t, _round_weight(0.7 * full)) for t in triples[:_MAX_TRIPLES]]
+    unseen = _without(unseen, mixtures or ())
+    if not unseen:
         between = (ramp[-1] + (ramp[-2] if len(ramp) > 1 else 0.0)) / 2
-        held_out = [{p.name: _round_weight(between)} for p in poses]
-    return StatesSpec(ramp, tuple(mixtures), tuple(held_out), given=False)
+        unseen = _without([{p.name: _round_weight(between)} for p in poses], mixtures or ())
+    return StatesSpec(
+        ramp,
+        tuple(_without(mixed, held_out or ()) if mixtures is None else mixtures),
+        tuple(unseen if held_out is None else held_out),
+        mixtures_given=mixtures is not None,
+        held_out_given=held_out is not None,
+    )
+
+
+def state_key(weights: Mapping[str, float]) -> tuple[tuple[str, str], ...]:
+    """Return a key that is the same for states of the same name, in any order of the poses."""
+    return tuple(sorted((pose, f"{w:g}") for pose, w in weights.items() if w))
+
+
+def _without(
+    states: Sequence[Mapping[str, float]], others: Sequence[Mapping[str, float]]
+) -> list[Mapping[str, float]]:
+    """Return the states that are not among others."""
+    known = set(map(state_key, others))
+    return [state for state in states if state_key(state) not in known]
 
 
 def _pair_order(poses: Sequence[Pose], pair: tuple[Pose, Pose]) -> tuple[int, int]:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.device.device import Device
+from ...core.device.device import Device, StatesSpec
 from ...core.device.states import LoadingPath, loading_path
 from ...core.errors import DeviceError
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.constraint_check import check_constraints, warn_small_region
 from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.batch import Job
+from ...store.fields import StateRecord
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ def list_loadings(device: Device) -> list[Loading]:
     s = device.states
     return [
         *(Loading({p.name: 1.0}, s.ramp, False) for p in device.poses),
-        *_mixture_loadings(s.mixtures, False, not s.given),
-        *_mixture_loadings(s.held_out, True, not s.given),
+        *_mixture_loadings(s.mixtures, False, not s.mixtures_given),
+        *_mixture_loadings(s.held_out, True, not s.held_out_given),
     ]
 
 
@@ -106,3 +107,30 @@ def prepare_jobs(
             warnings += warn_small_region(mesh, nodes, name)
         jobs.append(Job(conditions, loading.fractions, loading.label))
     return kept, jobs, list(dict.fromkeys(warnings))
+
+
+def describe_states(states: Sequence[StateRecord], spec: StatesSpec) -> str:
+    """Return a sentence on the states that a design used, and which of them were proposed.
+
+    Args:
+        states: The solved states.
+        spec: The states of the device, which mark the lists that the user gave.
+    """
+    fitted, unseen = ([s for s in states if s.held_out is held] for held in (False, True))
+    return (
+        f"states: {_count_states(fitted, spec.mixtures_given)} fitted,"
+        f" {_count_states(unseen, spec.held_out_given)} held out"
+    )
+
+
+def _count_states(states: Sequence[StateRecord], is_given: bool) -> str:
+    """Return the numbers of states of one pose and of mixtures, as in "12 of 3 poses"."""
+    single = [s for s in states if len(s.weights) == 1]
+    poses = len({name for s in single for name in s.weights})
+    parts = [f"{len(single)} of {poses} pose{'s' if poses > 1 else ''}"] if single else []
+    mixed = len(states) - len(single)
+    if mixed:
+        parts.append(
+            f"{mixed} mixture{'s' if mixed > 1 else ''}{'' if is_given else ' (proposed)'}"
+        )
+    return " and ".join(parts) or "none"

@@ -63,12 +63,36 @@ def run(device: Device, build: Build, report: Report) -> None:
         manifest=manifest,
         mesh=build.mesh_record,
         meaning=MEANING,
+        states=_state_rows(device, build),
         answers=COMPRESSION_RESPONSES,
         images=images,
         view3d=viewer,
         colors=COLORS,
         size=np.abs(frame[[0, 2, 1]]) @ np.ptp(surface.bounds, axis=0),
     )
+
+
+def _state_rows(device: Device, build: Build) -> list[dict[str, Any]]:
+    """Return the rows of the table of states: shares of poses, use, and errors in mm."""
+    initial, final = build.layout.initial, build.layout.prediction
+    before = {**initial.per_state, **initial.held_out}
+    after = {**final.per_state, **final.held_out}
+    errors = {name: {"initial": before[name], "final": after[name]} for name in after}
+    rows = [{"name": "rest", "shares": "", "use": "fitted", **errors["rest"]}]
+    for state in build.field_index.states:
+        is_proposed = len(state.weights) > 1 and not device.states.mixtures_given
+        if state.held_out:
+            is_proposed = not device.states.held_out_given
+        use = "held out" if state.held_out else "fitted"
+        rows.append(
+            {
+                "name": state.state,
+                "shares": ", ".join(f"{n} {100 * w:.4g} %" for n, w in state.weights.items()),
+                "use": f"{use} (proposed)" if is_proposed else use,
+                **errors[state.state],
+            }
+        )
+    return rows
 
 
 def _pose_pictures(

@@ -1,11 +1,13 @@
 """Test the default states of a device."""
 
+import os
 from dataclasses import replace
 
 import numpy as np
 
 from defsense_fab.core.device.device import Handle, PointDrag, Pose, RegionPressure
-from defsense_fab.core.device.states import DEFAULT_RAMP, default_states
+from defsense_fab.core.device.pose_tables import repeated_states
+from defsense_fab.core.device.states import DEFAULT_RAMP, default_states, state_key
 
 FREE = np.full(3, np.nan)
 
@@ -19,7 +21,8 @@ UP, DOWN, TWIST = turn("up", y=-30), turn("down", y=30), turn("twist", x=45)
 
 def test_pairs_that_are_not_opposite_are_mixed_fully_and_half():
     states = default_states([UP, DOWN, TWIST])
-    assert not states.given
+    assert not states.mixtures_given
+    assert not states.held_out_given
     assert states.ramp == DEFAULT_RAMP
     assert {tuple(sorted(m.items())) for m in states.mixtures} == {
         (("twist", w), (pose, w)) if pose > "twist" else ((pose, w), ("twist", w))
@@ -87,3 +90,70 @@ def test_no_state_exceeds_the_largest_fraction():
         ((amplitude,),) = [m.values() for m in default_states([UP], ramp).held_out]
         assert 0 < amplitude < ramp[-1]
         assert amplitude not in ramp
+
+
+SWAY = turn("sway", z=30)
+
+
+def test_a_given_list_replaces_only_that_list():
+    proposed = default_states([UP, DOWN, TWIST])
+    held_out = ({"up": 0.6, "twist": 0.3}, {"down": 0.9})
+    states = default_states([UP, DOWN, TWIST], held_out=held_out)
+    assert (states.mixtures, states.held_out) == (proposed.mixtures, held_out)
+    assert (states.mixtures_given, states.held_out_given) == (False, True)
+    mixtures = ({"up": 0.9, "twist": 0.8},)
+    states = default_states([UP, DOWN, TWIST], mixtures=mixtures)
+    assert (states.mixtures, states.held_out) == (mixtures, proposed.held_out)
+    assert (states.mixtures_given, states.held_out_given) == (True, False)
+
+
+def test_an_empty_list_is_none():
+    states = default_states([UP, DOWN, TWIST], mixtures=(), held_out=())
+    assert (states.mixtures, states.held_out) == ((), ())
+    assert states.mixtures_given
+    assert states.held_out_given
+
+
+def test_proposed_states_are_not_among_given_ones():
+    full, half = {"twist": 1.0, "up": 1.0}, {"up": 0.5, "twist": 0.5}
+    states = default_states([UP, TWIST], held_out=[full])
+    assert states.mixtures == (half,)
+    taken = [{"up": 1.0, "twist": 0.5}, {"twist": 1.0, "up": 0.5}]
+    states = default_states([UP, TWIST], mixtures=taken)
+    assert states.held_out == ({"up": 0.875}, {"twist": 0.875})  # no pair is left
+    states = default_states([UP, TWIST], mixtures=[*taken, {"up": 0.875}])
+    assert states.held_out == ({"twist": 0.875},)
+
+
+def variants(count):
+    """Yield random lists of mixtures, as given in a file; None is a list that is not given."""
+    rng = np.random.default_rng(53)
+    poses = [UP, DOWN, TWIST, SWAY]
+    for _ in range(count):
+        chosen = [poses[k] for k in rng.permutation(4)[: rng.integers(1, 5)]]
+        ramp = tuple(np.unique(rng.choice([0.25, 0.5, 0.7, 0.75, 1.0], rng.integers(1, 4))))
+        known, lists = {state_key({p.name: w}) for p in chosen for w in ramp}, []
+        for _ in range(2):
+            rows = []
+            for _ in range(rng.integers(0, 6)):
+                names = [p.name for p in chosen if rng.random() < 0.6] or [chosen[0].name]
+                row = {n: float(rng.choice([0.0, 0.5, 0.7, 0.875, 1.0])) for n in names}
+                if any(row.values()) and state_key(row) not in known:
+                    known.add(state_key(row))
+                    rows.append(row)
+            lists.append(rows if rng.random() < 0.6 else None)
+        yield chosen, ramp, *lists
+
+
+def test_completed_states_never_repeat_and_keep_the_given_lists():
+    for poses, ramp, mixtures, held_out in variants(int(os.environ.get("STATE_VARIANTS", "100"))):
+        states = default_states(poses, ramp, mixtures, held_out)
+        assert not list(repeated_states(states, [p.name for p in poses]))
+        alone = default_states(poses, ramp)
+        if mixtures is None:
+            tested = set(map(state_key, held_out or ()))
+            expected = [m for m in alone.mixtures if state_key(m) not in tested]
+            assert list(states.mixtures) == expected
+        else:
+            assert list(states.mixtures) == mixtures
+        assert held_out is None or list(states.held_out) == held_out

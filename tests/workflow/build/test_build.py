@@ -146,6 +146,17 @@ def test_layout_and_manifest_are_consistent(device):
     name, error = max(unseen, key=lambda item: item[1])
     assert len(unseen) > 1
     assert f"{error:.2f} mm in {name}" in page
+    solved = json.loads((device / "build" / "fields" / "index.json").read_text("utf-8"))["states"]
+    rows = re.findall(
+        r"<tr><td>([^<]*)</td><td class=\"text\">([^<]*)</td><td[^>]*>([^<]*)</td>", page
+    )
+    uses = {name: use for name, _, use in rows}
+    assert uses == {"rest": "fitted"} | {
+        s["state"]: ("held out" if s["held_out"] else "fitted")
+        + (" (proposed)" if len(s["weights"]) > 1 else "")
+        for s in solved
+    }
+    assert ("1*bend_down+0.5*twist", "bend_down 100 %, twist 50 %") in {row[:2] for row in rows}
     # Nothing asks the network (this is a name, not an address); base64 holds no colon.
     assert set(re.findall(r"\w+://[\w./]*", page)) == {"http://www.w3.org/1999/xhtml"}
     for each in (page, (device / "build" / "guide.html").read_text("utf-8")):
