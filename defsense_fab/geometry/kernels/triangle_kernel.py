@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,9 @@ TUBE_SIDES = 48
 #: single precision, far below what any printer resolves.
 MATING_GAP_MM = 5e-5
 PLANE_TOLERANCE_MM = 1e-6  # mm
+#: Corners that coincide after rounding are moved by at most this multiple of the rounding.
+ROUNDINGS_MOVED = 16
+MAX_SEPARATION_ROUNDS = 50  # of moving corners that coincide after rounding
 
 
 def _manifold(surface: Surface) -> Any:
@@ -64,6 +67,46 @@ def to_manifold(surface: Surface, what: str) -> Any:
     return solid
 
 
+def round_to_single(vertices: Float) -> Float:
+    """Return coordinates rounded to single precision, as an STL file holds them."""
+    return vertices.astype(np.float32).astype(float)
+
+
+def separate_corners(
+    exact: Float, rounded: Callable[[Float], Float], step: float, what: str
+) -> Float:
+    """Return corners, moved where two of them would become one by rounding.
+
+    Args:
+        exact: Corners (n, 3) of a surface, mm.
+        rounded: Function that rounds coordinates as the file does.
+        step: Largest distance by which a coordinate is moved, mm.
+        what: Name of the part for errors.
+
+    Returns:
+        The corners (n, 3), not rounded, mm.
+
+    Raises:
+        FabricationError: If two corners still coincide.
+    """
+    rng = np.random.default_rng(0)
+    moved, places = exact.copy(), rounded(exact)
+    for _ in range(MAX_SEPARATION_ROUNDS):
+        order = np.lexsort(places.T[::-1])
+        is_duplicate = (places[order[1:]] == places[order[:-1]]).all(axis=1)
+        duplicates = np.sort(order[1:][is_duplicate])
+        if not len(duplicates):
+            return moved
+        moved[duplicates] = exact[duplicates] + rng.uniform(-step, step, (len(duplicates), 3))
+        places[duplicates] = rounded(moved[duplicates])
+    raise FabricationError(
+        f"{len(duplicates)} corners of its facets coincide after rounding",
+        code="corners-coincide",
+        where=what,
+        action="Use a body with fewer facets",
+    )
+
+
 def to_printable_surface(
     solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ()
 ) -> Surface:
@@ -91,18 +134,9 @@ def to_printable_surface(
         exact[np.abs(exact @ normal - offset) < PLANE_TOLERANCE_MM] -= (
             max(MATING_GAP_MM, rounding) * normal
         )
-    step = 16 * rounding
-    rng = np.random.default_rng(0)
-    vertices = exact.astype(np.float32)
-    for _ in range(50):
-        order = np.lexsort(vertices.T[::-1])
-        is_duplicate = (vertices[order[1:]] == vertices[order[:-1]]).all(axis=1)
-        duplicates = np.sort(order[1:][is_duplicate])
-        if not len(duplicates):
-            break
-        shifted = exact[duplicates] + rng.uniform(-step, step, (len(duplicates), 3))
-        vertices[duplicates] = shifted.astype(np.float32)
-    surface = Surface(vertices.astype(float), faces)
+    step = ROUNDINGS_MOVED * rounding
+    corners = separate_corners(exact, round_to_single, step, what)
+    surface = Surface(round_to_single(corners), faces)
     if (triangle_edges(faces)[1] != 2).any():
         raise FabricationError(
             "an edge of its facets does not have exactly two of them",

@@ -1,20 +1,36 @@
-"""Write parts as binary STL files, or as one 3MF file with every part by name."""
+"""Write parts as binary STL files, or as one 3MF file with every part by name.
+
+Programs that read these files find the edges of a surface by the places of its corners. A file
+therefore keeps corners apart that are apart in the surface: a closed surface is closed in the file.
+"""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.mesh import Surface
+from ..kernels import triangle_kernel
+
+#: Decimals of coordinates that lib3mf writes; it cuts the rest off.
+_DECIMALS_3MF = 6
 
 
 def write_stl(surface: Surface, path: Path) -> None:
-    """Write a surface as binary STL, in mm."""
-    corners = surface.vertices[surface.faces].astype("<f4")
+    """Write a surface as binary STL, in mm.
+
+    Raises:
+        FabricationError: Corners that are apart in the surface cannot be kept apart.
+    """
+    vertices = _keep_corners_apart(
+        surface.vertices, triangle_kernel.round_to_single, 0.0, path.stem
+    )
+    corners = vertices[surface.faces].astype("<f4")
     record = np.zeros(
         len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("tag", "<u2")]
     )
@@ -35,6 +51,9 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
         title: Name of the assembly.
         together: Whether to write one assembly (3MF core specification: object with components);
             otherwise each part is an item that a slicer can move.
+
+    Raises:
+        FabricationError: Corners that are apart in a surface cannot be kept apart.
     """
     import lib3mf
 
@@ -50,7 +69,8 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
         mesh = model.AddMeshObject()
         mesh.SetName(name)
         mesh.SetUUID(_make_uuid(title, "object", name))
-        vertices = [_fill(lib3mf.Position(), "Coordinates", v) for v in surface.vertices.tolist()]
+        corners = _keep_corners_apart(surface.vertices, _round_as_3mf, 10.0**-_DECIMALS_3MF, name)
+        vertices = [_fill(lib3mf.Position(), "Coordinates", v) for v in corners.tolist()]
         triangles = [_fill(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
         mesh.SetGeometry(vertices, triangles)
         if together:
@@ -64,6 +84,41 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
         item.SetUUID(_make_uuid(title, "item"))
     # Write to memory first: on a full disk lib3mf ends the program.
     path.write_bytes(bytes(model.QueryWriter("3mf").WriteToBuffer()))
+
+
+def _keep_corners_apart(
+    vertices: Float, rounded: Callable[[Float], Float], resolution: float, what: str
+) -> Float:
+    """Return corners (n, 3) for a file that rounds them.
+
+    They are unchanged if rounding keeps all of them apart that are apart; otherwise some of them
+    are moved by less than a thousandth of a mm.
+
+    Args:
+        vertices: Corners (n, 3), mm.
+        rounded: Function that rounds coordinates as the file does.
+        resolution: Least difference of coordinates in the file near the origin, mm.
+        what: Name of the part for errors.
+    """
+    if not len(vertices):
+        return vertices
+    places, place_of_corner = np.unique(vertices, axis=0, return_inverse=True)
+    if len(np.unique(rounded(places), axis=0)) == len(places):
+        return vertices
+    rounding = max(float(np.spacing(np.float32(np.abs(places).max()))), resolution)
+    step = triangle_kernel.ROUNDINGS_MOVED * rounding
+    separated = triangle_kernel.separate_corners(places, rounded, step, what)
+    return np.asarray(separated[place_of_corner.reshape(-1)])
+
+
+def _round_as_3mf(vertices: Float) -> Float:
+    """Return coordinates as a program reads them from a 3MF file.
+
+    lib3mf multiplies in single precision, cuts the decimals off, and programs read single
+    precision.
+    """
+    scaled = vertices.astype(np.float32) * np.float32(10**_DECIMALS_3MF)
+    return triangle_kernel.round_to_single(np.trunc(scaled.astype(float)) / 10**_DECIMALS_3MF)
 
 
 def _make_uuid(*names: str) -> str:

@@ -40,6 +40,7 @@ from tests.support.errors import raises
 from tests.support.follow_guide.__main__ import follow, follow_steps
 from tests.support.follow_guide.assembler import Assembler
 from tests.support.places import DEVICES
+from tests.support.written_surfaces import count_faults, read_triangles
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +112,14 @@ def test_crossing_planes_make_parts_that_can_be_sliced(folder, manifest, tmp_pat
     for plate in manifest["plates"]:
         slicer.slice_(folder / "parts" / plate["file"], tmp_path)
     slicer.slice_(folder / "parts" / manifest["parts"][0]["print"], tmp_path)
+
+
+def test_every_written_surface_is_closed_by_the_places_of_its_corners(folder, manifest):
+    files = [p for ending in ("stl", "3mf") for p in (folder / "parts").rglob(f"*.{ending}")]
+    assert len(files) >= 2 * len(manifest["parts"]) + len(manifest["plates"]) + 1
+    for file in files:
+        for name, triangles in read_triangles(file).items():
+            assert (file.name, name, *count_faults(triangles)) == (file.name, name, 0, 0)
 
 
 @pytest.mark.slow
