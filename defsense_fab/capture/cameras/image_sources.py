@@ -6,7 +6,6 @@ Several sources can be read at once, each in its own thread.
 from __future__ import annotations
 
 import os
-import re
 import sys
 import threading
 import time
@@ -24,6 +23,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ..tags.detection import Image
+from .image_files import list_images, list_numbered_images, read_image, read_orientation
 
 MAX_WAITING_FRAMES = 4  # older frames are dropped
 THREAD_JOIN_TIMEOUT_S = 3.0
@@ -213,7 +213,6 @@ def run_in_threads(
             raise
 
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
 GAP_PERIODS = 1.5  # a longer step between frames is a gap
 
 
@@ -258,36 +257,33 @@ class Video:
 
     def __init__(self, path: Path, rate: float | None = None) -> None:
         self.path, self._rate = path, rate
-        self._files: list[Path] = []
+        self._files: dict[int, Path] = {}  # images by number
+        self._orientation = 1
         self._capture: cv2.VideoCapture | None = None
-        pattern = "%" in path.name
+        is_pattern = "%" in path.name and not path.exists()
         if path.is_dir():
-            images = (p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
-            self._files = sorted(images, key=_natural_key)
-            if not self._files:
-                raise CaptureError(
-                    f"the folder has no images ({', '.join(IMAGE_SUFFIXES)})",
-                    code="images-missing",
-                    where=path,
-                    action="Choose another folder",
-                )
-        elif not path.exists() and not pattern:
+            self._files = dict(enumerate(list_images(path)))
+        elif is_pattern:
+            self._files = list_numbered_images(path)
+        elif not path.exists():
             raise CaptureError(
                 "there is no such file",
                 code="file-not-found",
                 where=path,
                 action="Check the file's name",
             )
-        if (self._files or pattern) and rate is None:
-            raise CaptureError(
-                "images have no time stamps",
-                code="frame-rate-missing",
-                where=path,
-                action="Give the frames per second at which they were taken (rate)",
-            )
         if self._files:
+            if rate is None:
+                raise CaptureError(
+                    "images have no time stamps",
+                    code="frame-rate-missing",
+                    where=path,
+                    action="Give the frames per second at which they were taken (rate)",
+                )
             self.expected = len(self._files)
-            first = _read_image(self._files[0])
+            self._first = next(iter(self._files.values()))
+            self._orientation = read_orientation(self._first)
+            first = read_image(self._first, self._orientation)
             self.size = first.shape[1], first.shape[0]
             return
         silence_opencv()
@@ -308,12 +304,19 @@ class Video:
         self.expected = int(count) if np.isfinite(count) and 0 < count < 1e9 else 0
 
     def frames(self) -> Iterator[tuple[int, float, Image]]:
-        """Yield number, time, s, and image of each frame that can be read."""
-        if self._files:
-            for k, file in enumerate(self._files):
-                yield k, k / (self._rate or 1.0), _read_image(file)
+        """Yield number, time, s, and image of each frame that can be read.
+
+        Raises:
+            CaptureError: If an image has another size than the first one (`image-sizes-differ`),
+                or a file is not an image (`image-unreadable`).
+        """
+        numbers = list(self._files)
+        for k, file in enumerate(self._files.values()):
+            image = read_image(file, self._orientation)
+            self._check_size(image, file)
+            yield k, (numbers[k] - numbers[0]) / (self._rate or 1.0), image
+        if self._capture is None:
             return
-        assert self._capture is not None
         k = 0
         while True:
             has_image, image = self._capture.read()
@@ -323,29 +326,26 @@ class Video:
             yield k, k / self._rate if self._rate else time, np.asarray(image, np.uint8)
             k += 1
 
+    def _check_size(self, image: Image, file: Path) -> None:
+        size = image.shape[1], image.shape[0]
+        if size == self.size:
+            return
+        turned = ": it was turned by 90 degrees" if size == self.size[::-1] else ""
+        raise CaptureError(
+            f"has {size[0]} x {size[1]} pixels, but {self._first.name} has"
+            f" {self.size[0]} x {self.size[1]}{turned}",
+            code="image-sizes-differ",
+            where=file,
+            action="Use images of one camera at one resolution, not scaled, cropped or turned",
+            file=file.name,
+            size=size,
+            expected=self.size,
+        )
+
     def close(self) -> None:
         """Release the file."""
         if self._capture is not None:
             self._capture.release()
-
-
-def _natural_key(path: Path) -> tuple[list[str | int], str]:
-    """Return a key that sorts a9 before a10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [int(p) if k % 2 else p for k, p in enumerate(parts)], path.name
-
-
-def _read_image(path: Path) -> Image:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise CaptureError(
-            "cannot be read as an image",
-            code="image-unreadable",
-            where=path,
-            action="Check that it is an image and is not damaged",
-            file=path.name,
-        )
-    return np.asarray(image, np.uint8)
 
 
 def silence_opencv() -> None:

@@ -23,6 +23,7 @@ MIN_SIZE_SIGMAS = 2.0
 MIN_SIDES = 3  # of a tag, from which its size is measured
 SIGMA_PER_MAD = 1.4826  # median absolute deviation of a normal distribution
 MAX_LENGTH_DIFFERENCE_S = 0.25  # of the videos, without a warning
+REPEATED_TAGS_ACTION = "Print each number once, or cover reflections"
 MEDIAN_SIGMA_RATIO = 1.2533  # relative to the mean of many values
 
 
@@ -154,16 +155,18 @@ class WatchedVideo:
                     "no-tag-in-video",
                 )
             )
-        if len(self.repeated_ids):
-            numbers = ", ".join(map(str, self.repeated_ids.tolist()))
-            warnings.append(
-                TrackWarning(
-                    f"{self.name}: shows tags {numbers} twice at once. Print each number once, or"
-                    " cover reflections.",
-                    "tags-repeated",
-                )
-            )
+        if self.repeated_tags:
+            text = f"{self.name}: {self.repeated_tags}. {REPEATED_TAGS_ACTION}."
+            warnings.append(TrackWarning(text, "tags-repeated"))
         return warnings
+
+    @property
+    def repeated_tags(self) -> str:
+        """Which tags it shows twice at once; empty for none."""
+        if not len(self.repeated_ids):
+            return ""
+        numbers = ", ".join(map(str, self.repeated_ids.tolist()))
+        return f"shows tags {numbers} twice at once"
 
 
 def measure_quality(

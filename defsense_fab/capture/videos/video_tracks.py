@@ -23,7 +23,7 @@ from ..tracking.track_filters import find_reachable
 from .camera_agreement import agreement_warnings, check_agreement
 from .camera_sync import Count
 from .located_tags import LocatedTags, locate_scene
-from .track_quality import WatchedVideo, measure_quality
+from .track_quality import REPEATED_TAGS_ACTION, WatchedVideo, measure_quality
 from .video_detection import VideoDetections, detect_videos
 
 #: Root mean square, and relative to the median: with a larger residual, views of a tag are not of
@@ -170,13 +170,20 @@ def assemble(
         rig, observations, size, frame or rig.cameras[0], column, offsets is not None, progress
     )
     located = scene.located
-    check_agreement(located, rig, scene.by_camera, size, names)
+    videos = [
+        WatchedVideo(name, video, repeated_ids)
+        for name, video, (_, repeated_ids) in zip(names, detections, surveys, strict=True)
+    ]
+    try:
+        check_agreement(located, rig, scene.by_camera, size, names)
+    except CaptureError as error:
+        raise _add_repeated_tags(error, videos) from error
     progress("tracks", 0.7, "removing impossible positions")
     is_outlier, disagreeing = _find_disagreements(located)
     is_kept, impossible = _remove_impossible(located, is_outlier, scene.is_moving(time), time)
     has_position = is_kept.any(axis=0)
     if not has_position.any():
-        raise _invisible_error(names)
+        raise _add_repeated_tags(_invisible_error(names), videos)
     cameras = np.where(is_kept, located.cameras, np.int8(0))
     located.corners[cameras[:, column] < 2] = np.nan
     cameras = cameras[:, has_position]
@@ -188,10 +195,6 @@ def assemble(
         np.flatnonzero(_is_new_frame(detections[0])),
     )
     progress("tracks", 1.0, "done")
-    videos = [
-        WatchedVideo(name, video, repeated_ids)
-        for name, video, (_, repeated_ids) in zip(names, detections, surveys, strict=True)
-    ]
     quality = measure_quality(videos, located, is_kept, tracks, cameras, size)
     quality["warnings"] += scene.warnings(names, offsets is not None)
     quality["warnings"] += agreement_warnings(
@@ -219,6 +222,21 @@ def _invisible_error(names: Sequence[str]) -> CaptureError:
         code="no-tag-located",
         where=", ".join(names),
         action="Check that the tags are visible and that the calibration is right",
+    )
+
+
+def _add_repeated_tags(error: CaptureError, videos: Sequence[WatchedVideo]) -> CaptureError:
+    """Return an error that also names tags shown twice at once, which are a likely cause."""
+    notes = [f"{video.name} {video.repeated_tags}" for video in videos if video.repeated_tags]
+    if not notes:
+        return error
+    return CaptureError(
+        f"{error.problem}; {'; '.join(notes)}",
+        code=error.code,
+        where=error.where,
+        action=REPEATED_TAGS_ACTION,
+        **error.data,
+        repeated={video.name: video.repeated_ids.tolist() for video in videos},
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from ...capture.cameras.image_sources import Video, run_in_threads
 from ...capture.cameras.view_selection import choose_views, corner_motion, describe_view
 from ...capture.tags.detection import BoardFinder, BoardView, image_size_error
+from ...capture.tags.missing_board import explain_missing_board
 from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float
 from ...core.camera import Camera
@@ -19,6 +20,7 @@ from ...core.errors import CaptureError
 from ...core.progress import Progress
 
 MAX_INSTANTS = 40  # for each camera but the first
+MAX_EXPLAINED_FRAMES = 4  # that are searched again for what they show instead of the board
 
 
 @dataclass(frozen=True)
@@ -77,17 +79,32 @@ def find_boards(
     progress("board", 1.0, "done")
     for path, boards in zip(paths, board_videos, strict=True):
         if not any(boards.views):
-            raise CaptureError(
-                f"the board was found in none of {len(boards.views)} frames",
-                code="board-not-found",
-                where=path,
-                action=(
-                    f"Check that board.json describes this board ({board.columns} x {board.rows},"
-                    f" {board.dictionary})"
-                ),
-                frames=len(boards.views),
-            )
+            raise _missing_error(path, board, rate, len(boards.views))
     return board_videos
+
+
+def _missing_error(
+    path: Path, board: CharucoBoard, rate: float | None, frames: int
+) -> CaptureError:
+    video = Video(path, rate or 1.0)
+    step = -(-frames // MAX_EXPLAINED_FRAMES)
+    images = (image for k, _, image in video.frames() if k % step == step // 2)
+    reason = explain_missing_board(images, board)
+    video.close()
+    size = f"{board.columns} x {board.rows}, {board.dictionary}"
+    return CaptureError(
+        f"the board was found in none of {frames} frames{': ' if reason else ''}{reason}",
+        code="board-not-found",
+        where=path,
+        action=(
+            f"Use the ChArUco board of board.json ({size}), or state yours with 'defsense capture"
+            " board'"
+            if reason
+            else f"Check that board.json describes this board ({size})"
+        ),
+        frames=frames,
+        reason=reason,
+    )
 
 
 def check_sizes(

@@ -1,8 +1,14 @@
 """Videos, folders of images, numbered images, and invalid files."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import ExifTags
+from PIL import Image as PillowImage
 
 from defsense_fab.capture.cameras.image_sources import Timing, Video, measure_timing
 from defsense_fab.core.errors import CaptureError
@@ -60,8 +66,9 @@ def test_missing_files_and_empty_folders_are_rejected(tmp_path):
         Video(tmp_path / "none.mkv")
     with raises(CaptureError, "images-missing"):
         Video(tmp_path, 30.0)
-    with raises(CaptureError, "video-unreadable"):
-        Video(tmp_path / "a%04d.png", 30.0)
+    for pattern in ("a%04d.png", "a%s.png", "a%04d%d.png", "none/a%d.png"):
+        with raises(CaptureError, "images-missing"):
+            Video(tmp_path / pattern, 30.0)
 
 
 def test_images_in_a_folder_and_by_number(tmp_path):
@@ -76,6 +83,20 @@ def test_images_in_a_folder_and_by_number(tmp_path):
         assert video.size == (64, 48)
         assert [t for _, t, _ in received] == pytest.approx(np.arange(11) / 10)
         assert (np.array([i for *_, i in received])[..., 0] == FRAMES[:11]).all()
+
+
+def test_missing_numbers_of_images_keep_the_times_of_the_others(tmp_path):
+    for k in (7, 8, 10, 12):
+        cv2.imwrite(str(tmp_path / f"a{k:04d}.png"), FRAMES[k])
+    frames = list(Video(tmp_path / "a%04d.png", 10.0).frames())
+    assert [k for k, *_ in frames] == [0, 1, 2, 3]
+    assert [t for _, t, _ in frames] == pytest.approx([0, 0.1, 0.3, 0.5])
+
+
+def test_percent_sign_in_the_name_of_a_video(film):
+    other = film.with_name("100 %.mkv")
+    film.rename(other)
+    assert len(list(Video(other).frames())) == 20
 
 
 def test_images_without_leading_zeros_are_sorted_by_number(tmp_path):
@@ -105,3 +126,51 @@ def test_time_stamps_show_drops_repeats_and_jumps_back():
     assert measure_timing(shaky).missing == 0
     assert measure_timing(np.zeros(1)) == Timing(0.0, 0, 0, 0)
     assert measure_timing(np.zeros(3)) == Timing(0.0, 0, 2, 0)
+
+
+def write_oriented(path, image, orientation):
+    """Write an image with an orientation in its metadata."""
+    picture = PillowImage.fromarray(image)
+    exif = picture.getexif()
+    exif[ExifTags.Base.Orientation] = orientation
+    picture.save(path, exif=exif)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_images_are_turned_by_the_orientation_of_the_first(tmp_path, orientation):
+    for k, stated in enumerate((orientation, 1, 3, 6, 8)):
+        write_oriented(tmp_path / f"a{k}.png", FRAMES[k], stated)
+    first = cv2.imread(str(tmp_path / "a0.png"), cv2.IMREAD_COLOR)
+    video = Video(tmp_path, 10.0)
+    images = [image for *_, image in video.frames()]
+    assert video.size == first.shape[1::-1]
+    assert (images[0] == first).all()
+    # The same pixel of the sensor is at the same place of every image.
+    for k, image in enumerate(images):
+        write_oriented(tmp_path / "same.png", FRAMES[k], orientation)
+        assert (image == cv2.imread(str(tmp_path / "same.png"), cv2.IMREAD_COLOR)).all()
+
+
+VARIANTS = int(os.environ.get("DEFSENSE_VARIANTS", "40"))
+
+
+@settings(max_examples=VARIANTS, derandomize=True, deadline=None)
+@given(
+    sizes=st.lists(
+        st.sampled_from([(64, 48), (48, 64), (61, 46), (64, 47), (128, 96)]), min_size=1, max_size=6
+    ),
+    suffix=st.sampled_from([".png", ".jpg", ".bmp", ".tif", ".pgm"]),
+    is_pattern=st.booleans(),
+)
+def test_first_image_of_another_size_is_named(tmp_path_factory, sizes, suffix, is_pattern):
+    folder = tmp_path_factory.mktemp("sizes")
+    for k, (width, height) in enumerate(sizes):
+        cv2.imwrite(str(folder / f"{k}{suffix}"), np.full((height, width), 9 * k, np.uint8))
+    video = Video(folder / f"%d{suffix}" if is_pattern else folder, 10.0)
+    other = next((k for k, size in enumerate(sizes) if size != sizes[0]), None)
+    if other is None:
+        assert len(list(video.frames())) == len(sizes)
+        return
+    facts = {"file": f"{other}{suffix}", "size": sizes[other], "expected": sizes[0]}
+    with raises(CaptureError, "image-sizes-differ", **facts):
+        list(video.frames())

@@ -256,6 +256,17 @@ def test_wrong_tags(process, films):
     assert "no-tag-in-video" in codes(quality)
 
 
+def test_repeated_tags_are_named_if_none_can_be_located(process, films):
+    def one_number(t):
+        return Scene(tags(t, [0] * 6))
+
+    for name, camera in (("same_left", LEFT), ("same_right", RIGHT)):
+        take(films / f"{name}.mkv", camera, one_number, 0.3)
+    with raises(CaptureError, "no-tag-located") as caught:
+        process("same_left.mkv", "same_right.mkv")
+    assert list(caught.value.data["repeated"].values()) == [[0], [0]]
+
+
 @pytest.mark.parametrize(
     ("options", "code"),
     [

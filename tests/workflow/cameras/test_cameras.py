@@ -14,7 +14,9 @@ from defsense_fab.capture.tags.tag_patterns import CharucoBoard, save_board
 from defsense_fab.cli.capture.camera_check import describe_check
 from defsense_fab.cli.main import run_command
 from defsense_fab.core.errors import CaptureError, DefsenseError, DeviceError
+from defsense_fab.core.progress import silent
 from defsense_fab.workflow.cameras import recorded_views
+from defsense_fab.workflow.cameras.board_videos import find_boards
 from defsense_fab.workflow.cameras.cameras import (
     arrange_cameras,
     calibrate_cameras,
@@ -271,6 +273,41 @@ def test_boards_that_are_not_visible_or_not_valid_are_rejected(rig_file, boards)
         calibrate(rig_file, "left.mkv", board="nan.json")
     assert caught.value.where.endswith("nan.json")
     assert not rig_file.exists()
+
+
+def test_chessboard_without_tags_and_other_tags_are_named(tmp_path):
+    squares = np.kron(np.indices((6, 8)).sum(axis=0) % 2, np.ones((40, 40))) * 255
+    other = CharucoBoard(8, 6, 40.0, 28.0, "6X6_100").charuco.generateImage((320, 240))
+    for name, board, reason in (
+        ("squares", squares, "squares, but no tags"),
+        ("other", other, "tags of 6X6_50"),
+        ("nothing", np.full((240, 320), 255), ""),
+    ):
+        (tmp_path / name).mkdir()
+        picture = cv2.copyMakeBorder(
+            board.astype(np.uint8), 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255
+        )
+        for k in range(3):
+            cv2.imwrite(str(tmp_path / name / f"{k}.png"), picture)
+        with raises(CaptureError, "board-not-found", frames=3) as caught:
+            find_boards([tmp_path / name], BOARD, None, silent)
+        assert reason in caught.value.data["reason"]
+        assert bool(reason) == bool(caught.value.data["reason"])
+
+
+@pytest.mark.parametrize("command", ["calibrate", "arrange", "check"])
+def test_images_of_different_sizes_are_refused(tmp_path, monkeypatch, boards, command):
+    monkeypatch.chdir(tmp_path)
+    write_rig(tmp_path / "cameras.toml", [LEFT, RIGHT], {})
+    sources = ("left",) if command == "calibrate" else ("left", "right")
+    for name in sources:
+        (tmp_path / name).mkdir()
+        for k, image in enumerate(images(boards / f"{name}.mkv")[:3]):
+            picture = cv2.resize(image, (456, 342)) if name == sources[-1] and k == 2 else image
+            cv2.imwrite(f"{name}/{k}.png", picture)
+    words = [*sources, "--board", str(boards / "board.json"), "--calibration", "cameras.toml"]
+    with raises(CaptureError, "image-sizes-differ", file="2.png", size=(456, 342)):
+        run_command(["capture", "camera", command, *words])
 
 
 def test_files_that_are_not_videos_are_rejected(rig_file, boards):
