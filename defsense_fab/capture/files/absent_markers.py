@@ -18,31 +18,33 @@ MAX_LISTED = 8  # markers that a note names
 
 
 def hide_absent(
-    points: Float, labels: Sequence[str], sigma: Float | None = None
+    points: Float, labels: Sequence[str], sigma: Float | None = None, *, is_own: bool = False
 ) -> tuple[Float, list[str]]:
     """Replace absent positions by NaN.
 
     Args:
-        points: Positions (t, m, 3); absent ones have a NaN coordinate or are exactly 0, 0, 0.
+        points: Positions (t, m, 3); absent ones have a coordinate that is not finite, or are
+            exactly 0, 0, 0.
         labels: Labels of the m markers as in the file, for the note.
         sigma: Standard deviations (t, m, 3) of the positions. Positions whose standard deviations
             are known were measured, and are kept. None if all are unknown.
+        is_own: Whether this package wrote the file, so that 0, 0, 0 is a position.
 
     Returns:
         The positions, all coordinates NaN where absent, and a note on those that were 0, 0, 0 if
         there are any.
     """
-    is_zero = (points == 0).all(axis=2)
+    is_zero = (points == 0).all(axis=2) & (not is_own)
     if sigma is not None:
         is_zero &= np.isnan(sigma).any(axis=2)
-    is_absent = is_zero | np.isnan(points).any(axis=2)
+    is_absent = is_zero | ~np.isfinite(points).all(axis=2)
     if is_absent.any():
         points = np.where(is_absent[..., None], np.nan, points)
     counts = is_zero.sum(axis=0)
     if not counts.any():
         return points, []
     total, frames = int(counts.sum()), len(points)
-    named = [f"{labels[k]} ({counts[k]})" for k in np.flatnonzero(counts)]
+    named = [f"{labels[k]} ({counts[k]})" for k in np.flatnonzero(counts).tolist()]
     return points, [
         f"{total} position{'s are' if total > 1 else ' is'} exactly 0, 0, 0 and"
         f" count{'' if total > 1 else 's'} as not visible, in {frames} frames: {list_some(named)}"

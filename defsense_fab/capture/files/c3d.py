@@ -1,4 +1,4 @@
-"""Read and write C3D, the files of motion-capture systems, with ezc3d.
+"""Read and write tracks as C3D, the files of motion-capture systems. ezc3d writes them.
 
 C3D has one rate. Frames are written on a regular grid, and frames that the tracks do not have are
 written without markers; positions are never interpolated. Times more than a tenth of a period off
@@ -12,8 +12,6 @@ References:
 
 from __future__ import annotations
 
-import math
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -24,25 +22,16 @@ from ...core.errors import CaptureError
 from ...core.machine.optional_libraries import optional
 from ...core.markers import Tracks
 from ...core.storage.files import replace_file
-from .track_conversion import (
-    MAX_JITTER,
-    FrameGrid,
-    frame_grid,
-    marker_labels,
-    marker_numbers,
-)
-from .tracks_csv import unreadable_error
+from .c3d_file import MAX_FRAMES, C3dFile, Parameters, read_c3d_file
+from .length_units import LengthUnit, resolve_unit
+from .marker_labels import marker_labels
+from .track_conversion import MAX_JITTER, FrameGrid, frame_grid
+from .track_file import TrackFile, labeled_tracks
 
-BLOCK_BYTES = 512
-MAX_PARAMETER_BLOCKS = 256
-MAX_FRAMES = 65535  # that the header's 16 bits can count
-_MAGIC = 0x50
-#: By the processor's number: byte order, and the byte of a float that holds the sign.
-_PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}  # Intel, DEC, MIPS
-_MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 _GROUP = "DEFSENSE"
 #: Parameters of POINT that list points which are not positions (Vicon's manual of C3D).
 _OTHER_POINTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "USERMOS")
+_RATE_TOLERANCE = 1e-3  # relative, of two statements of a rate
 
 
 def write_c3d(path: Path, tracks: Tracks) -> None:
@@ -94,72 +83,54 @@ def write_c3d(path: Path, tracks: Tracks) -> None:
         file.write(str(temporary))
 
 
-def read_c3d(path: Path) -> Tracks:
-    """Read all points that are positions, in mm, without standard deviations.
+def read_c3d(path: Path, unit: LengthUnit | None = None) -> TrackFile:
+    """Read all points that are positions, without standard deviations.
 
-    A point is missing where its residual is negative, and in files of other programs also where it
-    is exactly (0, 0, 0). Marker numbers come from the labels.
+    A point is absent where its residual is negative, and by the rule of `absent_markers`.
+
+    Args:
+        path: The file.
+        unit: Unit of files that do not state a unit that is known.
 
     Raises:
-        CaptureError: If the file is not a complete C3D file, has no markers or no rate, or has a
-            unit other than m, cm and mm.
+        CaptureError: If the file is not a complete C3D file (see `read_c3d_file`), has no markers,
+            no rate or no unit, or has two markers of one number.
     """
-    ezc3d = _library(path)
-    _check_complete(path)
-    try:
-        file = ezc3d.c3d(str(path))
-    except Exception as error:  # whatever the C++ library throws
-        raise CaptureError(
-            f"cannot be read as C3D: {str(error)[:120]!r}",
-            code="file-damaged",
-            where=path,
-            action="Copy or export it again",
-        ) from None
-    group, own_group = file["parameters"]["POINT"], file["parameters"].get(_GROUP, {})
-    points = file["data"]["points"][:3].transpose(2, 1, 0)
-    residual = file["data"]["meta_points"]["residuals"][0].T
-    labels = [label.strip() for label in _texts(group, "LABELS")]
-    labels = (labels + [""] * points.shape[1])[: points.shape[1]]
-    others = {label.strip() for name in _OTHER_POINTS for label in _texts(group, name)}
+    file = read_c3d_file(path)
+    parameters = file.parameters
+    count = file.points.shape[1]
+    labels = (parameters.texts("POINT", "LABELS") + [""] * count)[:count]
+    others = {label for name in _OTHER_POINTS for label in parameters.texts("POINT", name)}
     columns = np.array([i for i, label in enumerate(labels) if label not in others], np.int64)
-    if not len(columns) or not len(points):
+    if not len(columns) or not len(file.points):
         raise CaptureError(
-            f"has no markers ({points.shape[1]} points, {len(points)} frames)",
+            f"has no markers ({count} points, {len(file.points)} frames)",
             code="markers-missing",
             where=path,
             action="Choose a file that has markers",
         )
-    scale, rate = _scale(path, group), _rate(path, group)
-    points = points[:, columns] * scale
-    is_missing = (residual[:, columns] < 0) | np.isnan(points).any(-1)
-    if not own_group:
-        is_missing |= (points == 0).all(-1)
-    points[is_missing] = np.nan
-    period, offset = _clock(own_group, rate)
-    frame = int(file["header"]["points"]["first_frame"]) + np.arange(len(points))
-    ids = marker_numbers([labels[i] for i in columns])
-    time = np.asarray(offset + period * frame, float)
-    return Tracks(time, ids, points, np.full_like(points, np.nan), frame)
+    stated = (parameters.texts("POINT", "UNITS") or [""])[0]
+    scale = resolve_unit(stated, unit, path, "POINT:UNITS")
+    rate, notes = _rate(path, file)
+    period, offset = _clock(parameters, rate)
+    points = file.points * scale if scale != 1 else file.points
+    points[file.is_absent] = np.nan
+    frame = file.first - 1 + np.arange(len(points))
+    return labeled_tracks(
+        path,
+        np.asarray(offset + period * frame, float),
+        frame,
+        [labels[i] for i in columns],
+        points[:, columns] if len(columns) < count else points,
+        is_own=parameters.has_group(_GROUP),
+        notes=notes,
+    )
 
 
-def _scale(path: Path, group: dict[str, Any]) -> float:
-    """Return mm per unit of the points."""
-    unit = (_texts(group, "UNITS") or [""])[0].strip()
-    if unit.lower() not in _MM_PER_UNIT:
-        raise CaptureError(
-            f"the unit of its points (POINT:UNITS) is {unit!r}",
-            code="unknown-unit",
-            where=path,
-            action="Export it in mm, cm or m",
-            unit=unit,
-        )
-    return _MM_PER_UNIT[unit.lower()]
-
-
-def _rate(path: Path, group: dict[str, Any]) -> float:
-    """Return the rate of the points, Hz."""
-    rate = float(np.ravel(group["RATE"]["value"])[0]) if len(group["RATE"]["value"]) else 0.0
-    if not (np.isfinite(rate) and rate > 0):
+def _rate(path: Path, file: C3dFile) -> tuple[float, list[str]]:
+    """Return the rate of the points, Hz, and a note where the header's differs."""
+    rate = file.parameters.number("POINT", "RATE") or 0.0
+    if not rate > 0 and not file.rate:
         raise CaptureError(
             f"the rate of its points (POINT:RATE) is {rate:g}",
             code="frame-rate-invalid",
@@ -167,7 +138,12 @@ def _rate(path: Path, group: dict[str, Any]) -> float:
             action="Export it with a rate above 0",
             rate=rate,
         )
-    return rate
+    if not rate > 0:
+        return file.rate, [f"has no POINT:RATE; the header's {file.rate:g} frames/s are used"]
+    notes = []
+    if file.rate and abs(file.rate / rate - 1) > _RATE_TOLERANCE:
+        notes = [f"POINT:RATE is {rate:g} frames/s, which is used; the header has {file.rate:g}"]
+    return rate, notes
 
 
 def _even_grid(path: Path, time: Float) -> FrameGrid:
@@ -193,115 +169,14 @@ def _even_grid(path: Path, time: Float) -> FrameGrid:
     return grid
 
 
-def _clock(own_group: dict[str, Any], rate: float) -> tuple[float, float]:
+def _clock(parameters: Parameters, rate: float) -> tuple[float, float]:
     """Return the period and the time of frame 0, s, from the own group if it agrees."""
     try:
-        period, offset = (float(own_group[name]["value"][0]) for name in ("PERIOD", "OFFSET"))
-    except (KeyError, IndexError, ValueError):
+        period, offset = (float(parameters.texts(_GROUP, name)[0]) for name in ("PERIOD", "OFFSET"))
+    except (IndexError, ValueError):
         return 1 / rate, 0.0
     # A program that changed the rate left the own group as it was.
     return (period, offset) if abs(period * rate - 1) < 1e-6 else (1 / rate, offset)
-
-
-def _texts(group: dict[str, Any], name: str) -> list[str]:
-    """Return a list of texts, which continues in NAME2, NAME3, ... after 255."""
-    texts: list[str] = []
-    key, i = name, 1
-    while key in group:
-        texts += [text for text in group[key]["value"] if isinstance(text, str)]
-        i += 1
-        key = f"{name}{i}"
-    return texts
-
-
-def _check_complete(path: Path) -> None:
-    """Check that the file is as long as its header states.
-
-    ezc3d reads a truncated file without a warning, and parameters with wrong sizes can crash it.
-
-    Raises:
-        CaptureError: If the file is not a C3D file, or ends before its last frame.
-    """
-    head, parameters, size = _read_header(path)
-    if len(parameters) < 4:
-        raise CaptureError(
-            "ends before its parameters",
-            code="file-truncated",
-            where=path,
-            action="Copy it again",
-        )
-    if parameters[3] not in _PROCESSORS:
-        raise CaptureError(
-            f"is not a C3D file (there is no processor type {parameters[3]})",
-            code="not-a-c3d-file",
-            where=path,
-            action="Choose another file",
-        )
-    order, sign = _PROCESSORS[parameters[3]]
-    if not _has_sound_parameters(parameters, order):
-        raise CaptureError(
-            "its parameters are damaged", code="file-damaged", where=path, action="Copy it again"
-        )
-    points, analog, first, last = struct.unpack(f"{order}4H", head[2:10])
-    (start,) = struct.unpack(f"{order}H", head[16:18])
-    width = 4 if head[12 + sign] & 0x80 else 2  # a negative scale means data stored as floats
-    needed = max(last - first + 1, 0) * (4 * points + analog) * width
-    available = max(size - (start - 1) * BLOCK_BYTES, 0)
-    if available < needed:
-        raise CaptureError(
-            f"is truncated: frames {first} to {last} need {needed} bytes, but it has {available}",
-            code="file-truncated",
-            where=path,
-            action="Copy it again",
-            first=first,
-            last=last,
-            needed=needed,
-        )
-
-
-def _read_header(path: Path) -> tuple[bytes, bytes, int]:
-    """Return the header, the parameters, and the size of the file."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(BLOCK_BYTES)
-            if len(head) < BLOCK_BYTES or head[1] != _MAGIC or head[0] < 1:
-                raise CaptureError(
-                    "is not a C3D file (it does not start like one)",
-                    code="not-a-c3d-file",
-                    where=path,
-                    action="Choose another file",
-                )
-            file.seek((head[0] - 1) * BLOCK_BYTES)
-            parameters = file.read(BLOCK_BYTES * MAX_PARAMETER_BLOCKS)
-            return head, parameters, file.seek(0, 2)
-    except OSError as error:
-        raise unreadable_error(path, error) from None
-
-
-def _has_sound_parameters(data: bytes, order: str) -> bool:
-    """Return whether groups and parameters follow each other to the last, with the stated sizes."""
-    at, kinds = 4, (-1, 1, 2, 4)
-    while at + 2 <= len(data):
-        length, group = struct.unpack_from("2b", data, at)
-        if length == 0 or group == 0:
-            return True
-        at += 2 + abs(length)
-        if at + 4 > len(data):
-            return False
-        (step,) = struct.unpack_from(f"{order}H", data, at)
-        if group > 0:
-            (kind,) = struct.unpack_from("b", data, at + 2)
-            shape = data[at + 4 : at + 4 + data[at + 3]]
-            end = at + 4 + len(shape) + abs(kind) * math.prod(shape)
-        else:
-            kind, end = 1, at + 2
-        # A description comes last, preceded by its length.
-        if kind not in kinds or end >= len(data) or (step and end + 1 + data[end] > at + step):
-            return False
-        if step == 0:
-            return True
-        at += step
-    return False
 
 
 def _library(path: Path) -> Any:

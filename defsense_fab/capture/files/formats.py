@@ -14,8 +14,12 @@ from ...core.errors import CaptureError
 from ...core.machine.optional_libraries import optional
 from ...core.markers import Tracks
 from ...core.storage.files import replace_file
+from .absent_markers import hide_absent
 from .c3d import read_c3d, write_c3d
+from .length_units import LengthUnit, require_mm
+from .marker_labels import marker_labels
 from .track_conversion import WrittenFrames, frame_grid, on_even_frames
+from .track_file import TrackFile
 from .tracks_csv import (
     COLUMNS,
     check_size,
@@ -27,6 +31,7 @@ from .tracks_csv import (
 )
 from .trc import read_trc, write_trc
 
+_Reader = Callable[[Path, LengthUnit | None], TrackFile]
 _ARRAYS = {"time": float, "ids": np.int64, "points": float, "sigma": float, "frame": np.int64}
 
 
@@ -68,7 +73,39 @@ def read_tracks(path: Path) -> Tracks:
     Raises:
         CaptureError: If the suffix is unknown, the file is invalid, or a library is missing.
     """
-    return _format(path)[0](path)
+    return read_track_file(path).tracks
+
+
+def read_track_file(path: Path, unit: LengthUnit | None = None) -> TrackFile:
+    """Read tracks from .csv, .npz, .parquet, .c3d or .trc, and what was left out or assumed.
+
+    Args:
+        path: The file.
+        unit: Unit of the positions in files that do not state it.
+
+    Raises:
+        CaptureError: If the suffix is unknown, the file is invalid, a library is missing, or the
+            file states another unit (`unit-conflict`).
+    """
+    return _format(path)[0](path, unit)
+
+
+def _numbered(read: Callable[[Path], Tracks], *, is_own: bool = False) -> _Reader:
+    """Return a reader of a format that has numbered markers in mm.
+
+    Args:
+        read: Reads the format.
+        is_own: Whether only this package writes the format, so that 0, 0, 0 is a position.
+    """
+
+    def read_file(path: Path, unit: LengthUnit | None) -> TrackFile:
+        require_mm(path, unit)
+        tracks = read(path)
+        labels = marker_labels(tracks.ids)
+        points, notes = hide_absent(tracks.points, labels, tracks.sigma, is_own=is_own)
+        return TrackFile(replace(tracks, points=points), notes=tuple(notes))
+
+    return read_file
 
 
 def write_npz(path: Path, tracks: Tracks) -> None:
@@ -192,17 +229,16 @@ def _libraries(path: Path) -> tuple[Any, Any]:
     return pyarrow, pyarrow.parquet
 
 
-_Format = tuple[Callable[[Path], Tracks], Callable[[Path, Tracks], None]]
-_FORMATS: dict[str, _Format] = {
-    ".csv": (read_csv, write_csv),
-    ".npz": (read_npz, write_npz),
-    ".parquet": (read_parquet, write_parquet),
+_FORMATS: dict[str, tuple[_Reader, Callable[[Path, Tracks], None]]] = {
+    ".csv": (_numbered(read_csv), write_csv),
+    ".npz": (_numbered(read_npz, is_own=True), write_npz),
+    ".parquet": (_numbered(read_parquet), write_parquet),
     ".c3d": (read_c3d, write_c3d),
     ".trc": (read_trc, write_trc),
 }
 
 
-def _format(path: Path) -> _Format:
+def _format(path: Path) -> tuple[_Reader, Callable[[Path, Tracks], None]]:
     if path.suffix.lower() not in _FORMATS:
         raise CaptureError(
             f"tracks are stored in files named {', '.join(_FORMATS)}",

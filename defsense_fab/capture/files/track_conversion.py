@@ -1,4 +1,4 @@
-"""Prepare tracks for motion-capture formats: axes, marker labels and even frames.
+"""Prepare tracks for motion-capture formats: axes and even frames.
 
 Formats of motion capture have one rate and every frame. To make tracks alike in every format, all
 formats get the frames that a camera dropped, as frames without markers. Positions are never
@@ -7,8 +7,6 @@ interpolated.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,24 +43,6 @@ def change_axes(tracks: Tracks, source: str, up: str) -> Tracks:
     R = _TO_Y_UP[up].T @ _TO_Y_UP[source]
     # Adding zero removes negative zeros, which would be written as -0.
     return replace(tracks, points=tracks.points @ R.T + 0.0, sigma=tracks.sigma @ np.abs(R).T)
-
-
-def marker_labels(ids: Int) -> list[str]:
-    """Return the labels of markers (m,), such as `tag_7`."""
-    return [f"tag_{number}" for number in ids.tolist()]
-
-
-def marker_numbers(labels: Sequence[str]) -> Int:
-    """Return numbers (m,) for labels.
-
-    They are the digits at the labels' ends; if one has none, or two have the same, the numbers 0 to
-    m - 1.
-    """
-    ends = [re.search(r"[0-9]{1,15}$", label) for label in labels]
-    numbers = [int(end.group()) for end in ends if end]
-    if len(set(numbers)) < len(labels):
-        numbers = list(range(len(labels)))
-    return np.array(numbers, np.int64)
 
 
 @dataclass(frozen=True)

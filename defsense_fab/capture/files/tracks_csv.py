@@ -20,11 +20,18 @@ from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
 from ...core.storage.files import replace_file
+from ...core.storage.text import decode_text, split_lines
 
 COLUMNS = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
 BYTES_PER_MARKER = 48  # in a frame: position and standard deviations
 FREE_BYTES, MAX_EXPANSION = 64_000_000, 100
 _HEADER = ",".join(COLUMNS)
+#: Starts of tables that programs of motion capture export.
+_PROGRAMS = {
+    "Motive": ("Format Version", "Format version"),
+    "Nexus": ("Trajectories", "Model Outputs", "Devices", "Joints", "Segments", "Events"),
+    "Qualisys Track Manager": ("NO_OF_FRAMES",),
+}
 _ROW_FORMAT = "%d,%.9f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n"
 _BLOCK_FRAMES = 1000  # written at once
 
@@ -202,28 +209,36 @@ def read_csv(path: Path) -> Tracks:
         CaptureError: If the file cannot be read, or one of its lines is invalid.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        content = path.read_bytes()
     except OSError as error:
         raise unreadable_error(path, error) from None
-    except UnicodeDecodeError:
+    lines = split_lines(decode_text(content))
+    if {"\0", "\ufffd"} & set(lines[0]):
         raise CaptureError(
             "is not a table of tracks, because it is not text",
             code="not-a-tracks-file",
             where=path,
             action="Choose another file",
-        ) from None
-    if not lines or lines[0].strip() != _HEADER:
-        present = repr(lines[0][:60]) if lines else "nothing"
-        raise CaptureError(
-            f"the first line must be {_HEADER}, not {present}",
-            code="header-wrong",
-            where=f"{path}:1",
-            action="Choose another file",
-            line=1,
         )
+    if lines[0].strip() != _HEADER:
+        raise _header_error(path, lines[0].strip())
     numbers = [i for i, line in enumerate(lines[1:], 2) if line.strip()]
     rows = _parse(path, numbers, [lines[i - 1] for i in numbers])
     return from_rows(path, rows, lambda row: f"{path}:{numbers[row]}")
+
+
+def _header_error(path: Path, line: str) -> CaptureError:
+    """Return the error for a first line of another table."""
+    program = next((name for name, start in _PROGRAMS.items() if line.startswith(start)), None)
+    if program is None:
+        problem = f"the first line must be {_HEADER}, not {line[:60]!r}"
+        action = "Write these columns, or export C3D or TRC from the motion-capture program"
+    else:
+        problem = f"is a table of {program}, whose layout is not read"
+        action = f"Export C3D or TRC from {program}"
+    return CaptureError(
+        problem, code="header-wrong", where=f"{path}:1", action=action, line=1, program=program
+    )
 
 
 def _parse(path: Path, numbers: list[int], lines: list[str]) -> Float:

@@ -1,27 +1,42 @@
 """Read and write TRC, the text files of Motion Analysis and OpenSim.
 
-A file has five header lines and then a row per frame.
+A file has five header lines and then a row per frame. Cells are separated by tabs, and in files of
+some programs by commas, semicolons or spaces; each part of a file may have its own separator.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
 from ...core.storage.files import replace_file
-from .track_conversion import frame_grid, marker_labels, marker_numbers
+from ...core.storage.text import decode_text, split_lines
+from .length_units import LengthUnit, resolve_unit
+from .marker_labels import marker_labels
+from .track_conversion import frame_grid
+from .track_file import TrackFile, labeled_tracks
 from .tracks_csv import BYTES_PER_MARKER, check_size, unreadable_error
 
 HEADER_LINES = 5
-_MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+_WRITER = "defsense-fab"  # last cell of the first line of own files
 _NAMES = (
     "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame"
     "\tOrigNumFrames"
 )
+#: A comma that separates, in a line without tabs and semicolons.
+_COMMA = re.compile(r",[ ,]|,\S*,|^[^ ]*,[^ ]*$")
+_DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+([eE][-+]?[0-9]+)?")
+_WINDOWS_NAN = re.compile(r"[-+]?1\.#(IND|QNAN|SNAN)0*")
+_MAX_FRAME = 2**53  # whole numbers that a float holds
+_MAX_SHOWN = 40  # characters of a cell in a message
 
 
 def write_trc(path: Path, tracks: Tracks) -> None:
@@ -48,7 +63,7 @@ def write_trc(path: Path, tracks: Tracks) -> None:
         rate = 1 / (grid.period if grid.is_even else float(np.median(np.diff(tracks.time))))
     start = tracks.frame[0]
     lines = [
-        f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name}\t{_WRITER}",
         _NAMES,
         f"{rate:.6f}\t{rate:.6f}\t{n}\t{m}\tmm\t{rate:.6f}\t{start}\t{n}",
         "Frame#\tTime\t" + "\t\t\t".join(marker_labels(tracks.ids)) + "\t\t",
@@ -63,44 +78,36 @@ def write_trc(path: Path, tracks: Tracks) -> None:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
-def read_trc(path: Path) -> Tracks:
-    """Read markers in mm, missing where cells are empty or nan.
+def read_trc(path: Path, unit: LengthUnit | None = None) -> TrackFile:
+    """Read markers, without standard deviations.
 
-    Standard deviations are unknown; marker numbers come from the labels.
+    Markers are absent where their cells are empty or nan, and by the rule of `absent_markers`.
+    Columns after the labeled ones are left out.
+
+    Args:
+        path: The file.
+        unit: Unit of files that do not state a unit that is known.
 
     Raises:
-        CaptureError: If the file is not TRC, has a unit other than m, cm and mm, has fewer rows
-            than its header states, or its times do not increase.
+        CaptureError: If the file is not TRC, has no unit, has fewer rows than its header states, or
+            a cell that is not a number, or its times do not increase.
     """
     lines = _read_lines(path)
-    scale, frames, markers = _parse_header(path, lines)
-    labels = tuple(label.strip() for label in lines[3].split("\t")[2::3] if label.strip())
-    if len(labels) != markers or not markers:
+    head = _parse_header(path, lines)
+    scale = resolve_unit(head.get("Units", ""), unit, f"{path}:3", "Units", line=3)
+    frames, markers = (_count(path, head, name) for name in ("NumFrames", "NumMarkers"))
+    labels = _parse_labels(path, lines[3], markers)
+    check_size(path, len(lines) * len(labels) * BYTES_PER_MARKER)
+    table, unnamed = _parse_rows(path, lines, labels)
+    if len(table) < frames or not len(table):
         raise CaptureError(
-            f"there are {len(labels)} marker labels, each over three columns, but NumMarkers is"
-            f" {markers}",
-            code="labels-differ",
-            where=f"{path}:4",
-            action="Export the file again",
-            line=4,
-            count=len(labels),
-        )
-    check_size(path, len(lines) * markers * BYTES_PER_MARKER)
-    rows = [
-        _parse_row(path, number, line, markers)
-        for number, line in enumerate(lines[HEADER_LINES:], HEADER_LINES + 1)
-        if line.strip()
-    ]
-    if len(rows) < frames or not rows:
-        raise CaptureError(
-            f"is truncated: it has {len(rows)} of {frames} frames",
+            f"is truncated: it has {len(table)} of {frames} frames",
             code="file-truncated",
             where=path,
             action="Copy it again",
-            count=len(rows),
+            count=len(table),
             frames=frames,
         )
-    table = np.array(rows)
     time = table[:, 1]
     if (np.diff(time) <= 0).any():
         row = int(np.argmax(np.diff(time) <= 0)) + 1
@@ -111,17 +118,37 @@ def read_trc(path: Path) -> Tracks:
             action="Export the file again",
             frame=int(table[row, 0]),
         )
-    points = table[:, 2:].reshape(len(rows), markers, 3) * scale
-    ids, frame = marker_numbers(labels), table[:, 0].astype(np.int64)
-    return Tracks(time, ids, points, np.full_like(points, np.nan), frame)
+    is_named = np.array([bool(label) for label in labels])
+    points = table[:, 2:].reshape(len(table), len(labels), 3)[:, is_named] * scale
+    named = [label for label in labels if label]
+    return labeled_tracks(
+        path,
+        time,
+        table[:, 0].astype(np.int64),
+        named,
+        points,
+        is_own=lines[0].split("\t")[-1] == _WRITER,
+        notes=_notes(len(named), markers, unnamed + len(labels) - len(named)),
+    )
+
+
+def _notes(named: int, markers: int, unnamed: int) -> list[str]:
+    """Return notes on the numbers of labels, markers of the header, and columns without label."""
+    notes = []
+    if unnamed:
+        are = " is" if unnamed == 1 else "s are"
+        notes.append(f"{unnamed} marker{are} left out, in columns without a label")
+    if markers not in (named, named + unnamed):
+        notes.append(f"NumMarkers is {markers}, but {named} markers have labels and are read")
+    return notes
 
 
 def _read_lines(path: Path) -> list[str]:
     try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        lines = split_lines(decode_text(path.read_bytes()))
     except OSError as error:
         raise unreadable_error(path, error) from None
-    if len(lines) < HEADER_LINES or not lines[0].startswith("PathFileType"):
+    if not lines[0].lstrip().startswith("PathFileType"):
         raise CaptureError(
             "is not a TRC file (it does not start with PathFileType)",
             code="not-a-trc-file",
@@ -129,71 +156,181 @@ def _read_lines(path: Path) -> list[str]:
             action="Choose another file",
             line=1,
         )
+    if len(lines) < HEADER_LINES:
+        raise CaptureError(
+            f"is truncated: it ends in line {len(lines)}, within its header",
+            code="file-truncated",
+            where=path,
+            action="Copy it again",
+        )
     return lines
 
 
-def _parse_header(path: Path, lines: list[str]) -> tuple[float, int, int]:
-    """Return mm per unit, and the stated numbers of frames and markers."""
-    head = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
-    unit = head.get("Units", "").strip()
-    if unit.lower() not in _MM_PER_UNIT:
+def _find_separator(line: str) -> str | None:
+    """Return the separator of a line's cells; None for spaces."""
+    line = line.strip(" ")
+    return next((mark for mark in "\t;" if mark in line), "," if _COMMA.search(line) else None)
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    return [cell.strip() for cell in (line.split(separator) if separator else line.split())]
+
+
+def _parse_header(path: Path, lines: list[str]) -> dict[str, str]:
+    """Return the values of the header by their names."""
+    names, values = (_split(line, _find_separator(line)) for line in lines[1:3])
+    if _find_separator(lines[2]) is None and len(names) != len(values):
         raise CaptureError(
-            f"the unit (Units) is {unit!r}",
-            code="unknown-unit",
+            f"has {len(values)} values, separated by spaces, for the {len(names)} names of line 2",
+            code="header-wrong",
             where=f"{path}:3",
-            action="Export the file in mm, cm or m",
+            action="Export the file again, with tabs",
             line=3,
-            unit=unit,
+            count=len(values),
         )
+    return dict(zip(names, values, strict=False))
+
+
+def _count(path: Path, head: dict[str, str], name: str) -> int:
+    """Return a number of frames or markers of the header."""
     try:
-        frames, markers = int(head["NumFrames"]), int(head["NumMarkers"])
-    except (KeyError, ValueError):
+        number = float(head[name])
+        if number < 0 or number != int(number):
+            raise ValueError
+        return int(number)
+    except (KeyError, ValueError, OverflowError):
+        value = head.get(name)
         raise CaptureError(
-            "NumFrames and NumMarkers must be whole numbers",
+            f"{name} is missing" if value is None else f"{name} is {value!r}, not a whole number",
             code="not-a-number",
             where=f"{path}:3",
             action="Export the file again",
             line=3,
+            name=name,
         ) from None
-    return _MM_PER_UNIT[unit.lower()], frames, markers
 
 
-def _parse_row(path: Path, number: int, line: str, markers: int) -> list[float]:
-    """Return frame, time and positions (2 + 3 m), NaN for missing cells."""
+def _parse_labels(path: Path, line: str, markers: int) -> list[str]:
+    """Return the label of each marker's three columns; empty for columns without one.
 
-    def error(problem: str, code: str, **data: object) -> CaptureError:
-        return CaptureError(
-            problem,
-            code=code,
-            where=f"{path}:{number}",
+    A label is in the first of three columns, or there are only labels, one for each marker.
+    """
+    separator = _find_separator(line)
+    cells = _split(line, separator)[2:]
+    while cells and not cells[-1]:
+        cells.pop()
+    if len(cells) == 1 < markers == len(cells[0].split()):  # spaces between labels only
+        cells = cells[0].split()
+    is_dense = separator is None or (all(cells) and len(cells) > 1)
+    labels = cells if is_dense else cells[::3]
+    count = sum(map(bool, labels))
+    is_misplaced = not is_dense and count < sum(map(bool, cells))
+    if is_misplaced or not count or count > markers:
+        where = ", some of them not in the first of three columns" if is_misplaced else ""
+        raise CaptureError(
+            f"there are {sum(map(bool, cells))} marker labels{where}, but NumMarkers is {markers}",
+            code="labels-differ",
+            where=f"{path}:4",
             action="Export the file again",
-            line=number,
-            **data,
+            line=4,
+            count=count,
         )
+    return labels
 
-    cells = [cell.strip() for cell in line.split("\t")]
-    width = 2 + 3 * markers
-    if any(cells[width:]):
-        raise error(
-            f"has {len(cells)} cells, but {markers} markers need {width}",
-            code="cell-count-differs",
-            count=len(cells),
-        )
-    cells = (cells + [""] * width)[:width]
+
+def _parse_rows(path: Path, lines: list[str], labels: Sequence[str]) -> tuple[Float, int]:
+    """Return frame, time and positions (t, 2 + 3 m), NaN where absent.
+
+    Also return the number of markers in the columns after these.
+    """
+    numbered = [
+        (number, line)
+        for number, line in enumerate(lines[HEADER_LINES:], HEADER_LINES + 1)
+        if line.strip()
+    ]
+    width = 2 + 3 * len(labels)
+    if not numbered:
+        return np.empty((0, width)), 0
+    separator = _find_separator(numbered[0][1])
+    rows = [(number, _split(line, separator)) for number, line in numbered]
+    columns = Counter(_column_count(cells) for _, cells in rows).most_common(1)[0][0]
+    unnamed = 0
+    for number, cells in rows:
+        is_complete = _column_count(cells) == columns >= width
+        has_blanks = separator is not None and not any(cells[width:])
+        if not (is_complete or (has_blanks and all(labels))):
+            raise _row_error(
+                path,
+                number,
+                f"has {len(cells)} cells, but {len(labels)} markers need {width}"
+                + (f", and most rows have {columns}" if columns != width else ""),
+                "cell-count-differs",
+                count=len(cells),
+            )
+        if any(cells[width:]):
+            unnamed = -(-(columns - width) // 3)
+    return np.array([_parse_row(path, n, cells, labels) for n, cells in rows]), unnamed
+
+
+def _column_count(cells: Sequence[str]) -> int:
+    """Return the number of cells of a row, without a blank that a separator at the end makes."""
+    return len(cells) - (len(cells) % 3 == 0 and not cells[-1])
+
+
+def _parse_row(path: Path, number: int, cells: Sequence[str], labels: Sequence[str]) -> list[float]:
+    """Return the numbers of a row (2 + 3 m), NaN for empty cells."""
+    width = 2 + 3 * len(labels)
+    texts = [*cells[:width], *[""] * (width - len(cells))]
     try:
-        values = [float(cell) if cell else math.nan for cell in cells]
-    except ValueError as problem:
-        raise error(str(problem), code="not-a-number") from None
-    if not (math.isfinite(values[0]) and math.isfinite(values[1])):
-        raise error("the frame and its time must be numbers", code="not-a-number")
-    for i in range(markers):
-        is_missing = [math.isnan(x) for x in values[2 + 3 * i : 5 + 3 * i]]
-        if any(is_missing) and not all(is_missing):
-            raise error(
-                f"a coordinate of marker {i + 1} is missing",
-                code="marker-incomplete",
-                marker=i + 1,
+        values = [float(text) if text else math.nan for text in texts]
+    except ValueError:
+        values = [_parse_cell(path, number, text) for text in texts]
+    if not (values[0] % 1 == 0 and abs(values[0]) < _MAX_FRAME and math.isfinite(values[1])):
+        problem = "the frame must be a whole number, and its time a number"
+        raise _row_error(path, number, problem, "not-a-number")
+    for i, label in enumerate(labels):
+        missing = sum(map(math.isnan, values[2 + 3 * i : 5 + 3 * i]))
+        if 0 < missing < 3 and label:
+            raise _row_error(
+                path,
+                number,
+                f"{missing} of 3 coordinates of the marker {label} are missing",
+                "marker-incomplete",
+                marker=label,
             )
     if any(map(math.isinf, values)):
-        raise error("a coordinate is infinite", code="not-a-number")
+        raise _row_error(path, number, "a coordinate is infinite", "not-a-number")
     return values
+
+
+def _parse_cell(path: Path, number: int, text: str) -> float:
+    """Return the number of a cell, or raise CaptureError."""
+    if not text or _WINDOWS_NAN.fullmatch(text):
+        return math.nan
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    if _DECIMAL_COMMA.fullmatch(text):
+        raise _row_error(
+            path,
+            number,
+            f"{text[:_MAX_SHOWN]!r} has a decimal comma",
+            "decimal-comma",
+            "Export the file with decimal points",
+        )
+    raise _row_error(path, number, f"{text[:_MAX_SHOWN]!r} is not a number", "not-a-number")
+
+
+def _row_error(
+    path: Path,
+    number: int,
+    problem: str,
+    code: str,
+    action: str = "Export the file again",
+    **data: object,
+) -> CaptureError:
+    """Return the error for a row in the line `number`."""
+    return CaptureError(
+        problem, code=code, where=f"{path}:{number}", action=action, line=number, **data
+    )

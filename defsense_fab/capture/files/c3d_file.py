@@ -1,0 +1,368 @@
+"""Read the points and parameters of C3D files.
+
+The header and the parameters state the same sizes twice. Where they disagree, the header is used if
+the file is exactly as long as it says, and the file is refused otherwise. Nothing is allocated
+before sizes are checked against the file's length. Analog samples are skipped.
+
+References:
+    The C3D user guide (c3d.org), "The header section", "The parameter section" and "The data
+    section".
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from ...core.arrays import Bool, Float
+from ...core.errors import CaptureError
+from .tracks_csv import unreadable_error
+
+BLOCK_BYTES = 512
+MAX_FRAMES = 65535  # that the header's 16 bits can count
+_MAGIC = 0x50
+_MAX_BLOCKS = 255  # that the 8 bits of the parameter section's size can count
+_INTEL, _DEC, _SGI = 84, 85, 86
+_BYTE_ORDER = {_INTEL: "<", _DEC: "<", _SGI: ">"}
+#: NumPy type by the number of a parameter's type; -1 is text.
+_TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
+_SCALE_TOLERANCE = 1e-5  # relative, of two statements of a scale in single precision
+_RATE_TOLERANCE = 0.01  # relative, of the ratio of the rates of analog samples and frames
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of a C3D file, by group and name in upper case.
+
+    Attributes:
+        values: Arrays of numbers, or tuples of texts.
+    """
+
+    values: dict[tuple[str, str], Float | tuple[str, ...]]
+
+    def has_group(self, group: str) -> bool:
+        """Return whether a group has parameters."""
+        return any(key[0] == group for key in self.values)
+
+    def texts(self, group: str, name: str) -> list[str]:
+        """Return a list of texts, which continues in NAME2, NAME3, ... after 255."""
+        texts: list[str] = []
+        key, i = name, 1
+        while isinstance(part := self.values.get((group, key)), tuple):
+            texts += part
+            i += 1
+            key = f"{name}{i}"
+        return texts
+
+    def numbers(self, group: str, name: str) -> list[float]:
+        """Return the numbers of a parameter; empty if it is missing or text."""
+        value = self.values.get((group, name))
+        return [] if value is None or isinstance(value, tuple) else value.tolist()
+
+    def number(self, group: str, name: str) -> float | None:
+        """Return the first number of a parameter; None if there is none."""
+        return next((x for x in self.numbers(group, name) if math.isfinite(x)), None)
+
+    def count(self, group: str, name: str) -> int | None:
+        """Return a parameter that counts without sign, in 16 bits or as a float."""
+        number = self.number(group, name)
+        return None if number is None else int(number) % (MAX_FRAMES + 1)
+
+
+@dataclass(frozen=True)
+class C3dFile:
+    """The points of a C3D file.
+
+    Attributes:
+        points: Positions (t, m, 3) in the file's unit.
+        is_absent: Whether a point has a negative residual (t, m).
+        first: Number of the first frame, from 1.
+        rate: Rate of the header, Hz; 0 if it is not stated.
+        parameters: The parameters.
+    """
+
+    points: Float
+    is_absent: Bool
+    first: int
+    rate: float
+    parameters: Parameters
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Sizes of the data section, by the header or the parameters.
+
+    Attributes:
+        start: First block, from 1.
+        points: Points of a frame.
+        analog: Analog values of a frame.
+        frames: Number of frames.
+        scale: Factor of points stored as whole numbers; negative for floats.
+    """
+
+    start: int
+    points: int
+    analog: int
+    frames: int
+    scale: float
+
+    @property
+    def word_bytes(self) -> int:
+        return 4 if self.scale < 0 else 2
+
+    @property
+    def size(self) -> int:
+        """Size of the data, bytes."""
+        return self.frames * (4 * self.points + self.analog) * self.word_bytes
+
+    def agrees_with(self, other: _Layout) -> bool:
+        is_scale_alike = (
+            self.scale < 0
+            if other.scale < 0
+            else math.isclose(self.scale, other.scale, rel_tol=_SCALE_TOLERANCE)
+        )
+        return is_scale_alike and replace(self, scale=other.scale) == other
+
+
+def read_c3d_file(path: Path) -> C3dFile:
+    """Read the points of a file, of any processor and storage.
+
+    Raises:
+        CaptureError: If the file cannot be read (`file-unreadable`), is not C3D (`not-a-c3d-file`),
+            is damaged (`file-damaged`), ends early (`file-truncated`), or its header and parameters
+            disagree (`header-differs`).
+    """
+    try:
+        with path.open("rb") as file:
+            return _read(path, file, path.stat().st_size)
+    except OSError as error:
+        raise unreadable_error(path, error) from None
+
+
+def _read(path: Path, file: BinaryIO, size: int) -> C3dFile:
+    head = file.read(BLOCK_BYTES)
+    if len(head) < BLOCK_BYTES or head[1] != _MAGIC or head[0] < 1:
+        raise _foreign(path, "it does not start like one")
+    file.seek((head[0] - 1) * BLOCK_BYTES)
+    start = file.read(4)
+    if len(start) < 4:
+        raise _truncated(path, "ends before its parameters")
+    processor = start[3]
+    if processor not in _BYTE_ORDER:
+        raise _foreign(path, f"there is no processor type {processor}")
+    order = _BYTE_ORDER[processor]
+    n_points, n_analog, first, last, _ = struct.unpack(f"{order}5H", head[2:12])
+    data_start, samples = struct.unpack(f"{order}2H", head[16:20])
+    blocks = start[2] if 0 < start[2] < _MAX_BLOCKS else max(data_start - head[0], _MAX_BLOCKS)
+    section = start + file.read(blocks * BLOCK_BYTES - len(start))
+    parameters, length = _parse_parameters(path, section, processor)
+    scale, rate = (float(_decode(head[i : i + 4], "f4", processor)[0]) for i in (12, 20))
+    header = _Layout(data_start, n_points, n_analog, max(last - first + 1, 0), scale)
+    header = _count_long_files(header, parameters, last, size)
+    layout = _choose_layout(path, header, parameters, samples, first, size)
+    if layout.start < head[0] + -(-length // BLOCK_BYTES):
+        raise CaptureError(
+            f"its data start in block {layout.start}, before its parameters end",
+            code="file-damaged",
+            where=path,
+            action="Copy it again",
+        )
+    file.seek((layout.start - 1) * BLOCK_BYTES)
+    points, is_absent = _read_points(file.read(layout.size), layout, processor)
+    rate = rate if math.isfinite(rate) and rate > 0 else 0.0
+    return C3dFile(points, is_absent, first, rate, parameters)
+
+
+def _parse_parameters(path: Path, data: bytes, processor: int) -> tuple[Parameters, int]:
+    """Return the parameters of a section, which starts with four bytes of its own, and its length.
+
+    A record is: length of the name (negative if locked), number of the group (negative for a group
+    itself), name, offset to the next record, and for parameters type, dimensions and values. A
+    description follows; it is not read.
+    """
+    order = _BYTE_ORDER[processor]
+    groups: dict[int, str] = {}
+    records: dict[tuple[int, str], Float | tuple[str, ...]] = {}
+    at, step = 4, 1
+    while step and at + 2 <= len(data):
+        length, group = struct.unpack_from("2b", data, at)
+        if length == 0 or group == 0:
+            break
+        name_end = at + 2 + abs(length)
+        if name_end + 2 > len(data):
+            raise _damaged(path)
+        name = data[at + 2 : name_end].decode("latin-1").strip().upper()
+        (step,) = struct.unpack_from(f"{order}H", data, name_end)
+        at = name_end + step
+        end = at if step else len(data)
+        if end > len(data):
+            raise _damaged(path)
+        if group < 0:
+            groups[-group] = name
+        else:
+            records[group, name] = _parse_value(path, data[name_end + 2 : end], processor)
+    values = {(groups[group], name): x for (group, name), x in records.items() if group in groups}
+    return Parameters(values), at
+
+
+def _parse_value(path: Path, data: bytes, processor: int) -> Float | tuple[str, ...]:
+    """Return the value of a parameter: a flat array of numbers, or texts."""
+    if len(data) < 2 or len(data) < 2 + data[1]:
+        raise _damaged(path)
+    (kind,) = struct.unpack_from("b", data)
+    shape = tuple(data[2 : 2 + data[1]])
+    if kind not in _TYPES:
+        raise _damaged(path)
+    raw = data[2 + len(shape) :][: abs(kind) * math.prod(shape)]
+    if len(raw) < abs(kind) * math.prod(shape):
+        raise _damaged(path)
+    if kind != -1:
+        return _decode(raw, _TYPES[kind], processor)
+    width = shape[0] if shape else 1
+    rows = [raw[i : i + width] for i in range(0, len(raw), width or 1)]
+    return tuple(_text(row) for row in rows)
+
+
+def _text(raw: bytes) -> str:
+    raw = raw.replace(b"\0", b" ")
+    try:
+        return raw.decode("utf-8").strip()
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", errors="replace").strip()
+
+
+def _decode(raw: bytes, kind: str, processor: int) -> Float:
+    """Return stored numbers as floats (n,)."""
+    if kind == "f4" and processor == _DEC:  # swapped words, and an exponent that is larger by two
+        words = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
+        return np.ascontiguousarray(words).view("<f4").ravel().astype(float) / 4
+    return np.frombuffer(raw, f"{_BYTE_ORDER[processor]}{kind}").astype(float)
+
+
+def _count_long_files(header: _Layout, parameters: Parameters, last: int, size: int) -> _Layout:
+    """Return the header's layout with all frames of files that have more than it can count."""
+    ends = [parameters.numbers("TRIAL", f"ACTUAL_{end}_FIELD") for end in ("START", "END")]
+    counts = [parameters.number("POINT", name) or 0 for name in ("LONG_FRAMES", "FRAMES")]
+    if all(len(words) == 2 for words in ends):
+        first, end = (low % 65536 + 65536 * (high % 65536) for low, high in ends)
+        counts.append(end - first + 1)
+    frames = int(max(counts))
+    longer = replace(header, frames=frames)
+    is_longer = last == MAX_FRAMES and frames > header.frames
+    return longer if is_longer and _spare(longer, size) >= 0 else header
+
+
+def _choose_layout(
+    path: Path, header: _Layout, parameters: Parameters, samples: int, first: int, size: int
+) -> _Layout:
+    """Return the layout of the header, if the parameters agree or the file's length confirms it."""
+    other = _stated_layout(header, parameters, samples)
+    header = replace(header, start=header.start or other.start, scale=header.scale or other.scale)
+    _require_complete(path, header, first, size)
+    if header.agrees_with(other):
+        return header
+    if 0 <= _spare(header, size) < BLOCK_BYTES and not 0 <= _spare(other, size) < BLOCK_BYTES:
+        return header
+    names = {
+        "start": "the block of the data",
+        "points": "points",
+        "analog": "analog values of a frame",
+        "frames": "frames",
+        "scale": "the scale of points",
+    }
+    name = next(n for n in names if getattr(header, n) != getattr(other, n))
+    stated, by_parameters = getattr(header, name), getattr(other, name)
+    raise CaptureError(
+        f"its header and its parameters disagree on {names[name]}: {stated:g} and"
+        f" {by_parameters:g}",
+        code="header-differs",
+        where=path,
+        action="Export it again",
+        name=name,
+        header=stated,
+        parameters=by_parameters,
+    )
+
+
+def _stated_layout(header: _Layout, parameters: Parameters, samples: int) -> _Layout:
+    """Return the layout by the parameters; what they do not state is the header's."""
+    channels = parameters.count("ANALOG", "USED")
+    rates = [parameters.number(group, "RATE") or 0.0 for group in ("ANALOG", "POINT")]
+    analog = header.analog
+    if channels is not None:
+        if min(rates) > 0 and abs(rates[0] / rates[1] - round(rates[0] / rates[1])) < (
+            _RATE_TOLERANCE * rates[0] / rates[1]
+        ):
+            samples = round(rates[0] / rates[1])
+        analog = channels * samples if samples else header.analog
+    frames = parameters.count("POINT", "FRAMES")
+    is_counted = frames is not None and frames < MAX_FRAMES and header.frames < MAX_FRAMES
+    points, start = parameters.count("POINT", "USED"), parameters.count("POINT", "DATA_START")
+    scale = parameters.number("POINT", "SCALE")
+    return _Layout(
+        start or header.start,
+        header.points if points is None else points,
+        analog,
+        frames if is_counted and frames is not None else header.frames,
+        scale or header.scale,
+    )
+
+
+def _spare(layout: _Layout, size: int) -> int:
+    """Return how many bytes the file has after the data; negative if it ends before."""
+    return size - (layout.start - 1) * BLOCK_BYTES - layout.size if layout.start > 1 else -1
+
+
+def _require_complete(path: Path, layout: _Layout, first: int, size: int) -> None:
+    available = max(size - max(layout.start - 1, 0) * BLOCK_BYTES, 0)
+    if available < layout.size:
+        last = first + layout.frames - 1
+        raise _truncated(
+            path,
+            f"is truncated: frames {first} to {last} need {layout.size} bytes, but it has"
+            f" {available}",
+            first=first,
+            last=last,
+            needed=layout.size,
+        )
+
+
+def _read_points(data: bytes, layout: _Layout, processor: int) -> tuple[Float, Bool]:
+    """Return positions (t, m, 3) and which are absent (t, m)."""
+    t, m = layout.frames, layout.points
+    if not (t and m):
+        return np.empty((t, m, 3)), np.empty((t, m), bool)
+    order = _BYTE_ORDER[processor]
+    if layout.scale >= 0:
+        table = np.frombuffer(data, f"{order}i2").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
+        return table[..., :3] * layout.scale, table[..., 3] < 0
+    if processor == _DEC:
+        words = np.frombuffer(data, "<u2").reshape(t, -1, 2)[:, : 4 * m, ::-1]
+        values = np.ascontiguousarray(words).view("<f4").reshape(t, m, 4)
+        return values[..., :3].astype(float) / 4, ~(values[..., 3] >= 0)
+    table = np.frombuffer(data, f"{order}f4").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
+    return table[..., :3].astype(float), ~(table[..., 3] >= 0)
+
+
+def _foreign(path: Path, reason: str) -> CaptureError:
+    return CaptureError(
+        f"is not a C3D file ({reason})",
+        code="not-a-c3d-file",
+        where=path,
+        action="Choose another file",
+    )
+
+
+def _damaged(path: Path) -> CaptureError:
+    return CaptureError(
+        "its parameters are damaged", code="file-damaged", where=path, action="Copy it again"
+    )
+
+
+def _truncated(path: Path, problem: str, **data: object) -> CaptureError:
+    return CaptureError(problem, code="file-truncated", where=path, action="Copy it again", **data)
