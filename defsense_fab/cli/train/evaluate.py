@@ -64,6 +64,8 @@ def _evaluate(
         if output.json:
             print_json(evaluation.to_json(), allow_nan=False)
             return
+        if evaluation.useless:
+            print_lines([f"warning: {evaluation.useless}"])
         _print_errors(evaluation)
         print_lines(_describe_first(evaluation))
         print_lines(f"note: {note}" for note in evaluation.result.notes)

@@ -78,6 +78,8 @@ def _train(
                 ]
             )
         else:
+            if (judgment := trained.training.usefulness) is not None and judgment.is_useless:
+                print_lines([f"warning: {judgment.message} The model is written all the same."])
             _print_errors(trained.training)
             notes = [*_describe_training(trained.training), *notes]
             print_lines(f"note: {note}" for note in notes)

@@ -63,7 +63,8 @@ def default_states(
     pairs = [(a, b) for a, b in combinations(poses, 2) if can_mix(a, b) and not are_opposite(a, b)]
     pairs = sorted(pairs, key=lambda p: _pair_order(poses, p))[:_MAX_PAIRS]
     full, half = ramp[-1], _round_weight(0.5 * ramp[-1])
-    mixed, unseen = [], []
+    mixed: list[Mapping[str, float]] = []
+    unseen: list[Mapping[str, float]] = []
     for a, b in pairs:
         mixed += [{a.name: w, b.name: w} for w in (half, full)]
         unseen += [{a.name: full, b.name: half}, {a.name: half, b.name: full}]

@@ -45,13 +45,24 @@ def decoder_error_text(metadata: Mapping[str, Any]) -> str:
     for row in metadata.get("candidates") or ():
         test = row.get("test")
         if row["decoder"] == metadata.get("decoder") and test is not None:
-            return f"Test error: **{test['rmse']:.2f} mm** (peak {test['peak']:.1f} mm)"
+            text = f"Test error: **{test['rmse']:.2f} mm** (peak {test['peak']:.1f} mm)"
+            return "\n\n".join(part for part in [useless_text(metadata), text] if part)
     return ""
+
+
+def useless_text(metadata: Mapping[str, Any]) -> str:
+    """Return why the test found a model useless, in bold; empty for a useful one."""
+    message = (metadata.get("usefulness") or {}).get("message")
+    return f"**{message[0].upper()}{message[1:]}**" if message else ""
 
 
 def training_text(result: TrainingResult) -> str:
     """Return the result of a training in markdown."""
-    parts = [f"Wrote `{result.path}`.", decoder_table(result.metadata)]
+    parts = [
+        useless_text(result.metadata),
+        f"Wrote `{result.path}`.",
+        decoder_table(result.metadata),
+    ]
     if "trained_on" in result.metadata:
         parts.append(
             f"The model was trained on {result.metadata['trained_on']} and not on measurements of"

@@ -65,11 +65,15 @@ class TimeShift:
         return self.is_informative and abs(self.seconds) > _MIN_SHIFT_S and is_better
 
 
-def find_time_shift(r: Recording) -> TimeShift | None:
+def find_time_shift(
+    r: Recording, max_shift: float = MAX_SHIFT_S, step: float = _SHIFT_STEP_S
+) -> TimeShift | None:
     """Find the time shift between the signals and the markers of a recording.
 
     Args:
         r: The recording.
+        max_shift: Largest shift that is tried, s.
+        step: Step between the shifts, s.
 
     Returns:
         The best shift; None if nothing moves or too few frames are complete.
@@ -78,8 +82,8 @@ def find_time_shift(r: Recording) -> TimeShift | None:
     if main is None:
         return None
     time, movements = main
-    count = round(MAX_SHIFT_S / _SHIFT_STEP_S)
-    shifts = _SHIFT_STEP_S * np.arange(-count, count + 1)
+    count = round(max_shift / step)
+    shifts = step * np.arange(-count, count + 1)
     # The same frames at all shifts: those that have signals at each.
     signals = np.stack([r.signals_at(time - shift) for shift in shifts])
     is_known = np.isfinite(signals).all(axis=(0, 2))
@@ -93,7 +97,7 @@ def find_time_shift(r: Recording) -> TimeShift | None:
     if 0 < k < len(shifts) - 1:  # the top of the parabola through three scores
         a, b, c = scores[k - 1 : k + 2]
         bend = a - 2 * b + c
-        seconds += float(_SHIFT_STEP_S * 0.5 * (a - c) / bend) if bend < 0 else 0.0
+        seconds += float(step * 0.5 * (a - c) / bend) if bend < 0 else 0.0
     fold_share = float((residual[k] < residual[zero]).mean())
     return TimeShift(seconds, float(scores[k]), float(scores[zero]), fold_share)
 

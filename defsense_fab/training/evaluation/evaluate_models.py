@@ -13,6 +13,11 @@ from ...core.progress import Progress, silent
 from ...decoding.trained_model import TrainedModel
 from ...store.layout import LayoutRecord
 from ..data.dataset import Dataset, Recording, is_same_recording, recording_fingerprint
+from ..fitting.usefulness import Usefulness
+from ..fitting.useless_causes import judge_model
+from ..regression.frames import MIN_FRAMES, Frames
+from ..regression.simulation_prior import Prior
+from .decoded_frames import match_to_model
 from .error_budget import ErrorBudget, error_budget
 from .evaluate import Evaluation, evaluate
 from .model_comparison import Comparison, compare
@@ -37,6 +42,7 @@ class Evaluated:
         budget: Its errors by cause.
         predicted: Its predicted error; None if its training did not measure repeatability.
         by_truth: Its errors by cause from the truth of a twin's sessions; None for other data.
+        usefulness: Its error compared with the movement; None for few frames.
     """
 
     name: str
@@ -45,6 +51,7 @@ class Evaluated:
     budget: ErrorBudget
     predicted: PredictedError | None = None
     by_truth: ErrorBudget | None = None
+    usefulness: Usefulness | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +82,7 @@ def evaluate_models(
     last_share: float | None = None,
     progress: Progress = silent,
     layout: LayoutRecord | None = None,
+    prior: Prior | None = None,
 ) -> SessionEvaluation:
     """Evaluate models on a dataset.
 
@@ -85,6 +93,7 @@ def evaluate_models(
             that no model was trained on.
         progress: Called with the stage "evaluate".
         layout: Layout of the device, to predict errors, if available.
+        prior: Simulated states of the device, to find causes of large errors, if available.
 
     Returns:
         The evaluation.
@@ -114,7 +123,8 @@ def evaluate_models(
         budget = error_budget(model, dataset, share)
         predicted = predict_model_error(model, evaluation.frames, layout)
         truth = budget_of_truth(model, dataset, share)
-        evaluated.append(Evaluated(name, model, evaluation, budget, predicted, truth))
+        usefulness = _judge(model, dataset, share, prior)
+        evaluated.append(Evaluated(name, model, evaluation, budget, predicted, truth, usefulness))
     notes += _describe_frames(evaluated[0].evaluation)
     progress("evaluate", 0.95, "comparing")
     comparison = None
@@ -129,6 +139,22 @@ def evaluate_models(
         comparison=comparison,
         notes=tuple(notes),
     )
+
+
+def _judge(
+    model: TrainedModel, dataset: Dataset, share: float, prior: Prior | None
+) -> Usefulness | None:
+    """Judge a model on the last frames of a dataset; None for too few frames."""
+    data = match_to_model(model, dataset)
+    try:
+        frames = Frames.from_dataset(data)
+    except TrainingError:  # the evaluation itself notes few frames
+        return None
+    frames = frames.select(slice(len(frames) - round(share * len(frames)), None))
+    is_same_order = tuple(dataset.channels) == tuple(model.channels)
+    if len(frames) < MIN_FRAMES:
+        return None
+    return judge_model(model, frames, prior if is_same_order else None)
 
 
 def note_changed_cords(name: str, model: TrainedModel, dataset: Dataset) -> list[str]:

@@ -31,6 +31,8 @@ from .decoder_selection import (
 from .fault_limits import fit_fault_limits
 from .pose_signals import extract_pose_signals
 from .repeatability import Repeatability, measure_repeatability
+from .usefulness import Usefulness
+from .useless_causes import judge_model
 
 _MIN_FOLD_S = 2.0
 _MIN_MARKER_FRAMES = 20  # in which a marker must be visible
@@ -78,6 +80,7 @@ class Training:
         wrong_markers: Which markers of the training frames are wrong, shape (t, m).
         wrong_test_markers: Which markers of the test frames are wrong.
         repeatability: Repeatability of decoded shapes; None if no shape was shown twice.
+        usefulness: Error on the test frames compared with the movement; None without test frames.
     """
 
     model: TrainedModel
@@ -88,6 +91,7 @@ class Training:
     wrong_markers: Bool
     wrong_test_markers: Bool
     repeatability: Repeatability | None = None
+    usefulness: Usefulness | None = None
 
 
 def train(
@@ -151,6 +155,7 @@ def train(
         wrong_markers,
         _find_wrong_test_markers(test_frames, options),
         repeatability,
+        judge_model(model, test_frames, prior) if len(test_frames) else None,
     )
 
 

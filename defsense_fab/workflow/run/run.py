@@ -126,7 +126,7 @@ def prepare_run(
         OutputError: The view cannot be opened.
         StorageError: Nothing can be written to the folder of the run.
     """
-    notes, place = list[Note](), Port(port)
+    notes, place = _note_useless_model(live), Port(port)
     twin = open_twin(live, place, progress)
     reference = _choose_reference(live, options, twin, notes)
     source = open_source(live, place, options.rate, reference, twin)
@@ -304,6 +304,14 @@ def _first_rest_signals(live: LiveDevice, port: Port) -> Float | None:
     if not is_played and live.device and since_last_run(live.device.source) < _RECOVERY_S:
         return None
     return live.first_rest_signals
+
+
+def _note_useless_model(live: LiveDevice) -> list[Note]:
+    """Return a note if the test at the end of the training found the model useless."""
+    judgment = live.model.metadata.get("usefulness") or {}
+    if judgment.get("code") is None:
+        return []
+    return [Note(judgment["code"], str(judgment["message"]), judgment)]
 
 
 def _choose_reference(

@@ -58,6 +58,12 @@ class WrittenEvaluation:
         return "" if comparison is None else verdict(comparison)
 
     @property
+    def useless(self) -> str:
+        """Which models are useless and why, as sentences; empty if all are useful."""
+        judged = [(m.name, m.usefulness) for m in self.result.models if m.usefulness is not None]
+        return " ".join(f"{name}: {u.message}" for name, u in judged if u.is_useless)
+
+    @property
     def published_errors(self) -> dict[str, Any]:
         """The errors that DefSense's Table 1 states, by name."""
         return {f"paper: {name}": row for name, row in data_files.PAPER.items()}
@@ -186,7 +192,7 @@ def evaluate_recordings(
     for name, model in models:
         doubts += note_changed_cords(name, model, dataset)
     layout = device_layout(device, build)
-    result = evaluate_models(models, dataset, last_share, progress, layout)
+    result = evaluate_models(models, dataset, last_share, progress, layout, prior)
     notes = [
         *result.notes,
         *describe_uncertain(uncertain),

@@ -223,6 +223,7 @@ def describe_training(
         "data": {r.name: recording_hash(r) for r in dataset.recordings},
         "held_out": _held_out(training, dataset),
         "repeatability": None if repeatability is None else asdict(repeatability),
+        "usefulness": None if training.usefulness is None else training.usefulness.to_json(),
         "first_rest": first_rest_signals(dataset),
         "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
         "sync_error": {r.name: r.sync_error for r in dataset.recordings},
