@@ -69,7 +69,7 @@ def _unsupported(extension: str) -> BodyError:
     if extension in _COMPRESSION:
         action = "Export it again without compression"
     return BodyError(
-        f"it needs the extension {extension[:80]}, which is not read",
+        f"needs the extension {extension[:80]}, which is not read",
         code="extension-unsupported",
         action=action,
         extension=extension,
@@ -79,12 +79,12 @@ def _unsupported(extension: str) -> BodyError:
 def _chunks(content: bytes) -> tuple[bytes, bytes | None]:
     """Return the JSON text and the binary data of a GLB file."""
     if len(content) < 20:
-        raise _damaged(f"it ends after {len(content)} bytes")
+        raise _damaged(f"ends after {len(content)} bytes")
     _, version, length = struct.unpack_from("<4sII", content)
     if version != 2:
-        raise _damaged(f"it has version {version} of glTF; version 2 is read")
+        raise _damaged(f"has version {version} of glTF; version 2 is read")
     if length > len(content):
-        raise _damaged(f"it is cut off: {len(content)} of its {length} bytes are there")
+        raise _damaged(f"is cut off: {len(content)} of its {length} bytes are there")
     chunks: dict[bytes, bytes] = {}
     start = 12
     while start + 8 <= length:
@@ -94,7 +94,7 @@ def _chunks(content: bytes) -> tuple[bytes, bytes | None]:
         chunks.setdefault(kind, content[start + 8 : start + 8 + size])
         start += 8 + size
     if b"JSON" not in chunks:
-        raise _damaged("it has no JSON chunk")
+        raise _damaged("has no JSON chunk")
     return chunks[b"JSON"], chunks.get(b"BIN\0")
 
 
@@ -109,7 +109,7 @@ class _Document:
     def __init__(self, tree: dict[str, Any], binary: bytes | None) -> None:
         version = str(tree["asset"]["version"])
         if version.partition(".")[0] != "2":
-            raise _damaged(f"it has version {version[:20]} of glTF; version 2 is read")
+            raise _damaged(f"has version {version[:20]} of glTF; version 2 is read")
         for extension in map(str, tree.get("extensionsRequired", ())):
             if extension not in _COMPRESSION and not extension.startswith(_HARMLESS_EXTENSIONS):
                 raise _unsupported(extension)
@@ -156,7 +156,7 @@ class _Document:
     def _member(self, kind: str, index: Any) -> Any:
         members = self._tree.get(kind, ())
         if type(index) is not int or not 0 <= index < len(members):
-            raise _damaged(f"it names {kind}[{str(index)[:20]}], which does not exist")
+            raise _damaged(f"names {kind}[{str(index)[:20]}], which does not exist")
         return members[index]
 
     def _nodes(self) -> Iterator[tuple[dict[str, Any], Float]]:
@@ -297,7 +297,7 @@ class _Document:
         head, comma, text = str(buffer["uri"]).partition(",")
         if not (head.startswith("data:") and head.endswith(";base64") and comma):
             raise BodyError(
-                f"it names another file, {head[:80]!r}, which is not read",
+                f"names another file, {head[:80]!r}, which is not read",
                 code="names-another-file",
                 action="Export GLB, which holds everything",
                 name=head,
