@@ -4,28 +4,31 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...core.errors import BodyError
 from ...core.mesh import Surface
 from .formats.gltf import read_gltf
-from .formats.tetrahedra import TET_SUFFIXES, read_tets
+from .formats.obj import read_obj
+from .formats.off import OFF_HEADER, read_off
+from .formats.ply import read_ply
+from .formats.stl import is_stl, read_stl
+from .formats.tetrahedra import TET_SUFFIXES, read_cells
+from .formats.text import decode_text
 from .formats.threemf import read_3mf
 from .formats.triangles import Triangles
 from .repair.findings import check_distance_from_origin
 
 _STEP = re.compile(rb"\s*(/\*.*?\*/\s*)*ISO-10303-21\s*;", re.DOTALL)
-_VERTEX = re.compile(rb"^\s*v\s+[-+.\d]", re.MULTILINE)
-_FACE = re.compile(rb"^\s*f\s+[-\d]", re.MULTILINE)
-_OFF = re.compile(rb"\s*(#[^\n]*\n\s*)*(ST)?C?N?OFF\b")
+_VERTEX = re.compile(rb"(?:^|[\r\n])[ \t]*v[ \t]+[-+.\d]")
+_FACE = re.compile(rb"(?:^|[\r\n])[ \t]*fo?[ \t]+(?:\\\s+)?[-+\d]")
 _MEDIT = re.compile(rb"\s*(#[^\n]*\n\s*)*MeshVersionFormatted\b")
 _VTU = re.compile(
     rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*UnstructuredGrid", re.DOTALL
 )
 _GLTF = re.compile(rb'\s*\{.*"asset"\s*:', re.DOTALL)
-STL_HEAD_BYTES, STL_TRIANGLE_BYTES = 84, 50  # bytes of a binary STL file
+_MSH = re.compile(rb"\s*\$(MeshFormat|Comments)\b")
 HEAD_BYTES = 4096
 
 
@@ -39,26 +42,28 @@ def detect_format(content: bytes) -> str | None:
         The usual suffix of the format (.step, .stl, .obj, .ply, .off, .3mf, .glb, .gltf, .msh, .vtu
         or .mesh), or None if it is none of them. The file may still be unreadable.
     """
-    start = content[:HEAD_BYTES]
-    for suffix, pattern in ((".step", _STEP), (".off", _OFF), (".mesh", _MEDIT), (".vtu", _VTU)):
+    start = decode_text(content[:HEAD_BYTES])
+    for suffix, pattern in (
+        (".step", _STEP),
+        (".off", OFF_HEADER),
+        (".mesh", _MEDIT),
+        (".vtu", _VTU),
+        (".msh", _MSH),
+    ):
         if pattern.match(start):
             return suffix
     if re.match(rb"ply\s", start):
         return ".ply"
     if start.startswith(b"glTF"):
         return ".glb"
-    if start.startswith(b"$MeshFormat"):
-        return ".msh"
     if start.startswith(b"PK\x03\x04") and b"3D/" in content:
         return ".3mf"
-    if len(content) >= STL_HEAD_BYTES:
-        count = int.from_bytes(content[STL_HEAD_BYTES - 4 : STL_HEAD_BYTES], "little")
-        if count and len(content) == STL_HEAD_BYTES + STL_TRIANGLE_BYTES * count:
-            return ".stl"
-    if start.lstrip().startswith(b"solid") and b"facet" in content:
+    if is_stl(content):
         return ".stl"
     if b"\0" in start:
         return None
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        content = decode_text(content)
     if start.lstrip().startswith(b"{") and _GLTF.match(content) and b'"meshes"' in content:
         return ".gltf"
     if _VERTEX.search(content) and _FACE.search(content):
@@ -95,14 +100,10 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
             suffix=suffix,
         )
     try:
-        if suffix == ".3mf":
-            mesh = read_3mf(path)
-        elif suffix in TET_SUFFIXES:
-            mesh = read_tets(path, suffix)
-        elif suffix in (".glb", ".gltf"):
-            mesh = read_gltf(path, suffix)
-        else:
-            mesh = _read_surface(path, suffix)
+        mesh = _read(path, suffix)
+    except BodyError as error:  # readers of content do not know the file
+        error.where = error.where or str(path)
+        raise
     except MemoryError:
         raise BodyError(
             "is too large to be read, or claims to be",
@@ -110,20 +111,15 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
             where=path,
             action="Write the file again from the program that made it",
         ) from None
-    except SystemExit:  # meshio ends the program if a file is damaged
+    # Libraries raise whatever their parsers raise, and meshio ends the program.
+    except (Exception, SystemExit) as error:
         raise BodyError(
             f"cannot be read as {suffix[1:].upper()}: it is damaged",
             code="file-invalid",
             where=path,
             action="Write the file again from the program that made it",
             suffix=suffix,
-        ) from None
-    except Exception as error:  # readers raise whatever their parsers raise
-        text = " ".join(str(error).split())[:300] or type(error).__name__
-        code = error.code if isinstance(error, BodyError) else "file-invalid"
-        raise BodyError(
-            f"cannot be read as {suffix[1:].upper()}: {text}", code=code, where=path, suffix=suffix
-        ) from None
+        ) from error
     vertices, faces = mesh.vertices, mesh.faces
     if len(faces) == 0:
         raise BodyError("holds no triangles", code="no-triangles", where=path)
@@ -136,15 +132,16 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
     return mesh
 
 
-def _read_surface(path: Path, suffix: str) -> Triangles:
-    import trimesh
-
-    with path.open("rb") as file:  # opened here, since the name may have another suffix
-        # Materials are files that the mesh names; they are not read.
-        mesh: Any = trimesh.load_mesh(
-            file, file_type=suffix[1:], process=False, skip_materials=True
-        )
-    return Triangles(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
+def _read(path: Path, suffix: str) -> Triangles:
+    """Read the triangles of a file of a known format."""
+    if suffix == ".3mf":
+        return read_3mf(path)
+    if suffix in TET_SUFFIXES:
+        return read_cells(path, suffix)
+    if suffix in (".glb", ".gltf"):
+        return read_gltf(path, suffix)
+    readers = {".stl": read_stl, ".obj": read_obj, ".off": read_off, ".ply": read_ply}
+    return readers[suffix](path.read_bytes())
 
 
 def read_mesh(

@@ -62,7 +62,7 @@ def test_a_body_in_other_units_is_refused(bar, tmp_path, scale):
 
 def test_a_broken_file_is_one_line(tmp_path):
     (tmp_path / "bad.stl").write_bytes(b"not a mesh")
-    with raises(BodyError, "no-triangles") as caught:
+    with raises(BodyError, "file-invalid") as caught:
         read_mesh(tmp_path / "bad.stl", 1.0, (1, 1e4))
     assert "\n" not in str(caught.value)
 

@@ -134,9 +134,8 @@ def test_false_counts_of_triangles_are_refused(what, tmp_path):
         "off": b"OFF\n4000000000 4000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
     }[what]
     path.write_bytes(content)
-    with pytest.raises(BodyError) as caught:
+    with raises(BodyError, "file-invalid" if what == "stl" else "file-truncated"):
         read_mesh(path, 1.0, SIZES)
-    assert caught.value.code in ("file-invalid", "file-too-large", "no-triangles")
 
 
 def test_step_and_mesh_are_distinguished(tmp_path):
