@@ -17,14 +17,14 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid
 from OCP.BRepClass3d import BRepClass3d
 from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
 from OCP.Message import Message
-from OCP.TopAbs import TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopAbs import TopAbs_SHELL
 from OCP.TopoDS import TopoDS
 
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
-from .brep import find_subshapes
+from .brep import find_subshapes, pieces_of
 from .canonical_facets import canonicalize
 from .cutting_tools import MIN_PIECE_MM3, Frustum, Prism, Tool, axes_from_normal
 
@@ -62,51 +62,15 @@ NON_ASCII_PATTERN = re.compile(
 )  # a line may end within a letter
 
 
-def solids_of(result: Any) -> list[Any]:
-    """Return the TopoDS_Solids in the result of a script.
-
-    Args:
-        result: A build123d or CadQuery object.
-
-    Raises:
-        BodyError: If it is neither.
-    """
-    if isinstance(result, type):
-        raise BodyError(
-            f"body() returned the class {result.__name__}",
-            code="class-not-called",
-            action="Call it to make a solid",
-            type=result.__name__,
-        )
-    if hasattr(result, "vals") and callable(result.vals):  # a CadQuery Workplane
-        shapes = [v.wrapped for v in result.vals() if hasattr(v, "wrapped")]
-    elif hasattr(result, "part") and hasattr(result.part, "wrapped"):  # a BuildPart
-        shapes = [result.part.wrapped]
-    elif getattr(result, "wrapped", None) is not None:
-        shapes = [result.wrapped]
-    else:
-        raise BodyError(
-            f"body() returned {type(result).__name__}",
-            code="not-a-solid",
-            action="Return a build123d or CadQuery solid",
-            type=type(result).__name__,
-        )
-    return [
-        TopoDS.Solid_s(solid) for shape in shapes for solid in find_subshapes(shape, TopAbs_SOLID)
-    ]
-
-
 def read_step(path: Path) -> list[Any]:
-    """Return the TopoDS_Solids of a STEP file.
+    """Return the pieces of a STEP file: its TopoDS_Solids, and surfaces outside solids.
 
     Raises:
         BodyError: If the file is not valid STEP.
     """
     Message.DefaultMessenger_s().ChangePrinters().Clear()  # the error repeats its messages
     try:
-        return solids_of(bd.import_step(str(path)))
-    except BodyError:
-        raise
+        return pieces_of(bd.import_step(str(path)).wrapped)
     except Exception as error:  # the reader raises bare exceptions of OCP
         text = " ".join(str(error).split()) or "no valid STEP file"
         raise BodyError(

@@ -15,7 +15,7 @@ from tests.conftest import box_surface
 
 
 def test_step_files_depend_on_neither_time_nor_earlier_files(tmp_path):
-    solid = occ.solids_of(bd.Box(1, 2, 3))[0]
+    solid = bd.Box(1, 2, 3).solids()[0].wrapped
     one, again, whole = (tmp_path / name for name in ("one.step", "again.step", "whole.step"))
     occ.write_step(solid, one, "x")
     occ.write_assembly({"a": solid, "b": solid}, whole, "x")
@@ -37,7 +37,7 @@ def test_step_files_depend_on_neither_time_nor_earlier_files(tmp_path):
 )
 def test_names_in_step_files_round_trip(tmp_path, name):
     path = tmp_path / "named.step"
-    solids = {f"{name}-{k}": occ.solids_of(bd.Box(1, 2, k))[0] for k in (1, 2)}
+    solids = {f"{name}-{k}": bd.Box(1, 2, k).solids()[0].wrapped for k in (1, 2)}
     occ.write_assembly(solids, path, name)
     assert path.read_bytes().isascii()
     shape = bd.import_step(path)
