@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from defsense_fab.runtime.live.run_files import Animations
 from defsense_fab.runtime.recording.animation_recorder import AnimationRecorder
 from defsense_fab.sensing.serial_frames import Sample
 from defsense_fab.sensing.voltage_divider import Dividers
+from defsense_fab.training.fitting.model_file import load_model, write_model
 from defsense_fab.workflow.run import sources
 from defsense_fab.workflow.run.live_device import live_device
 from defsense_fab.workflow.run.options import RunOptions
@@ -188,6 +190,20 @@ def test_invalid_controls_are_reported(device, tmp_path):
     shutil.copy(device / "model.json", alone)
     with raises(LiveError, "not-built"):
         prepare_run(live_device(alone), port, settings=settings)
+
+
+def test_a_useless_model_is_noted_at_the_start(device, tmp_path):
+    path = device / "model.json"
+    model = load_model(path)
+    judgment = {"code": "useless-model", "message": "the model is useless.", "error": 9.0}
+    write_model(path, replace(model, metadata={**model.metadata, "usefulness": judgment}))
+    board = recorded(tmp_path / "board.csv", 2.0)
+    options = RunOptions(reference=tuple(REFERENCE), rest=tuple(R0))
+    live = prepare_run(live_device(path, device), f"replay:{board}", options)
+    live.close()
+    assert live.notes[0].code == "useless-model"
+    assert str(live.notes[0]) == judgment["message"]
+    assert live.notes[0].data["error"] == 9.0
 
 
 def test_button_controls_the_recording_of_the_flag(device, tmp_path):

@@ -60,6 +60,28 @@ def test_table_and_files(files, tmp_path, capsys, no_figures, monkeypatch):
     assert (out / "evaluation.html").exists()
 
 
+def test_a_useless_model_is_reported_first(files, tmp_path, capsys, no_figures):
+    causes = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1}
+    r = replace(bar.recording(40, seed=2, **causes), session="session-2")
+    order = [1, 2, 0]
+    r = replace(r, ohm=r.ohm[:, order], rest=r.rest[order])
+    write_dataset(tmp_path / "exchanged", bar.dataset(r))
+    words = ["evaluate", files / "affine", tmp_path / "exchanged", "--out", tmp_path / "out"]
+    assert main([*map(str, words)]) == 0
+    assert capsys.readouterr().out.startswith("warning: affine: ")
+    assert main([*map(str, words), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)["models"]["affine"]
+    assert data["usefulness"]["code"] == "useless-model"
+    assert data["usefulness"]["cause"]["code"] == "permuted-channels"
+    assert data["usefulness"]["message"] in (tmp_path / "out" / "evaluation.html").read_text(
+        "utf-8"
+    )
+    assert main(["evaluate", str(files / "affine"), str(files / "second"), "--json"]) == 0
+    useful = json.loads(capsys.readouterr().out)["models"]["affine"]["usefulness"]
+    assert useful["code"] is None
+    assert useful["error"] < 0.5 * useful["movement"]
+
+
 def test_default_test_data_are_those_of_training(files, capsys, no_figures):
     """Without options, the folder is next to the model, and the test is that of the training."""
     assert main(["evaluate", str(files / "affine"), str(files / "first"), "--json"]) == 0

@@ -93,6 +93,30 @@ def test_table_contains_the_affine_decoder_and_the_next_command(
     assert f"Next:    {command}" in out
 
 
+def test_a_useless_model_is_written_and_reported_first(
+    pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    signals, tracks, _, _ = pair
+    rows = [row.split(",") for row in signals.read_text(encoding="utf-8").splitlines()]
+    for row in rows[631:]:  # the cords are plugged in otherwise in the test
+        row[2:5] = [row[3], row[4], row[2]]
+    signals.write_text("\n".join(map(",".join, rows)) + "\n")
+    options = ("--decoder", "affine", "--no-memory", "--out", tmp_path)
+    words = ("train", "--signals", signals, "--tracks", tracks, *options)
+    assert run(*words) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    metadata = load_model(tmp_path / "model.json").metadata["usefulness"]
+    assert first.startswith("warning: ")
+    assert metadata["message"] in first
+    assert run(*words, "--json") == 0
+    data = json.loads(capsys.readouterr().out)["usefulness"]
+    assert data == metadata
+    assert data["code"] == "useless-model"
+    assert data["error"] > 0.8 * data["movement"]
+    assert data["cause"]["code"] == "permuted-channels"
+    assert data["cause"]["order"] == {"left": "top", "top": "right", "right": "left"}
+
+
 @pytest.mark.parametrize(
     ("words", "code"),
     [
