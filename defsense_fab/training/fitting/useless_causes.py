@@ -306,11 +306,11 @@ def _wrong_markers(model: TrainedModel, frames: Frames, decoded: Float) -> Cause
         if error < _MAX_REMAINING * MAX_ERROR_SHARE * movement:
             markers = sorted(int(model.ids[k]) for k in worst[:count])
             text = ", ".join(map(str, markers))
+            subject = f"marker {text} is" if count == 1 else f"markers {text} are"
             return Cause(
                 "wrong-markers",
-                f"marker {text} does not move with the device; without it, the error is"
-                f" {error:.2f} mm",
-                "Check its label, or leave it out",
+                f"{subject} not where the device moves; without, the error is {error:.2f} mm",
+                "Check the labels of the tracks, or leave these markers out",
                 {"markers": tuple(markers), "remaining_mm": error},
             )
     return None
