@@ -4,6 +4,8 @@ import os
 import random
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from defsense_fab.sensing.serial_frames import Info, Sample, Stream, Text, decode, encode
 from tests.support.places import FIRMWARE
@@ -81,6 +83,46 @@ def test_damaged_frames_are_never_accepted(channels):
     # Until the first unconfirmed sample, all missing samples were counted as lost.
     assert stream.lost == received[-1].counter - received[0].counter + 1 - len(received)
     assert stream.bad > 0.9 * len(hit) - 10
+
+
+VARIANTS = int(os.environ.get("DEFSENSE_VARIANTS", "60"))
+
+
+@settings(max_examples=VARIANTS, derandomize=True, deadline=None)
+@given(
+    first=st.integers(0, 2**32 - 1),
+    kinds=st.lists(
+        st.sampled_from(["whole", "whole", "whole", "flip", "change", "drop", "burst", "never"]),
+        min_size=3,
+        max_size=120,
+    ),
+    channels=st.integers(1, 16),
+    chunk=st.integers(1, 300),
+    rng=st.randoms(use_true_random=False),
+)
+def test_lost_samples_are_counted_as_they_were_sent(first, kinds, channels, chunk, rng):
+    data, whole = b"", []
+    for k, kind in enumerate(["whole", "whole", *kinds, "whole", "whole"]):
+        counter = (first + k) % 2**32
+        sums = tuple(rng.randrange(16 * 1024) for _ in range(channels))
+        sent = Sample(counter, 20_000 * k, False, False, 16, sums)
+        frame = encode(sent)
+        if kind not in ("whole", "never"):
+            frame = damage(rng, frame, kind)
+        if kind != "never":
+            data += frame
+            whole += [sent] * (frame == encode(sent))
+    stream, received = Stream(), []
+    for at in range(0, len(data), chunk):
+        received += stream.feed(data[at : at + chunk])
+    assert set(received) <= set(whole)
+    span = (received[-1].counter - received[0].counter) % 2**32 + 1
+    assert stream.lost == span - len(received)
+    assert (received[0], received[-1]) == (whole[0], whole[-1])
+    # A damaged end joins two frames, so a damaged frame may take its neighbor with it.
+    damaged = sum(kind not in ("whole", "never") for kind in kinds)
+    assert 0 <= stream.lost - (len(kinds) + 4 - len(whole)) <= damaged
+    assert stream.restarts == 0
 
 
 def test_noise_contains_no_messages():

@@ -21,7 +21,7 @@ from ...workflow.run.run import LiveRun, LiveStatus, Quality, RecordingEnd
 
 _POLL_INTERVAL_S = 0.25
 _JSON_INTERVAL_S = 1.0
-_DURATION = re.compile(r"\d+ s\b")  # durations, whose change alone is not printed
+_CHANGING = re.compile(r"\d+ (s\b|%)")  # durations and shares, whose change alone is not printed
 _log = logging.getLogger(__name__)
 _COLORS = {
     Quality.TRUSTED: "green",
@@ -39,7 +39,7 @@ class _Followed:
     Attributes:
         run: The run.
         label: Name of its device.
-        printed: Last printed line, without durations.
+        printed: Last printed line, without changing numbers.
         ended: Why the run has ended; None while it runs.
     """
 
@@ -120,9 +120,9 @@ class LiveLines:
         else:
             for each in self._all:
                 text = _line(each)
-                without_durations = _DURATION.sub("", text)
-                if without_durations != each.printed:
-                    each.printed = without_durations
+                without_numbers = _CHANGING.sub("", text)
+                if without_numbers != each.printed:
+                    each.printed = without_numbers
                     print(f"{each.label}: {text}", flush=True)  # noqa: T201
 
     def _print_json(self, new: Sequence[_Followed]) -> None:
@@ -227,6 +227,7 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
         "rate": status.rate,
         "samples": status.samples,
         "skipped": status.skipped,
+        "lost": status.lost,
         "latency": {
             "outputs": [finite_or_none(x) for x in status.output_latency],
             "view": [finite_or_none(x) for x in status.view_latency],

@@ -28,7 +28,8 @@ from ..controls.control_bank import ControlBank
 from ..controls.pose_amplitudes import RADIUS_90
 from ..frames.live_decoder import LiveDecoder, Reading
 from ..frames.live_frame import LiveFrame, Note, Quality
-from .loop_status import Latency, LiveStatus, event_note
+from .frame_slot import FrameSlot
+from .loop_status import Latency, LineLoss, LiveStatus, event_note
 
 #: Time that a surface may take, s; it bounds the iterations of its solver.
 SURFACE_BUDGET_S = 0.008
@@ -128,13 +129,14 @@ class LiveLoop:
         self._outputs, self._views = tuple(receivers.outputs), tuple(receivers.views)
         self._recorder = receivers.recorder
         self._tracks = tracks
-        self._samples_to_decode: deque[StampedSample] = deque(maxlen=_MAX_WAITING_SAMPLES)
+        self._samples_to_decode: deque[StampedSample] = deque()
         self._has_samples, self._stop = threading.Event(), threading.Event()
-        self._surface_slot = _Slot()
+        self._surface_slot = FrameSlot()
         self._surface_thread = threading.Thread(target=self._solve_surfaces, daemon=True)
         self._thread = threading.Thread(target=self._decode_samples, daemon=True)
         self._dividers: Dividers | None = None
         self._output_latency, self._view_latency = Latency(), Latency()
+        self._line_loss = LineLoss()
         self._frame: LiveFrame | None = None
         self._failure: Exception | None = None
         self._samples = self._skipped = 0
@@ -222,6 +224,7 @@ class LiveLoop:
             view_latency=self._view_latency.quantiles,
             samples=self._samples,
             skipped=self._skipped,
+            lost=self._source.statistics.lost,
             notes=(*(frame.notes if frame else ()), *self._loop_notes()),
         )
 
@@ -242,6 +245,8 @@ class LiveLoop:
         if (silence := self.silence) > _MAX_SILENCE_S:
             text = f"{self._source.name}: no sample for {silence:.0f} s"
             notes.append(Note("no-sample", text, {"seconds": silence}))
+        if note := self._line_loss.note(self._source.name):
+            notes.append(note)
         for sink in (*self._outputs, *self._views):
             notes += [note for note in (sink.trouble, sink.news) if note]
         if self._recorder is not None and self._recorder.trouble:
@@ -253,13 +258,15 @@ class LiveLoop:
             self._recorder.add(item)
         if isinstance(item, Event):
             self._report(event_note(self._source.name, item), is_lasting=item.kind == "gap")
+            if item.kind in ("gap", "resumed", "restart"):
+                self._line_loss.restart()
             if item.data.get("full_scale", 0) > 0:  # another board, or another range of it
                 self._dividers = Dividers(self._reference, item.data["full_scale"])
             return
         self._samples += 1
-        self._skipped += len(self._samples_to_decode) == _MAX_WAITING_SAMPLES
         self._samples_to_decode.append(item)
         self._last_sample_at = time.monotonic()
+        self._line_loss.add(self._last_sample_at, self._source.statistics)
         self._is_event_lasting = False
         self._has_samples.set()
 
@@ -274,11 +281,7 @@ class LiveLoop:
                 self._has_samples.wait(_POLL_INTERVAL_S)
                 self._has_samples.clear()
                 self._source.drain()  # plays recordings, and raises the error that ended the source
-                frame = None
-                # Only the samples that wait now: if more arrive than can be decoded, frames are
-                # given all the same.
-                for _ in range(len(self._samples_to_decode)):
-                    frame = self._decode(self._samples_to_decode.popleft()) or frame
+                frame = self._decode_waiting()
                 if frame is not None:
                     self._give(frame)
                     self._is_silence_reported = False
@@ -289,6 +292,22 @@ class LiveLoop:
             self._failure = error
         finally:
             self._surface_slot.end()
+
+    def _decode_waiting(self) -> LiveFrame | None:
+        """Decode the samples that wait now, and return the last frame.
+
+        If more arrive than can be decoded, the oldest ones are skipped, and frames are given all
+        the same.
+        """
+        latest, waiting = None, self._samples_to_decode
+        for _ in range(min(len(waiting), _MAX_WAITING_SAMPLES)):
+            while len(waiting) > _MAX_WAITING_SAMPLES:
+                waiting.popleft()
+                self._skipped += 1
+            frame = self._decode(waiting.popleft())
+            self._skipped += frame is None
+            latest = frame or latest
+        return latest
 
     def _decode(self, item: StampedSample) -> LiveFrame | None:
         assert self._dividers is not None
@@ -366,28 +385,3 @@ def marker_sd(radius: Float) -> Float:
     """Return standard deviations (m,) along each axis, mm, by the radii of 90 % intervals (m,)."""
     sd = np.maximum(radius / RADIUS_90, _MIN_MARKER_SD_MM)
     return np.asarray(np.where(np.isfinite(radius), sd, _UNKNOWN_MARKER_SD_MM))
-
-
-class _Slot:
-    """Room for one frame; a newer one replaces it."""
-
-    def __init__(self) -> None:
-        self._changed, self._has_ended = threading.Condition(), False
-        self._frame: LiveFrame | None = None
-
-    def put(self, frame: LiveFrame) -> None:
-        with self._changed:
-            self._frame = frame
-            self._changed.notify()
-
-    def take(self) -> LiveFrame | None:
-        """Wait for the next frame; None at the end."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._has_ended or self._frame is not None)
-            frame, self._frame = self._frame, None
-            return None if self._has_ended else frame
-
-    def end(self) -> None:
-        with self._changed:
-            self._has_ended = True
-            self._changed.notify()

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...capture.readout.source import Event
+from ...capture.readout.source import Event, ReadoutStatistics
 from ...core.arrays import Float
 from ..frames.live_frame import LiveFrame, Note
 
 _MAX_LATENCIES = 6000  # a minute at 100 Hz
 _RATE_WINDOW_S = 3.0
+_LOSS_WINDOW_S = 10.0
+#: Share of the samples, and number of them, that may be lost in that time without a note.
+_MAX_LINE_LOSS, _MAX_LOST_SAMPLES = 0.01, 4
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,9 @@ class LiveStatus:
             frame was given to the outputs, s; NaN before the first frame.
         view_latency: The same until its surface was given to the views.
         samples: Number of samples that have arrived.
-        skipped: Number of samples that were not decoded.
+        skipped: Number of samples that arrived but were not decoded: the computer was too slow, or
+            they do not fit the device.
+        lost: Number of samples that did not arrive, or arrived damaged, by the board's counter.
         notes: Notes on all parts of the loop.
     """
 
@@ -39,6 +44,7 @@ class LiveStatus:
     view_latency: tuple[float, float]
     samples: int
     skipped: int
+    lost: int
     notes: tuple[Note, ...]
 
 
@@ -71,6 +77,37 @@ class Latency:
         now = time.monotonic()
         recent = [t for t, _ in tuple(self._rows) if t > now - _RATE_WINDOW_S]
         return len(recent) / _RATE_WINDOW_S
+
+
+class LineLoss:
+    """Samples that were lost on the line within the last ten seconds."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, int, int]] = deque()
+
+    def add(self, now: float, statistics: ReadoutStatistics) -> None:
+        """Add the counts of the source at a time, s."""
+        self._rows.append((now, statistics.samples, statistics.lost))
+        while self._rows[0][0] < now - _LOSS_WINDOW_S:
+            self._rows.popleft()
+
+    def restart(self) -> None:
+        """Forget the counts, because samples of a disconnected board are not lost on the line."""
+        self._rows.clear()
+
+    def note(self, source: str) -> Note | None:
+        """Return a note on the source if too many samples were lost; None if not."""
+        rows = tuple(self._rows)
+        if not rows:
+            return None
+        arrived, lost = rows[-1][1] - rows[0][1], rows[-1][2] - rows[0][2]
+        share = lost / max(arrived + lost, 1)
+        if lost <= _MAX_LOST_SAMPLES or share <= _MAX_LINE_LOSS:
+            return None
+        text = (
+            f"{source}: {100 * share:.0f} % of the samples were lost on the line: check the cable"
+        )
+        return Note("samples-lost", text, {"share": share, "lost": lost})
 
 
 def event_note(source: str, event: Event) -> Note | None:

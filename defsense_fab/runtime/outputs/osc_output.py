@@ -9,7 +9,8 @@ The messages of a frame of the device `bar`:
     /defsense/bar/time                 12.34 567        s on the board's clock (double), number
     /1/fader1 ...                      0.42             TouchOSC's faders on page 1, in order
 
-They are sent in bundles with the time of the sample (NTP, this machine's clock). For Wekinator,
+They are sent in bundles with the time of the sample (NTP, this machine's clock), or with the time
+tag "immediately": receivers whose clock is behind wait until the time of the sample. For Wekinator,
 `/wek/inputs` has all controls in one message without a bundle. Nothing is received: whatever is
 sent to the port of this program is ignored.
 """
@@ -30,6 +31,7 @@ from .settings import OscSettings
 
 _MAX_DATAGRAM_BYTES = 1400  # longer ones are fragmented, and lost as a whole
 _SECONDS_1900_TO_1970 = 2_208_988_800  # NTP counts from 1900
+_IMMEDIATELY = 0, 1  # time tag
 _FORBIDDEN = re.compile(r"[^!-~]|[#*,/?\[\]{}]")  # in a part of an address
 _CONGESTED = Note(
     "network-congested", "osc: the network takes fewer frames than are sent; set rate"
@@ -67,16 +69,19 @@ def encode_message(address: str, *values: Argument) -> bytes:
     return b"".join(parts)
 
 
-def encode_bundles(messages: list[bytes], stamp: float, max_bytes: int) -> list[bytes]:
+def encode_bundles(messages: list[bytes], stamp: float | None, max_bytes: int) -> list[bytes]:
     """Pack messages into bundles, one per datagram.
 
     Args:
         messages: Encoded messages.
-        stamp: Time of the bundles, s since 1970.
+        stamp: Time of the bundles, s since 1970; None for "immediately".
         max_bytes: Largest size of a datagram, unless a single message is larger.
     """
-    seconds, fraction = divmod(stamp + _SECONDS_1900_TO_1970, 1)
-    head = b"#bundle\0" + struct.pack(">II", int(seconds) & 0xFFFFFFFF, int(fraction * 2**32))
+    tag = _IMMEDIATELY
+    if stamp is not None:
+        seconds, fraction = divmod(stamp + _SECONDS_1900_TO_1970, 1)
+        tag = int(seconds) & 0xFFFFFFFF, int(fraction * 2**32)
+    head = b"#bundle\0" + struct.pack(">II", *tag)
     bundles, parts, size = list[bytes](), [head], len(head)
     for content in messages:
         if len(parts) > 1 and size + 4 + len(content) > max_bytes:
@@ -199,7 +204,9 @@ class OscOutput:
         """Send the messages of a frame; raise OutputError if the receiver cannot be reached."""
         try:
             if self._send != {"wekinator"}:
-                stamp = time.time() - (time.monotonic() - frame.arrived)
+                stamp = None
+                if not self._settings.immediate:
+                    stamp = time.time() - (time.monotonic() - frame.arrived)
                 messages = frame_messages(frame, self._send, self._settings.page)
                 for datagram in encode_bundles(messages, stamp, _MAX_DATAGRAM_BYTES):
                     self._socket.sendto(datagram, self._receiver)

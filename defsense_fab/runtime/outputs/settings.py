@@ -57,6 +57,13 @@ class OscSettings(OutputSettings, frozen=True):
         "quality",
         "wekinator",
     )
+    immediate: Annotated[
+        bool,
+        key(
+            "Whether bundles have the time tag *immediately* instead of the sample's time, for"
+            " receivers whose clock is behind and that would wait until that time."
+        ),
+    ] = False
     rate: Annotated[_Rate, _RATE] = 0.0
 
     def check(self) -> Iterator[Problem]:

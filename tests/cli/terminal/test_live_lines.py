@@ -33,7 +33,7 @@ class Loop:
     @property
     def status(self):
         notes = (f"no sample for {self.checks} s",) if self.checks >= self.silent else ()
-        return LiveStatus(frame(), 100.0, 0.0, NONE, NONE, self.checks, 0, notes)
+        return LiveStatus(frame(), 100.0, 0.0, NONE, NONE, self.checks, 0, 0, notes)
 
 
 def run(port="twin", device="bar", ends=1, error=None, silent=None):
@@ -136,6 +136,6 @@ def test_labels_of_several_devices_contain_their_ports():
 
 
 def test_page_names_the_device():
-    status = LiveStatus(None, 0.0, 0.0, NONE, NONE, 0, 0, ())
+    status = LiveStatus(None, 0.0, 0.0, NONE, NONE, 0, 0, 0, ())
     assert page(status, "bar (a)")[0].plain == "bar (a): waiting for samples"
     assert page(status, "bar (a)", "COM3: is gone")[0].plain == "bar (a) ended: COM3: is gone"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from defsense_fab.capture.readout.source import Event, StampedSample
+from defsense_fab.capture.readout.source import Event, ReadoutStatistics, StampedSample
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.live.live_loop import LiveLoop, Receivers
@@ -28,7 +29,11 @@ class ManualSource:
     name, sink = "fed", None
 
     def __init__(self):
-        self.full_scale, self.number = 1024, 0
+        self.full_scale, self.number, self.lost = 1024, 0, 0
+
+    @property
+    def statistics(self):
+        return ReadoutStatistics(samples=self.number, lost=self.lost)
 
     def start(self):
         return Info(1, (1, 0), 0, 2, AVERAGES, 100, 0, 2, self.full_scale)
@@ -116,3 +121,57 @@ def test_linear_algebra_has_one_thread_during_a_run(live_bar):
         assert threads() == {1}
         loop.close()
         assert threads() == before
+
+
+def codes(loop):
+    return [note.code for note in loop.status.notes]
+
+
+@pytest.mark.parametrize(("period", "is_reported"), [(5, True), (200, False)])
+def test_samples_that_are_lost_on_the_line_are_reported(fed, period, is_reported):
+    """Of each `period` samples one is lost."""
+    source, loop, _ = fed
+    for k in range(1, 601):
+        source.lost += k % period == 0
+        source.send(R0)
+    assert loop.status.lost == source.lost
+    assert ("samples-lost" in codes(loop)) == is_reported
+    if is_reported:
+        note = next(n for n in loop.status.notes if n.code == "samples-lost")
+        assert note.data["share"] == pytest.approx(1 / (period + 1), abs=0.01)
+
+
+def test_samples_of_a_disconnected_board_are_not_lost_on_the_line(fed):
+    source, loop, _ = fed
+    for _ in range(100):
+        source.send(R0)
+    source.report("gap", why="unplugged")
+    source.lost += 400  # the board kept counting
+    source.report("resumed")
+    for _ in range(50):
+        source.send(R0)
+    assert loop.status.lost == 400
+    assert "samples-lost" not in codes(loop)
+
+
+def test_samples_that_are_not_decoded_are_counted(fed, monkeypatch):
+    source, loop, out = fed
+    source.send(R0)
+    out.until(lambda f: f.number == 1)
+    decode, is_waiting, resume = loop.decoder, threading.Event(), threading.Event()
+
+    def slow(reading):
+        is_waiting.set()
+        resume.wait(60)
+        return decode(reading)
+
+    slow.model, slow.has_rest = decode.model, decode.has_rest
+    monkeypatch.setattr(loop, "decoder", slow)
+    source.send(R0)
+    assert is_waiting.wait(60)
+    for _ in range(80):  # 50 of them may wait
+        source.send(R0)
+    resume.set()
+    out.until(lambda f: f.time >= 0.01 * source.number - 1e-6)
+    status = loop.status
+    assert (status.samples, status.skipped, status.lost) == (82, 30, 0)

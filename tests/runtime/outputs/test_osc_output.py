@@ -3,11 +3,13 @@
 import socket
 import struct
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message import OscMessage
+from pythonosc.osc_packet import OscPacket
 
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.frames.live_frame import Quality
@@ -99,6 +101,21 @@ def test_frame_arrives(receiver, opened):
     assert abs(bundle.timestamp - started_at) < 20
     theirs = [(m.address, m.params) for m in bundle]
     assert theirs == parse(data[0])
+
+
+def test_immediate_bundles_do_not_wait_for_a_clock_that_is_behind(receiver, opened, monkeypatch):
+    """The receiver's clock is five seconds behind; python-osc waits for the time of a bundle."""
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now)
+    delays = []
+    for immediate in (False, True):
+        opened(immediate=immediate).send(replace(frame(7), arrived=time.monotonic()))
+        data = drain(receiver[0], "/defsense/bar/time")
+        monkeypatch.setattr(time, "time", lambda: now - 5)
+        packets = [OscPacket(each) for each in data]
+        monkeypatch.setattr(time, "time", lambda: now)
+        delays.append(max(m.time - (now - 5) for p in packets for m in p.messages))
+    assert delays == [pytest.approx(5, abs=0.1), pytest.approx(0, abs=1e-6)]
 
 
 def test_wekinator(receiver, opened):
