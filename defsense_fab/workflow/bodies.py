@@ -20,13 +20,14 @@ from .starts.body_file import (
     describe_unusual_size,
     load_body_file,
     notable_repairs,
+    scale_to_size,
 )
 from .starts.first_device import check_edge_length
-from .starts.options import parse_unit
+from .starts.options import check_unit_or_size
 
 
 def write_body(
-    body: object, units: str | None, edge_length: float, folder: Path
+    body: object, units: str | None, edge_length: float, folder: Path, size: float | None = None
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Write the files of a body into a folder.
 
@@ -36,6 +37,7 @@ def write_body(
         units: Unit of a mesh; None: the unit of its file, or mm.
         edge_length: Edge length of the tetrahedra, mm.
         folder: The folder.
+        size: Longest side of a mesh, mm, in place of its unit.
 
     Returns:
         The table `[body]` of `device.toml`, and notes on repairs and on an unusual size.
@@ -45,9 +47,11 @@ def write_body(
         DeviceError: The unit is invalid or must be given, or the edge length does not suit the
             body.
     """
-    if units is not None:
-        parse_unit(of_kind(units, "units", str))
-    file = _load(body)
+    check_unit_or_size(
+        None if units is None else of_kind(units, "units", str),
+        None if size is None else number(size, "size", above=0),
+    )
+    file = scale_to_size(_load(body), size)
     unit = choose_unit(file, units)
     check_edge_length(file, unit, number(edge_length, "edge_length"))
     name = f"{file.name}{file.suffix}"
@@ -56,9 +60,9 @@ def write_body(
             target = folder / relative
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(content)
-    size = describe_unusual_size(file.size(unit))
+    warning = describe_unusual_size(file.size(unit))
     notes = [f"the body was repaired: {line}" for line in notable_repairs(file.repairs(unit))]
-    return file.table(name, unit), (*notes, *([size] if size else []))
+    return file.table(name, unit), (*notes, *([warning] if warning else []))
 
 
 def _load(body: object) -> BodyFile:

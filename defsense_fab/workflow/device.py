@@ -97,6 +97,7 @@ class Device:
         sensors: int | None = None,
         edge_length: float,
         units: str | None = None,
+        size: float | None = None,
         anchor: str | None = None,
         values: Mapping[str, object] | None = None,
     ) -> Device:
@@ -116,6 +117,7 @@ class Device:
             edge_length: Edge length of the tetrahedra, mm.
             units: Unit of a mesh: "mm", "cm", "m", "inch" or "um". By default that of its file, or
                 mm; a mesh whose size is unusual for a soft device is then refused.
+            size: Longest side of a mesh in mm, in place of `units` where no unit fits.
             anchor: Name of a region that holds still.
             values: Further keys of `device.toml`, as in `{"cord.noise": 0.002}`.
 
@@ -141,7 +143,7 @@ class Device:
         })  # fmt: skip
         folder = _new_folder()
         try:
-            tables["body"], notes = write_body(body, units, edge_length, folder)
+            tables["body"], notes = write_body(body, units, edge_length, folder, size)
             return Device(folder, changed_values(tables, further), notes=notes)
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)

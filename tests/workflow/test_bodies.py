@@ -48,6 +48,14 @@ def test_a_unit_of_a_cad_shape_is_refused():
         small_bar(body=bd.Box(80, 20, 20), units="inch")
 
 
+def test_a_mesh_is_scaled_to_a_size():
+    assert small_bar(body=box(0.02), size=80).record.body.scale == pytest.approx(50)
+    with raises(df.DefsenseError, "options-conflict", option="size"):
+        small_bar(body=box(0.02), size=80, units="mm")
+    with raises(df.DefsenseError, "not-a-number"):
+        small_bar(body=box(0.02), size=-1)
+
+
 def test_repairs_and_an_unusual_size_are_noted():
     device = small_bar(body=box(0.01, faces=11), units="m")
     repair, size = device.notes

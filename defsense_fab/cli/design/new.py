@@ -35,6 +35,7 @@ new = command(
     "defsense new my-device",
     "defsense new wand --body wand.step --poses bend,twist",
     "defsense new bunny --body bunny.stl --units mm --poses modes --cord rubber-1.7mm",
+    "defsense new hand --body hand.obj --size 170",
 )
 
 
@@ -178,12 +179,13 @@ def _create_from_body(
     folder: Path, body: BodyFile, options: NewOptions, interactive: bool, output: OutputOptions
 ) -> dict[str, Any]:
     """Create a device from a body file."""
-    from ...workflow.starts.body_file import choose_unit, describe_unusual_size
+    from ...workflow.starts.body_file import choose_unit, describe_unusual_size, scale_to_size
     from ...workflow.starts.first_device import create_first_device
     from .new_questions import ask_choices
 
+    body = scale_to_size(body, options.size)
     if interactive:
-        options = ask_choices(body, options)
+        body, options = ask_choices(body, options)
     with silent_stdout(), progress_bars(output) as progress:
         device = create_first_device(body, folder, options, progress)
     unit = choose_unit(body, options.units)
@@ -193,7 +195,8 @@ def _create_from_body(
         "name": device.name,
         "body": f"{body.name}{body.suffix}",
         "size_mm": [float(f"{x:.4g}") for x in size],
-        "unit": unit,
+        "unit": unit if body.factor == 1 else None,
+        "scale": body.scale(unit),
         "repaired": body.repairs(unit),
         "edge_length": device.mesh.edge_length,
         "poses": [p.name for p in device.poses],

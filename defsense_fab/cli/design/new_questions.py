@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...core.errors import DefsenseError
 from ...workflow.starts.options import (
@@ -52,29 +52,31 @@ def ask_body() -> str:
     )
 
 
-def ask_choices(body: BodyFile, options: NewOptions) -> NewOptions:
+def ask_choices(body: BodyFile, options: NewOptions) -> tuple[BodyFile, NewOptions]:
     """Ask for the unit if it is doubtful, and for the poses and the cord if they are not given.
 
     Returns:
-        The options with the answers, and with defaults that fit the body.
+        The body, scaled if a size was the answer, and the options with the answers and with
+        defaults that fit the body.
 
     Raises:
         DefsenseError: A given option does not fit the body.
     """
-    from ...workflow.starts.body_file import check_unit, choose_unit
+    from ...workflow.starts.body_file import choose_unit, scale_to_size
     from ...workflow.starts.first_device import check_room, fill_options, first_fitting_cord
 
     process = options.process or DEFAULT_PROCESS
 
-    def check_answer(text: str) -> str:
-        unit = parse_unit(text)
-        check_unit(body, unit)
-        first_fitting_cord(body, unit, process)
-        return unit
+    def check_answer(text: str) -> tuple[BodyFile, NewOptions]:
+        answer = _parse_unit_or_size(text)
+        filled = replace(options, **answer)
+        scaled = scale_to_size(body, filled.size)
+        first_fitting_cord(scaled, choose_unit(scaled, filled.units), process)
+        return scaled, replace(filled, size=None)
 
     if options.units is None and body.is_doubtful:
-        unit = ask_until_valid(lambda: ask_unit(body), check_answer)
-        options = replace(options, units=unit)
+        unscaled = body
+        body, options = ask_until_valid(lambda: ask_unit(unscaled), check_answer)
     unit = choose_unit(body, options.units)
 
     def check_cord(text: str) -> str:
@@ -90,7 +92,15 @@ def ask_choices(body: BodyFile, options: NewOptions) -> NewOptions:
         filled = replace(filled, poses=poses)
     if options.cord is None:
         filled = replace(filled, cord=ask_until_valid(lambda: ask_cord(cord), check_cord))
-    return filled
+    return body, filled
+
+
+def _parse_unit_or_size(text: str) -> dict[str, Any]:
+    """Return the option that an answer sets: the size if it is a number, or else the unit."""
+    try:
+        return {"size": float(text)}
+    except ValueError:
+        return {"units": parse_unit(text)}
 
 
 def ask_unit(body: BodyFile) -> str:
@@ -98,7 +108,8 @@ def ask_unit(body: BodyFile) -> str:
     unit = "this correct" if body.unit == body.format_unit else f"it in {UNIT_WORDS[body.unit]}"
     size = body.format_size(body.format_unit)
     return _choose(
-        f"In {UNIT_WORDS[body.format_unit]} the body would be {size}: is {unit}?",
+        f"In {UNIT_WORDS[body.format_unit]} the body would be {size}: is {unit}?"
+        " Choose a unit, or enter the longest side in mm, such as 170.",
         [(unit, f"{words}: {body.format_size(unit)}") for unit, words in UNIT_WORDS.items()],
         body.unit,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,7 @@ class BodyFile:
         parameters: Defaults of the parameters of a script.
         others: Other files that a script needs, by their path relative to it.
         format_unit: Unit of the file's format.
+        factor: Factor from the size in that unit to a requested size.
     """
 
     content: bytes
@@ -60,6 +61,7 @@ class BodyFile:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     others: Mapping[str, bytes] = field(default_factory=dict)
     format_unit: str = "mm"
+    factor: float = 1.0
 
     @property
     def key(self) -> str:
@@ -68,7 +70,7 @@ class BodyFile:
 
     def scale(self, unit: str) -> float:
         """Return the scale in [body] of device.toml if the file is in a unit."""
-        return UNITS[unit] / UNITS[self.format_unit]
+        return self.factor * UNITS[unit] / UNITS[self.format_unit]
 
     def size(self, unit: str) -> Float:
         """Return the extents (3,) mm if the file is in a unit."""
@@ -82,7 +84,8 @@ class BodyFile:
         """Return the repairs in words, with lengths in the unit in which the file is."""
         if self.scale(unit) == 1:
             return self.repair_notes
-        word = unit if self.format_unit == "mm" else "of the file's lengths"
+        is_in_unit = self.format_unit == "mm" and self.factor == 1
+        word = unit if is_in_unit else "of the file's lengths"
         return tuple(_MM.sub(word, line) for line in self.repair_notes)
 
     def table(self, file: str, unit: str) -> dict[str, Any]:
@@ -241,6 +244,30 @@ def describe_unusual_size(size: Float) -> str:
     return f"{longest:,.4g} mm is unusually {kind} for a soft device; check the unit of the file"
 
 
+def scale_to_size(body: BodyFile, size: float | None) -> BodyFile:
+    """Return a mesh scaled so that its longest side has a size, in mm.
+
+    Args:
+        body: The file.
+        size: The size, mm; None to leave it as it is.
+
+    Raises:
+        DeviceError: The file is a STEP file or a script (`size-not-applicable`).
+    """
+    if size is None:
+        return body
+    if body.key != "mesh":
+        raise DeviceError(
+            f"{size:g} mm is given, but a STEP file contains its unit, and a script returns mm",
+            code="size-not-applicable",
+            where="size",
+            action="Leave it out, and scale the body in the program that made it",
+            size=size,
+        )
+    factor = size / float(np.ptp(body.surface.vertices, axis=0).max())
+    return replace(body, unit=body.format_unit, is_doubtful=False, factor=factor)
+
+
 def choose_unit(body: BodyFile, units: str | None) -> str:
     """Return the unit of a file.
 
@@ -277,13 +304,13 @@ def _doubtful_unit(body: BodyFile) -> DeviceError:
             f"in {UNIT_WORDS[unit]} the body is {body.format_size(unit)}, which is unusual for a"
             " soft device"
         )
-        action = f"Give units {unit} if that is right, or another unit"
+        action = f"Give units {unit} if that is right, another unit, or the longest side in mm"
     else:
         problem = (
             f"in {UNIT_WORDS[format_unit]} the body would be {body.format_size(format_unit)};"
             f" in {UNIT_WORDS[unit]} it is {body.format_size(unit)}"
         )
-        action = f"Give units {unit}, or another unit"
+        action = f"Give units {unit}, another unit, or the longest side in mm"
     return DeviceError(problem, code="unit-doubtful", where="units", action=action, unit=unit)
 
 
@@ -295,11 +322,11 @@ def check_unit(body: BodyFile, unit: str) -> None:
     """
     size = float(np.linalg.norm(body.size(unit)))
     if not SIZE_RANGE_MM[0] <= size <= SIZE_RANGE_MM[1]:
-        action = (
-            f"Choose another unit than {UNIT_WORDS[unit]}"
-            if body.key == "mesh"
-            else "Export it again in its true unit"
-        )
+        action = f"Choose another unit than {UNIT_WORDS[unit]}"
+        if body.key != "mesh":
+            action = "Export it again in its true unit"
+        elif body.factor != 1:
+            action = "Choose another size"
         raise BodyError(
             f"would be {size:,.3f} mm across",
             code="body-size-impossible",

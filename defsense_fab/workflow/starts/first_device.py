@@ -22,7 +22,7 @@ from ...core.storage.files import storage_errors, unused_path, write_text
 from ...core.storage.package_data import read_rows
 from ...geometry.bodies.meshing.mesh_store import DEVICE_MESH
 from .body_ends import BodyEnds, find_ends, round_numbers
-from .body_file import TETS_PER_CUBE, BodyFile, choose_unit
+from .body_file import TETS_PER_CUBE, BodyFile, choose_unit, scale_to_size
 from .options import (
     DEFAULT_CORD,
     DEFAULT_PROCESS,
@@ -67,8 +67,9 @@ def default_material(process: str) -> str:
 def fill_options(body: BodyFile, options: NewOptions) -> NewOptions:
     """Return options in which defaults that fit the body replace missing values.
 
-    Only `cords` may still be None, since their number follows from that of the poses. Without a
-    name, the device has the name of the body.
+    The body has its size already, so that the options have a unit and no size. Only `cords` may
+    still be None, since their number follows from that of the poses. Without a name, the device has
+    the name of the body.
 
     Args:
         body: The body.
@@ -88,6 +89,7 @@ def fill_options(body: BodyFile, options: NewOptions) -> NewOptions:
         options,
         name=options.name or body.name,
         units=unit,
+        size=None,
         material=options.material or default_material(process),
         edge_length=edge_length,
         poses=options.poses or find_ends(body.in_mm(unit)).default_poses(),
@@ -121,6 +123,7 @@ def create_first_device(
         DeviceError: The device is invalid.
         StorageError: The folder has a device already, or cannot be written.
     """
+    body = scale_to_size(body, options.size)
     options = fill_options(body, options)
     if not is_draft:
         check_room(body, str(options.units), str(options.cord), str(options.process))
@@ -155,12 +158,13 @@ def check_room(body: BodyFile, unit: str, cord: str, process: str) -> None:
     reasons = {name: _missing_room(size, row, printer) for name, row in cords.items()}
     if reason := reasons[cord]:
         fitting = [name for name, other in reasons.items() if not other]
+        check = "size" if body.factor != 1 else f"unit ({UNIT_WORDS[unit]})"
         remedy = f"Choose {' or '.join(fitting)}" if fitting else "Make the body larger"
         raise BodyError(
             reason.format(cord),
             code="no-room-for-cord",
             where=body.name,
-            action=f"{remedy}, or check its unit ({UNIT_WORDS[unit]})",
+            action=f"{remedy}, or check its {check}",
             cord=cord,
             fitting=tuple(fitting),
         )

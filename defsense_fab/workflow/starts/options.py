@@ -56,6 +56,7 @@ class NewOptions:
         body: Set the body: bar, twist-bar, cube, blob, or a file (script .py, STEP, or mesh).
         units: Set the unit of a mesh's lengths: mm, cm, m, inch or um (default: guessed from the
             size).
+        size: Set the longest side of a mesh in mm, for a file of unknown unit (in place of units).
         poses: Set the poses: modes (from the body's natural modes), or some of bend, bend_side,
             twist and pull, separated by commas (default: fitted to the body).
         cord: Set the cord, a row of data/cords.csv (default: rubber-2mm, or that of the example).
@@ -67,11 +68,13 @@ class NewOptions:
 
     Raises:
         DeviceError: A value is invalid (`unknown-unit`, `unknown-pose`, `unknown-cord`,
-            `unknown-process`, `unknown-material`, `name-invalid`, `out-of-range`).
+            `unknown-process`, `unknown-material`, `name-invalid`, `out-of-range`), or both units
+            and size are given (`options-conflict`).
     """
 
     body: str | None = None
     units: str | None = None
+    size: Annotated[float, Meta(ge=1, le=10_000)] | None = None
     poses: tuple[str, ...] = ()
     cord: str | None = None
     cords: Annotated[int, Meta(ge=1, le=MAX_CORDS)] | None = None
@@ -89,8 +92,7 @@ class NewOptions:
                 where="name",
                 action="Give one line of letters",
             )
-        if self.units is not None:
-            parse_unit(self.units)
+        check_unit_or_size(self.units, self.size)
         if self.poses:
             check_poses(self.poses)
         for kind in _TABLES:
@@ -104,7 +106,7 @@ class NewOptions:
         Raises:
             DeviceError: Such an option is given (`options-conflict`).
         """
-        for option in ("units", "poses", "cords", "process", "material", "edge_length"):
+        for option in ("units", "size", "poses", "cords", "process", "material", "edge_length"):
             if getattr(self, option) not in (None, ()):
                 raise DeviceError(
                     f"{self.body} has its own value",
@@ -153,6 +155,24 @@ def check_poses(names: tuple[str, ...]) -> tuple[str, ...]:
             poses=names,
         )
     return names
+
+
+def check_unit_or_size(units: str | None, size: float | None) -> None:
+    """Check the unit of a mesh, and that not both a unit and a size are given.
+
+    Raises:
+        DeviceError: There is no such unit (`unknown-unit`), or both are given (`options-conflict`).
+    """
+    if units is not None:
+        parse_unit(units)
+        if size is not None:
+            raise DeviceError(
+                "units are given too, and either determines the other",
+                code="options-conflict",
+                where="size",
+                action="Give one of them",
+                option="size",
+            )
 
 
 def parse_unit(text: str) -> str:

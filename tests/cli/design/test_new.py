@@ -111,6 +111,10 @@ def test_closed_terminal_creates_nothing(type_lines, tmp_path, capsys):
         (["--body", BLOB, "--units", "um"], "body-size-impossible"),
         (["--body", BLOB, "--units", "inch", "--cords", "0"], "out-of-range"),
         (["--body", BLOB, "--cords", "17"], "out-of-range"),
+        (["--body", BLOB, "--size", "0.5"], "out-of-range"),
+        (["--body", BLOB, "--size", "100", "--units", "mm"], "options-conflict"),
+        (["--body", BLOB, "--size", "20"], "no-room-for-cord"),
+        (["--body", "bar", "--size", "100"], "options-conflict"),
         (["--body", BLOB, "--poses", "fly"], "unknown-pose"),
         (["--body", BLOB, "--edge-length", "nan"], "out-of-range"),
         (["--body", BLOB, "--edge-length", "500"], "out-of-range"),
@@ -185,6 +189,23 @@ def test_unit_of_3mf_file_is_used_or_overridden(file_unit, given_unit, size, tmp
     assert main(["new", str(tmp_path / "x"), "--body", body, "--units", given_unit]) == 0
     surface = load_body(load_device(tmp_path / "x").body).surface
     assert np.ptp(surface.vertices, axis=0)[0] == pytest.approx(100, rel=0.02)
+
+
+def test_file_of_unknown_unit_is_scaled_to_a_size(type_lines, tmp_path, capsys, monkeypatch):
+    body = box(tmp_path / "hand.ply", (1.57, 0.5, 0.4))
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    words = ["new", str(tmp_path / "x"), "--body", body]
+    with raises(DefsenseError, "unit-doubtful"):
+        run_command(words)
+    assert main([*words, "--size", "170", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["size_mm"], data["unit"]) == ([170.0, 54.14, 43.31], None)
+    assert data["scale"] == pytest.approx(170 / 1.57)
+    assert load_device(tmp_path / "x").body.scale == pytest.approx(data["scale"])
+    type_lines("5000000", "170", "", "")  # the answer to the question for the unit
+    assert main(["new", str(tmp_path / "y"), "--body", body]) == 0
+    assert load_device(tmp_path / "y").body.scale == pytest.approx(data["scale"])
+    assert load_body(load_device(tmp_path / "y").body).surface.bounds[1, 0] == pytest.approx(85)
 
 
 def test_quoted_path(type_lines, tmp_path):

@@ -23,6 +23,7 @@ from defsense_fab.workflow.starts.body_file import (
     guess_unit,
     load_body_content,
     load_body_file,
+    scale_to_size,
 )
 from defsense_fab.workflow.starts.first_device import (
     create_first_device,
@@ -166,6 +167,45 @@ def test_units_are_guessed_from_the_size():
     assert guess_unit(150.0, "m") == ("mm", True)
     assert guess_unit(180_000.0) == ("um", True)
     assert guess_unit(1e7) == ("mm", True)
+
+
+@pytest.mark.parametrize("format_unit", ["mm", "inch", "m"])
+def test_a_mesh_is_scaled_to_a_size(format_unit, tmp_path):
+    body = replace(bar_file("m"), format_unit=format_unit)
+    with raises(DeviceError, "unit-doubtful"):
+        fill_options(body, NewOptions())
+    create_first_device(body, tmp_path, NewOptions(size=170.0, name="x"), is_draft=True)
+    scale = load_device(tmp_path, complete=False).body.scale
+    assert np.ptp(body.surface.vertices, axis=0) * scale == pytest.approx([170, 34, 34])
+
+
+@pytest.mark.parametrize("size", [40.0, 123.456, 9000.0])
+def test_scaling_to_a_size_is_repeatable(size):
+    body = bar_file("um")
+    once = scale_to_size(body, size)
+    assert once.size(once.unit) == pytest.approx([size, size / 5, size / 5])
+    assert scale_to_size(once, size) == once
+    assert scale_to_size(body, None) is body
+
+
+def test_sizes_are_for_meshes_without_a_unit_only():
+    with raises(DeviceError, "size-not-applicable", size=100.0):
+        scale_to_size(bar_file(suffix=".step"), 100.0)
+    with raises(DeviceError, "options-conflict", option="size"):
+        NewOptions(units="mm", size=100.0)
+    for size in (0.0, 0.9, 10_001.0, float("nan"), float("inf")):
+        with raises(DeviceError, "out-of-range"):
+            NewOptions(size=size)
+    body = scale_to_size(bar_file(), 10_000.0)
+    with raises(BodyError, "body-size-impossible"):
+        fill_options(body, NewOptions())
+
+
+def test_repairs_of_a_scaled_mesh_are_in_the_lengths_of_the_file():
+    body = replace(bar_file("inch"), repair_notes=("closed 1 hole, 2 mm wide",))
+    assert "2 inch" in body.repairs("inch")[0]
+    (line,) = scale_to_size(body, 100.0).repairs("mm")
+    assert "mm" not in line
 
 
 def test_content_that_is_no_body_is_rejected():
