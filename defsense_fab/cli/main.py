@@ -60,7 +60,7 @@ _INTERRUPTED = {
 
 #: Options that fix an error of the library when they are added, by the code of the error.
 _FIXING_OPTIONS = {
-    "unit-doubtful": "--units",
+    "unit-doubtful": "--units or --size",
     "out-of-step": "--shift auto",
     "device-missing": "--device",
     "sources-missing": "--signals, --tracks, --device",
