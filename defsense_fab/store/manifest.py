@@ -77,6 +77,7 @@ class PartRecord:
         bbox: Lowest and highest corner (2, 3) as assembled, mm.
         sockets: Holes for pins.
         step_volume: Volume of the STEP file's solid, mm^3.
+        support_area: Area of skin that needs supports as the part is printed, mm^2.
     """
 
     name: str
@@ -88,6 +89,7 @@ class PartRecord:
     bbox: Float
     sockets: tuple[Socket, ...]
     step_volume: float | None = None
+    support_area: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from .channel_openings import ChannelOpening
 from .division import SMALL_PART_SHARE, Cut, Division, divide_body, plan_division
 from .part_checks import check_parts
 from .part_contacts import Contact, find_contacts
-from .records import Part, PartRules, PartSet
+from .records import Part, PartRules, PartSet, outward_normals
 from .wall_checks import check_cord_walls, check_wire_walls
 
 #: Words from low to high to the right, up, and away from the viewer.
@@ -170,7 +170,7 @@ def make_parts(
         carved=division.parts,
     )
     pieces = [triangle_kernel.cut_out(p, part_set.tools(i)) for i, p in enumerate(division.parts)]
-    parts = [_make_part(i, names[i], p, contacts) for i, p in enumerate(pieces)]
+    parts = [_make_part(i, names[i], p, contacts, division.leaves[i]) for i, p in enumerate(pieces)]
     removed = part_set.body_volume - float(flattened.volume()) + division.removed
     part_set = replace(part_set, parts=tuple(parts), cut_out=removed + _volume_of_tools(part_set))
     report(0.4, "checking")
@@ -251,16 +251,17 @@ def _divide(
     return division, [names[i] for i in order], openings
 
 
-def _make_part(i: int, name: str, piece: Any, contacts: Sequence[Contact]) -> Part:
+def _make_part(i: int, name: str, piece: Any, contacts: Sequence[Contact], bare: Any) -> Part:
+    """Return a part; `bare` is its solid without channels, sockets and numbers."""
     faces = [
-        (c.area, c.plane.normal if c.lower == i else -c.plane.normal, c.plane.origin)
+        (c.plane.normal if c.lower == i else -c.plane.normal, c.plane.origin)
         for c in contacts
         if i in (c.lower, c.upper)
     ]
     surface = triangle_kernel.to_printable_surface(
-        piece, name, [(n, float(n @ origin)) for _, n, origin in faces]
+        piece, name, [(n, float(n @ origin)) for n, origin in faces]
     )
-    down = choose_side_down(surface, [n for _, n, _ in sorted(faces, key=lambda f: -f[0])])
+    down = choose_side_down(surface, outward_normals(contacts, i), bare)
     return Part(name, surface, surface.volume, surface.centroid, down)
 
 

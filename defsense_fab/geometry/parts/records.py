@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -122,6 +122,13 @@ class Part:
     solid: Any = None
 
 
+def outward_normals(contacts: Sequence[Contact], index: int) -> list[Float]:
+    """Return the outward normals (3,) of a part's faces in contacts, largest first."""
+    faces = [c for c in contacts if index in (c.lower, c.upper)]
+    faces.sort(key=lambda c: -c.area)
+    return [c.plane.normal if c.lower == index else -c.plane.normal for c in faces]
+
+
 @dataclass(frozen=True)
 class PartSet:
     """The parts of a device and how they are held together.
@@ -159,6 +166,12 @@ class PartSet:
     rules: PartRules
     bare: tuple[Any, ...] = ()
     carved: tuple[Any, ...] = ()
+
+    def cut_faces(self, index: int) -> list[Float]:
+        """Return the outward normals (3,) of the faces in which a part meets others, largest
+        first.
+        """
+        return outward_normals(self.contacts, index)
 
     def tools(self, index: int) -> list[Tool]:
         """Return the tools that cut one part alone: its sockets and its number."""

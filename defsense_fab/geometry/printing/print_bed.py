@@ -13,6 +13,7 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import axes_from_normal
+from .overhangs import measure_overhang
 from .packing import count_least_plates, pack
 
 #: Least area of a first layer that holds a part on the bed.
@@ -20,6 +21,9 @@ MIN_FIRST_LAYER_MM2 = 20.0
 LAYER_HEIGHT_MM = 0.15  # of the first layer
 LINE_WIDTH_MM = 0.4
 MAX_SIDES = 40  # of the hull of a part
+#: A part that needs supports lies on another side if that takes at most these shares of the height
+#: and of the volume below its overhangs.
+MAX_LOWER_SIDE_SHARE, MAX_SUPPORT_SHARE = 0.9, 0.25
 
 
 @dataclass(frozen=True)
@@ -35,23 +39,53 @@ class PlacedPart:
     surface: Surface
 
 
-def choose_side_down(surface: Surface, preferred: Sequence[Float]) -> Float:
+def choose_side_down(surface: Surface, preferred: Sequence[Float], bare: Any = None) -> Float:
     """Return the direction (3,) that points down as a part is printed.
 
     It is the first of the preferred ones with a sufficient first layer. If there is none, it is the
-    one with the largest first layer among these, the sides of the convex hull and the main axes.
+    one with the largest first layer among these, the sides of the convex hull and the main axes. If
+    the part needs supports on that side, and lies lower on another one with a sufficient first
+    layer and much less support, it is that one.
 
     Args:
         surface: Surface of the part.
         preferred: Preferred directions (3,).
+        bare: The part without grooves and sockets (manifold3d solid), if it has any.
     """
     solid = triangle_kernel.to_manifold(surface, "a part")
-    for normal in preferred:
+    for down in preferred:
+        if first_layer_area(solid, down) >= MIN_FIRST_LAYER_MM2:
+            break
+    else:
+        sides = [*preferred, *_find_sides(surface)]
+        down = max(sides, key=lambda normal: first_layer_area(solid, normal))
+    return _find_lower_side(surface, solid, solid if bare is None else bare, down)
+
+
+def _find_lower_side(surface: Surface, solid: Any, bare: Any, down: Float) -> Float:
+    """Return the side on which a part lies lower with much less support than on a given one, or
+    that one.
+
+    Args:
+        surface: Surface of the part.
+        solid: The same as a manifold3d solid.
+        bare: The part without grooves and sockets.
+        down: Direction (3,) that points down on the given side.
+    """
+    least = MAX_SUPPORT_SHARE * measure_overhang(bare, down).volume
+    if not least:
+        return down
+    max_height = MAX_LOWER_SIDE_SHARE * np.ptp(surface.vertices @ down)
+    heights = [(float(np.ptp(surface.vertices @ n)), n) for n in _find_sides(surface)]
+    lower = [(h, n) for h, n in heights if h <= max_height]
+    for _, normal in sorted(lower, key=lambda side: round(side[0], 3)):
         if first_layer_area(solid, normal) >= MIN_FIRST_LAYER_MM2:
-            return normal
-    return max(
-        [*preferred, *_find_sides(surface)], key=lambda normal: first_layer_area(solid, normal)
-    )
+            volume = measure_overhang(bare, normal).volume
+            if volume < least:
+                down, least = normal, volume
+            if not volume:
+                break
+    return down
 
 
 def find_other_side(surface: Surface, bed: tuple[float, float, float]) -> Float | None:

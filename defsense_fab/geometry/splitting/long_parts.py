@@ -51,7 +51,9 @@ def split_long_parts(
     pieces: list[int] = []
     index = 0
     while index < len(part_set.parts):
-        part, count = part_set.parts[index], 1
+        part, count = _lie_to_fit(part_set, index, bed), 1
+        if part is not part_set.parts[index]:
+            part_set = _replace_part(part_set, index, part)
         if not _fits(part, bed):
             reduction = _reduce(part_set, index, bed, rules)
             count += len(reduction.part_set.parts) - len(part_set.parts)
@@ -77,12 +79,24 @@ def _reduce(
         down = find_other_side(part.surface, bed)
         if down is None:
             raise
-    parts = (*part_set.parts[:index], replace(part, down=down), *part_set.parts[index + 1 :])
     note = (
         f"{part.name} is too large for the bed on its cut face and lies on another side: see that"
         " supports leave its grooves free"
     )
-    return Split(replace(part_set, parts=parts), (), (note,))
+    return Split(_replace_part(part_set, index, replace(part, down=down)), (), (note,))
+
+
+def _lie_to_fit(part_set: PartSet, index: int, bed: tuple[float, float, float]) -> Part:
+    """Return a part on its first cut face, if the bed holds it there and not as it lies."""
+    part, faces = part_set.parts[index], part_set.cut_faces(index)
+    if not faces or _fits(part, bed):
+        return part
+    on_cut_face = replace(part, down=faces[0])
+    return on_cut_face if _fits(on_cut_face, bed) else part
+
+
+def _replace_part(part_set: PartSet, index: int, part: Part) -> PartSet:
+    return replace(part_set, parts=(*part_set.parts[:index], part, *part_set.parts[index + 1 :]))
 
 
 def _cut_in_pieces(

@@ -15,6 +15,7 @@ from ...geometry.moulds.records import Mould
 from ...geometry.parts.parts import add_solids
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
+from ...geometry.printing.overhangs import Overhang
 from ...geometry.printing.print_bed import lay_flat
 from ...geometry.splitting.long_parts import split_long_parts
 from ...optimization.prediction.as_built import (
@@ -41,6 +42,9 @@ from ...store.manifest import (
 from ..fabrication import casting
 from ..fabrication.printing import (
     LYING,
+    lying_notes,
+    measure_part_supports,
+    measure_piece_supports,
     on_plates,
     pin_kinds,
     print_advice,
@@ -144,15 +148,20 @@ def write_parts(
         flat = {p.name: lay_flat(p.surface, p.down) for p in parts.parts}
     pins = pin_kinds(parts)
     placed, min_plates = on_plates(device, flat, pins)
+    if is_cast:
+        supports = measure_piece_supports(flat)
+    else:
+        supports = measure_part_supports(parts)
+        parts = parts.with_warnings(lying_notes(parts))
     out = folder / "parts"
     out.mkdir()
     (out / LYING).mkdir()
     _write_surfaces(device, parts, None if is_cast else flat, out)
     manifest = replace(
-        _manifest(device, parts, pins, layout, cords, prediction),
+        _manifest(device, parts, pins, layout, cords, prediction, supports),
         pins=write_pins(pins, out),
         plates=write_plates(placed, out, device.name),
-        advice=tuple(print_advice(device)),
+        advice=tuple(print_advice(device, supports)),
         copies=device.fabrication.copies,
         least_plates=min_plates,
     )
@@ -208,6 +217,7 @@ def _manifest(
     layout: LayoutRecord,
     cords: tuple[CutCord, ...],
     prediction: Prediction,
+    supports: Mapping[str, Overhang],
 ) -> Manifest:
     parts = parts.with_warnings(
         cord_warnings(device, layout) | _length_warnings(device, cords, layout.middles)
@@ -216,7 +226,8 @@ def _manifest(
         device=device.name,
         unit="mm",
         parts=tuple(
-            _part(parts, i, device.fabrication.kind == "cast") for i in range(len(parts.parts))
+            _part(parts, i, device.fabrication.kind == "cast", supports)
+            for i in range(len(parts.parts))
         ),
         pins=(),
         plates=(),
@@ -301,7 +312,7 @@ def cord_warnings(device: Device, layout: LayoutRecord) -> dict[str, Float | Non
     return warnings
 
 
-def _part(parts: PartSet, i: int, cast: bool) -> PartRecord:
+def _part(parts: PartSet, i: int, cast: bool, supports: Mapping[str, Overhang]) -> PartRecord:
     part = parts.parts[i]
     step, volume = None, None
     if part.solid is not None:
@@ -322,6 +333,7 @@ def _part(parts: PartSet, i: int, cast: bool) -> PartRecord:
             if i in (parts.contacts[p.contact].lower, parts.contacts[p.contact].upper)
         ),
         step_volume=volume,
+        support_area=supports[part.name].area if part.name in supports else 0.0,
     )
 
 

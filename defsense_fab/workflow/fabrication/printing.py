@@ -5,12 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
+from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
-from ...geometry.printing.print_bed import PlacedPart, arrange, count_fewest_plates
+from ...geometry.printing.overhangs import Overhang, measure_overhang
+from ...geometry.printing.print_bed import (
+    MIN_FIRST_LAYER_MM2,
+    PlacedPart,
+    arrange,
+    count_fewest_plates,
+    first_layer_area,
+)
 from ...store.manifest import PinRecord, Plate
 
 #: Folder in parts/ of pieces in print orientation; parts/ itself has them in device coordinates.
@@ -23,6 +33,7 @@ _FEEDSTOCKS = {
     "sls": "powder",
     "cast": "mould",
 }
+MIN_SAME_SIDE_COSINE = 0.999  # of directions that are one side of a part
 _MIN_MOULD_SHELL_MM = 1.2  # thinner shells leak
 _MAX_MOULD_LAYER_MM = 0.12  # silicone reproduces every layer
 
@@ -117,25 +128,76 @@ def write_pins(
     )
 
 
-def print_advice(device: Device) -> list[str]:
+def measure_part_supports(part_set: PartSet) -> dict[str, Overhang]:
+    """Return the overhangs of the parts that need supports as they are printed, by name.
+
+    Grooves, pockets and sockets need none. A part without a flat face to stand on needs supports,
+    even if none of its overhangs does.
+    """
+    overhangs = {}
+    for part, bare in zip(part_set.parts, part_set.bare, strict=True):
+        overhang = measure_overhang(bare, part.down)
+        solid = triangle_kernel.to_manifold(part.surface, part.name)
+        if overhang.area or first_layer_area(solid, part.down) < MIN_FIRST_LAYER_MM2:
+            overhangs[part.name] = overhang
+    return overhangs
+
+
+def measure_piece_supports(lying: Mapping[str, Surface]) -> dict[str, Overhang]:
+    """Return the overhangs of the pieces of moulds that need supports, by name.
+
+    Args:
+        lying: Surfaces in print orientation, by name.
+    """
+    down = np.array([0.0, 0.0, -1.0])
+    overhangs = {
+        name: measure_overhang(triangle_kernel.to_manifold(surface, name), down)
+        for name, surface in lying.items()
+    }
+    return {name: overhang for name, overhang in overhangs.items() if overhang.area}
+
+
+def lying_notes(part_set: PartSet) -> dict[str, Float | None]:
+    """Return a note for each part that lies on its skin to save supports, with its middle (3,)."""
+    notes: dict[str, Float | None] = {}
+    for index, (part, bare) in enumerate(zip(part_set.parts, part_set.bare, strict=True)):
+        faces = part_set.cut_faces(index)
+        if faces and not any(part.down @ face > MIN_SAME_SIDE_COSINE for face in faces):
+            saved = measure_overhang(bare, faces[0])
+            if saved.volume > measure_overhang(bare, part.down).volume:
+                text = (
+                    f"{part.name} is printed on its skin: on its cut face {saved.area:.0f} mm2 of"
+                    " skin would need supports"
+                )
+                notes[text] = part.center
+    return notes
+
+
+def print_advice(device: Device, supports: Mapping[str, Overhang]) -> list[str]:
     """Return advice on how to print a device's parts or moulds, the most important first.
 
     Args:
         device: The device.
+        supports: Overhangs of the parts, or of the pieces of moulds, that need supports, by name.
 
     Returns:
         Sentences for the assembler.
     """
     fabrication = device.fabrication
     if fabrication.kind == "cast":
-        return _advise_on_moulds(device)
+        return _advise_on_moulds(device, supports)
     feedstock = _FEEDSTOCKS.get(fabrication.process.split("-")[0])
     advice = [
         "Print every part in the orientation in which it lies on its plate, on its cut face unless"
         " a note names another side. Grooves need no supports."
     ]
+    if supports and feedstock not in ("jets", "powder"):
+        advice.append(
+            f"Print {_list_overhangs(supports)} with supports on the skin, none in grooves, pockets"
+            " and sockets: block them there, as their remains narrow the channels."
+        )
     if feedstock == "filament":
-        advice += _advise_on_filament(device)
+        advice += _advise_on_filament(device, bool(supports))
     elif feedstock == "jets":
         advice += [
             "Choose the matte finish. A glossy finish puts support on some sides only, which makes"
@@ -165,14 +227,26 @@ def print_advice(device: Device) -> list[str]:
     return advice
 
 
-def _advise_on_filament(device: Device) -> list[str]:
+def _list_overhangs(supports: Mapping[str, Overhang]) -> str:
+    """Return the names of parts that need supports, with the size of their overhangs."""
+    return ", ".join(
+        f"{name} ({overhang.area:.0f} mm2 of overhang, up to {overhang.height:.0f} mm high)"
+        if overhang.area
+        else f"{name} (no flat face to stand on)"
+        for name, overhang in supports.items()
+    )
+
+
+def _advise_on_filament(device: Device, has_supports: bool) -> list[str]:
     fabrication = device.fabrication
     wall_lines = round(fabrication.wall / fabrication.line)
     advice = [
         f"Use {wall_lines} wall lines of {fabrication.line:g} mm, layers of"
         f" {fabrication.layer:g} mm and 100 % infill: the prediction assumes solid parts.",
-        "Switch off all supports, also painted and automatic ones in grooves and sockets: their"
-        " remains narrow the channels.",
+        "Switch off supports for all other parts."
+        if has_supports
+        else "No part needs supports. Switch them off, also painted and automatic ones in grooves"
+        " and sockets: their remains narrow the channels.",
         "Dry the filament. Print slowly (20 to 30 mm/s), and avoid travel across grooves if the"
         " slicer can: strings in a groove hold the cord.",
     ]
@@ -184,13 +258,18 @@ def _advise_on_filament(device: Device) -> list[str]:
     return advice
 
 
-def _advise_on_moulds(device: Device) -> list[str]:
+def _advise_on_moulds(device: Device, supports: Mapping[str, Overhang]) -> list[str]:
     fabrication = device.fabrication
     is_resin = fabrication.process.endswith("resin")
     plastic = "resin" if is_resin else "plastic such as PLA or PETG"
     advice = [
         "Print every piece of the moulds in the orientation in which it lies on its plate, with"
-        f" cores and cavities up, in a rigid {plastic}. No piece needs supports.",
+        f" cores and cavities up, in a rigid {plastic}."
+        + (
+            f" Print {_list_overhangs(supports)} with supports, and no other piece."
+            if supports
+            else " No piece needs supports."
+        ),
     ]
     if is_resin:
         advice.append(

@@ -10,6 +10,7 @@ from defsense_fab.core.device.materials import find_silicone
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.moulds.records import Mould
+from defsense_fab.geometry.printing.overhangs import Overhang
 from defsense_fab.optimization.prediction.as_built import mould_rules
 from defsense_fab.workflow.build.stages import STAGES
 from defsense_fab.workflow.fabrication.casting import casting, notes
@@ -63,7 +64,7 @@ def test_every_process_is_read_and_advises():
     for name, row in read_rows("printers.csv").items():
         material = "dragon-skin-30" if row["kind"] == "cast" else "tpu-85a"
         printed = device(f'process = "{name}"', f'name = "{material}"')
-        advice = " ".join(print_advice(printed))
+        advice = " ".join(print_advice(printed, {}))
         assert "support" in advice or "sealed" in advice
         assert row["source"]
         assert printed.fabrication.bed == tuple(float(row[f"bed_{c}"]) for c in "xyz")
@@ -72,10 +73,30 @@ def test_every_process_is_read_and_advises():
         assert find_silicone(name).shrinkage < 0.01
 
 
+@pytest.mark.parametrize(
+    ("process", "material", "is_advised"),
+    [
+        ("fdm-tpu", "tpu-85a", True),
+        ("sla-elastic", "tpu-85a", True),
+        ("sls-tpu", "tpu-85a", False),
+        ("cast-silicone", "dragon-skin-30", True),
+    ],
+)
+def test_advice_names_exactly_the_parts_that_need_supports(process, material, is_advised):
+    printed = device(f'process = "{process}"', f'name = "{material}"')
+    overhang = Overhang(468.0, 84.0, 30_000.0, np.zeros(3))
+    without, advised = print_advice(printed, {}), print_advice(printed, {"3-right": overhang})
+    assert not any("3-right" in sentence for sentence in without)
+    named = [s for s in advised if "3-right" in s and "468 mm2" in s and "84 mm" in s]
+    assert bool(named) == is_advised
+    assert (advised != without) == is_advised
+    assert not any("No p" in sentence for sentence in advised)
+
+
 def test_custom_process_gets_the_advice_for_all_processes():
     tpu = device('process = "fdm-tpu"', 'name = "tpu-85a"')
     custom = replace(tpu, fabrication=replace(tpu.fabrication, process="belt-tpu"))
-    assert print_advice(custom) == print_advice(tpu)[:1]
+    assert print_advice(custom, {}) == print_advice(tpu, {})[:1]
 
 
 @pytest.mark.parametrize(
