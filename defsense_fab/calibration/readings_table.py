@@ -9,10 +9,9 @@ are then those of side a. Other columns are ignored.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import NoReturn
 
@@ -21,11 +20,10 @@ import numpy as np
 from ..core.errors import CalibrationError
 from ..core.progress import Notice
 from ..core.response import JIG_RADII_MM
-from ..core.storage.files import unreadable_code
+from ..core.storage.delimited_text import DelimitedTable, read_delimited
 from .readings import MEMORY_TERMS, Geometry, Piece, Readings
 
 _REQUIRED_COLUMNS = ("specimen", "jig_radius", "channel", "resistance")
-_DECIMAL_COLUMNS = ("jig_radius", "resistance")
 _SIDES = {"top": 1, "neutral": 0, "bottom": -1}
 #: Displays of multimeters for an open circuit.
 _OPEN = {"ol", "o.l", "o.l.", "0l", "0.l", "open", "inf", "1."}
@@ -40,7 +38,7 @@ def read_table(
     """Read a table of readings.
 
     Args:
-        path: CSV file, separated by commas, semicolons or tabs.
+        path: Table in text; see `core.storage.delimited_text` for its forms.
         geometry: Geometry of the specimens.
         radii: Radii of the available jigs, mm; by default the paper's nine.
 
@@ -50,28 +48,31 @@ def read_table(
     Raises:
         CalibrationError: A cell is invalid; the error names file, line and column.
     """
-    rows, names = _read_rows(path)
+    table = read_delimited(path, CalibrationError, path.name)
+    table.rename([name.lower() for name in table.names])
+    _check_header(table)
     notices = []
-    ignored = [n for n in names if n not in (*_REQUIRED_COLUMNS, "round", "face")]
+    ignored = [n for n in table.names if n not in (*_REQUIRED_COLUMNS, "round", "face", "")]
     if ignored:
         text = f"{path.name}: ignored columns: {', '.join(ignored)}"
         notices.append(Notice("columns-unused", text))
     pieces: list[Piece] = []
     repetitions: Counter[tuple[object, ...]] = Counter()
     out: list[tuple[int, float, float, int, float, str]] = []
-    for line, row in rows:
-        where = f"{path.name}:{line}"
+    for line, cells in table.rows():
+        row = dict(zip_longest(table.names, cells, fillvalue=""))
+        where = table.place(line)
         place = _read_place(where, row)
         piece = Piece(row["specimen"], place, place == "neutral")
         if piece not in pieces:
             pieces.append(piece)
-        radius = _read_radius(where, row["jig_radius"], radii, geometry)
+        radius = _read_radius(table, line, row["jig_radius"], radii, geometry)
         face = _read_face(where, row)
         side = _SIDES[place] * (1 if face == "a" else -1)
         key = (piece, "flat" if np.isnan(radius) else radius, face)
         turn = _read_round(where, row, repetitions[key])
         repetitions[key] += 1
-        ohm = _read_resistance(where, row["resistance"])
+        ohm = _read_resistance(table, line, row["resistance"])
         out.append((pieces.index(piece), geometry.strain(radius, side), radius, turn, ohm, where))
     if not out:
         raise CalibrationError(
@@ -94,92 +95,16 @@ def read_table(
     return readings, notices
 
 
-def _read_rows(path: Path) -> tuple[list[tuple[int, dict[str, str]]], list[str]]:
-    """Return line numbers with their cells by column, and the columns' names.
-
-    Decimal commas are accepted where columns are separated by semicolons or tabs.
-    """
-    text = _read_text(path)
-    first = next((t for t in text.splitlines() if t.strip() and t.lstrip()[0] != "#"), "")
-    separator = max(",;\t", key=first.count)
-    reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
-    names: list[str] = []
-    out = []
-    for cells in reader:
-        cells = [c.strip() for c in cells]
-        if not any(cells) or cells[0].startswith("#"):
-            continue
-        where = f"{path.name}:{reader.line_num}"
-        if not names:
-            names = [c.lower() for c in cells]
-            _check_header(where, names)
-            continue
-        if len(cells) < len(names):
-            cells += [""] * (len(names) - len(cells))
-        if any(cells[len(names) :]):
-            raise CalibrationError(
-                f"there are {len(cells)} cells in {len(names)} columns",
-                code="too-many-cells",
-                where=where,
-                action="Separate columns by semicolons if numbers have decimal commas",
-                line=reader.line_num,
-            )
-        if separator != ",":
-            cells = [
-                c.replace(",", ".") if n in _DECIMAL_COLUMNS else c
-                for n, c in zip(names, cells, strict=False)
-            ]
-        out.append((reader.line_num, dict(zip(names, cells, strict=False))))
-    if not names:
-        raise CalibrationError(
-            "is empty",
-            code="file-empty",
-            where=path,
-            action=f"Start with the header {','.join(_REQUIRED_COLUMNS)}",
-        )
-    return out, names
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise CalibrationError(
-            f"cannot be read: {error.strerror}",
-            code=unreadable_code(error),
-            where=path,
-            action="Check the path and its permissions",
-            path=path,
-        ) from None
-    except UnicodeDecodeError:
-        raise CalibrationError(
-            "is not a text in UTF-8",
-            code="not-utf8",
-            where=path,
-            action="Save the table as CSV in UTF-8",
-            path=path,
-        ) from None
-
-
-def _check_header(where: str, names: list[str]) -> None:
-    missing = [n for n in _REQUIRED_COLUMNS if n not in names]
+def _check_header(table: DelimitedTable) -> None:
+    missing = [n for n in _REQUIRED_COLUMNS if n not in table.names]
     if missing:
-        given = ", ".join(filter(None, names)) or "none"
+        given = ", ".join(filter(None, table.names)) or "none"
         raise CalibrationError(
             f"the columns {', '.join(missing)} are missing; the header has {given}",
             code="column-missing",
-            where=where,
+            where=table.place(table.header_line),
             action=f"Name the columns {', '.join(_REQUIRED_COLUMNS)}",
             columns=missing,
-        )
-    repeated = [n for n, count in Counter(names).items() if n and count > 1]
-    if repeated:
-        raise CalibrationError(
-            f"the column {repeated[0]} appears twice",
-            code="column-repeated",
-            where=where,
-            action="Rename or delete one of them",
-            column=repeated[0],
         )
 
 
@@ -233,20 +158,8 @@ def _read_round(where: str, row: dict[str, str], default: int) -> int:
     return int(row["round"])
 
 
-def _read_number(where: str, column: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        _fail(
-            where,
-            column,
-            f"{text!r} is not a number",
-            "not-a-number",
-            "Give a number without a unit, with a point for decimals",
-        )
-
-
-def _read_resistance(where: str, text: str) -> float:
+def _read_resistance(table: DelimitedTable, line: int, text: str) -> float:
+    where = table.place(line)
     if text.lower() in _OPEN:
         _fail(
             where,
@@ -257,7 +170,7 @@ def _read_resistance(where: str, text: str) -> float:
         )
     if not text:
         _fail(where, "resistance", "is empty", "empty-cell", _OHM_ACTION)
-    ohm = _read_number(where, "resistance", text)
+    ohm = table.number(text, line, "resistance")
     if not np.isfinite(ohm) or ohm <= 0:
         state = "shorted" if ohm == 0 else "open" if ohm > 0 else "not measured"
         _fail(
@@ -271,11 +184,13 @@ def _read_resistance(where: str, text: str) -> float:
     return ohm
 
 
-def _read_radius(where: str, text: str, jigs: Sequence[float], geometry: Geometry) -> float:
+def _read_radius(
+    table: DelimitedTable, line: int, text: str, jigs: Sequence[float], geometry: Geometry
+) -> float:
     """Return the radius of a jig, NaN for the flat one."""
     if not text or text.lower() == "flat":
         return float("nan")
-    radius = _read_number(where, "jig_radius", text)
+    radius = table.number(text, line, "jig_radius")
     closest = min(jigs, key=lambda r: abs(r - radius))
     if abs(closest - radius) <= _RADIUS_TOLERANCE_MM:
         return float(closest)
@@ -293,7 +208,7 @@ def _read_radius(where: str, text: str, jigs: Sequence[float], geometry: Geometr
             f" which is {middle:g} mm smaller"
         )
     _fail(
-        where,
+        table.place(line),
         "jig_radius",
         f"{text} mm is not one of the jigs {available}",
         "unknown-jig",

@@ -1,23 +1,24 @@
-"""Signals of a read-out board in files of other systems, and tables of numbers in CSV files."""
+"""Signals of a read-out board in files of other systems, and tables of numbers in text."""
 
 from __future__ import annotations
 
 import sys
 from bisect import bisect_left
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
+from ...core.storage.delimited_text import Row, read_delimited
 
 #: The one column of text.
 RUN = "run"
 #: Suffix of the names of resistances.
 OHM = "_ohm"
 
-_BLOCK_LINES = 10_000  # lines that are split at once
 # Columns that are not channels, in addition to `run`.
 _OTHER_COLUMNS = (
     "frame",
@@ -42,12 +43,14 @@ class Table:
         names: Names of the k columns.
         values: Numbers, shape (n, k); NaN for empty cells.
         run: Text of the column `run`, of each of the n rows; empty without such a column.
+        notes: What was left out.
     """
 
     path: Path
     names: tuple[str, ...]
     values: Float
     run: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Float:
         """Return a column (n,); raise TrainingError if there is none of this name."""
@@ -69,10 +72,12 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """Read a CSV file whose first line names the columns.
+    """Read a table in text whose first line names the columns.
+
+    A last row that is cut off is left out, with a note.
 
     Args:
-        path: The file.
+        path: The file; see `core.storage.delimited_text` for its forms.
 
     Returns:
         The table.
@@ -80,83 +85,75 @@ def read_table(path: Path) -> Table:
     Raises:
         TrainingError: If the file cannot be read or is not such a table; the line is stated.
     """
-    lines = _read_lines(path)
-    header = [cell.strip().strip('"') for cell in lines[0].split(",")] if lines else []
-    if len(header) < 2 or any(_is_number(cell) for cell in header):
+    table = read_delimited(path, TrainingError)
+    if len(table.names) < 2 or any(map(_is_number, table.names)):
         raise TrainingError(
-            "the first line does not name the columns, separated by commas",
+            "the first line does not name the columns",
             code="header-missing",
-            where=f"{path}:1",
-            action="Name the columns in the first line",
+            where=table.place(table.header_line),
+            action="Name the columns in the first line, with separators between them",
         )
-    duplicates = [name for k, name in enumerate(header) if name in header[:k]]
-    if duplicates:
-        raise TrainingError(
-            f"has two columns {duplicates[0]!r}",
-            code="column-repeated",
-            where=f"{path}:1",
-            action="Rename one",
-            column=duplicates[0],
-        )
-    kept = [k for k, name in enumerate(header) if name != RUN]
-    names, run = tuple(header[k] for k in kept), list[str]()
-    parts = [np.empty((0, len(kept)))]
-    for start in range(1, len(lines), _BLOCK_LINES):
-        block = enumerate(lines[start : start + _BLOCK_LINES], start + 1)
-        rows = [(k, line.split(",")) for k, line in block if line.strip()]
-        for k, row in rows:
-            if len(row) != len(header):
+    table.rename([_column_name(name) for name in table.names])
+    kept = [k for k, name in enumerate(table.names) if name not in (RUN, "")]
+    names, run = tuple(table.names[k] for k in kept), list[str]()
+    parts, notes, previous = [np.empty((0, len(kept)))], tuple[str, ...](), list[str]()
+    for block, is_last in _with_last(table.blocks()):
+        if is_last and not table.ends_with_newline and _is_cut(block, previous, len(table.names)):
+            notes = (f"the last line ({block.pop().line}) is cut off, and left out",)
+        for row in block:
+            if len(row.cells) != len(table.names):
                 raise TrainingError(
-                    f"has {len(row)} cells for {len(header)} columns, and may be truncated",
+                    f"has {len(row.cells)} cells for {len(table.names)} columns",
                     code="cell-count-differs",
-                    where=f"{path}:{k}",
+                    where=table.place(row.line),
                     action="Delete the line, or copy the file again",
-                    line=k,
+                    line=row.line,
                 )
-        if RUN in header:
-            run += [sys.intern(row[header.index(RUN)].strip()) for _, row in rows]
-        parts.append(_parse_rows(path, rows, kept, names))
-    return Table(path, names, np.concatenate(parts), tuple(run))
+        if RUN in table.names:
+            column = table.names.index(RUN)
+            run += [sys.intern(row.cells[column]) for row in block]
+        lines = [row.line for row in block]
+        values = np.empty((len(block), len(kept)))
+        for k, column in enumerate(kept):
+            values[:, k] = table.numbers([row.cells[column] for row in block], lines, names[k])
+        parts.append(values)
+        previous = block[-1].cells if block else previous
+    return Table(path, names, np.concatenate(parts), tuple(run), notes)
 
 
-def _read_lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise TrainingError(
-            f"cannot be read: {error.strerror}",
-            code="file-unreadable",
-            where=path,
-            action="Check the path",
-        ) from None
-    except UnicodeDecodeError:
-        raise TrainingError(
-            "is not a table in text (CSV)",
-            code="not-a-table",
-            where=path,
-            action="Export it as CSV",
-        ) from None
+def _with_last(blocks: Iterator[list[Row]]) -> Iterator[tuple[list[Row], bool]]:
+    """Iterate over blocks and whether each is the last."""
+    block = next(blocks, None)
+    while block is not None:
+        following = next(blocks, None)
+        yield block, following is None
+        block = following
 
 
-def _parse_rows(
-    path: Path, rows: list[tuple[int, list[str]]], kept: list[int], names: tuple[str, ...]
-) -> Float:
-    """Return the numbers (n, k) of the kept columns."""
-    values = np.empty((len(rows), len(kept)))
-    for k, column in enumerate(kept):
-        cells = [row[column].strip() or "nan" for _, row in rows]
-        try:
-            values[:, k] = np.fromiter(map(float, cells), float, len(cells))
-        except ValueError:
-            bad = next(i for i, cell in enumerate(cells) if not _is_number(cell))
-            raise TrainingError(
-                f"{names[k]} is not a number: {cells[bad][:40]!r}",
-                code="not-a-number",
-                where=f"{path}:{rows[bad][0]}",
-                column=names[k],
-                line=rows[bad][0],
-            ) from None
-    return values
+def _is_cut(block: list[Row], previous: list[str], columns: int) -> bool:
+    """Return whether the last row, whose line has no end, is cut off.
+
+    Its last cell is if it has fewer decimals than the one above, or is not a number.
+    """
+    last = block[-1].cells
+    above = block[-2].cells if len(block) > 1 else previous
+    if len(last) < columns:
+        return True
+    if len(above) < columns or above[-1] == "":
+        return False
+    return not _is_number(last[-1].replace(",", ".")) or _decimals(last[-1]) < _decimals(above[-1])
+
+
+def _decimals(cell: str) -> int:
+    """Return the number of characters after the decimal sign."""
+    return len(cell) - 1 - max(cell.rfind("."), cell.rfind(",")) if set(cell) & set(".,") else 0
+
+
+def _column_name(name: str) -> str:
+    """Return the name of a column with the package's own names in small letters."""
+    if name.lower() in (*_OTHER_COLUMNS, RUN):
+        return name.lower()
+    return name[: -len(OHM)] + OHM if name.lower().endswith(OHM) else name
 
 
 def _is_number(cell: str) -> bool:
@@ -177,6 +174,7 @@ class Series:
         time: Times of the n samples, shape (n,), s, on any clock.
         ohm: Resistances, shape (n, c), ohm; NaN where unknown. None if not given.
         change: Signals (R - R0)/R0, shape (n, c); NaN where unknown. None if not given.
+        notes: What was left out of the file.
 
     Raises:
         TrainingError: If no number is known, times are not in seconds, or signals are too large.
@@ -187,6 +185,7 @@ class Series:
     time: Float
     ohm: Float | None
     change: Float | None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         values = self.ohm if self.ohm is not None else self.change
@@ -248,9 +247,9 @@ class Series:
 
 
 def read_series(path: Path) -> Series:
-    """Read signals from a CSV file.
+    """Read signals from a table in text.
 
-    The file has a column `time`, in s, and one for each channel: (R - R0)/R0 under its name, or
+    The table has a column `time`, in s, and one for each channel: (R - R0)/R0 under its name, or
     resistances in ohm under `<name>_ohm`, or both.
 
     Args:
@@ -272,7 +271,8 @@ def read_series(path: Path) -> Series:
             count=len(set(table.run)),
         )
     names = [n for n in table.names if n not in _OTHER_COLUMNS and n != RUN]
-    return make_series(str(path), names, table["time"], table.columns(names))
+    series = make_series(str(path), names, table["time"], table.columns(names))
+    return replace(series, notes=table.notes)
 
 
 def make_series(source: str, names: list[str], time: Float, values: Float) -> Series:

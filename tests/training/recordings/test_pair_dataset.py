@@ -142,7 +142,7 @@ def test_tracks_in_another_frame_are_aligned_to_the_rest_pose(tmp_path, r):
         ("time,a\n0,1200\n0.1,1201\n0.2,1200\n", "signals-too-large", {"value": 1200.0}),
         ("time,a,a\n0,1,1\n", "column-repeated", {"column": "a"}),
         ("0,1,2\n", "header-missing", {}),
-        ("", "header-missing", {}),
+        ("", "file-empty", {}),
         ("time,a\n0,x\n", "not-a-number", {"column": "a", "line": 2}),
         ("time,a\n0,\n0.1,\n", "no-samples", {}),
         ("time,frame\n0,1\n0.1,2\n", "no-samples", {}),
@@ -177,7 +177,7 @@ def test_tracks_without_visible_markers_are_refused(tmp_path, r):
     signals = write_signals(tmp_path / "s.csv", r)
     with raises(TrainingError, "no-markers", frames=900):
         pair_dataset(signals, tmp_path / "take.csv")
-    with raises(TrainingError, "file-unreadable"):
+    with raises(TrainingError, "file-not-found"):
         pair_dataset(tmp_path / "none.csv", tmp_path / "take.csv")
 
 
