@@ -64,6 +64,7 @@ _FIXING_OPTIONS = {
     "out-of-step": "--shift auto",
     "device-missing": "--device",
     "sources-missing": "--signals, --tracks, --device",
+    "length-unit-unknown": "--tracks-unit mm",
 }
 
 _log = logging.getLogger(__name__)
@@ -222,6 +223,8 @@ def _add_flags(error: DefsenseError) -> None:
     if error.where and flag in activity.options:
         error.where = flag
     option = _FIXING_OPTIONS.get(error.code)
+    if error.code == "length-unit-unknown" and "--tracks-unit" not in activity.options:
+        option = "--unit mm"  # of capture convert
     if option and error.action and option not in error.action:
         error.action = f"{error.action.rstrip('.')} ({option})"
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from ..capture.files.length_units import LengthUnit
 from ..core.errors import TrainingError
 from ..core.schema.options import check_options
 
@@ -29,6 +30,7 @@ class DataFiles:
         signals: Read signals or resistances over time from this file (.csv); needs tracks.
         tracks: Read the markers from this file (.csv, .npz, .parquet, .c3d, .trc); needs
             signals.
+        tracks_unit: Set the unit of the tracks' positions, for a file that does not state it.
         markers: Set the file of the markers' positions at rest (default: markers.json of the
             device).
         offset: Set the time in s by which the tracks' clock is ahead, or auto to find it.
@@ -37,14 +39,16 @@ class DataFiles:
             signals is of.
 
     Raises:
-        TrainingError: Only one of `signals` and `tracks` is given (`file-not-found`), or a time is
-            not a finite number (`out-of-range`).
+        TrainingError: Only one of `signals` and `tracks` is given (`file-not-found`), `tracks_unit`
+            is given without `tracks` (`options-conflict`), or a time is not a finite number
+            (`out-of-range`).
     """
 
     sources: tuple[Path, ...] = ()
     _: KW_ONLY
     signals: Path | None = None
     tracks: Path | None = None
+    tracks_unit: LengthUnit | None = None
     markers: Path | None = None
     offset: ClockShift = 0.0
     shift: ClockShift = 0.0
@@ -60,6 +64,14 @@ class DataFiles:
                 where=missing,
                 action="Give both",
                 missing=missing,
+            )
+        if self.tracks_unit is not None and self.tracks is None:
+            raise TrainingError(
+                "has no effect without a file of tracks",
+                code="options-conflict",
+                where="tracks_unit",
+                action="Omit it, or give tracks",
+                option="tracks_unit",
             )
 
     @property

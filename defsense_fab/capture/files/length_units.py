@@ -43,7 +43,7 @@ def resolve_unit(
         **data: Facts for the errors, such as the line.
 
     Raises:
-        CaptureError: If neither is a known unit (`unknown-unit`), or the two differ
+        CaptureError: If neither is a known unit (`length-unit-unknown`), or the two differ
             (`unit-conflict`).
     """
     factor = mm_per_unit(stated)
@@ -51,7 +51,7 @@ def resolve_unit(
         shown = f"{stated.strip()!r}, not mm, cm or m" if stated.strip() else "not stated"
         raise CaptureError(
             f"the unit of its positions ({name}) is {shown}",
-            code="unknown-unit",
+            code="length-unit-unknown",
             where=where,
             action="State the unit, such as mm",
             unit=stated.strip(),

@@ -29,7 +29,9 @@ def _convert(
     """Read tracks of markers and write them in another format.
 
     Formats are .csv, .npz, .parquet, .c3d and .trc. Positions are in mm; missing markers stay
-    missing. Labels become numbers: the numbers at their ends if these differ, or else their order.
+    missing. Markers labeled tag_N or SUBJECT:tag_N become marker N, and others are left out.
+    Without such labels, the numbers are those at the labels' ends if these differ, or else their
+    order.
 
     Args:
         source: Tracks to read.
@@ -48,6 +50,7 @@ def _convert(
                 "markers": count,
                 "seen": share,
                 "frame": result.frame,
+                "notes": list(result.notes),
             }
         )
         return
@@ -55,6 +58,7 @@ def _convert(
         [
             f"{result.written.summary}; {count} markers, {share:.0%} visible in"
             f" {len(result.tracks.time)} frames",
+            *(f"note: {note}" for note in result.notes),
             f"frame: {result.frame}",
             f"Look at: {out}",
         ]

@@ -43,8 +43,11 @@ def format_data_options(files: DataFiles, device: Path | None) -> str:
     named = {"device": device, **{name: getattr(files, name) for name in _NAMES}}
     for name, value in named.items():
         if value != getattr(DataFiles, name, None):
-            words += [f"--{name}", f"{value:g}" if isinstance(value, float) else str(value)]
+            words += [
+                f"--{name.replace('_', '-')}",
+                f"{value:g}" if isinstance(value, float) else str(value),
+            ]
     return " ".join(map(quote, words))
 
 
-_NAMES = ("signals", "tracks", "markers", "offset", "shift", "unit")
+_NAMES = ("signals", "tracks", "tracks_unit", "markers", "offset", "shift", "unit")

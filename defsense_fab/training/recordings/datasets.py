@@ -54,6 +54,7 @@ def load_dataset(
         unit=files.unit,
         markers=_load_markers(device, files.markers),
         offset=files.offset,
+        tracks_unit=files.tracks_unit,
         fallback_device=fallback_device,
     )
     parts = [_load_source(source, info) for source in files.sources]

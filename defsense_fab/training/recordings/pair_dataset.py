@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from ...capture.clocks.synchronization import synchronize_by_motion
-from ...capture.files.formats import read_tracks
+from ...capture.files.absent_markers import list_some
+from ...capture.files.formats import read_track_file
+from ...capture.files.length_units import LengthUnit
+from ...capture.files.track_file import TrackFile
 from ...capture.sessions.rest_frame import align_with_rest
 from ...capture.sessions.signals import marker_distances
 from ...capture.tracking.rest_pose import MAX_DISTANCE_MM
@@ -42,6 +45,7 @@ class RecordingInfo:
             tracks, which then must be in the device's rest frame.
         offset: Seconds such that tracks' time = signals' time + offset; "auto" to find it from the
             relation of motion and signals.
+        tracks_unit: Unit of the positions in a file of tracks that does not state it.
         fallback_device: Name of the device if neither `device` nor `markers` is given.
     """
 
@@ -50,6 +54,7 @@ class RecordingInfo:
     unit: str = ""
     markers: Markers | None = None
     offset: ClockShift = 0.0
+    tracks_unit: LengthUnit | None = None
     fallback_device: str = ""
 
     def device_name(self, source: str) -> str:
@@ -79,9 +84,24 @@ def pair_dataset(signals: Path, tracks: Path, info: RecordingInfo | None = None)
         TrainingError: If the files do not match each other or the markers.
         CaptureError: If the tracks cannot be read.
     """
-    return dataset_of_series(
-        read_series(signals), read_tracks(tracks), str(tracks), info or RecordingInfo()
-    )
+    info = info or RecordingInfo()
+    series, file = read_series(signals), read_track_file(tracks, info.tracks_unit)
+    if info.markers is not None:
+        _require_numbers(file, info.markers, str(tracks))
+    return dataset_of_series(series, file.tracks, str(tracks), info, file.notes)
+
+
+def _require_numbers(file: TrackFile, markers: Markers, source: str) -> None:
+    """Raise an error if the labels of a file do not name the device's markers."""
+    if file.is_in_file_order:
+        raise TrainingError(
+            f"its labels do not number the markers: {list_some(file.labels)}",
+            code="markers-differ",
+            where=source,
+            action="Name the markers by the device's numbers (tag_1, tag_2, ...)",
+            found=file.labels,
+            expected=tuple(markers.ids.tolist()),
+        )
 
 
 def dataset_of_series(
@@ -119,7 +139,7 @@ def dataset_of_series(
     start = max(float(tracks.time[0]), float(time[0]))
     is_initial = np.asarray(tracks.time <= start + _INITIAL_REST_S)
     tracks, rest_points, rest_notes = _find_rest(tracks, source, is_initial, info)
-    notes = [*file_notes, *rest_notes]
+    notes = [*series.notes, *file_notes, *rest_notes]
     extra = float(time[-1] - tracks.time[-1])
     if extra > max(_MAX_EXTRA_SHARE * float(np.ptp(time)), _INITIAL_REST_S):
         notes.append(

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from ...capture.files.length_units import LengthUnit
 from ...core.errors import CaptureError
 from ...core.schema.options import check_options
 from ..cameras.options import CALIBRATION_FILE as CALIBRATION_FILE
@@ -65,15 +66,25 @@ class ProcessOptions:
             the anchor's where enough of them are visible (auto).
         tracks: Read the markers from this file (.c3d, .trc, ...) of a motion-capture system instead
             of the session's cameras.
+        tracks_unit: Set the unit of the positions in `tracks`, for a file that does not state it.
         from_video: Detect the tags again in the session's videos.
     """
 
     align: Literal["auto", "anchor", "all"] = "auto"
     tracks: Path | None = None
+    tracks_unit: LengthUnit | None = None
     from_video: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, CaptureError)
+        if self.tracks_unit is not None and self.tracks is None:
+            raise CaptureError(
+                "has no effect without a file of tracks",
+                code="options-conflict",
+                where="tracks_unit",
+                action="Omit it, or give tracks",
+                option="tracks_unit",
+            )
 
 
 @dataclass(frozen=True)
@@ -128,11 +139,13 @@ class ConversionOptions:
     """Options of a conversion of tracks.
 
     Attributes:
+        unit: Set the unit of the positions, for a file that does not state it.
         up: Rotate the tracks so that this axis points upwards.
         source_up: Set what points upwards in the file that is read, for a rotation: y, z, or camera
             (y down, z forwards, as 'process' writes).
     """
 
+    unit: LengthUnit | None = None
     up: Axis | None = None
     source_up: Literal["camera", "y", "z"] | None = None
 

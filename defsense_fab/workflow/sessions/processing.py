@@ -74,7 +74,7 @@ def process_session(
                     process_run(session, run, from_video=options.from_video, progress=progress)
                 )
             else:
-                runs.append(process_captured_run(session, run, options.tracks))
+                runs.append(process_captured_run(session, run, options.tracks, options.tracks_unit))
         except CaptureError as error:
             skipped.append(
                 {

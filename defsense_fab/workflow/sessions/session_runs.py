@@ -13,7 +13,9 @@ from ...capture.cameras.image_sources import Video, measure_timing
 from ...capture.cameras.rig_file import Rig
 from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronization import synchronize_by_motion
-from ...capture.files.formats import read_tracks
+from ...capture.files.absent_markers import list_some
+from ...capture.files.formats import read_track_file
+from ...capture.files.length_units import LengthUnit
 from ...capture.readout.recording import Recording, read_recording
 from ...capture.sessions.camera_recorder import VIDEO_RATE_HZ
 from ...capture.sessions.recorded_tags import CameraRecording, read_camera_tags
@@ -296,19 +298,22 @@ def _end_warnings(
     return warnings
 
 
-def process_captured_run(session: CaptureSession, run: Path, path: Path) -> ProcessedRun:
+def process_captured_run(
+    session: CaptureSession, run: Path, path: Path, unit: LengthUnit | None = None
+) -> ProcessedRun:
     """Process a run whose markers another system recorded; the clocks are compared by motion.
 
     Args:
         session: The session.
         run: Folder of the run.
         path: File of the tracks.
+        unit: Unit of its positions, if it does not state it.
 
     Raises:
-        CaptureError: The tracks are not of the device (`markers-of-another-device`), or the clocks
-            cannot be compared.
+        CaptureError: The tracks cannot be read or are not of the device
+            (`markers-of-another-device`), or the clocks cannot be compared.
     """
-    tracks = _read_device_tracks(session, path)
+    tracks, notes = _read_device_tracks(session, path, unit)
     recording = read_recording(run / BOARD)
     board_time = recording.device_us / 1e6
     board_ohm = resistances(session, recording)
@@ -321,7 +326,7 @@ def process_captured_run(session: CaptureSession, run: Path, path: Path) -> Proc
             " record it again."
         ]
     quality: dict[str, Any] = {
-        "warnings": [],
+        "warnings": notes,
         "by_several": float(tracks.visible.mean()),
         "by_one": 0.0,
         "impossible": 0,
@@ -355,24 +360,29 @@ def process_captured_run(session: CaptureSession, run: Path, path: Path) -> Proc
     )
 
 
-def _read_device_tracks(session: CaptureSession, path: Path) -> Tracks:
-    """Read the tracks of the device's markers; others are left out."""
-    tracks = read_tracks(path)
+def _read_device_tracks(
+    session: CaptureSession, path: Path, unit: LengthUnit | None
+) -> tuple[Tracks, list[str]]:
+    """Read the tracks of the device's markers, and notes on the file; others are left out."""
+    file = read_track_file(path, unit)
+    tracks = file.tracks
     is_marker = np.isin(tracks.ids, session.markers.ids)
-    if is_marker.sum() < MIN_COMMON_MARKERS:
-        names, required = (
-            ", ".join(map(str, ids.tolist())) for ids in (tracks.ids, session.markers.ids)
-        )
+    if file.is_in_file_order or is_marker.sum() < MIN_COMMON_MARKERS:
+        names = list_some(file.labels or tuple(map(str, tracks.ids.tolist())))
+        required = ", ".join(map(str, session.markers.ids.tolist()))
         raise CaptureError(
             f"has the markers {names}; the device has {required}",
             code="markers-of-another-device",
             where=path,
             action="Name the markers by the device's numbers (tag_1, tag_2, ...)",
         )
-    return Tracks(
+    others = [f"tag_{number}" for number in tracks.ids[~is_marker].tolist()]
+    notes = [f"{len(others)} other markers are left out: {list_some(others)}"] if others else []
+    selected = Tracks(
         tracks.time,
         tracks.ids[is_marker],
         tracks.points[:, is_marker],
         tracks.sigma[:, is_marker],
         tracks.frame,
     )
+    return selected, [f"{path}: {note}" for note in (*file.notes, *notes)]

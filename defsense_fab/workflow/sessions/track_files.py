@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...capture.files.formats import check_suffix, read_tracks, write_tracks
+from ...capture.files.formats import check_suffix, read_track_file, write_tracks
 from ...capture.files.track_conversion import AXES, WrittenFrames, change_axes
 from ...capture.tracking.track_filters import smooth
 from ...capture.videos.video_tracks import VideoTracks, process_videos
@@ -28,11 +28,13 @@ class ConvertedTracks:
         tracks: The tracks.
         written: The frames of the file.
         frame: Frame of reference of the file.
+        notes: What was left out of the source, or assumed.
     """
 
     tracks: Tracks
     written: WrittenFrames
     frame: str
+    notes: tuple[str, ...] = ()
 
     @property
     def visible_share(self) -> float:
@@ -149,7 +151,7 @@ def convert_tracks(
     Args:
         source: File to read.
         out: File to write; its suffix selects the format.
-        options: Axis that points upwards afterwards.
+        options: Unit of the source, and axis that points upwards afterwards.
 
     Raises:
         CaptureError: A file cannot be read or written in its format, or only one of the two axes
@@ -173,7 +175,8 @@ def convert_tracks(
             action="Give up",
             option="up",
         )
-    tracks, frame = read_tracks(source), "unchanged"
+    file = read_track_file(source, options.unit)
+    tracks, frame = file.tracks, "unchanged"
     if options.up and options.source_up:
         tracks, frame = change_axes(tracks, options.source_up, options.up), AXES[options.up]
-    return ConvertedTracks(tracks, write_tracks(out, tracks), frame)
+    return ConvertedTracks(tracks, write_tracks(out, tracks), frame, file.notes)

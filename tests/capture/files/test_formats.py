@@ -252,7 +252,7 @@ def test_trc_of_other_programs(tmp_path):
     ("old", "new", "code", "data"),
     [
         ("PathFileType", "Path", "not-a-trc-file", {"line": 1}),
-        ("\tm\t", "\tfurlong\t", "unknown-unit", {"line": 3}),
+        ("\tm\t", "\tfurlong\t", "length-unit-unknown", {"line": 3}),
         ("\t3\t2\tm", "\t3\ttwo\tm", "not-a-number", {"line": 3}),
         ("\t3\t2\tm", "\t3\t1\tm", "labels-differ", {"line": 4, "count": 2}),
         ("\t3\t2\tm", "\t9\t2\tm", "file-truncated", {"count": 3, "frames": 9}),
@@ -305,7 +305,7 @@ def test_invalid_c3d(tmp_path):
     path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0)[:-512])
     refused(path, "file-truncated", first=1, last=30, needed=960)
     path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0, units="in"))
-    refused(path, "unknown-unit", unit="in")
+    refused(path, "length-unit-unknown", unit="in")
     path.write_bytes(c3d_format.build(points, ["a", "b"], 0.0))
     refused(path, "frame-rate-invalid", rate=0)
     path.write_bytes(c3d_format.build(points[:, :0], [], 50.0))

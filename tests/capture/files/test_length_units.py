@@ -26,5 +26,5 @@ def test_a_stated_unit_fills_in_and_does_not_override():
     assert resolve_unit("mete", "m", "a.c3d", "UNITS") == 1000
     with raises(CaptureError, "unit-conflict", unit="m"):
         resolve_unit("m", "mm", "a.c3d", "UNITS")
-    with raises(CaptureError, "unknown-unit", unit=""):
+    with raises(CaptureError, "length-unit-unknown", unit=""):
         resolve_unit(" ", None, "a.c3d", "UNITS")
