@@ -41,24 +41,48 @@ def read_off(content: bytes) -> Triangles:
     blank = b"\n" * text[: header.end()].count(b"\n")
     words = Words(without_comments(blank + text[header.end() :]))
     vertex_count, face_count = words.count("vertices"), words.count("faces")
-    counts_line = words.line(words.at - 1)
-    if words.line() == counts_line or words.words_of_line() == 1:
-        words.take(1, "number of edges")  # some programs leave it out
-    start, problem = words.at, None
-    for width in _vertex_widths(words, header):
+    problem = None
+    for start, width in _layouts(words, header, vertex_count):
         words.at = start
         try:
             vertices = words.rows(vertex_count, width, range(3), "vertices")
             corners, counts, first = _read_faces(words, face_count)
+            break
         except BodyError as error:
             problem = problem or error
-        else:
-            break
     else:
         assert problem is not None
         raise problem
     faces = divide_faces(vertices, corners, counts, lambda k: words.line(int(first[k])))
     return Triangles(vertices, faces)
+
+
+def _layouts(words: Words, header: re.Match[bytes], vertex_count: int) -> list[tuple[int, int]]:
+    """Return pairs of the first word and the number of words of vertices, likeliest first.
+
+    The number of edges may be missing, and colors have three or four words. Where each vertex has
+    a line, the lines show both; other layouts are tried.
+    """
+    after_counts = words.at
+    is_same_line = words.line() == words.line(words.at - 1)
+    starts = [after_counts + 1] if is_same_line else [after_counts, after_counts + 1]
+    layouts = []
+    for start in starts:
+        words.at = start
+        widths = _vertex_widths(words, header)
+        line_width = _width_of_lines(words, vertex_count)
+        if line_width in widths:
+            return [(start, line_width)]
+        layouts += [(start, width) for width in widths]
+    return layouts
+
+
+def _width_of_lines(words: Words, count: int) -> int:
+    """Return the number of words of each of the next lines, or 0 if they differ."""
+    in_first = words.words_of_line()
+    widths = [len(line.split()) for line in words.text.split(b"\n")[words.line() - 1 :]]
+    widths = [width for width in widths if width][:count]
+    return in_first if len(widths) == count and set(widths) == {in_first} else 0
 
 
 def _vertex_widths(words: Words, header: re.Match[bytes]) -> list[int]:
@@ -81,6 +105,8 @@ def _read_faces(words: Words, face_count: int) -> tuple[Int, Int, Int]:
     try:
         return _walk_faces(words, face_count, has_colors=True)
     except BodyError as error:
+        if error.code == "too-many-faces":
+            raise
         # Lines that hold several faces look like faces with colors, and are too few.
         words.at = start
         try:
@@ -113,7 +139,8 @@ def _walk_faces(words: Words, face_count: int, has_colors: bool) -> tuple[Int, I
             at += color
     words.at = at
     if at < len(all_words):
-        raise text_error(words.line(at), f"more follows than the {what} that the file states")
+        problem = f"more follows than the {what} that the file states"
+        raise text_error(words.line(at), problem, "too-many-faces")
     try:
         corners = parse_integers(corner_words)
     except ValueError:

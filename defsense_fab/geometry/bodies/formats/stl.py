@@ -55,7 +55,12 @@ def _is_binary(content: bytes) -> bool:
     count, records, rest = _split_binary(content)
     if count and count == len(records) and not rest:
         return True
-    return _are_plausible(records)
+    return _are_plausible(_stated(records, count))
+
+
+def _stated(records: np.ndarray, count: int) -> np.ndarray:
+    """Return the stated number of records, or all if there are fewer or none is stated."""
+    return records[:count] if count else records
 
 
 def _split_binary(content: bytes) -> tuple[int, np.ndarray, int]:
@@ -70,10 +75,10 @@ def _split_binary(content: bytes) -> tuple[int, np.ndarray, int]:
 def _are_plausible(records: np.ndarray) -> bool:
     """Return whether records are triangles with their normals, and not any bytes."""
     records = records[:CHECKED_RECORDS]
-    x, normals = records["corners"].astype(float), records["normal"].astype(float)
-    if not len(x):
+    if not len(records):
         return False
     with np.errstate(all="ignore"):
+        x, normals = records["corners"].astype(float), records["normal"].astype(float)
         crosses = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         areas, lengths = np.linalg.norm(crosses, axis=1), np.linalg.norm(normals, axis=1)
         cosines = np.abs(np.einsum("ni,ni->n", crosses, normals)) / (areas * lengths)
@@ -106,7 +111,7 @@ def _read_binary(content: bytes) -> tuple[Float, tuple[str, ...]]:
     notes: tuple[str, ...] = ()
     if len(content) >= HEAD_BYTES and count == held and not rest:
         pass
-    elif not _are_plausible(records):
+    elif not _are_plausible(_stated(records, count)):
         raise BodyError(
             "is neither text nor binary STL", code="file-invalid", action="Export the mesh again"
         )

@@ -16,9 +16,8 @@ from .polygons import divide_rows
 from .text import decode_text
 from .triangles import Triangles
 
-_FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".mesh": "medit"}
 #: Suffixes of the files that are read.
-TET_SUFFIXES = tuple(_FORMATS)
+TET_SUFFIXES = (".msh", ".vtu", ".mesh")
 TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 _PYRAMID_SIDES = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
 _WEDGE_SIDES = [[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]
@@ -102,7 +101,9 @@ def _read_with_meshio(content: bytes, suffix: str) -> tuple[Float, list[tuple[st
     with tempfile.TemporaryDirectory(prefix="defsense-") as folder:
         path = Path(folder) / f"mesh{suffix}"
         path.write_bytes(_without_results(content, suffix))
-        mesh: Any = meshio.read(path, _FORMATS[suffix])
+        # meshio.read prints problems and ends the program.
+        module = meshio.vtu if suffix == ".vtu" else meshio.gmsh
+        mesh: Any = module.read(path)
     cells = [
         (str(block.type).rstrip("0123456789"), np.asarray(block.data, np.int64))
         for block in mesh.cells
