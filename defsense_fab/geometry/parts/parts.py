@@ -30,9 +30,9 @@ from .wall_checks import check_cord_walls, check_wire_walls
 #: Words from low to high to the right, up, and away from the viewer.
 _WORDS = (("left", "right"), ("bottom", "top"), ("front", "back"))
 _ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
-LEVEL_GAP_SHARE = (
-    0.08  # of the body's size: nearer parts share a level, of which there are 13 at most
-)
+LEVEL_GAP_SHARE = 0.08  # of the body's size: nearer parts share a level
+FINER_GAP_SHARES = (0.06, 0.04, 0.02, 0.01)  # until the words of all parts differ
+MAX_LEVELS = 2 * len(_ORDINALS) + 3  # for which there are words
 
 
 def part_names(centers: Sequence[Float], bounds: Float, frame: Float = Z_UP) -> list[str]:
@@ -48,8 +48,11 @@ def part_names(centers: Sequence[Float], bounds: Float, frame: Float = Z_UP) -> 
     """
     points = _view(centers, frame)
     size = np.abs(frame) @ np.ptp(bounds, axis=0)
-    words = [_level_words(points[:, axis], float(size[axis]), axis) for axis in (1, 2, 0)]
-    rows = list(zip(*words, strict=True))
+    rows = _place_words(points, LEVEL_GAP_SHARE * size)
+    for gap_share in FINER_GAP_SHARES:
+        if len(set(rows)) == len(rows):
+            break
+        rows = _place_words(points, gap_share * size)
     out = [""] * len(points)
     for n, i in enumerate(_number_parts(centers, frame)):
         out[i] = "-".join([str(n + 1), *_distinguish(rows, i)])
@@ -84,12 +87,20 @@ def _distinguish(rows: Sequence[tuple[str, ...]], i: int) -> tuple[str, ...]:
     return tuple(w for w in rows[i] if w) or ("middle",)
 
 
-def _level_words(values: Float, size: float, axis: int) -> list[str]:
+def _place_words(points: Float, gaps: Float) -> list[tuple[str, ...]]:
+    """Return the words of each point (n, 3) for its height, its depth and its side."""
+    words = [_level_words(points[:, axis], float(gaps[axis]), axis) for axis in (1, 2, 0)]
+    return list(zip(*words, strict=True))
+
+
+def _level_words(values: Float, gap: float, axis: int) -> list[str]:
     """Return the word for each coordinate; levels are separated by gaps."""
     sort = np.argsort(values)
     level = np.zeros(len(values), int)
-    level[sort] = np.concatenate([[0], np.cumsum(np.diff(values[sort]) > LEVEL_GAP_SHARE * size)])
+    level[sort] = np.concatenate([[0], np.cumsum(np.diff(values[sort]) > gap)])
     count = int(level.max()) + 1
+    if count > MAX_LEVELS:
+        return _level_words(values, 2 * gap, axis)
     if count == 1:
         return [""] * len(values)
     words = _words_of_levels(count, *_WORDS[axis])

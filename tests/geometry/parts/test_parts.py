@@ -364,6 +364,24 @@ def test_parts_are_named_by_where_they_lie():
     assert len(set(part_names(np.random.default_rng(0).random((30, 3)) * 40, bounds))) == 30
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("distance", [2.5, 5.0, 7.5])
+def test_words_of_parts_that_lie_close_together_differ(axis, distance):
+    """Two of the parts lie nearer than a level; both have words of their own."""
+    bounds = np.array([[0, 0, 0], [100, 100, 100.0]])
+    octants = [np.array([x, y, z]) for z in (20.0, 70) for y in (20.0, 70) for x in (20.0, 70)]
+    names = part_names([*octants, octants[7] + distance * np.eye(3)[axis]], bounds)
+    words = [name.split("-", 1)[1] for name in names]
+    assert len(set(words)) == len(words)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_many_parts_have_words_without_numbers(seed):
+    centers = np.random.default_rng(seed).random((60, 3)) * 100
+    names = part_names(centers, np.array([[0, 0, 0], [100, 100, 100.0]]))
+    assert not any(c.isdigit() for name in names for c in name.split("-", 1)[1])
+
+
 def test_left_and_top_are_those_of_the_viewer():
     """With y up and z to the viewer; and of a long body that is seen from its side, along -x."""
     bounds = np.array([[0, 0, 0], [40, 100, 30.0]])

@@ -58,6 +58,46 @@ def test_an_arm_is_cut_through_its_moving_end_and_largest_strain(bar):
     assert planes.across.origin[0] == pytest.approx(105, abs=3)
 
 
+def hand():
+    """Return nodes of a flat hand: fingers up along z, side by side along x; and which are tips."""
+    grid = np.stack(
+        np.meshgrid(np.arange(-40, 41, 2.0), [-8, -4, 0, 4, 8.0], np.arange(0, 171, 2.0))
+    )
+    nodes = grid.reshape(3, -1).T
+    in_finger = np.abs((nodes[:, 0] + 40) % 20 - 10) < 7
+    nodes = nodes[(nodes[:, 2] < 90) | in_finger]
+    return nodes, nodes[:, 2] > 155
+
+
+@pytest.mark.parametrize("fingers", [[-30, -10, 10, 30], [-30], [-10, 10]])
+@pytest.mark.parametrize("level", [100, 150])
+@pytest.mark.parametrize("seed", range(3))
+def test_bent_fingers_are_cut_along_the_hand(fingers, level, seed):
+    """The plane holds the fingers and their movement, wherever the strain is largest."""
+    nodes, is_tip = hand()
+    is_bent = (np.abs(nodes[:, :1] - fingers) < 9).any(axis=1) & (nodes[:, 2] > 90)
+    angle = np.radians(40) * is_bent * np.clip((nodes[:, 2] - 90) / 20, 0, 1)
+    y, z = nodes[:, 1], nodes[:, 2] - 90
+    moved = np.stack(
+        [
+            0 * y,
+            y * (np.cos(angle) - 1) + z * np.sin(angle),
+            z * (np.cos(angle) - 1) - y * np.sin(angle),
+        ],
+        1,
+    )
+    moved = moved + np.random.default_rng(seed).normal(0, 0.05, moved.shape)
+    strain = 0.2 * is_bent * np.exp(-(((nodes[:, 2] - level) / 8) ** 2)) * np.abs(y) / 8
+    q = np.eye(3) if seed == 0 else np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    planes = sections(nodes @ q.T, moved @ q.T, strain, is_tip & is_bent)
+    assert abs(planes.moving.normal @ q[:, 0]) > 0.99
+    assert abs(planes.lengthwise.normal @ q[:, 1]) > 0.9
+    if seed == 0:  # planes that are nearly square to an axis are square to it
+        assert np.abs(planes.moving.normal).max() == 1
+    through = (planes.moving.origin @ planes.moving.normal) * (planes.moving.normal @ q[:, 0])
+    assert min(abs(through - x) for x in fingers) < 8
+
+
 def test_a_cut_has_the_area_and_the_values_of_its_field(bar):
     normal = np.array([0.6, 0.0, 0.8])
     value = bar.nodes @ [0.3, -0.2, 0.5]
