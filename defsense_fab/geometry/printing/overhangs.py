@@ -27,6 +27,7 @@ MAX_SLOPE_DEG = 30.0
 #: 3D printing"). Ledges may be half as wide.
 MAX_BRIDGE_MM = 5.0
 MIN_HEIGHT_MM = 0.5  # above the bed: lower overhangs sag onto it, by no more than three layers
+MIN_UNSUPPORTED_MM2 = 5.0  # beyond bridges; smaller areas print without supports
 SAMPLE_MM = 0.25  # distance of the points at which overhangs are measured
 MAX_SAMPLES = 50_000  # in a region
 
@@ -56,7 +57,8 @@ def measure_overhang(solid: Any, down: Float) -> Overhang:
         down: Direction (3,) to the bed.
 
     Returns:
-        The overhangs that reach farther from the part below them than half a bridge.
+        The overhangs of which more than `MIN_UNSUPPORTED_MM2` are farther from the part below them
+        than half a bridge.
     """
     axes = axes_from_normal(-down)
     upright = triangle_kernel.to_plane_frame(solid, axes, np.zeros(3))
@@ -114,7 +116,8 @@ def _find_regions(surface: Surface, is_overhang: Bool) -> list[_Region]:
     outside = border[rows, is_overhang[border].argmin(axis=1)]
     own = border[rows, is_overhang[border].argmax(axis=1)]
     opposite = heights[surface.faces[outside]].sum(axis=1) - heights[ends].sum(axis=1)
-    is_supported = opposite < heights[ends].mean(axis=1)
+    edge_height = heights[ends].mean(axis=1)
+    is_supported = (opposite < edge_height) | (edge_height < heights.min() + MIN_HEIGHT_MM)
 
     regions = []
     for region in np.unique(region_of_facet[is_overhang]):
@@ -126,23 +129,25 @@ def _find_regions(surface: Surface, is_overhang: Bool) -> list[_Region]:
 
 
 def _needs_supports(region: _Region) -> bool:
-    """Return whether a point of a region is farther from its supported edges than half a bridge."""
-    if not len(region.supported):
-        return True
-    distance = cKDTree(_sample_edges(region.supported)).query(_sample_triangles(region.corners))[0]
-    return bool(distance.max() > MAX_BRIDGE_MM / 2)
-
-
-def _sample_triangles(corners: Float) -> Float:
-    """Return points (n, 2) of triangles (k, 3, 2): their corners, and points at random."""
-    a, ab, ac = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    """Return whether enough of a region is farther from its supported edges than half a bridge."""
+    a, ab, ac = (region.corners[:, k] - (k > 0) * region.corners[:, 0] for k in range(3))
     area = np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]) / 2
+    unsupported = float(area.sum())
+    if len(region.supported) and unsupported > MIN_UNSUPPORTED_MM2:
+        edges = cKDTree(_sample_edges(region.supported))
+        distance = edges.query(_sample_triangles(a, ab, ac, area))[0]
+        unsupported *= float((distance > MAX_BRIDGE_MM / 2).mean())
+    return unsupported > MIN_UNSUPPORTED_MM2
+
+
+def _sample_triangles(a: Float, ab: Float, ac: Float, area: Float) -> Float:
+    """Return random points (n, 2) in triangles with corners `a`, `a + ab` and `a + ac` (k, 2)."""
     count = min(int(np.ceil(area.sum() / SAMPLE_MM**2)), MAX_SAMPLES)
     levels = (np.arange(count) + 0.5) / count * area.sum()
     k = np.minimum(np.searchsorted(np.cumsum(area), levels), len(area) - 1)
     u, v = np.random.default_rng(0).random((2, count, 1))
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    return np.concatenate([corners.reshape(-1, 2), a[k] + u * ab[k] + v * ac[k]])
+    return np.asarray(a[k] + u * ab[k] + v * ac[k])
 
 
 def _sample_edges(ends: Float) -> Float:

@@ -112,12 +112,13 @@ def _find_sides(surface: Surface) -> list[Float]:
     hull = ConvexHull(surface.vertices)
     a, b, c = (hull.points[hull.simplices[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    normals, side_of_facet = np.unique(
-        np.round(hull.equations[:, :3], 2), axis=0, return_inverse=True
-    )
+    exact = hull.equations[:, :3]
+    _, side_of_facet = np.unique(np.round(exact, 2), axis=0, return_inverse=True)
     areas = np.round(np.bincount(side_of_facet.reshape(-1), area), 6)
     largest = np.argsort(-areas, kind="stable")[:MAX_SIDES]
     main_axes = np.linalg.svd(hull.points - hull.points.mean(0), full_matrices=False)[2]
+    normals = np.zeros((len(areas), 3))
+    np.add.at(normals, side_of_facet.reshape(-1), area[:, None] * exact)
     flats = normals[largest] / np.linalg.norm(normals[largest], axis=1)[:, None]
     return [*flats, *main_axes, *-main_axes]
 
