@@ -6,9 +6,7 @@ import contextlib
 import io
 import logging
 import os
-import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from inspect import BoundArguments
 from pathlib import Path
@@ -21,6 +19,7 @@ from ..core.errors import CapacityError, DefsenseError, DeviceError, StorageErro
 from ..core.machine.optional_libraries import CORE, optional
 from .app import make_app
 from .exit_codes import DONE, REFUSED, STOPPED
+from .interrupts import handle_interrupts
 from .output import OutputOptions, activity
 from .usage_errors import usage_error, wrong_count
 
@@ -36,10 +35,10 @@ _MEMORY_ACTIONS = {
     "reproduce": "Give fewer NAMEs at a time, or --quick",
     "twin": "Give fewer --minutes or --sessions, or fewer [outputs] markers",
 }
-#: State of the files after Ctrl-C, by command.
+#: State of the files after an interruption, by command.
 _INTERRUPTED = {
-    "build": "The previous build is unchanged; rerun the command to resume from the last completed"
-    " stage.",
+    "build": "The previous build is unchanged; rerun the command to resume. Completed stages and"
+    " solved poses are kept.",
     "capture": "Completed recordings are kept; files that were being written are not.",
     "calibrate": "Recorded data are kept; rerun the command to resume.",
     "dataset": "Nothing was written; an existing dataset is unchanged.",
@@ -109,7 +108,7 @@ def run_command(words: Sequence[str]) -> int:
             of memory (CapacityError, `memory-insufficient`), a file that cannot be used
             (StorageError, `file-unusable`), a missing library (DeviceError, `library-missing` or
             `library-broken`).
-        KeyboardInterrupt: Ctrl-C was pressed.
+        KeyboardInterrupt: Ctrl-C was pressed, or the process was asked to end (SIGTERM).
     """
     activity.start(words[:1])
     with _record_interrupts() as interrupts:
@@ -288,21 +287,18 @@ def _prepare_streams() -> None:
 
 @contextlib.contextmanager
 def _record_interrupts() -> Iterator[list[int]]:
-    """Raise KeyboardInterrupt on Ctrl-C and record it: native modules convert the exception."""
+    """Raise KeyboardInterrupt on Ctrl-C and SIGTERM.
+
+    They are recorded, because native modules convert the exception.
+    """
     interrupts: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
         interrupts.append(number)
         raise KeyboardInterrupt
 
-    if threading.current_thread() is not threading.main_thread():
+    with handle_interrupts(interrupt):
         yield interrupts
-        return
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield interrupts
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _print_error_line(line: str) -> None:

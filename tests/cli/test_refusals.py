@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -82,6 +83,15 @@ def test_interruption_is_one_line_and_exit_code_is_130(device, capsys, monkeypat
     monkeypatch.setattr(stage_body, "run", interrupt)
     assert main(["mesh", str(device)]) == STOPPED
     assert capsys.readouterr().err.splitlines()[-1].startswith("Interrupted. ")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_interrupt_a_command(device, capsys, monkeypatch, number):
+    before = signal.getsignal(number)
+    monkeypatch.setattr(stage_body, "run", lambda *_: signal.raise_signal(number))
+    assert main(["mesh", str(device)]) == STOPPED
+    assert capsys.readouterr().err.splitlines()[-1].startswith("Interrupted. ")
+    assert signal.getsignal(number) == before
 
 
 def test_device_folder_that_cannot_hold_a_build(device):

@@ -6,10 +6,10 @@ import contextlib
 import json
 import signal
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from ..interrupts import handle_interrupts
 from ..output import discard_standard_output, print_lines
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def stop_at_end(runs: Sequence[LiveRun], *, as_json: bool) -> Iterator[None]:
         discard_standard_output()
     except BaseException as error:  # raised again below
         first = error
-    with ignore_interrupts():
+    with handle_interrupts(signal.SIG_IGN):  # it would leave incomplete files
         failures = _stop_runs(runs, is_started=first is None)
         try:
             _print_written(runs, as_json=as_json)
@@ -49,19 +49,6 @@ def stop_at_end(runs: Sequence[LiveRun], *, as_json: bool) -> Iterator[None]:
         raise raised
     for failure in raised:
         raise failure
-
-
-@contextlib.contextmanager
-def ignore_interrupts() -> Iterator[None]:
-    """Ignore Ctrl-C, which would leave incomplete files."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def print_error_line(line: str) -> None:
@@ -89,7 +76,7 @@ def _stop_runs(runs: Sequence[LiveRun], *, is_started: bool) -> list[Exception]:
         if animations.is_empty and not is_started:
             animations.discard()
             continue
-        print_error_line(f"writing {animations.recording}; Ctrl-C does not interrupt this")
+        print_error_line(f"writing {animations.recording}; this is not interrupted")
         try:
             animations.finish()
         except Exception as error:  # as above

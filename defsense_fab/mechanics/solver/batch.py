@@ -30,12 +30,17 @@ class Job:
     name: str = ""
 
 
+#: Takes what `solve_all` takes but the threads, and returns the same.
+Solve = Callable[..., list[list[Equilibrium]]]
+
+
 def solve_all(
     mesh: QuadraticMesh,
     material: Material,
     jobs: Sequence[Job],
     on_step: Callable[[int, float], None] | None = None,
     threads: int | None = None,
+    on_solved: Callable[[int, list[Equilibrium]], None] | None = None,
 ) -> list[list[Equilibrium]]:
     """Solve all jobs; results do not depend on the number of threads.
 
@@ -47,6 +52,7 @@ def solve_all(
         jobs: Poses to solve.
         on_step: Called from the threads with the number of a job and the fraction it has reached.
         threads: Number of threads; all cores by default.
+        on_solved: Called from the threads with the number of a job and its result.
 
     Returns:
         For each job the equilibria at its fractions, as `load_stepping.follow`,
@@ -90,6 +96,8 @@ def solve_all(
                 results[i] = continue_from_free(
                     mesh, material, equilibria, share, is_cancelled.is_set
                 )
+                if on_solved is not None and not is_cancelled.is_set():
+                    on_solved(i, results[i])
         except BaseException:
             is_cancelled.set()
             raise

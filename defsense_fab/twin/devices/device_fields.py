@@ -11,6 +11,7 @@ import threading
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.batch import Job, solve_all
+from ...mechanics.solver.solved_jobs import SolvedJobs, keep_solved_jobs
 from ...sensing.built_cord import CordReading
 from ...store.build import Build
 from ...store.layout import LAYOUT, PREDICTION
@@ -135,11 +137,14 @@ def solve_fields(
     build = build or Build(folder)
     path = folder / FOLDER / f"{_cache_key(device, build, traits, all_poses)}.npz"
     loaded = _load(path) if path.exists() else None
-    fields, groups = loaded or _solve(device, build, traits, all_poses, progress)
-    if loaded is None:
-        with storage_errors(path):
-            path.parent.mkdir(exist_ok=True)
-            _save(path, fields, groups)
+    if loaded is not None:
+        fields, groups = loaded
+    else:
+        with keep_solved_jobs((FOLDER, FILE_VERSION), partial(progress, FOLDER, 0.0)) as kept:
+            fields, groups = _solve(device, build, traits, all_poses, kept, progress)
+            with storage_errors(path):
+                path.parent.mkdir(exist_ok=True)
+                _save(path, fields, groups)
     return replace(fields, signal_error=_signal_error(device, build, fields, groups))
 
 
@@ -194,6 +199,7 @@ def _solve(
     build: Build,
     traits: MechanicsTraits,
     poses: tuple[Pose, ...],
+    kept: SolvedJobs,
     progress: Progress,
 ) -> tuple[DeviceFields, Int]:
     """Return the fields without the error of signals, and the groups for cross-validation."""
@@ -201,7 +207,7 @@ def _solve(
     mesh = QuadraticMesh.from_linear(_make_mesh(device, build, traits.edge))
     rng, mixable = np.random.default_rng(RAY_SEED), find_mixable_poses(poses)
     axes = pose_axes(poses)
-    sampler = _Sampler(device, poses, mesh, choose_material(device, traits), progress)
+    sampler = _Sampler(device, poses, mesh, choose_material(device, traits), kept, progress)
     rays = [*single_rays(len(poses)), *corner_rays(mixable)]
     first_states = min(traits.states * len(axes), MAX_FIRST_STATES)
     remaining = first_states - sum(len(r.fractions) for r in rays)
@@ -267,8 +273,10 @@ class _Sampler:
         poses: tuple[Pose, ...],
         mesh: QuadraticMesh,
         material: Material,
+        kept: SolvedJobs,
         progress: Progress,
     ) -> None:
+        self._kept = kept
         self._device, self._poses, self._mesh, self._material = device, poses, mesh, material
         self._progress, self._lock = progress, threading.Lock()
         self.states: list[Float] = []
@@ -300,7 +308,7 @@ class _Sampler:
                 done = sum(reached) / len(reached)
                 self._progress("twin", 0.95 * done, f"solving {count} states of the device's twin")
 
-        solutions = solve_all(self._mesh, self._material, jobs, report)
+        solutions = self._kept.solve(solve_all, self._mesh, self._material, jobs, report)
         for ray, results in zip(solvable, solutions, strict=True):
             for fraction, result in zip(ray.fractions, results, strict=False):
                 if result.u is None or result.problem is not None:

@@ -220,6 +220,7 @@ def cluster_solver(
         material: Material,
         jobs: Sequence[Job],
         on_step: Callable[[int, float], None] | None = None,
+        on_solved: Callable[[int, list[Equilibrium]], None] | None = None,
     ) -> list[list[Equilibrium]]:
         # The quadratic mesh is recreated from its corners, which are fewer data.
         tets = mesh.cells[:, :4]
@@ -232,6 +233,8 @@ def cluster_solver(
                     result.where = jobs[i].name
                     raise result
                 results[i] = result
+                if on_solved is not None:
+                    on_solved(i, result)
                 if on_step is not None:
                     on_step(i, 1.0)
         return results

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 
 from ...core.arrays import Float
 from ...core.device.device import Device
@@ -12,9 +13,10 @@ from ...core.device.material_table import unusual_properties
 from ...core.errors import SolveError
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh
-from ...mechanics.solver.batch import solve_all
+from ...mechanics.solver.batch import Solve, solve_all
 from ...mechanics.solver.linear_solver import solver_name
 from ...mechanics.solver.load_stepping import Equilibrium
+from ...mechanics.solver.solved_jobs import keep_solved_jobs
 from ...store.build import Build
 from ...store.fields import (
     FOLDER,
@@ -27,7 +29,7 @@ from ...store.fields import (
     state_file,
 )
 from .load_cases import Loading, list_loadings, prepare_jobs
-from .stages import Report, Solve
+from .stages import CODE_VERSION, Report
 
 # Dihedral angle of a tetrahedron below which it is a sliver, degrees.
 _SLIVER_ANGLE_DEG = 2.0
@@ -62,10 +64,27 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
             f"the mesh has a sliver with an angle of {angle:.1f} degrees, where strains are"
             " unreliable. Use another [mesh] edge_length, or repair thin folds of the body"
         )
+    on_step = _progress_of_jobs(plan, report)
+    with keep_solved_jobs(("simulate", CODE_VERSION), partial(report, 0.0)) as kept:
+        solutions = kept.solve(solve, mesh, material, jobs, on_step)
+        _save_fields(device, build, list(zip(plan, solutions, strict=True)), warnings)
+
+
+def _save_fields(
+    device: Device,
+    build: Build,
+    solutions: Sequence[tuple[Loading, list[Equilibrium]]],
+    warnings: list[str],
+) -> None:
+    """Save the field of each state, and the index of all.
+
+    Raises:
+        SolveError: A pose or a requested mixture did not converge.
+    """
+    mesh, folder = build.quadratic_mesh, build.folder
     states: list[StateRecord] = []
     fields: list[tuple[Float, Float]] = []
-    solutions = solve(mesh, material, jobs, _progress_of_jobs(plan, report))
-    for loading, results in zip(plan, solutions, strict=True):
+    for loading, results in solutions:
         if not loading.optional:
             _refuse_unreached(device, mesh, loading, results[-1])
         for fraction, result in zip(loading.fractions, results, strict=not loading.optional):
@@ -81,7 +100,9 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
             states.append(StateRecord(name, weights, loading.held_out, result.status, **stats))
             if result.problem:
                 warnings.append(f"pose {name}: {result.problem}")
-    build.field_index = FieldIndex(material.title, solver_name(), tuple(warnings), tuple(states))
+    build.field_index = FieldIndex(
+        Material.from_spec(device.material).title, solver_name(), tuple(warnings), tuple(states)
+    )
     save_index(folder, build.field_index)
     build.fields = Fields.of(states, fields)
 

@@ -22,7 +22,6 @@ from ...geometry.bodies.meshing import mesh_store
 from . import body_sources
 
 if TYPE_CHECKING:
-    from ...mechanics.solver.load_stepping import Equilibrium
     from ...store.build import Build
 
 #: Raised when a stage's results change for the same input, so that old results are not reused.
@@ -50,8 +49,6 @@ class SearchProgress:
 
 
 Watch = Callable[[SearchProgress], None]
-#: Takes what `mechanics.solver.batch.solve_all` takes, and returns the same.
-Solve = Callable[..., list[list["Equilibrium"]]]
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Displacement fields of a device, solved again for its twin."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -43,6 +44,50 @@ def test_second_call_loads_the_same_fields(device, solved):
     assert np.array_equal(loaded.fields, solved.fields)
     assert np.array_equal(loaded.mesh.cells, solved.mesh.cells)
     assert (loaded.poses, loaded.error) == (("bend_up", "twist"), solved.error)
+
+
+@pytest.mark.parametrize("after", [1, 7])
+def test_interrupted_solve_resumes_with_the_same_fields(
+    device, solved, tmp_path, monkeypatch, after
+):
+    """The files of the fields are moved away meanwhile, so that they are solved again."""
+    from defsense_fab.twin.devices import device_fields as module
+
+    monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path))
+    folder = device.source / "build" / "twin"
+    folder.replace(tmp_path / "twin")
+    counts = []
+
+    def interrupt_after(limit):
+        counts.append(0)
+
+        def solve(*arguments, on_solved):
+            def count(job, equilibria):
+                on_solved(job, equilibria)
+                counts[-1] += 1
+                if counts[-1] == limit:
+                    raise KeyboardInterrupt
+
+            return solve_all(*arguments, on_solved=count)
+
+        return solve
+
+    try:
+        monkeypatch.setattr(module, "solve_all", interrupt_after(after))
+        with pytest.raises(KeyboardInterrupt):
+            solve_fields(device)
+        kept = len(list((tmp_path / "solved").iterdir()))
+        assert kept >= after
+        monkeypatch.setattr(module, "solve_all", interrupt_after(None))
+        resumed = solve_fields(device)
+        assert counts[1] > 0
+        assert list((tmp_path / "solved").iterdir()) == []
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        (tmp_path / "twin").replace(folder)
+    for name in ("fields", "mixable", "error", "signal_error", "warnings"):
+        assert np.array_equal(getattr(resumed, name), getattr(solved, name))
+    assert np.array_equal(resumed.space.states, solved.space.states)
 
 
 def test_damaged_file_is_solved_again(device, solved, monkeypatch):
@@ -132,11 +177,11 @@ def test_search_for_states_ends_when_no_more_can_be_solved(device, monkeypatch):
     job_counts = []
     solve = module.solve_all
 
-    def solve_twice(mesh, material, jobs, show):
+    def solve_twice(mesh, material, jobs, show, on_solved):
         job_counts.append(len(jobs))
         if len(job_counts) > 2:
             return [[Equilibrium(Status.NOT_REACHED, None, 0.0, None)] for _ in jobs]
-        return solve(mesh, material, jobs, show)
+        return solve(mesh, material, jobs, show, on_solved=on_solved)
 
     monkeypatch.setattr(module, "solve_all", solve_twice)
     coarse = MechanicsTraits(edge=1.0, states=1, accuracy=1e-6)
@@ -150,7 +195,7 @@ def test_search_for_states_ends_when_no_more_can_be_solved(device, monkeypatch):
 def test_pose_that_is_not_reached_is_rejected(device, monkeypatch):
     from defsense_fab.twin.devices import device_fields as module
 
-    def fail_second_job(mesh, material, jobs, show):
+    def fail_second_job(mesh, material, jobs, show, on_solved):
         none = np.zeros((0, 3))
         state = State(np.zeros_like(mesh.nodes), none, none, jobs[0].conditions)
         solved = Equilibrium(Status.OK, state, 1.0, None)
