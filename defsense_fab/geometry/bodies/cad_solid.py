@@ -7,7 +7,7 @@ from typing import Any
 
 from ...core.errors import BodyError
 from ...core.mesh import Surface, triangle_edges
-from ..kernels import occ
+from ..kernels import occ, stitching
 from ..kernels.stitching import STITCH_TOLERANCES_MM, CollectedSolids, collect_solids
 from .repair.findings import (
     check_distance_from_origin,
@@ -120,11 +120,11 @@ def _describe_stitches(collected: CollectedSolids) -> tuple[str, ...]:
 
 def _fill_cavities(solid: Any, where: str, fill: bool) -> tuple[Any, tuple[str, ...]]:
     """Fill the cavities of a solid if that is allowed or they are tiny."""
-    cavities = occ.find_cavities(solid)
+    cavities = stitching.find_cavities(solid)
     if not cavities:
         return solid, ()
     text = describe_cavity(*cavities[0], len(cavities) - 1)
-    whole = occ.fill_cavities(solid)
+    whole = stitching.fill_cavities(solid)
     if cavities[0][0] >= DEBRIS_SHARE * occ.volume(whole) and not fill:
         raise closed_cavity_error(where, *cavities[0], len(cavities) - 1)
     return whole, (f"filled {text}",)

@@ -6,50 +6,33 @@ import contextlib
 import io
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import build123d as bd
 import numpy as np
-from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid
-from OCP.BRepClass3d import BRepClass3d
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
+from OCP.BRepTools import BRepTools
 from OCP.Message import Message
-from OCP.TopAbs import TopAbs_SHELL
-from OCP.TopoDS import TopoDS
 
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
-from .brep import find_subshapes, pieces_of
+from .brep import pieces_of
 from .canonical_facets import canonicalize
 from .cutting_tools import MIN_PIECE_MM3, Frustum, Prism, Tool, axes_from_normal
 
-
-def find_cavities(solid: Any) -> list[tuple[float, Float]]:
-    """Return the volume, mm^3, and center (3,), mm, of each cavity of a TopoDS_Solid, largest
-    first.
-    """
-    outer = BRepClass3d.OuterShell_s(solid)
-    cavities = []
-    for shell in map(TopoDS.Shell_s, find_subshapes(solid, TopAbs_SHELL)):
-        if not shell.IsSame(outer):
-            cavity = bd.Solid(BRepBuilderAPI_MakeSolid(shell).Solid())
-            middle = cavity.center(bd.CenterOf.BOUNDING_BOX)
-            cavities.append((abs(cavity.volume), np.array([middle.X, middle.Y, middle.Z])))
-    return sorted(cavities, key=lambda c: -c[0])
-
-
-def fill_cavities(solid: Any) -> Any:
-    """Return the TopoDS_Solid within the outer shell of a TopoDS_Solid."""
-    return BRepBuilderAPI_MakeSolid(BRepClass3d.OuterShell_s(solid)).Solid()
-
-
 #: Largest angle between neighboring facets of a curved face: 0.06 % of a circle's area.
 FACET_ANGLE_RAD = 0.06
+#: Number of facets above which curved faces get larger ones, up to this angle.
+MAX_FINE_FACETS, COARSE_FACET_ANGLE_RAD = 40_000, 0.12
+#: Largest difference of the volume within the larger facets, as a share of the solid's: parts of
+#: both kernels may differ by 2e-3 (`exact_solids.PART_TOLERANCE`).
+MAX_FACET_LOSS = 1.5e-3
 #: Largest distance of a channel's arcs (`core/curve_conversion.py`) from the path, mm.
 PATH_TOLERANCE_MM = 0.01
 MAX_VOLUME_LOSS = 2e-3  # share of the parts' volume
@@ -135,8 +118,23 @@ def size(solid: Any) -> float:
 def tessellate(solid: Any, tolerance: float) -> Surface:
     """Return the closed triangle surface of a solid, with no facet farther than `tolerance` mm from
     it.
+
+    Facets that would be more than `MAX_FINE_FACETS` are larger, if the volume stays accurate.
     """
-    points, triangles = bd.Solid(solid).tessellate(tolerance, FACET_ANGLE_RAD)
+    surface = _facets(solid, tolerance, FACET_ANGLE_RAD)
+    if len(surface.faces) <= MAX_FINE_FACETS:
+        return surface
+    BRepTools.Clean_s(solid)  # facets are stored in the solid, and finer ones would be used again
+    coarse = _facets(solid, tolerance, COARSE_FACET_ANGLE_RAD)
+    exact = volume(solid)
+    if abs(coarse.volume - exact) <= MAX_FACET_LOSS * exact:
+        return coarse
+    BRepTools.Clean_s(solid)
+    return surface
+
+
+def _facets(solid: Any, tolerance: float, angle: float) -> Surface:
+    points, triangles = bd.Solid(solid).tessellate(tolerance, angle)
     vertices = np.array([[p.X, p.Y, p.Z] for p in points], float)
     return Surface(*canonicalize(vertices, np.array(triangles, np.int64)))
 
@@ -230,7 +228,12 @@ def cut_out(solid: Any, tools: Sequence[Tool]) -> Any:
     """
     if not tools:
         return solid
-    return as_one_solid(bd.Solid(solid).cut(*[solid_of(t) for t in tools]))
+    copy = BRepBuilderAPI_Copy(solid).Shape()  # a cut changes its operands even where it fails
+    try:
+        return as_one_solid(bd.Solid(solid).cut(*[solid_of(t) for t in tools]))
+    except Exception:  # OCP's have no common base
+        with bd.SkipClean():  # joining faces after the operation destroys some solids
+            return as_one_solid(bd.Solid(copy).cut(*[solid_of(t) for t in tools]))
 
 
 @dataclass(frozen=True)
@@ -268,21 +271,17 @@ def carve_and_split(
     Raises:
         FabricationError: If OpenCascade loses a part or some volume.
     """
-    body, tools = bd.Solid(solid), [bd.Solid(t) for t in cutters]
-    channels = _solids(tools[0].fuse(*tools[1:])) if len(tools) > 1 else tools
-
-    def carved(pieces: list[Any]) -> list[Any]:
-        return [s for p in pieces for s in _solids(p.cut(*channels)) if s.volume > MIN_PIECE_MM3]
-
-    for channels_first in (False, True):  # sometimes one order fails where the other works
-        parts = (
-            _divide(carved([body]), knives) if channels_first else carved(_divide([body], knives))
-        )
-        if (
-            len(parts) == count
-            and abs(sum(p.volume for p in parts) / expected - 1) < MAX_VOLUME_LOSS
-        ):
-            return [p.wrapped for p in parts]
+    copies = [BRepBuilderAPI_Copy(shape).Shape() for shape in (solid, *cutters)]
+    for joins_faces in (True, False):  # see `cut_out`
+        body, *tools = (solid, *cutters) if joins_faces else copies
+        with contextlib.nullcontext() if joins_faces else bd.SkipClean():
+            for parts in _divisions(bd.Solid(body), [bd.Solid(t) for t in tools], knives):
+                if (
+                    len(parts) == count
+                    and abs(sum(p.volume for p in parts) / expected - 1) < MAX_VOLUME_LOSS
+                    and (joins_faces or all(p.is_valid for p in parts))
+                ):
+                    return [p.wrapped for p in parts]
     raise FabricationError(
         "OpenCascade could not divide the solid",
         code="cannot-divide-solid",
@@ -290,9 +289,34 @@ def carve_and_split(
     )
 
 
+def _divisions(body: Any, tools: Sequence[Any], knives: Sequence[Knife]) -> Iterator[list[Any]]:
+    """Yield the parts of a body, divided before the tools are cut out, and after.
+
+    There are no parts where the kernel raises an error.
+    """
+
+    def carved(pieces: list[Any]) -> list[Any]:
+        return [s for p in pieces for s in _solids(p.cut(*channels)) if s.volume > MIN_PIECE_MM3]
+
+    def divided(channels_first: bool) -> list[Any]:
+        return (
+            _divide(carved([body]), knives) if channels_first else carved(_divide([body], knives))
+        )
+
+    channels = list(tools)
+    for channels_first in (False, True):  # sometimes one order fails where the other works
+        try:
+            if len(tools) > 1 and not channels_first:
+                channels = _solids(tools[0].fuse(*tools[1:]))
+            parts = divided(channels_first)
+        except Exception:  # OCP's have no common base
+            parts = []
+        yield parts
+
+
 def _divide(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
     """Return the solids after planar cuts; a cut that fails leaves its piece whole."""
-    for knife in knives:
+    for knife in knives if parts else ():
         nearest = _nearest(parts, knife.center)
         plane = _located(knife.plane.origin, knife.plane.axes)
         try:
@@ -343,7 +367,9 @@ def as_one_solid(shape: Any) -> Any:
     solids = list(shape.solids())
     if len(solids) != 1 or solids[0].volume <= 0:
         raise FabricationError(
-            f"the geometry kernel made {len(solids)} solids of one part",
+            f"the geometry kernel made {len(solids)} solids of one part"
+            if len(solids) != 1
+            else "the geometry kernel lost the volume of a part",
             code="not-one-solid",
             count=len(solids),
         )

@@ -1,4 +1,4 @@
-"""Turn surfaces of a CAD program into solids: closed shells, and faces whose edges meet."""
+"""Make solids of closed shells and of faces whose edges meet, and fill the cavities of solids."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import build123d as bd
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid, BRepBuilderAPI_Sewing
+from OCP.BRepClass3d import BRepClass3d
 from OCP.BRepLib import BRepLib
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
 from OCP.TopoDS import TopoDS
@@ -101,3 +102,22 @@ def _turn_outward(solid: Any) -> Any:
 def _middle(edge: Any) -> Float:
     point = bd.Edge(TopoDS.Edge_s(edge)).position_at(0.5)
     return np.array([point.X, point.Y, point.Z])
+
+
+def find_cavities(solid: Any) -> list[tuple[float, Float]]:
+    """Return the volume, mm^3, and center (3,), mm, of each cavity of a TopoDS_Solid, largest
+    first.
+    """
+    outer = BRepClass3d.OuterShell_s(solid)
+    cavities = []
+    for shell in map(TopoDS.Shell_s, find_subshapes(solid, TopAbs_SHELL)):
+        if not shell.IsSame(outer):
+            cavity = bd.Solid(BRepBuilderAPI_MakeSolid(shell).Solid())
+            middle = cavity.center(bd.CenterOf.BOUNDING_BOX)
+            cavities.append((abs(cavity.volume), np.array([middle.X, middle.Y, middle.Z])))
+    return sorted(cavities, key=lambda c: -c[0])
+
+
+def fill_cavities(solid: Any) -> Any:
+    """Return the TopoDS_Solid within the outer shell of a TopoDS_Solid."""
+    return BRepBuilderAPI_MakeSolid(BRepClass3d.OuterShell_s(solid)).Solid()

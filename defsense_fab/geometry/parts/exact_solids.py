@@ -59,8 +59,11 @@ def _convert_errors() -> Iterator[None]:
     except FabricationError:
         raise
     except Exception as error:  # OCP's exceptions have no common base
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise FabricationError(f"OpenCascade failed: {text}", code="kernel-failed") from None
+        raise FabricationError(
+            "OpenCascade could not divide the solid",
+            code="kernel-failed",
+            action="Move a cord plane slightly",
+        ) from error
 
 
 def _make_solids(solid: Any, part_set: PartSet) -> list[Part]:
