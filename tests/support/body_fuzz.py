@@ -245,6 +245,7 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.core.errors import DefsenseError
     from defsense_fab.store.body import load_surface
+    from defsense_fab.store.build import Build
     from defsense_fab.workflow.build import stage_body
 
     (folder / name).write_bytes(content)
@@ -253,7 +254,7 @@ def built(name: str, content: bytes, folder: Path, limit: float) -> str:
     build = folder / "build"
     build.mkdir()
     try:
-        stage_body.run(load_device(folder, complete=False), build, lambda *_: None)
+        stage_body.run(load_device(folder, complete=False), Build(build), lambda *_: None)
     except DefsenseError as error:
         messages = str(error)
     else:

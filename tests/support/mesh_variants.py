@@ -8,6 +8,7 @@ and `damaged` if they may do either, but may not return another volume without a
 """
 
 import argparse
+import json
 import resource
 import tempfile
 import time
@@ -446,6 +447,7 @@ def outcome(variant: Variant, folder: Path) -> str:
         surface, notes, _ = read_mesh(path, 1.0, SIZES)
     except DefsenseError as error:
         text = str(error)
+        json.dumps(error.data)  # errors of the reading process are sent as JSON
         if "\n" in text or text.count(str(path)) != 1 or not error.action:
             return f"FAULT in the message: {text}"
         if "damaged" in text and variant.kind == "wrong":

@@ -37,7 +37,7 @@ _TYPES = {
     "double": "f8",
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_END = re.compile(rb"(?:^|[\r\n])[ \t]*end_header[ \t]*(\r\n|\r|\n|$)")
+_LINE_END = re.compile(rb"\r\n|\r|\n")
 _CORNER_NAMES = ("vertex_indices", "vertex_index")
 _STRIP_END = -1  # in a list of strips
 #: Properties that are read, by element; others are skipped.
@@ -79,7 +79,10 @@ def read_ply(content: bytes) -> Triangles:
     Raises:
         BodyError: The file cannot be read.
     """
-    end = _END.search(content)
+    # A binary number after the header may look like a line end: only that of the header counts.
+    first_end = _LINE_END.search(content)
+    end_of_line = rb"\r" if first_end and first_end[0] == b"\r" else rb"\r?\n"
+    end = re.search(rb"[\r\n][ \t]*end_header[ \t]*(" + end_of_line + rb"|$)", content)
     if end is None:
         raise BodyError("has no end_header", code="file-invalid", action="Export the mesh again")
     head = decode_text(content[: end.end()])

@@ -73,7 +73,7 @@ def _check_faces(
 def _face_error(
     face: int, problem: str, code: str, line_of: Callable[[int], int] | None
 ) -> BodyError:
-    line = line_of(int(face)) if line_of else None
+    line = int(line_of(int(face))) if line_of else None
     return BodyError(
         f"line {line}: {problem}" if line else f"{problem} (face {face + 1})",
         code=code,
