@@ -52,7 +52,7 @@ from ..fabrication.printing import (
     write_plates,
 )
 from .cut_list import behind, bill, cut_list
-from .stage_optimize import Winner
+from .stage_optimize import Winner, require_feasible_layout
 from .stages import Report
 
 #: Assumed response of bonded cords to compression, by `[cord] compression`.
@@ -76,9 +76,10 @@ def run(device: Device, build: Build, report: Report, winner: Winner | None = No
         winner: Parts of the layout from the stage before, if it was run in this process.
 
     Raises:
-        FabricationError: A cord or a part fails a check.
+        FabricationError: A cord or a part fails a check, or no layout can be made.
     """
     layout = build.layout
+    require_feasible_layout(device, layout)
     if winner is None:
         winner = _make_layout(device, build, report)
     report(0.6, "cutting the solid")

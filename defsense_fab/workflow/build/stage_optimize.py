@@ -12,7 +12,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import distinct_planes, sample_path
 from ...core.device.device import DECODERS, Device, Sensor
-from ...core.errors import LayoutError
+from ...core.errors import FabricationError, LayoutError
 from ...core.progress import subrange
 from ...decoding.ridge import FEATURES
 from ...geometry.parts.records import PartSet
@@ -85,7 +85,7 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
         watch: Receives the layouts that the searches reach.
 
     Returns:
-        The parts of the chosen layout; None if they cannot be made.
+        The parts of the chosen layout; None if no layout can be made.
 
     Raises:
         LayoutError: No layout keeps the limits.
@@ -119,6 +119,40 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
     if chosen.part_set is None or chosen.as_built is None:
         return None
     return Winner(chosen.as_built, chosen.relief_notes, chosen.part_set, task)
+
+
+def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:
+    """Raise FabricationError if none of the layouts that were made on trial can be made.
+
+    A single layout of a printed device is left to the stage of the parts, whose error has a place.
+
+    Args:
+        device: The device.
+        layout: The layout of its build.
+    """
+    is_cast = device.fabrication.kind == "cast"
+    layouts = layout.weighed
+    if any(t.problem is None for t in layouts) or len(layouts) < (1 if is_cast else 2):
+        return
+    numbers: dict[str, list[str]] = {}
+    for number, trial in enumerate(layouts, start=1):
+        numbers.setdefault(str(trial.problem), []).append(str(number))
+    reasons = " ".join(f"({', '.join(which)}) {reason}" for reason, which in numbers.items())
+    searches = device.searches or default_searches(len(layout.sensors))
+    is_searched = device.propose > 0 or any(s.free for s in device.sensors)
+    count = f"none of {len(layouts)} layouts" if len(layouts) > 1 else "the layout"
+    raise FabricationError(
+        f"{count} can{'' if len(layouts) > 1 else 'not'} be {'cast' if is_cast else 'printed'}:"
+        f" {reasons}",
+        code="no-feasible-layout",
+        where=device.source / "device.toml",
+        action=f"Raise [design] searches ({searches}) or sensors ({len(layout.sensors)})"
+        if is_searched
+        else "Move the cords in [[sensors]]",
+        problems=[t.problem for t in layouts],
+        searches=searches,
+        sensors=len(layout.sensors),
+    )
 
 
 def _search_decoders(

@@ -106,6 +106,13 @@ def test_completed_stages_become_the_build_if_there_is_none(folder, stage_runs, 
     assert stage_runs.count("simulate") == 1
 
 
+def test_a_layout_stays_if_its_parts_cannot_be_made(folder, stage_runs, monkeypatch):
+    fail_build(folder, monkeypatch, stage_fabricate, write_half_and_fail("parts"))
+    assert (folder / "build" / "layout.json").exists()
+    assert not (folder / "build" / "parts").exists()
+    assert build(load_device(folder)).made == ("fabricate", "report")
+
+
 def test_good_build_stays_and_completed_stages_are_reused_later(folder, stage_runs, monkeypatch):
     build(load_device(folder))
     replace_text(folder, "edge_length = 6.0", "edge_length = 7.0")
