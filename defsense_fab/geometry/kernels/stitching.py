@@ -8,12 +8,12 @@ from typing import Any
 
 import build123d as bd
 import numpy as np
-from OCP.BRep import BRep_Tool
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid, BRepBuilderAPI_Sewing
 from OCP.BRepClass3d import BRepClass3d
 from OCP.BRepLib import BRepLib
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Shell
 
 from ...core.arrays import Float
 from .brep import find_subshapes
@@ -68,6 +68,8 @@ def collect_solids(pieces: Sequence[Any]) -> CollectedSolids:
 
 def _stitch(faces: Sequence[Any]) -> CollectedSolids:
     """Join faces with the smallest tolerance by which they close."""
+    if len(faces) == 1 and (solid := _solid_within(_shell_of(faces[0]))) is not None:
+        return CollectedSolids((solid,))  # a whole sphere or torus
     opening = None
     for tolerance in STITCH_TOLERANCES_MM:
         sewing = BRepBuilderAPI_Sewing(tolerance)
@@ -81,6 +83,13 @@ def _stitch(faces: Sequence[Any]) -> CollectedSolids:
         if solids and None not in solids:
             return CollectedSolids(tuple(solids), len(faces), tolerance)
     return CollectedSolids((), surfaces=len(faces), opening=opening)
+
+
+def _shell_of(face: Any) -> Any:
+    builder, shell = BRep_Builder(), TopoDS_Shell()
+    builder.MakeShell(shell)
+    builder.Add(shell, face)
+    return shell
 
 
 def _solid_within(shell: Any) -> Any | None:
