@@ -135,12 +135,13 @@ def _tessellate(solid: Any, where: str, tolerance: float) -> Surface:
     try:
         surface = occ.tessellate(solid, tolerance)
     except Exception as error:  # OpenCascade's have no common base; ValueError if no facets
-        text = " ".join(str(error).split()) or type(error).__name__
         raise BodyError(
-            f"its faces cannot be divided into facets: {text}",
+            "its faces cannot be divided into facets",
             code="cannot-tessellate",
             where=where,
-        ) from None
+            action="Heal it in the program that made it, or export a mesh (STL) and name that as"
+            " [body] mesh",
+        ) from error
     edges, count, _ = triangle_edges(surface.faces)
     if (count % 2).any():
         at = surface.vertices[edges[count % 2 == 1][0]].mean(0)

@@ -55,10 +55,13 @@ def read_step(path: Path) -> list[Any]:
     try:
         return pieces_of(bd.import_step(str(path)).wrapped)
     except Exception as error:  # the reader raises bare exceptions of OCP
-        text = " ".join(str(error).split()) or "no valid STEP file"
         raise BodyError(
-            f"cannot be read as STEP: {text}", code="file-invalid", where=path, suffix=".step"
-        ) from None
+            "is not a valid STEP file, or it is damaged",
+            code="file-invalid",
+            where=path,
+            action="Export it again from the program that made it",
+            suffix=".step",
+        ) from error
 
 
 def write_step(solid: Any, path: Path, label: str) -> None:
@@ -181,12 +184,11 @@ def tube(
         solid = bd.Solid(pipe.Shape())
         is_valid = solid.is_valid and solid.volume > 0
     except Exception as error:  # OCP's exceptions have no common base
-        text = " ".join(str(error).split()) or type(error).__name__
         raise FabricationError(
-            f"the channel cannot be swept: {text}",
+            "OpenCascade could not sweep the channel along its path",
             code="cannot-sweep-channel",
             action="Smooth the path",
-        ) from None
+        ) from error
     if not is_valid:
         raise FabricationError(
             "the channel's solid is not valid: the path bends tighter than the channel's radius",
