@@ -62,6 +62,8 @@ _FIXING_OPTIONS = {
     "unit-doubtful": "--units or --size",
     "out-of-step": "--shift auto",
     "device-missing": "--device",
+    "stream-ambiguous": "--signals-stream, --tracks-stream",
+    "clock-unknown": "--offset auto",
     "sources-missing": "--signals, --tracks, --device",
     "length-unit-unknown": "--tracks-unit mm",
 }

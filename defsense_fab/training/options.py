@@ -12,6 +12,8 @@ from ..capture.files.length_units import LengthUnit
 from ..core.errors import TrainingError
 from ..core.schema.options import check_options
 
+#: Suffixes of XDF files.
+XDF_SUFFIXES = (".xdf", ".xdfz")
 #: A time between two clocks in s, or "auto" to find it in the data.
 ClockShift = Annotated[float, Meta(ge=-1e12, le=1e12)] | Literal["auto"]
 #: Forms of decoders, the simplest first.
@@ -31,6 +33,9 @@ class DataFiles:
         tracks: Read the markers from this file (.csv, .npz, .parquet, .c3d, .trc); needs
             signals.
         tracks_unit: Set the unit of the tracks' positions, for a file that does not state it.
+        signals_stream: Choose the stream of signals in XDF files: its name, its type, or name and
+            number, such as Board#3.
+        tracks_stream: Choose the stream of tracks in XDF files, in the same way.
         markers: Set the file of the markers' positions at rest (default: markers.json of the
             device).
         offset: Set the time in s by which the tracks' clock is ahead, or auto to find it.
@@ -40,8 +45,8 @@ class DataFiles:
 
     Raises:
         TrainingError: Only one of `signals` and `tracks` is given (`file-not-found`), `tracks_unit`
-            is given without `tracks` (`options-conflict`), or a time is not a finite number
-            (`out-of-range`).
+            is given without `tracks` or a stream without an XDF file (`options-conflict`), or a
+            time is not a finite number (`out-of-range`).
     """
 
     sources: tuple[Path, ...] = ()
@@ -49,6 +54,8 @@ class DataFiles:
     signals: Path | None = None
     tracks: Path | None = None
     tracks_unit: LengthUnit | None = None
+    signals_stream: str | None = None
+    tracks_stream: str | None = None
     markers: Path | None = None
     offset: ClockShift = 0.0
     shift: ClockShift = 0.0
@@ -73,6 +80,16 @@ class DataFiles:
                 action="Omit it, or give tracks",
                 option="tracks_unit",
             )
+        has_xdf = any(source.suffix.lower() in XDF_SUFFIXES for source in self.sources)
+        for option in ("signals_stream", "tracks_stream"):
+            if getattr(self, option) is not None and not has_xdf:
+                raise TrainingError(
+                    "has no effect without an XDF file",
+                    code="options-conflict",
+                    where=option,
+                    action="Omit it, or give an XDF file",
+                    option=option,
+                )
 
     @property
     def is_empty(self) -> bool:

@@ -50,4 +50,14 @@ def format_data_options(files: DataFiles, device: Path | None) -> str:
     return " ".join(map(quote, words))
 
 
-_NAMES = ("signals", "tracks", "tracks_unit", "markers", "offset", "shift", "unit")
+_NAMES = (
+    "signals",
+    "tracks",
+    "tracks_unit",
+    "signals_stream",
+    "tracks_stream",
+    "markers",
+    "offset",
+    "shift",
+    "unit",
+)

@@ -15,13 +15,11 @@ from ...store.build import Build
 from ...store.layout import LAYOUT, LayoutRecord, layout_hash
 from ..data.dataset import Dataset
 from ..data.dataset_assembly import join_datasets, select_channels
-from ..options import DataFiles
+from ..options import XDF_SUFFIXES, DataFiles
 from .dataset_parquet import is_dataset, read_dataset
 from .pair_dataset import RecordingInfo, pair_dataset
 from .session_dataset import session_dataset
 from .xdf_dataset import xdf_dataset
-
-_XDF_SUFFIXES = (".xdf", ".xdfz")
 
 
 def load_dataset(
@@ -57,7 +55,7 @@ def load_dataset(
         tracks_unit=files.tracks_unit,
         fallback_device=fallback_device,
     )
-    parts = [_load_source(source, info) for source in files.sources]
+    parts = [_load_source(source, files, info) for source in files.sources]
     if files.signals is not None and files.tracks is not None:
         parts.append(pair_dataset(files.signals, files.tracks, info))
     names = [r.name for part in parts for r in part.recordings]
@@ -138,9 +136,9 @@ def match_to_device(dataset: Dataset, device: Device | None, build: Build | None
     return replace(ordered, layout=built)
 
 
-def _load_source(source: Path, info: RecordingInfo) -> Dataset:
-    if source.suffix.lower() in _XDF_SUFFIXES:
-        return xdf_dataset(source, info)
+def _load_source(source: Path, files: DataFiles, info: RecordingInfo) -> Dataset:
+    if source.suffix.lower() in XDF_SUFFIXES:
+        return xdf_dataset(source, info, signals=files.signals_stream, tracks=files.tracks_stream)
     if is_dataset(source):
         return read_dataset(source)
     if source.is_dir() and manifest_path(source) is not None:

@@ -2,67 +2,25 @@
 
 from __future__ import annotations
 
-import logging
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...capture.files.length_units import mm_per_unit
+from ...capture.files.track_file import TrackFile, labeled_tracks
+from ...core.arrays import Int
 from ...core.errors import TrainingError
-from ...core.machine.optional_libraries import optional
-from ...core.markers import Tracks
 from ..data.dataset import Dataset
 from .pair_dataset import RecordingInfo, dataset_of_series
 from .series import OHM, Series, increasing_times, make_series
+from .xdf_streams import XdfStream, join_restarted, read_streams
 
-_MAGIC = b"XDF:"
-_GZIP_MAGIC = b"\x1f\x8b"
-_COORDINATE = re.compile(r"^(?:[a-z_ ]*?)(\d{1,15})[_. -]([xyz])$", re.IGNORECASE)
-_MM_PER_UNIT = {"": 1.0, "mm": 1.0, "millimeters": 1.0, "cm": 10.0, "m": 1000.0, "meters": 1000.0}
+_COORDINATE = re.compile(r"(.*?)[_. -]([xyz])", re.IGNORECASE)
+_END_NUMBER = re.compile(r"[0-9]{1,15}$")
 _OHM_PER_UNIT = {"ohm": 1.0, "ohms": 1.0, "Ω": 1.0, "kohm": 1000.0, "kohms": 1000.0, "kΩ": 1000.0}
 _NO_UNIT = ("", "1", "none", "normalized", "relative")
-_MAX_REASON_CHARACTERS = 120
-
-
-@dataclass(frozen=True)
-class _Stream:
-    """A stream of numbers.
-
-    Attributes:
-        name: Name of the stream.
-        kind: Its type.
-        labels: Labels of the k channels; empty where not given.
-        units: Units of the channels; empty where not given.
-        time: Times of the n samples, shape (n,), s.
-        values: Samples, shape (n, k).
-    """
-
-    name: str
-    kind: str
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    time: Float
-    values: Float
-
-    @property
-    def description(self) -> str:
-        """Name, type and labels, for messages."""
-        labels = ", ".join(self.labels[:4]) + (", ..." if len(self.labels) > 4 else "")
-        return f"{self.name!r} (type {self.kind!r}, {labels or 'channels without labels'})"
-
-    @property
-    def markers(self) -> dict[int, dict[str, int]]:
-        """Columns of x, y and z by the markers' numbers."""
-        columns: dict[int, dict[str, int]] = {}
-        for k, label in enumerate(self.labels):
-            if match := _COORDINATE.match(label):
-                columns.setdefault(int(match[1]), {})[match[2].lower()] = k
-        return {number: axes for number, axes in sorted(columns.items()) if len(axes) == 3}
 
 
 def xdf_dataset(
@@ -76,25 +34,35 @@ def xdf_dataset(
 
     The file needs a stream of signals (or resistances: with the unit ohm, or labels that end in
     `_ohm`), and a stream of tracks (labels `tag_1_x`, `tag_1_y`, ... or `1_x`; in mm, or the unit
-    stated). Clocks are those of the Lab Streaming Layer.
+    stated). Clocks are those of the Lab Streaming Layer. A file that is cut off or damaged is read
+    around the damage, and streams of a sender that was restarted are joined; both are noted.
 
     Args:
         path: The file.
         info: Facts that the file does not state.
-        signals: Name or type of the stream of signals; None to detect it by its labels.
-        tracks: Name or type of the stream of tracks; None to detect it by its labels.
+        signals: Stream of signals: its name, its type, its uid, or its name and number, such as
+            `Board#3`; None to detect it by its labels.
+        tracks: Stream of tracks, stated in the same way; None to detect it by its labels.
 
     Returns:
         The dataset, with one recording.
 
     Raises:
         TrainingError: If the file cannot be read or has no such streams; those found are stated.
+        CaptureError: If two markers of the tracks are the same tag.
     """
-    streams = _read_streams(path)
-    marker_stream = _choose(path, streams, tracks, "markers", [s for s in streams if s.markers])
-    others = [s for s in streams if s is not marker_stream and any(s.labels) and not s.markers]
-    signal_stream = _choose(path, streams, signals, "signals", others)
-    if not marker_stream.markers:
+    streams, damage = read_streams(path)
+    if not streams and damage:
+        raise TrainingError(
+            f"has no stream of numbers: {'; '.join(damage)}",
+            code="file-damaged",
+            where=path,
+            action="Copy it again, or record again",
+        )
+    joined, _ = join_restarted(streams)
+    with_markers = [s for s in joined if _marker_columns(s)]
+    marker_stream, notes = _choose(path, streams, tracks, "markers", with_markers)
+    if not _marker_columns(marker_stream):
         raise TrainingError(
             f"the stream {marker_stream.description} has no markers",
             code="no-markers",
@@ -102,42 +70,74 @@ def xdf_dataset(
             action="Label its channels tag_1_x, tag_1_y, tag_1_z, ...",
             stream=marker_stream.name,
         )
-    first_times = (s.time[:1].min(initial=np.inf) for s in (marker_stream, signal_stream))
-    start = float(min(first_times))
+    others = [
+        s
+        for s in joined
+        if s.number != marker_stream.number and any(s.labels) and not _marker_columns(s)
+    ]
+    signal_stream, more = _choose(path, streams, signals, "signals", others)
+    info = info or RecordingInfo()
+    if info.offset != "auto":
+        _require_clocks(path, (signal_stream, marker_stream), damage)
+    start = min(float(s.time[0]) for s in (marker_stream, signal_stream))
     series = _to_series(path, signal_stream, start)
+    file = _to_tracks(path, marker_stream, start)
     return dataset_of_series(
         series,
-        _to_tracks(path, marker_stream, start),
+        file.tracks,
         f"{path}, {marker_stream.name}",
-        info or RecordingInfo(),
+        info,
+        [*damage, *notes, *more, *file.notes],
     )
+
+
+def _require_clocks(path: Path, streams: Sequence[XdfStream], damage: Sequence[str]) -> None:
+    """Raise an error if the relation of the streams' clocks was lost."""
+    lost = [stream.name for stream in streams if stream.is_clock_lost]
+    if lost:
+        raise TrainingError(
+            f"the clock of the stream {lost[0]!r} is unknown: {'; '.join(damage)}",
+            code="clock-unknown",
+            where=path,
+            action="Let the offset between signals and tracks be found (offset auto)",
+            stream=lost[0],
+        )
+
+
+def _marker_columns(stream: XdfStream) -> dict[str, dict[str, int]]:
+    """Return the columns of x, y and z by the markers' labels; empty if none ends in a number."""
+    columns: dict[str, dict[str, int]] = {}
+    for k, label in enumerate(stream.labels):
+        if match := _COORDINATE.fullmatch(label):
+            columns.setdefault(match[1], {}).setdefault(match[2].lower(), k)
+    markers = {label: axes for label, axes in columns.items() if len(axes) == len("xyz")}
+    return markers if any(map(_END_NUMBER.search, markers)) else {}
 
 
 def _choose(
     path: Path,
-    streams: Sequence[_Stream],
+    streams: Sequence[XdfStream],
     requested: str | None,
     content: str,
-    candidates: list[_Stream],
-) -> _Stream:
-    """Return the stream of the requested name or type, or the only candidate."""
+    candidates: list[XdfStream],
+) -> tuple[XdfStream, list[str]]:
+    """Return the requested stream or the only candidate, and notes on streams that were joined."""
     if requested is not None:
-        candidates = [s for s in streams if s.name == requested]
-        candidates = candidates or [s for s in streams if s.kind == requested]
+        candidates = _find_streams(streams, requested)
     if len(candidates) == 1:
-        return candidates[0]
-    if requested is not None:
-        count = len(candidates)
-        problem = f"has {count or 'no'} stream{'s' if count > 1 else ''} {requested!r}"
-        action = "Name one stream"
-    elif not candidates:
-        problem = f"has no stream of {content}"
+        parts = [s for s in streams if s.source == candidates[0].source]
+        is_part = any(s is candidates[0] for s in streams)
+        return candidates[0], [] if is_part else join_restarted(parts)[1]
+    if not candidates:
+        problem = f"has no stream {requested!r}" if requested else f"has no stream of {content}"
         labels = "tag_1_x, tag_1_y, tag_1_z, ..." if content == "markers" else "by the cords' names"
-        action = f"Label its channels {labels}"
+        action = "Name one of these" if requested else f"Label its channels {labels}"
     else:
-        problem = f"has {len(candidates)} streams that may be the {content}"
-        action = f"Name the stream of {content}"
-    descriptions = "; ".join(s.description for s in streams) or "none with numbers"
+        subject = f"are named {requested!r}" if requested else f"may be the {content}"
+        problem = f"has {len(candidates)} streams that {subject}"
+        action = f"Name the stream of {content} with its number, such as {candidates[0].label}"
+    shown = candidates or streams
+    descriptions = "; ".join(s.description for s in shown) or "none with numbers"
     raise TrainingError(
         f"{problem}; its streams are: {descriptions}",
         code="stream-not-found" if not candidates else "stream-ambiguous",
@@ -148,7 +148,19 @@ def _choose(
     )
 
 
-def _to_series(path: Path, stream: _Stream, start: float) -> Series:
+def _find_streams(streams: Sequence[XdfStream], requested: str) -> list[XdfStream]:
+    """Return the streams of a name, type, uid, or name and number; joined if they can be."""
+    for named in (
+        [s for s in streams if s.label == requested or (s.uid and s.uid == requested)],
+        [s for s in streams if s.name == requested],
+        [s for s in streams if s.kind == requested],
+    ):
+        if named:
+            return join_restarted(named)[0]
+    return []
+
+
+def _to_series(path: Path, stream: XdfStream, start: float) -> Series:
     """Return signals with times in s from `start`."""
     names, factors = [], []
     for label, unit in zip(stream.labels, stream.units, strict=True):
@@ -181,125 +193,36 @@ def _to_series(path: Path, stream: _Stream, start: float) -> Series:
     return make_series(f"{path}, {stream.name}", names, stream.time - start, values)
 
 
-def _to_tracks(path: Path, stream: _Stream, start: float) -> Tracks:
-    """Return tracks with times in s from `start`."""
-    markers = stream.markers
-    columns = np.array([[axes[a] for a in "xyz"] for axes in markers.values()])
-    units = {stream.units[k].lower() for k in columns.ravel()}
-    unknown = sorted(units - set(_MM_PER_UNIT))
-    if unknown or len(units) > 1:
+def _to_tracks(path: Path, stream: XdfStream, start: float) -> TrackFile:
+    """Return tracks with times in s from `start`, in the order of the markers' numbers."""
+    markers = _marker_columns(stream)
+    labels = sorted(markers, key=_end_number)
+    columns = np.array([[markers[label][axis] for axis in "xyz"] for label in labels])
+    is_kept = increasing_times(stream.time)
+    points = stream.values[is_kept][:, columns] * _mm_per_unit(path, stream, columns)
+    points[~np.isfinite(points).all(axis=2)] = np.nan
+    time = stream.time[is_kept] - start
+    return labeled_tracks(path, time, np.arange(len(time)), labels, points, is_own=False)
+
+
+def _end_number(label: str) -> int:
+    match = _END_NUMBER.search(label)
+    return int(match[0]) if match else -1
+
+
+def _mm_per_unit(path: Path, stream: XdfStream, columns: Int) -> float:
+    """Return mm per unit of some columns; mm if no unit is stated."""
+    units = sorted({stream.units[k] for k in columns.ravel()})
+    factors = {1.0 if unit == "" else mm_per_unit(unit) for unit in units}
+    unknown = [unit for unit in units if unit and mm_per_unit(unit) is None]
+    factor = factors.pop()
+    if factor is None or factors:
         raise TrainingError(
             f"markers of the stream {stream.name!r} have the unit"
-            f" {', '.join(map(repr, unknown or sorted(units)))}",
+            f" {', '.join(map(repr, unknown or units))}",
             code="unknown-unit" if unknown else "units-mixed",
             where=path,
             action="Give all markers in one of mm, cm and m",
-            units=tuple(unknown or sorted(units)),
+            units=tuple(unknown or units),
         )
-    is_kept = increasing_times(stream.time)
-    time = stream.time[is_kept] - start
-    points = stream.values[is_kept][:, columns] * _MM_PER_UNIT[units.pop()]
-    points[~np.isfinite(points).all(axis=2)] = np.nan
-    ids, frame = np.array(list(markers), np.int64), np.arange(len(time))
-    return Tracks(time, ids, points, np.full(points.shape, np.nan), frame)
-
-
-def _read_streams(path: Path) -> list[_Stream]:
-    """Return the streams of numbers."""
-    with optional(TrainingError, path, "exchange"):
-        import pyxdf
-    _check_header(path)
-    with _record_errors(pyxdf) as errors:
-        try:
-            contents, _ = pyxdf.load_xdf(str(path))
-        except Exception as error:  # damaged files make the library raise errors of any kind
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise _damaged(path, reason[:_MAX_REASON_CHARACTERS]) from None
-    if errors:
-        raise _damaged(path, errors[0][:_MAX_REASON_CHARACTERS])
-    for content in contents:
-        stated = _text(content.get("footer", {}).get("info"), "sample_count")
-        count = len(content["time_stamps"])
-        if stated.isdecimal() and int(stated) != count:
-            name = _text(content["info"], "name")
-            raise _damaged(path, f"has {count} of {stated} samples of the stream {name!r}")
-    return [s for s in map(_to_stream, contents) if s is not None]
-
-
-def _check_header(path: Path) -> None:
-    try:
-        with path.open("rb") as file:
-            header = file.read(len(_MAGIC))
-    except OSError as error:
-        raise TrainingError(
-            f"cannot be read: {error.strerror}",
-            code="file-unreadable",
-            where=path,
-            action="Check the path",
-        ) from None
-    is_compressed = path.suffix.lower() == ".xdfz" or header[: len(_GZIP_MAGIC)] == _GZIP_MAGIC
-    if not is_compressed and header != _MAGIC:
-        raise TrainingError(
-            f"is not an XDF file (it does not start with {_MAGIC.decode()})",
-            code="wrong-file-format",
-            where=path,
-        )
-
-
-def _damaged(path: Path, reason: str) -> TrainingError:
-    return TrainingError(
-        f"is truncated or damaged: {reason}",
-        code="file-damaged",
-        where=path,
-        action="Copy it again, or record again",
-    )
-
-
-@contextmanager
-def _record_errors(pyxdf: Any) -> Iterator[list[str]]:
-    """Yield the errors that the library logs; it skips damaged parts without raising."""
-    messages: list[str] = []
-
-    class Listener(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            messages.append(record.getMessage())
-
-    logger, listener = pyxdf.pyxdf.logger, Listener(logging.ERROR)
-    propagate, logger.propagate = logger.propagate, False
-    logger.addHandler(listener)
-    try:
-        yield messages
-    finally:
-        logger.removeHandler(listener)
-        logger.propagate = propagate
-
-
-def _to_stream(content: dict[str, Any]) -> _Stream | None:
-    """Return a stream as read by pyxdf; None for text and empty streams."""
-    info = content["info"]
-    if _text(info, "channel_format") == "string" or not len(content["time_stamps"]):
-        return None
-    values = np.asarray(content["time_series"], float)
-    channels = _child(_child(info, "desc"), "channels").get("channel") or []
-    labels = [_text(c, "label").strip() for c in channels]
-    units = [_text(c, "unit").strip() for c in channels]
-    k = values.shape[1]
-    return _Stream(
-        name=_text(info, "name"),
-        kind=_text(info, "type"),
-        labels=tuple((labels + [""] * k)[:k]),
-        units=tuple((units + [""] * k)[:k]),
-        time=np.asarray(content["time_stamps"], float),
-        values=values,
-    )
-
-
-def _child(element: Any, name: str) -> dict[str, Any]:
-    """Return the first child of an XML element, as pyxdf represents them."""
-    first = (element.get(name) or [None])[0] if isinstance(element, dict) else None
-    return first if isinstance(first, dict) else {}
-
-
-def _text(element: Any, name: str) -> str:
-    first = (element.get(name) or [None])[0] if isinstance(element, dict) else None
-    return first if isinstance(first, str) else ""
+    return factor

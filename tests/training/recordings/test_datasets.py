@@ -85,3 +85,23 @@ def test_recordings_must_be_of_the_device(files):
     np.testing.assert_array_equal(result.rest_points, REST)
     with raises(TrainingError, "devices-differ", devices=("other", "bar")):
         load_dataset(DataFiles((folder / "d",)), replace(device, name="other"))
+
+
+def test_streams_of_xdf_files_are_chosen_by_options(tmp_path):
+    r = recording(1, 12.0)
+    labels = [f"{i}_{a}" for i in IDS.tolist() for a in "xyz"]
+    cords = [
+        stream(k, "Board", "Cords", list(CHANNELS), r.sample_time, k * r.signals) for k in (1, 2)
+    ]
+    cameras = stream(3, "Cams", "MoCap", labels, r.time, r.points.reshape(len(r.time), -1))
+    path = write_xdf(tmp_path / "a.xdf", *cords, cameras)
+    with raises(TrainingError, "stream-ambiguous", content="signals"):
+        load_dataset(DataFiles((path,)))
+    result = load_dataset(DataFiles((path,), signals_stream="Board#2", tracks_stream="Cams"))
+    np.testing.assert_allclose(result.recordings[0].signals, 2 * r.signals, atol=1e-9)
+
+
+@pytest.mark.parametrize("option", ["signals_stream", "tracks_stream"])
+def test_streams_without_an_xdf_file_are_refused(tmp_path, option):
+    with raises(TrainingError, "options-conflict", option=option):
+        DataFiles((tmp_path,), **{option: "Board"})
