@@ -108,6 +108,12 @@ def _numbered(read: Callable[[Path], Tracks], *, is_own: bool = False) -> _Reade
     return read_file
 
 
+def _read_csv_file(path: Path, unit: LengthUnit | None) -> TrackFile:
+    notes = list[str]()
+    file = _numbered(lambda csv: read_csv(csv, notes))(path, unit)
+    return replace(file, notes=(*notes, *file.notes))
+
+
 def write_npz(path: Path, tracks: Tracks) -> None:
     """Write all arrays of the tracks by name, compressed."""
     arrays = {name: np.asarray(getattr(tracks, name), kind) for name, kind in _ARRAYS.items()}
@@ -230,7 +236,7 @@ def _libraries(path: Path) -> tuple[Any, Any]:
 
 
 _FORMATS: dict[str, tuple[_Reader, Callable[[Path, Tracks], None]]] = {
-    ".csv": (_numbered(read_csv), write_csv),
+    ".csv": (_read_csv_file, write_csv),
     ".npz": (_numbered(read_npz, is_own=True), write_npz),
     ".parquet": (_numbered(read_parquet), write_parquet),
     ".c3d": (read_c3d, write_c3d),

@@ -19,6 +19,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
+from ...core.storage.delimited_text import cut_note, is_cut_off
 from ...core.storage.files import replace_file
 from ...core.storage.text import decode_text, split_lines
 
@@ -202,8 +203,12 @@ def write_csv(path: Path, tracks: Tracks) -> None:
             file.write((_ROW_FORMAT * len(rows)) % tuple(rows.ravel().tolist()))
 
 
-def read_csv(path: Path) -> Tracks:
+def read_csv(path: Path, notes: list[str] | None = None) -> Tracks:
     """Read tracks from CSV as `write_csv` writes it.
+
+    Args:
+        path: The file. A last line that is cut off is left out.
+        notes: Gets a note on that.
 
     Raises:
         CaptureError: If the file cannot be read, or one of its lines is invalid.
@@ -223,6 +228,12 @@ def read_csv(path: Path) -> Tracks:
     if lines[0].strip() != _HEADER:
         raise _header_error(path, lines[0].strip())
     numbers = [i for i, line in enumerate(lines[1:], 2) if line.strip()]
+    if numbers and numbers[-1] == len(lines):  # the last line has no end
+        cells, above = (lines[k].split(",") for k in (-1, -2))
+        if is_cut_off(cells, above if len(numbers) > 1 else (), len(COLUMNS)):
+            number = numbers.pop()
+            if notes is not None:
+                notes.append(cut_note(path, number))
     rows = _parse(path, numbers, [lines[i - 1] for i in numbers])
     return from_rows(path, rows, lambda row: f"{path}:{numbers[row]}")
 

@@ -247,6 +247,38 @@ def read_delimited(
     return table
 
 
+def is_cut_off(last: Sequence[str], above: Sequence[str], columns: int) -> bool:
+    """Return whether a last row, whose line has no end, is cut off.
+
+    It is if it has too few cells, or if its last cell is not a number or has fewer decimals than
+    the one above it.
+
+    Args:
+        last: Cells of the row.
+        above: Cells of the row above it; empty if there is none.
+        columns: Number of the columns.
+    """
+    if len(last) < columns:
+        return True
+    if len(above) < columns or above[-1] == "":
+        return False
+    try:
+        float(last[-1].replace(",", "."))
+    except ValueError:
+        return True
+    return _count_decimals(last[-1]) < _count_decimals(above[-1])
+
+
+def cut_note(path: Path, line: int) -> str:
+    """Return the note on a last row that is left out because it is cut off."""
+    return f"{path.name}: the last line ({line}) is cut off, and left out"
+
+
+def _count_decimals(cell: str) -> int:
+    sign = max(cell.rfind("."), cell.rfind(","))
+    return len(cell) - 1 - sign if sign >= 0 else 0
+
+
 def _read_text(path: Path, error: type[DefsenseError]) -> str:
     """Return the text of a file with line feeds as line ends."""
     try:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
-from ...core.storage.delimited_text import Row, read_delimited
+from ...core.storage.delimited_text import Row, cut_note, is_cut_off, read_delimited
 
 #: The one column of text.
 RUN = "run"
@@ -43,7 +43,7 @@ class Table:
         names: Names of the k columns.
         values: Numbers, shape (n, k); NaN for empty cells.
         run: Text of the column `run`, of each of the n rows; empty without such a column.
-        notes: What was left out.
+        notes: What was left out, with the file's name.
     """
 
     path: Path
@@ -98,8 +98,10 @@ def read_table(path: Path) -> Table:
     names, run = tuple(table.names[k] for k in kept), list[str]()
     parts, notes, previous = [np.empty((0, len(kept)))], tuple[str, ...](), list[str]()
     for block, is_last in _with_last(table.blocks()):
-        if is_last and not table.ends_with_newline and _is_cut(block, previous, len(table.names)):
-            notes = (f"the last line ({block.pop().line}) is cut off, and left out",)
+        if is_last and not table.ends_with_newline:
+            above = block[-2].cells if len(block) > 1 else previous
+            if is_cut_off(block[-1].cells, above, len(table.names)):
+                notes = (cut_note(path, block.pop().line),)
         for row in block:
             if len(row.cells) != len(table.names):
                 raise TrainingError(
@@ -128,25 +130,6 @@ def _with_last(blocks: Iterator[list[Row]]) -> Iterator[tuple[list[Row], bool]]:
         following = next(blocks, None)
         yield block, following is None
         block = following
-
-
-def _is_cut(block: list[Row], previous: list[str], columns: int) -> bool:
-    """Return whether the last row, whose line has no end, is cut off.
-
-    Its last cell is if it has fewer decimals than the one above, or is not a number.
-    """
-    last = block[-1].cells
-    above = block[-2].cells if len(block) > 1 else previous
-    if len(last) < columns:
-        return True
-    if len(above) < columns or above[-1] == "":
-        return False
-    return not _is_number(last[-1].replace(",", ".")) or _decimals(last[-1]) < _decimals(above[-1])
-
-
-def _decimals(cell: str) -> int:
-    """Return the number of characters after the decimal sign."""
-    return len(cell) - 1 - max(cell.rfind("."), cell.rfind(",")) if set(cell) & set(".,") else 0
 
 
 def _column_name(name: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.files.formats import read_tracks
+from ...capture.files.formats import read_track_file
 from ...capture.sessions.results import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ...capture.sessions.session import CaptureSession, load
 from ...core.arrays import Bool, Float
@@ -40,7 +40,7 @@ def session_dataset(folder: Path) -> Dataset:
     """
     session, quality = _load_processed(folder)
     processed = _load_tables(folder, session, quality)
-    notes = list[str]()
+    notes = list(processed.notes)
     recordings, skipped = [], [f"{s['run']}: {s['why']}" for s in quality.get("skipped", [])]
     for run in quality["runs"]:
         recording = _make_recording(processed, run, notes)
@@ -91,6 +91,7 @@ class _Processed:
         quality: Content of its quality.json.
         tracks: Tracks in the device's rest frame.
         samples: Samples of the read-out board.
+        notes: What its tables lack.
     """
 
     folder: Path
@@ -98,6 +99,7 @@ class _Processed:
     quality: Mapping[str, Any]
     tracks: Tracks
     samples: Table
+    notes: tuple[str, ...]
 
     @property
     def has_one_run(self) -> bool:
@@ -165,21 +167,18 @@ def _read_runs(quality: dict[str, Any]) -> list[str]:
 
 
 def _load_tables(folder: Path, session: CaptureSession, quality: dict[str, Any]) -> _Processed:
-    """Return a session with its tables; check that they are complete."""
-    signals = read_table(folder / SIGNALS)
-    tracks = read_tracks(folder / ALIGNED)
-    for name, count in ((SIGNALS, len(signals.values)), (ALIGNED, len(tracks.time))):
+    """Return a session with its tables, and notes on frames that they lack."""
+    signals, samples = read_table(folder / SIGNALS), read_table(folder / SAMPLES)
+    file = read_track_file(folder / ALIGNED)
+    notes = [*signals.notes, *file.notes, *samples.notes]
+    for name, count in ((SIGNALS, len(signals.values)), (ALIGNED, len(file.tracks.time))):
         if count < quality.get("frames", 0):
-            raise TrainingError(
-                f"is truncated: it has {count} of {quality['frames']} frames",
-                code="file-truncated",
-                where=folder / name,
-                action=f"Copy it again, or run defsense capture process {folder}",
-                count=count,
-                expected=quality["frames"],
+            notes.append(
+                f"{name} has {count} of {quality['frames']} frames: copy it again, or run defsense"
+                f" capture process {folder}"
             )
-    tracks = _exclude_dropped(tracks, signals)
-    return _Processed(folder, session, quality, tracks, read_table(folder / SAMPLES))
+    tracks = _exclude_dropped(file.tracks, signals)
+    return _Processed(folder, session, quality, tracks, samples, tuple(notes))
 
 
 def _make_recording(
