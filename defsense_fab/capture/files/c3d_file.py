@@ -299,7 +299,7 @@ def _stated_layout(header: _Layout, parameters: Parameters, samples: int) -> _La
             _RATE_TOLERANCE * rates[0] / rates[1]
         ):
             samples = round(rates[0] / rates[1])
-        analog = channels * samples if samples else header.analog
+        analog = channels * samples if samples or not channels else header.analog
     frames = parameters.count("POINT", "FRAMES")
     is_counted = frames is not None and frames < MAX_FRAMES and header.frames < MAX_FRAMES
     points, start = parameters.count("POINT", "USED"), parameters.count("POINT", "DATA_START")

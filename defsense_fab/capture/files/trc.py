@@ -217,10 +217,11 @@ def _parse_labels(path: Path, line: str, markers: int) -> list[str]:
     """
     separator = _find_separator(line)
     cells = _split(line, separator)[2:]
+    if len(cells) == 1 < markers:  # spaces between the labels, and no blank cells after them
+        words = cells[0].split()
+        cells = words if len(words) == markers else re.split(r" {2,}", cells[0])
     while cells and not cells[-1]:
         cells.pop()
-    if len(cells) == 1 < markers == len(cells[0].split()):  # spaces between labels only
-        cells = cells[0].split()
     is_dense = separator is None or (all(cells) and len(cells) > 1)
     labels = cells if is_dense else cells[::3]
     count = sum(map(bool, labels))

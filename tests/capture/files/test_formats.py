@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from defsense_fab.capture.files.c3d import write_c3d
-from defsense_fab.capture.files.formats import read_tracks, write_tracks
+from defsense_fab.capture.files.formats import read_track_file, read_tracks, write_tracks
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.markers import Tracks
 from tests.support.errors import raises
@@ -395,3 +395,62 @@ def test_c3d_with_bytes_changed_is_read_or_rejected(tmp_path_factory, junk, at):
     path.write_bytes(data)
     with contextlib.suppress(CaptureError):
         assert len(read_tracks(path).ids)
+
+
+@pytest.mark.parametrize("suffix", [".c3d", ".trc", ".npz"])
+def test_origins_of_own_files_are_positions(tmp_path, suffix):
+    points = np.zeros((3, 1, 3))
+    tracks = Tracks(np.arange(3.0), np.array([1]), points, points * np.nan, np.arange(3))
+    write_tracks(tmp_path / f"a{suffix}", tracks)
+    assert read_tracks(tmp_path / f"a{suffix}").visible.all()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_origins_of_unknown_origin_are_hidden_and_noted(tmp_path, suffix):
+    points, sigma = np.zeros((3, 2, 3)), np.full((3, 2, 3), 0.1)
+    sigma[:, 1] = np.nan
+    tracks = Tracks(np.arange(3.0), np.array([1, 4]), points, sigma, np.arange(3))
+    write_tracks(tmp_path / f"a{suffix}", tracks)
+    file = read_track_file(tmp_path / f"a{suffix}")
+    assert file.tracks.visible.tolist() == [[True, False]] * 3
+    assert "tag_4 (3)" in file.notes[0]
+
+
+def test_the_user_states_a_unit_that_is_missing(tmp_path):
+    path = tmp_path / "a.trc"
+    path.write_text(TRC.replace("\tm\t", "\t\t"))
+    refused(path, "length-unit-unknown", unit="", line=3)
+    assert read_track_file(path, "cm").tracks.points[0, 0].tolist() == [1, 2, 3]
+    path.write_text(TRC)
+    with raises(CaptureError, "unit-conflict", unit="m"):
+        read_track_file(path, "mm")
+    write_tracks(tmp_path / "a.csv", random_tracks(4, 2))
+    assert read_track_file(tmp_path / "a.csv", "mm").tracks.visible.any()
+    with raises(CaptureError, "unit-conflict"):
+        read_track_file(tmp_path / "a.csv", "m")
+
+
+@pytest.mark.parametrize(
+    ("line", "program"),
+    [
+        ("Format Version,1.23,Take Name,take", "Motive"),
+        ("Trajectories", "Nexus"),
+        ("time,x,y,z", None),
+    ],
+)
+def test_tables_of_motion_capture_programs_are_named(tmp_path, line, program):
+    (tmp_path / "a.csv").write_text(f"{line}\n1,2,3,4\n")
+    refused(tmp_path / "a.csv", "header-wrong", line=1, program=program)
+
+
+def test_header_and_parameters_that_disagree(tmp_path):
+    """The header is used if the file's length confirms it; otherwise the file is refused."""
+    points = np.random.default_rng(0).normal(0, 50, (40, 3, 3))
+    path, right = tmp_path / "a.c3d", c3d_format.build(points, ["tag_1", "tag_2", "tag_3"], 50.0)
+    path.write_bytes(right.replace(b"USED\x07\0\x02\0\x03\0", b"USED\x07\0\x02\0\x05\0"))
+    assert path.read_bytes() != right
+    np.testing.assert_allclose(read_tracks(path).points, points, rtol=1e-6)
+    data = bytearray(right)
+    data[2:4] = struct.pack("<H", 2)
+    path.write_bytes(data)
+    refused(path, "header-differs", name="points", header=2, parameters=3)

@@ -207,3 +207,36 @@ def test_movement_during_the_initial_rest_is_noted(tmp_path, r):
         signals, tmp_path / "take.csv", RecordingInfo(markers=markers())
     ).provenance
     assert not any("R0 are wrong" in note for note in notes["sessions"][0]["notes"])
+
+
+def rename(path, labels):
+    """Replace labels in a file of tracks by others of the same length."""
+    text = path.read_text(encoding="utf-8")
+    for old, new in labels.items():
+        assert text.count(f"{old}\t") == 1
+        text = text.replace(f"{old}\t", f"{new}\t")
+    path.write_text(text, encoding="utf-8")
+
+
+def test_other_markers_in_the_volume_change_nothing_and_are_noted(tmp_path, r):
+    signals, path = write_signals(tmp_path / "s.csv", r), tmp_path / "take.trc"
+    write_tracks(path, tracks_of(r))
+    expected = pair_dataset(signals, path, RecordingInfo(markers=markers()))
+    points = np.concatenate([r.points + 500, r.points], axis=1)[:, 4:]
+    more = Tracks(r.time, np.array([99, *IDS]), points, points * np.nan, np.arange(len(r.time)))
+    for name in ("wand", "*60", "rod3"):
+        write_tracks(path, more)
+        rename(path, {"tag_99": name})
+        result = pair_dataset(signals, path, RecordingInfo(markers=markers()))
+        assert result.ids.tolist() == expected.ids.tolist()
+        np.testing.assert_array_equal(result.recordings[0].points, expected.recordings[0].points)
+        assert any(name in note for note in result.provenance["sessions"][0]["notes"])
+
+
+def test_labels_without_numbers_are_refused_for_a_device_with_markers(tmp_path, r):
+    signals, path = write_signals(tmp_path / "s.csv", r), tmp_path / "take.trc"
+    write_tracks(path, tracks_of(r))
+    rename(path, {f"tag_{i}": f"SI{'ABCDEFGHIJ'[i]}" for i in IDS.tolist()})
+    with raises(TrainingError, "markers-differ"):
+        pair_dataset(signals, path, RecordingInfo(markers=markers()))
+    assert pair_dataset(signals, path).ids.tolist() == list(range(len(IDS)))
