@@ -88,7 +88,8 @@ def pair_dataset(signals: Path, tracks: Path, info: RecordingInfo | None = None)
     series, file = read_series(signals), read_track_file(tracks, info.tracks_unit)
     if info.markers is not None:
         _require_numbers(file, info.markers, str(tracks))
-    return dataset_of_series(series, file.tracks, str(tracks), info, file.notes)
+    notes = [f"{tracks.name}: {note}" for note in file.notes]
+    return dataset_of_series(series, file.tracks, str(tracks), info, notes)
 
 
 def _require_numbers(file: TrackFile, markers: Markers, source: str) -> None:
