@@ -41,13 +41,15 @@ class TrueStream:
         time: Times (n,) on the recorder's clock, s.
         values: Samples (n, k).
         spans: First byte of each sample in the file, and the byte after it (n, 2).
-        is_damaged: Which samples the damage touches (n,).
+        is_stated: Which samples state their time (n,); that of the others follows from it.
+        is_damaged: Samples of which the damage touches values or time (n,).
     """
 
     name: str
     time: np.ndarray
     values: np.ndarray
     spans: np.ndarray
+    is_stated: np.ndarray
     is_damaged: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
 
 
@@ -94,7 +96,10 @@ def random_variant(rng: np.random.Generator) -> XdfVariant:
     damage = str(rng.choice(DAMAGE, p=[0.1, 0.25, 0.2, 0.15, 0.1, 0.1, 0.1]))
     first, last, damaged = _damage(rng, bytes(content), damage)
     for stream in streams.values():
-        stream.is_damaged = (stream.spans[:, 0] < last) & (stream.spans[:, 1] > first)
+        is_damaged = (stream.spans[:, 0] < last) & (stream.spans[:, 1] > first)
+        for k in range(1, len(is_damaged)):
+            is_damaged[k] |= is_damaged[k - 1] and not stream.is_stated[k]
+        stream.is_damaged = is_damaged
     return XdfVariant(damaged, streams, damage)
 
 
@@ -159,7 +164,9 @@ def _random_streams(
             values[rng.random(values.shape) < 0.05] = 0.0
         values[:, 0] = np.arange(len(when)) + 1 + 0.25 * (value_format in ("double64", "float32"))
         values = values.astype(_FORMATS[value_format]).astype(float)
-        streams[number] = TrueStream(name, when, values, np.zeros((0, 2), int))
+        streams[number] = TrueStream(
+            name, when, values, np.zeros((0, 2), int), np.ones(len(when), bool)
+        )
         nominal = rate if rng.random() < 0.7 else 0.0
         heads.append(_chunk(rng, 2, _header(number, name, width, value_format, nominal)))
         timed += _sample_chunks(rng, number, streams[number], value_format, clock, nominal)
@@ -194,6 +201,7 @@ def _sample_chunks(
         rows, spans, at = [], [], 0
         for j in range(k, min(k + size, len(stream.time))):
             is_stated = states_all or j == k or rng.random() < 0.1
+            stream.is_stated[j] = is_stated
             mark = b"\x08" + struct.pack("<d", stream.time[j] + clock) if is_stated else b"\0"
             row = mark + stream.values[j].astype(_FORMATS[value_format]).tobytes()
             rows.append(row)

@@ -187,8 +187,10 @@ class _Walk:
             assert header is not None
             out.headers.setdefault(chunk.stream, header)
         elif chunk.stream not in out.headers:
-            if chunk.tag == SAMPLES:
-                out.orphans.add(chunk.stream)
+            if chunk.tag == SAMPLES and chunk.stream not in out.orphans:
+                out.orphans.add(chunk.stream)  # its header or its number is damaged
+                out.damaged.append(chunk.start)
+                self._break_streams()
         elif chunk.tag == SAMPLES and out.headers[chunk.stream].has_numbers:
             self._add_rows(chunk, *self._row_range(chunk))
         elif chunk.tag == CLOCK_OFFSET:
