@@ -120,6 +120,7 @@ class _Walk:
         self._zeroed = _zeroed_sectors(self._data)
         self._out = SoundChunks()
         self._without_time = set[int]()  # streams whose next sample must state its time
+        self._last_offset: _Chunk | None = None
         self._offsets: dict[int, list[tuple[int, float]]] = defaultdict(list)
 
     def run(self) -> SoundChunks:
@@ -135,6 +136,7 @@ class _Walk:
                 self._end_at(position, chunk)
                 break
             self._out.damaged.append(position)
+            self._remove_offset_before(position)
             self._break_streams()
             position = following
         else:
@@ -198,6 +200,7 @@ class _Walk:
             out.with_clock.add(chunk.stream)
             self._offsets[chunk.stream].append((len(out.chunks), value))
             out.chunks.append((chunk.stream, data[chunk.start : chunk.end]))
+            self._last_offset = chunk
         elif chunk.tag == FOOTER:
             self._add_footer(chunk)
         return True
@@ -302,6 +305,17 @@ class _Walk:
             if header.has_numbers:
                 self._without_time.add(number)
                 self._out.breaks[number].append(self._out.rows[number])
+
+    def _remove_offset_before(self, position: int) -> None:
+        """Remove a clock offset that ends where damage was found: its value may be damaged, too."""
+        last = self._last_offset
+        if last is None or last.end != position:
+            return
+        self._out.chunks.pop()
+        self._offsets[last.stream].pop()
+        if not self._offsets[last.stream]:
+            self._out.with_clock.discard(last.stream)
+        self._last_offset = None
 
     def _remove_wrong_offsets(self) -> None:
         """Remove clock offsets that differ from those before and after, which agree."""

@@ -272,7 +272,7 @@ def load_streams(path: Path, limit: int) -> tuple[list[XdfStream], list[str]]:
             jitter_break_threshold_seconds=_MAX_SMOOTH_STEP_S,
             jitter_break_threshold_samples=_MAX_SMOOTH_STEPS,
         )
-    streams = [_to_stream(chunks, entry) for entry in loaded]
+        streams = [_to_stream(chunks, entry) for entry in loaded]
     streams = [s for s in streams if len(s.time)]
     return streams, _describe_damage(chunks, streams)
 
