@@ -106,8 +106,7 @@ def read_streams(path: Path) -> tuple[list[XdfStream], list[str]]:
         TrainingError: If the file cannot be read, is not an XDF file, or takes too much time or
             memory to read.
     """
-    with optional(TrainingError, path, "exchange"):
-        import pyxdf  # noqa: F401
+    _library(path)
     size = _content_limit(path)
     megabytes = size / 2**20
     limits = ChildLimits.of_cpu_time(
@@ -190,6 +189,12 @@ def _content_limit(path: Path) -> int:
     return size
 
 
+def _library(path: Path) -> Any:
+    with optional(TrainingError, path, "exchange"):
+        import pyxdf
+    return pyxdf
+
+
 def _wrong_format(path: Path) -> TrainingError:
     return TrainingError(
         f"is not an XDF file (it does not start with {MAGIC.decode()})",
@@ -256,8 +261,7 @@ def load_streams(path: Path, limit: int) -> tuple[list[XdfStream], list[str]]:
         path: The file.
         limit: Largest number of bytes that a compressed file may expand to.
     """
-    import pyxdf
-
+    pyxdf = _library(path)
     content, is_cut = _read_content(path, limit)
     if not content.startswith(MAGIC):
         raise _wrong_format(path)

@@ -86,9 +86,9 @@ def _dataset(path):
 
 
 def _xdf(path):
-    from defsense_fab.training.recordings.xdf_dataset import _read_streams
+    from defsense_fab.training.recordings.xdf_streams import read_streams
 
-    _read_streams(path / "a.xdf")
+    read_streams(path / "a.xdf")
 
 
 def _usd(path):
