@@ -87,13 +87,22 @@ def pair_dataset(signals: Path, tracks: Path, info: RecordingInfo | None = None)
     info = info or RecordingInfo()
     series, file = read_series(signals), read_track_file(tracks, info.tracks_unit)
     if info.markers is not None:
-        _require_numbers(file, info.markers, str(tracks))
+        require_numbers(file, info.markers, str(tracks))
     notes = [f"{tracks.name}: {note}" for note in file.notes]
     return dataset_of_series(series, file.tracks, str(tracks), info, notes)
 
 
-def _require_numbers(file: TrackFile, markers: Markers, source: str) -> None:
-    """Raise an error if the labels of a file do not name the device's markers."""
+def require_numbers(file: TrackFile, markers: Markers, source: str) -> None:
+    """Check that the labels of a file have the markers' numbers.
+
+    Args:
+        file: The file as read.
+        markers: The device's markers.
+        source: Name of the file.
+
+    Raises:
+        TrainingError: If they have none, so that markers were numbered in the file's order.
+    """
     if file.is_in_file_order:
         raise TrainingError(
             f"its labels do not number the markers: {list_some(file.labels)}",

@@ -13,7 +13,7 @@ from ...capture.files.track_file import TrackFile, labeled_tracks
 from ...core.arrays import Int
 from ...core.errors import TrainingError
 from ..data.dataset import Dataset
-from .pair_dataset import RecordingInfo, dataset_of_series
+from .pair_dataset import RecordingInfo, dataset_of_series, require_numbers
 from .series import OHM, Series, increasing_times, make_series
 from .xdf_streams import XdfStream, join_restarted, read_streams
 
@@ -81,11 +81,13 @@ def xdf_dataset(
         _require_clocks(path, (signal_stream, marker_stream), damage)
     start = min(float(s.time[0]) for s in (marker_stream, signal_stream))
     series = _to_series(path, signal_stream, start)
-    file = _to_tracks(path, marker_stream, start)
+    file, source = _to_tracks(path, marker_stream, start), f"{path}, {marker_stream.name}"
+    if info.markers is not None:
+        require_numbers(file, info.markers, source)
     return dataset_of_series(
         series,
         file.tracks,
-        f"{path}, {marker_stream.name}",
+        source,
         info,
         [*damage, *notes, *more, *file.notes],
     )

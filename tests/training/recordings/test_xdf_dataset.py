@@ -187,6 +187,13 @@ def test_other_markers_do_not_renumber_tags(tmp_path, r):
     np.testing.assert_allclose(result.recordings[0].points, r.points)
 
 
+def test_labels_that_repeat_numbers_are_not_numbers_of_markers(tmp_path, r):
+    labels = [f"{'abcde'[k]}1_{axis}" for k in range(len(IDS)) for axis in "xyz"]
+    path = write_xdf(tmp_path / "take.xdf", cords(r), mocap(r, labels))
+    with raises(TrainingError, "markers-differ"):
+        xdf_dataset(path, RecordingInfo(markers=markers()))
+
+
 def test_pauses_keep_the_times_around_them(tmp_path, r):
     """A pause of 3 s must not be spread over the samples before and after it."""
     rest = np.r_[0:200, 380:720]
