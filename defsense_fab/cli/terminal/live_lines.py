@@ -227,7 +227,7 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
         "rate": status.rate,
         "samples": status.samples,
         "skipped": status.skipped,
-        "lost": status.lost,
+        "lost_samples": status.lost,
         "latency": {
             "outputs": [finite_or_none(x) for x in status.output_latency],
             "view": [finite_or_none(x) for x in status.view_latency],

@@ -1,6 +1,7 @@
 """Videos, folders of images, numbered images, and invalid files."""
 
 import os
+import struct
 
 import cv2
 import numpy as np
@@ -174,3 +175,47 @@ def test_first_image_of_another_size_is_named(tmp_path_factory, sizes, suffix, i
     facts = {"file": f"{other}{suffix}", "size": sizes[other], "expected": sizes[0]}
     with raises(CaptureError, "image-sizes-differ", **facts):
         list(video.frames())
+
+
+#: Rows of the matrix in a track of an MP4 file that turn its pictures clockwise, by degrees.
+MATRICES = {0: (1, 0, 0, 1), 90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}
+
+
+def write_turned_film(path, size, rate, count, degrees):
+    """Write a film whose top left is white, with a rotation in its metadata."""
+    image = np.full((size[1], size[0], 3), 60, np.uint8)
+    image[: size[1] // 3, : size[0] // 3] = 255
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), rate, size)
+    for _ in range(count):
+        writer.write(image)
+    writer.release()
+    data = bytearray(path.read_bytes())
+    header = data.index(b"tkhd") + 4
+    at = header + (56 if data[header] else 44) - 4
+    a, b, c, d = (n << 16 for n in MATRICES[degrees])
+    struct.pack_into(">9i", data, at, a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    path.write_bytes(data)
+
+
+@settings(max_examples=max(VARIANTS // 4, 1), derandomize=True, deadline=None)
+@given(
+    width=st.integers(16, 160).map(lambda n: 2 * n),
+    height=st.integers(16, 120).map(lambda n: 2 * n),
+    rate=st.sampled_from([10.0, 24.0, 25.0, 30000 / 1001, 60.0, 120.0]),
+    count=st.integers(1, 30),
+    degrees=st.sampled_from(list(MATRICES)),
+)
+def test_films_of_all_sizes_rates_and_rotations(
+    tmp_path_factory, width, height, rate, count, degrees
+):
+    path = tmp_path_factory.mktemp("turned") / "film.mp4"
+    write_turned_film(path, (width, height), rate, count, degrees)
+    video = Video(path)
+    frames = list(video.frames())
+    video.close()
+    assert video.size == ((height, width) if degrees in (90, 270) else (width, height))
+    assert [t for _, t, _ in frames] == pytest.approx(np.arange(count) / rate, abs=1e-3)
+    for _, _, image in frames:
+        assert image.shape[1::-1] == video.size
+        corners = [image[4, 4], image[4, -5], image[-5, -5], image[-5, 4]]  # clockwise
+        assert np.argmax([c.mean() for c in corners]) == degrees // 90

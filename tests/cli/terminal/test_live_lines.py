@@ -1,6 +1,7 @@
 """Lines on live runs without a terminal, and as JSON."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from defsense_fab.capture.readout.source import RecordingEnd
 from defsense_fab.cli.terminal import live_lines
-from defsense_fab.cli.terminal.live_lines import LiveLines, labels, page
+from defsense_fab.cli.terminal.live_lines import LiveLines, as_mapping, labels, page
 from defsense_fab.core.errors import CaptureError, LiveError
 from defsense_fab.workflow.run.run import LiveStatus
 from tests.runtime.live_frames import frame
@@ -139,3 +140,10 @@ def test_page_names_the_device():
     status = LiveStatus(None, 0.0, 0.0, NONE, NONE, 0, 0, 0, ())
     assert page(status, "bar (a)")[0].plain == "bar (a): waiting for samples"
     assert page(status, "bar (a)", "COM3: is gone")[0].plain == "bar (a) ended: COM3: is gone"
+
+
+def test_json_has_numbers_of_samples_and_the_lost_channel():
+    lost = replace(frame(), lost_channel="cord_1")
+    data = as_mapping(LiveStatus(lost, 0.0, 0.0, NONE, NONE, 100, 3, 7, ()))
+    assert (data["samples"], data["skipped"], data["lost_samples"]) == (100, 3, 7)
+    assert data["lost"] == "cord_1"
