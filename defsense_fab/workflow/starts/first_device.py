@@ -159,7 +159,7 @@ def check_room(body: BodyFile, unit: str, cord: str, process: str) -> None:
     if reason := reasons[cord]:
         fitting = [name for name, other in reasons.items() if not other]
         check = "size" if body.factor != 1 else f"unit ({UNIT_WORDS[unit]})"
-        remedy = f"Choose {' or '.join(fitting)}" if fitting else "Make the body larger"
+        remedy = f"Choose {' or '.join(fitting)}" if fitting else "Make the body thicker or longer"
         raise BodyError(
             reason.format(cord),
             code="no-room-for-cord",

@@ -122,7 +122,8 @@ def _read_binary(content: bytes) -> tuple[Float, tuple[str, ...]]:
         notes = (f"read the {held} triangles that the file holds; it states {count}",)
     else:
         extra = len(content) - HEAD_BYTES - RECORD.itemsize * count
-        notes = (f"ignored {extra} bytes after the last triangle",)
+        noun = "byte" if extra == 1 else "bytes"
+        notes = (f"ignored {extra} {noun} after the last triangle",)
         records = records[:count]
     return records["corners"].reshape(-1, 3).astype(float), notes
 

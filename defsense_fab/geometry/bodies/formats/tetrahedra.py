@@ -104,11 +104,12 @@ def _read_with_meshio(content: bytes, suffix: str) -> tuple[Float, list[tuple[st
         # meshio.read prints problems and ends the program.
         module = meshio.vtu if suffix == ".vtu" else meshio.gmsh
         mesh: Any = module.read(path)
-    cells = [
-        (str(block.type).rstrip("0123456789"), np.asarray(block.data, np.int64))
-        for block in mesh.cells
-        if str(block.type) != "polyhedron"
-    ]
+    cells = []
+    for block in mesh.cells:
+        kind = str(block.type).rstrip("0123456789")
+        ragged = kind in ("polyhedron", "polygon")  # not read, and named by the caller
+        corners = np.zeros((0, 0), np.int64) if ragged else np.asarray(block.data, np.int64)
+        cells.append((kind, corners))
     return np.asarray(mesh.points, float), cells
 
 
