@@ -47,7 +47,7 @@ def make_smaller(device):
     device.write_text(text, encoding="utf-8")
 
 
-_SHORT = "my-device/model.json --port twin --seconds 3 --json"
+_SHORT = "my-device/model.json --port twin --seconds 8 --json"
 #: What other pages say to type, and what is run for it where that needs hardware or takes long: the
 #: same command with a twin for the port, less time, or names of what is there ("": as it stands).
 ELSEWHERE = {
