@@ -65,7 +65,7 @@ class Parameters:
         return [] if value is None or isinstance(value, tuple) else value.tolist()
 
     def number(self, group: str, name: str) -> float | None:
-        """Return the first number of a parameter; None if there is none."""
+        """Return the first number of a parameter; None if it has no numbers."""
         return next((x for x in self.numbers(group, name) if math.isfinite(x)), None)
 
     def count(self, group: str, name: str) -> int | None:
@@ -179,7 +179,7 @@ def _read(path: Path, file: BinaryIO, size: int) -> C3dFile:
 
 
 def _parse_parameters(path: Path, data: bytes, processor: int) -> tuple[Parameters, int]:
-    """Return the parameters of a section, which starts with four bytes of its own, and its length.
+    """Return the parameters of a section, after its head of four bytes, and its length.
 
     A record is: length of the name (negative if locked), number of the group (negative for a group
     itself), name, offset to the next record, and for parameters type, dimensions and values. A

@@ -18,8 +18,8 @@ _MAX_CHANNELS = 100_000
 
 
 @dataclass(frozen=True)
-class StreamHeader:
-    """Facts that a stream's header states.
+class StreamInfo:
+    """What identifies a stream and its channels.
 
     Attributes:
         number: Number of the stream in the file.
@@ -28,9 +28,6 @@ class StreamHeader:
         uid: Identifier of the sender's run; empty where not given.
         labels: Labels of the k channels; empty where not given.
         units: Units of the channels; empty where not given.
-        value_format: Format of the values, such as `double64`.
-        rate: Nominal rate, Hz; 0 for irregular times.
-        can_drop: Whether the stream is declared to drop samples.
     """
 
     number: int
@@ -39,6 +36,18 @@ class StreamHeader:
     uid: str
     labels: tuple[str, ...]
     units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StreamHeader(StreamInfo):
+    """Facts that a stream's header states.
+
+    Attributes:
+        value_format: Format of the values, such as `double64`.
+        rate: Nominal rate, Hz; 0 for irregular times.
+        can_drop: Whether the stream is declared to drop samples.
+    """
+
     value_format: str
     rate: float
     can_drop: bool

@@ -32,6 +32,7 @@ from ...core.machine.child_process import (
 from ...core.machine.optional_libraries import optional
 from ...core.storage.files import unreadable_code
 from .xdf_chunks import MAGIC, SoundChunks, find_sound_chunks
+from .xdf_headers import StreamInfo
 
 _GZIP_MAGIC = b"\x1f\x8b"
 _GZIP_WINDOW = 31  # zlib's code for the format of gzip
@@ -50,27 +51,15 @@ _CRASH_ACTION = "Copy it again, or export signals and tracks as tables"
 
 
 @dataclass(frozen=True)
-class XdfStream:
+class XdfStream(StreamInfo):
     """A stream of numbers.
 
     Attributes:
-        number: Number of the stream in the file.
-        name: Name of the stream.
-        kind: Its type.
-        uid: Identifier of the sender's run; empty where not given.
-        labels: Labels of the k channels; empty where not given.
-        units: Units of the channels; empty where not given.
         time: Times of the n samples, shape (n,), s.
         values: Samples, shape (n, k).
         is_clock_lost: Whether the damage took the offsets of its clock from the recorder's.
     """
 
-    number: int
-    name: str
-    kind: str
-    uid: str
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
     time: Float
     values: Float
     is_clock_lost: bool = False
