@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 
 import cv2
@@ -35,7 +36,8 @@ def list_numbered_images(pattern: Path) -> dict[int, Path]:
     """Return images by number, in order, of a pattern such as `a%04d.png`.
 
     Raises:
-        CaptureError: If there are none (`images-missing`).
+        CaptureError: If there are none (`images-missing`), or two have the same number
+            (`images-repeated`).
     """
     parts = re.split(r"%0?(\d*)d", pattern.name)
     images: dict[int, Path] = {}
@@ -44,7 +46,16 @@ def list_numbered_images(pattern: Path) -> dict[int, Path]:
         number = rf"(\d{{{digits or 1},}})"
         name = re.compile(re.escape(start) + number + re.escape(end))
         matches = ((name.fullmatch(p.name), p) for p in pattern.parent.iterdir())
-        images = {int(match[1]): p for match, p in matches if match}
+        for number_found, path in sorted((int(m[1]), p) for m, p in matches if m):
+            if number_found in images:
+                raise CaptureError(
+                    f"{images[number_found].name} and {path.name} have the same number",
+                    code="images-repeated",
+                    where=pattern,
+                    action="Remove or rename one of them",
+                    number=number_found,
+                )
+            images[number_found] = path
     if not images:
         raise CaptureError(
             "no images have names of this pattern",
@@ -83,7 +94,7 @@ def read_orientation(path: Path) -> int:
     from PIL import Image as PillowImage
 
     try:
-        with PillowImage.open(path) as image:
+        with warnings.catch_warnings(action="ignore"), PillowImage.open(path) as image:
             orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
     except (OSError, SyntaxError, ValueError, PillowImage.DecompressionBombError):
         return 1  # OpenCV decides whether the image can be read

@@ -3,7 +3,8 @@
 Exporters mark an absent position in one of four ways: NaN, an empty cell, a negative residual
 (C3D), or exactly 0, 0, 0. Readers turn the first three into NaN; this module adds the fourth. A
 measured position is never exactly zero in all three coordinates, so the rule loses nothing. It does
-not apply to files of this package, in which an origin is a position.
+not apply to files that only this package writes (its C3D, TRC and NPZ), in which an origin is a
+position; CSV and Parquet of the same columns are also written by other programs.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
-from ...core.storage.delimited_text import cut_note, is_cut_off
+from ...core.storage.delimited_text import MAX_ROWS_BEFORE_CUT, cut_note, is_cut_off
 from ...core.storage.files import replace_file
 from ...core.storage.text import decode_text, split_lines
 
@@ -229,8 +229,8 @@ def read_csv(path: Path, notes: list[str] | None = None) -> Tracks:
         raise _header_error(path, lines[0].strip())
     numbers = [i for i, line in enumerate(lines[1:], 2) if line.strip()]
     if numbers and numbers[-1] == len(lines):  # the last line has no end
-        cells, above = (lines[k].split(",") for k in (-1, -2))
-        if is_cut_off(cells, above if len(numbers) > 1 else (), len(COLUMNS)):
+        earlier = [lines[i - 1].split(",") for i in numbers[-1 - MAX_ROWS_BEFORE_CUT : -1]]
+        if is_cut_off(lines[-1].split(","), earlier, len(COLUMNS)):
             number = numbers.pop()
             if notes is not None:
                 notes.append(cut_note(path, number))

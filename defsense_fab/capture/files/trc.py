@@ -17,8 +17,9 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.markers import Tracks
+from ...core.storage.delimited_text import MAX_ROWS_BEFORE_CUT, cut_note, is_cut_off
 from ...core.storage.files import replace_file
-from ...core.storage.text import decode_text, split_lines
+from ...core.storage.text import decode_text, parse_numbers, split_lines
 from .length_units import LengthUnit, resolve_unit
 from .marker_labels import marker_labels
 from .track_conversion import frame_grid
@@ -98,8 +99,8 @@ def read_trc(path: Path, unit: LengthUnit | None = None) -> TrackFile:
     frames, markers = (_count(path, head, name) for name in ("NumFrames", "NumMarkers"))
     labels = _parse_labels(path, lines[3], markers)
     check_size(path, len(lines) * len(labels) * BYTES_PER_MARKER)
-    table, unnamed = _parse_rows(path, lines, labels)
-    if len(table) < frames or not len(table):
+    table, unnamed, cut_notes = _parse_rows(path, lines, labels)
+    if len(table) < frames - len(cut_notes) or not len(table):
         raise CaptureError(
             f"is truncated: it has {len(table)} of {frames} frames",
             code="file-truncated",
@@ -128,7 +129,10 @@ def read_trc(path: Path, unit: LengthUnit | None = None) -> TrackFile:
         named,
         points,
         is_own=lines[0].split("\t")[-1] == _WRITER,
-        notes=_notes(len(named), markers, unnamed + len(labels) - len(named)),
+        notes=[
+            *_notes(len(named), markers, unnamed + len(labels) - len(named)),
+            *cut_notes,
+        ],
     )
 
 
@@ -239,10 +243,13 @@ def _parse_labels(path: Path, line: str, markers: int) -> list[str]:
     return labels
 
 
-def _parse_rows(path: Path, lines: list[str], labels: Sequence[str]) -> tuple[Float, int]:
+def _parse_rows(
+    path: Path, lines: list[str], labels: Sequence[str]
+) -> tuple[Float, int, list[str]]:
     """Return frame, time and positions (t, 2 + 3 m), NaN where absent.
 
-    Also return the number of markers in the columns after these.
+    Also return the number of markers in the columns after these, and a note on a last row that is
+    left out because it is cut off.
     """
     numbered = [
         (number, line)
@@ -251,11 +258,15 @@ def _parse_rows(path: Path, lines: list[str], labels: Sequence[str]) -> tuple[Fl
     ]
     width = 2 + 3 * len(labels)
     if not numbered:
-        return np.empty((0, width)), 0
+        return np.empty((0, width)), 0, []
     separator = _find_separator(numbered[0][1])
     rows = [(number, _split(line, separator)) for number, line in numbered]
     columns = Counter(_column_count(cells) for _, cells in rows).most_common(1)[0][0]
-    unnamed = 0
+    unnamed, notes = 0, list[str]()
+    if numbered[-1][0] == len(lines):  # the last line has no end
+        earlier = [cells for _, cells in rows[-1 - MAX_ROWS_BEFORE_CUT : -1]]
+        if is_cut_off(rows[-1][1], earlier, columns):
+            notes.append(cut_note(path, rows.pop()[0]))
     for number, cells in rows:
         is_complete = _column_count(cells) == columns >= width
         has_blanks = separator is not None and not any(cells[width:])
@@ -270,7 +281,8 @@ def _parse_rows(path: Path, lines: list[str], labels: Sequence[str]) -> tuple[Fl
             )
         if any(cells[width:]):
             unnamed = -(-(columns - width) // 3)
-    return np.array([_parse_row(path, n, cells, labels) for n, cells in rows]), unnamed
+    values = [_parse_row(path, n, cells, labels) for n, cells in rows]
+    return np.array(values).reshape(-1, width), unnamed, notes
 
 
 def _column_count(cells: Sequence[str]) -> int:
@@ -283,7 +295,7 @@ def _parse_row(path: Path, number: int, cells: Sequence[str], labels: Sequence[s
     width = 2 + 3 * len(labels)
     texts = [*cells[:width], *[""] * (width - len(cells))]
     try:
-        values = [float(text) if text else math.nan for text in texts]
+        values = list[float](parse_numbers(texts))
     except ValueError:
         values = [_parse_cell(path, number, text) for text in texts]
     if not (values[0] % 1 == 0 and abs(values[0]) < _MAX_FRAME and math.isfinite(values[1])):
@@ -309,7 +321,7 @@ def _parse_cell(path: Path, number: int, text: str) -> float:
     if not text or _WINDOWS_NAN.fullmatch(text):
         return math.nan
     try:
-        return float(text)
+        return float(parse_numbers([text])[0])
     except ValueError:
         pass
     if _DECIMAL_COMMA.fullmatch(text):

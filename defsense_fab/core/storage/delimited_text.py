@@ -22,7 +22,7 @@ import numpy as np
 from ..arrays import Float
 from ..errors import DefsenseError
 from .files import unreadable_code
-from .text import decode_text
+from .text import decode_text, parse_numbers
 
 _SEPARATORS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'"?sep=(.)"?\s*\n', re.IGNORECASE)
@@ -30,11 +30,13 @@ _COMMENT = "#"
 _QUOTED = re.compile(r'"[^"]*"')
 _WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # .xlsx and .ods, .xls
 _BLOCK_ROWS = 10_000
+MIN_ROWS_BEFORE_CUT, MAX_ROWS_BEFORE_CUT = 3, 100  # whose decimals are compared
 _MAX_SHOWN = 40  # characters of a cell in a message
 _COMMA_NUMBER = re.compile(r"[+-]?[0-9]*,[0-9]*(?:[eE][+-]?[0-9]+)?")
 _GROUPED_COMMA = re.compile(r"[+-]?[0-9]{1,3},[0-9]{3}")
 #: A number with separators of thousands, with or without decimals.
 _GROUPED = re.compile(r"[+-]?[0-9]{1,3}(?:[.,'\u2019\s\u00a0\u202f][0-9]{3})+(?:[.,][0-9]*)?")
+_HAS_DIGIT = re.compile(r"[0-9]")
 _POINT, _COMMA = "point", "comma"
 
 
@@ -137,7 +139,7 @@ class DelimitedTable:
         has_point = any("." in cell for cell in cells)
         if not has_point or _COMMA not in self._decimal:
             try:
-                values = np.fromiter((float(c) if c else np.nan for c in cells), float, len(cells))
+                values = parse_numbers(cells)
             except ValueError:
                 pass
             else:
@@ -152,10 +154,8 @@ class DelimitedTable:
         """Convert one cell; see `numbers`."""
         is_comma = bool(_COMMA_NUMBER.fullmatch(cell))
         try:
-            value = float(cell.replace(",", ".") if is_comma else cell)
+            value = float(parse_numbers([cell.replace(",", ".") if is_comma else cell])[0])
         except ValueError:
-            value = None
-        if "_" in cell:  # Python's own separator
             value = None
         if value is None or (is_comma and self.separator == "," and _GROUPED_COMMA.fullmatch(cell)):
             raise self._not_a_number(cell, line, column)
@@ -247,31 +247,39 @@ def read_delimited(
     return table
 
 
-def is_cut_off(last: Sequence[str], above: Sequence[str], columns: int) -> bool:
+def is_cut_off(last: Sequence[str], earlier: Sequence[Sequence[str]], columns: int) -> bool:
     """Return whether a last row, whose line has no end, is cut off.
 
-    It is if it has too few cells, or if its last cell is not a number or has fewer decimals than
-    the one above it.
+    It is if it has too few cells, or if its last cell is empty, is not a number, or has fewer
+    decimals, as in none of the earlier rows, of which there are at least three.
 
     Args:
         last: Cells of the row.
-        above: Cells of the row above it; empty if there is none.
+        earlier: Cells of up to MAX_ROWS_BEFORE_CUT rows before it.
         columns: Number of the columns.
     """
     if len(last) < columns:
         return True
-    if len(above) < columns or above[-1] == "":
+    above = [row[columns - 1] for row in earlier if len(row) >= columns]
+    if len(above) < MIN_ROWS_BEFORE_CUT:
         return False
-    try:
-        float(last[-1].replace(",", "."))
-    except ValueError:
-        return True
-    return _count_decimals(last[-1]) < _count_decimals(above[-1])
+    if not _is_number(last[-1]):
+        return last[-1] not in above
+    numbers = [cell for cell in above if _HAS_DIGIT.search(cell)]
+    return bool(numbers) and _count_decimals(last[-1]) < min(map(_count_decimals, numbers))
 
 
 def cut_note(path: Path, line: int) -> str:
     """Return the note on a last row that is left out because it is cut off."""
     return f"{path.name}: the last line ({line}) is cut off, and left out"
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _count_decimals(cell: str) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.errors import BodyError
 from ...core.mesh import Surface
+from ...core.storage.text import find_encoding
 from .formats.gltf import read_gltf
 from .formats.obj import read_obj
 from .formats.off import OFF_HEADER, read_off
@@ -20,12 +21,12 @@ from .formats.threemf import read_3mf
 from .formats.triangles import Triangles
 from .repair.findings import check_distance_from_origin
 
-_STEP = re.compile(rb"\s*(/\*.*?\*/\s*)*ISO-10303-21\s*;", re.DOTALL)
+_STEP = re.compile(rb"\s*(?>/\*.*?\*/\s*)*+ISO-10303-21\s*;", re.DOTALL)
 _VERTEX = re.compile(rb"(?:^|[\r\n])[ \t]*v[ \t]+[-+.\d]")
 _FACE = re.compile(rb"(?:^|[\r\n])[ \t]*fo?[ \t]+(?:\\\s+)?[-+\d]")
-_MEDIT = re.compile(rb"\s*(#[^\n]*\n\s*)*MeshVersionFormatted\b")
+_MEDIT = re.compile(rb"\s*(?>#[^\n]*\n\s*)*+MeshVersionFormatted\b")
 _VTU = re.compile(
-    rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*UnstructuredGrid", re.DOTALL
+    rb"\s*(<\?xml[^>]*>\s*)?(?><!--.*?-->\s*)*+<VTKFile\b[^>]*UnstructuredGrid", re.DOTALL
 )
 _GLTF = re.compile(rb'\s*\{.*"asset"\s*:', re.DOTALL)
 _MSH = re.compile(rb"\s*\$(MeshFormat|Comments)\b")
@@ -62,7 +63,7 @@ def detect_format(content: bytes) -> str | None:
         return ".stl"
     if b"\0" in start:
         return None
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if find_encoding(content)[1].startswith("utf-16"):
         content = decode_text(content)
     if start.lstrip().startswith(b"{") and _GLTF.match(content) and b'"meshes"' in content:
         return ".gltf"

@@ -12,7 +12,13 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
-from ...core.storage.delimited_text import Row, cut_note, is_cut_off, read_delimited
+from ...core.storage.delimited_text import (
+    MAX_ROWS_BEFORE_CUT,
+    Row,
+    cut_note,
+    is_cut_off,
+    read_delimited,
+)
 
 #: The one column of text.
 RUN = "run"
@@ -96,11 +102,11 @@ def read_table(path: Path) -> Table:
     table.rename([_column_name(name) for name in table.names])
     kept = [k for k, name in enumerate(table.names) if name not in (RUN, "")]
     names, run = tuple(table.names[k] for k in kept), list[str]()
-    parts, notes, previous = [np.empty((0, len(kept)))], tuple[str, ...](), list[str]()
+    parts, notes, previous = [np.empty((0, len(kept)))], tuple[str, ...](), list[list[str]]()
     for block, is_last in _with_last(table.blocks()):
         if is_last and not table.ends_with_newline:
-            above = block[-2].cells if len(block) > 1 else previous
-            if is_cut_off(block[-1].cells, above, len(table.names)):
+            earlier = [*previous, *(row.cells for row in block[:-1])][-MAX_ROWS_BEFORE_CUT:]
+            if is_cut_off(block[-1].cells, earlier, len(table.names)):
                 notes = (cut_note(path, block.pop().line),)
         for row in block:
             if len(row.cells) != len(table.names):
@@ -119,7 +125,7 @@ def read_table(path: Path) -> Table:
         for k, column in enumerate(kept):
             values[:, k] = table.numbers([row.cells[column] for row in block], lines, names[k])
         parts.append(values)
-        previous = block[-1].cells if block else previous
+        previous = [row.cells for row in block[-MAX_ROWS_BEFORE_CUT:]]
     return Table(path, names, np.concatenate(parts), tuple(run), notes)
 
 

@@ -273,7 +273,31 @@ class _Walk:
     def _is_zeroed(self, chunk: _Chunk) -> bool:
         """Return whether a part of a chunk was lost with a sector of the disk."""
         k = bisect_left(self._zeroed, (chunk.end, 0)) - 1
-        return k >= 0 and self._zeroed[k][1] > chunk.start
+        ranges = []
+        while k >= 0 and self._zeroed[k][1] > chunk.start:
+            ranges.append(self._zeroed[k])
+            k -= 1
+        return not all(self._are_values(chunk, *limits) for limits in ranges)
+
+    def _are_values(self, chunk: _Chunk, start: int, end: int) -> bool:
+        """Return whether a range of zeros is values of one sample, whose time is stated.
+
+        It is if all values of the sample are zero, or the same ones of the sample before or after.
+        """
+        header = self._out.headers.get(chunk.stream)
+        if chunk.tag != SAMPLES or header is None or not header.has_numbers:
+            return False
+        first, count = self._row_range(chunk)
+        head, size = 1 + _TIME_BYTES, 1 + _TIME_BYTES + header.row_bytes
+        if not count or chunk.end > len(self._data) or chunk.end - first != count * size:
+            return False
+        rows = np.frombuffer(self._data, np.uint8, count * size, first).reshape(count, size)
+        row, low = divmod(start - first, size)
+        high = min(end, chunk.end) - first - row * size
+        if start < first or low < head or high > size:
+            return False
+        neighbors = rows[max(row - 1, 0) : row + 2, low:high]
+        return high - low == header.row_bytes or int((~neighbors.any(axis=1)).sum()) > 1
 
     def _next_sound(self, position: int) -> int | None:
         """Return the start of the next chunk that is sound for certain."""

@@ -132,6 +132,8 @@ def read_streams(path: Path) -> tuple[list[XdfStream], list[str]]:
 def join_restarted(streams: Sequence[XdfStream]) -> tuple[list[XdfStream], list[str]]:
     """Join streams of one source that do not overlap in time: their sender was restarted.
 
+    Times of a stream whose clock is lost do not compare with those of others: it is not joined.
+
     Args:
         streams: The streams.
 
@@ -145,7 +147,7 @@ def join_restarted(streams: Sequence[XdfStream]) -> tuple[list[XdfStream], list[
     for parts in groups.values():
         parts = sorted(parts, key=lambda s: float(np.min(s.time)))
         pauses = [float(np.min(b.time) - np.max(a.time)) for a, b in pairwise(parts)]
-        if len(parts) == 1 or min(pauses) <= 0:
+        if len(parts) == 1 or min(pauses) <= 0 or any(s.is_clock_lost for s in parts):
             joined += parts
             continue
         time, values = (np.concatenate([getattr(s, n) for s in parts]) for n in ("time", "values"))

@@ -94,6 +94,13 @@ def test_missing_numbers_of_images_keep_the_times_of_the_others(tmp_path):
     assert [t for _, t, _ in frames] == pytest.approx([0, 0.1, 0.3, 0.5])
 
 
+def test_images_that_have_the_same_number_are_refused(tmp_path):
+    for name in ("a1.png", "a01.png", "a2.png"):
+        cv2.imwrite(str(tmp_path / name), FRAMES[0])
+    with raises(CaptureError, "images-repeated", number=1):
+        Video(tmp_path / "a%d.png", 10.0)
+
+
 def test_percent_sign_in_the_name_of_a_video(film):
     other = film.with_name("100 %.mkv")
     film.rename(other)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError, TrainingError
-from defsense_fab.core.storage.delimited_text import read_delimited
+from defsense_fab.core.storage.delimited_text import is_cut_off, read_delimited
 from tests.support.errors import raises
 from tests.support.table_variants import TableVariant, random_variant
 
@@ -98,3 +98,34 @@ def test_missing_files_are_refused(tmp_path):
         read(tmp_path / "none.csv")
     with raises(TrainingError, "file-unreadable"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_whole_tables_without_a_last_line_end_keep_their_rows(seed):
+    """Shortest forms of numbers have any number of decimals."""
+    numbers = np.random.default_rng(seed).normal(size=(int(seed % 40) + 1, 2)).round(4)
+    *earlier, last = [[repr(float(x)) for x in row] for row in numbers]
+    fewest = min((len(row[1].partition(".")[2]) for row in earlier), default=0)
+    if len(last[1].partition(".")[2]) >= fewest or len(earlier) < 3:
+        assert not is_cut_off(last, earlier, 2)
+
+
+def test_last_rows_that_may_be_cut_off():
+    rows = [["0", "1.250"], ["1", "2.500"], ["2", "0.125"]]
+    assert is_cut_off(["3", "1.2"], rows, 2)
+    assert is_cut_off(["3", ""], rows, 2)
+    assert is_cut_off(["3"], [], 2)
+    assert not is_cut_off(["3", "1.200"], rows, 2)
+    assert not is_cut_off(["3", "1.2"], rows[:1], 2)
+    assert not is_cut_off(["3", ""], [*rows, ["2", ""]], 2)
+    assert is_cut_off(["3", "na"], [["0", "nan"], *rows], 2)
+
+
+@pytest.mark.parametrize("others", [[], ["1.5"], ["1,5"]])
+def test_underscores_are_no_part_of_numbers(tmp_path, others):
+    path = tmp_path / "t.csv"
+    path.write_text("time;a\n" + "".join(f"0;{x}\n" for x in ["1_000", *others]))
+    table = read_delimited(path, CaptureError)
+    rows = list(table.rows())
+    with raises(CaptureError, "not-a-number", line=2):
+        table.numbers([r.cells[1] for r in rows], [r.line for r in rows], "a")

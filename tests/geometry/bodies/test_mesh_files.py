@@ -2,6 +2,7 @@
 
 import json
 import struct
+import time
 
 import meshio
 import numpy as np
@@ -203,3 +204,15 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
         folder = tmp_path / str(k)
         folder.mkdir()
         assert outcome(built(name, content, folder, 300)) != "fault", name
+
+
+@pytest.mark.parametrize("mark", [b"/**/", b"<!---->", b"# \n"])
+def test_many_comments_do_not_delay_the_detection(mark):
+    started_at = time.process_time()
+    assert detect_format(mark * 400 + b"x") is None
+    assert time.process_time() - started_at < 5
+
+
+def test_text_in_utf_16_without_a_mark_is_recognized(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    assert detect_format(text.encode("utf-16-le")) == ".obj"

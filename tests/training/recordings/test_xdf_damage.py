@@ -14,7 +14,7 @@ import pytest
 
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.recordings.xdf_chunks import find_sound_chunks
-from defsense_fab.training.recordings.xdf_streams import read_streams
+from defsense_fab.training.recordings.xdf_streams import XdfStream, join_restarted, read_streams
 from tests.support.errors import raises
 from tests.support.xdf_variants import check, random_variant
 from tests.training.recordings.xdf_writer import chunk, stream, write_xdf
@@ -108,3 +108,29 @@ def test_other_files_are_refused(tmp_path, content):
     (tmp_path / "take.xdf").write_bytes(content)
     with raises(TrainingError, "wrong-file-format"):
         read_streams(tmp_path / "take.xdf")
+
+
+@pytest.mark.parametrize("channels", [63, 64, 100, 129])
+@pytest.mark.parametrize("idle", [64, 1.0], ids=["idle channels", "all idle"])
+def test_zeros_that_were_recorded_are_no_damage(tmp_path, channels, idle):
+    values = np.random.default_rng(1).normal(size=(600, channels))
+    values[:, : idle if idle == 64 else channels] = 0
+    labels = [f"c{k}" for k in range(channels)]
+    path = write_xdf(
+        tmp_path / "idle.xdf", stream(1, "Board", "R", labels, TIME, values, rate=60.0)
+    )
+    (board,), notes = read_streams(path)
+    assert notes == []
+    np.testing.assert_array_equal(board.values, values)
+
+
+def test_streams_whose_clock_is_lost_are_not_joined():
+    def part(number, start, is_lost):
+        time = start + np.arange(3.0)
+        return XdfStream(number, "A", "R", "", ("a",), ("",), time, np.ones((3, 1)), is_lost)
+
+    joined, notes = join_restarted([part(1, 0.0, False), part(2, 10.0, True)])
+    assert [s.number for s in joined] == [1, 2]
+    assert notes == []
+    joined, notes = join_restarted([part(1, 0.0, False), part(2, 10.0, False)])
+    assert len(joined) == len(notes) == 1

@@ -9,8 +9,8 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
+from ....core.storage.text import find_encoding
 
-_MARKS = ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"), (b"\xef\xbb\xbf", "utf-8"))
 _COMMENT = re.compile(rb"#[^\n]*")
 _DECIMAL_COMMA = re.compile(rb"[-+]?\d*,\d+([eE][-+]?\d+)?")
 MAX_SHOWN = 40  # characters of a file in a message
@@ -21,9 +21,9 @@ def decode_text(content: bytes) -> bytes:
 
     Letters beyond ASCII, which only names and comments have, are in any encoding.
     """
-    for mark, encoding in _MARKS:
-        if content.startswith(mark):
-            content = content[len(mark) :].decode(encoding, "replace").encode("utf-8")
+    mark, encoding = find_encoding(content)
+    if encoding:
+        content = content[mark:].decode(encoding, "replace").encode("utf-8")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return content
