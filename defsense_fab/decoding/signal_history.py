@@ -24,11 +24,13 @@ from ..core.machine.compiled import compiled
 
 _TIME_ROUNDING_S = 2e-6  # by which the same times differ between files
 _MAX_GAP_S = 0.25
+_MAX_GAP_STEPS = 2.5  # times the step of slow samples
+_STEP_PERCENTILE = 10  # of the times between samples, which is their step without gaps
 _SMOOTHING_S = 0.2  # time constant of r
 
 
 def interpolate_at(
-    times: Float, sample_times: Float, values: Float, max_gap: float = _MAX_GAP_S
+    times: Float, sample_times: Float, values: Float, max_gap: float | None = None
 ) -> Float:
     """Interpolate samples linearly.
 
@@ -38,13 +40,17 @@ def interpolate_at(
         times: Times of the result (t,), s.
         sample_times: Times of the samples (n,), s, increasing.
         values: Samples (n, d).
-        max_gap: Longest time between two samples to interpolate over, s.
+        max_gap: Longest time between two samples to interpolate over, s; None for 0.25 s, or 2.5
+            steps of slower samples.
 
     Returns:
         Values (t, d); NaN before the first and after the last sample, and in longer gaps.
     """
     if len(sample_times) < 2:
         return np.full((len(times), values.shape[1]), np.nan)
+    if max_gap is None:
+        step = float(np.percentile(np.diff(sample_times), _STEP_PERCENTILE))
+        max_gap = max(_MAX_GAP_S, _MAX_GAP_STEPS * step)
     k = np.clip(np.searchsorted(sample_times, times), 1, len(sample_times) - 1)
     after = times - sample_times[k - 1]
     span = sample_times[k] - sample_times[k - 1]

@@ -8,15 +8,16 @@ linear weights map the features to positions.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..core.arrays import Float, Int
+from ..core.arrays import Bool, Float, Int
 from ..core.errors import TrainingError
 from .channel_faults import FaultLimits
 from .input_decoder import InputDecoder, SharedMemory
+from .quantities import MARKER_UNIT, Readings, Targets
 from .signal_history import Past, PastStream, interpolate_at
 
 
@@ -38,6 +39,10 @@ class Intervals:
     factor: Float
     spread: Float
     slope: Float
+
+    def select(self, which: Bool) -> Intervals:
+        """Return the intervals of the markers of a mask (m,)."""
+        return Intervals(self.level, self.factor[which], self.spread[which], self.slope[which])
 
     def __call__(self, distance: Float) -> Float:
         """Return the radii (t, m) in mm at distances (t,)."""
@@ -109,6 +114,17 @@ class Branch:
         outputs = self.decoder(inputs)
         return outputs if self.simulated is None else outputs + self.simulated(inputs)
 
+    def select_targets(self, which: Bool) -> Branch:
+        """Return the decoder of the targets of a mask (m,), without a simulated map."""
+        columns = np.repeat(which, len(self.decoder.constant) // len(which))
+        decoder = replace(
+            self.decoder,
+            weights=self.decoder.weights[:, columns],
+            constant=self.decoder.constant[columns],
+        )
+        intervals = None if self.intervals is None else self.intervals.select(which)
+        return replace(self, decoder=decoder, intervals=intervals, simulated=None)
+
     def decode_sample(self, inputs: Float) -> Float:
         """Return the outputs (o,) in mm of one sample (d,)."""
         outputs = self.decoder.decode_sample(inputs)
@@ -151,6 +167,8 @@ class TrainedModel:
         poses: Signals (c,) at the extreme of each pose.
         pose_spread: Difference of the signals between repetitions of a pose, where it is known.
         metadata: Facts on the training in plain values: folds, hashes, versions, units.
+        targets: Names and units of the targets; None for markers, whose positions are in mm.
+        readings: Units and reference of the channels; None for resistances of a device's cords.
     """
 
     SCHEMA: ClassVar[int] = 1
@@ -169,6 +187,20 @@ class TrainedModel:
     poses: Mapping[str, Float] = field(default_factory=dict)
     pose_spread: Mapping[str, float] = field(default_factory=dict)
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    targets: Targets | None = None
+    readings: Readings | None = None
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the m targets; mm for markers."""
+        return (MARKER_UNIT,) * len(self.ids) if self.targets is None else self.targets.units
+
+    @property
+    def target_names(self) -> tuple[str, ...]:
+        """Names of the m targets; numbers for markers."""
+        if self.targets is None:
+            return tuple(str(i) for i in self.ids.tolist())
+        return self.targets.names
 
     def correct(self, signals: Float) -> Float:
         """Return signals (..., c) without each channel's offset and gain."""
@@ -218,6 +250,17 @@ class TrainedModel:
         z = interpolate_at(at, time, branch.inputs(time, self.correct(signals)))
         return decode_inputs(branch, z, len(self.ids))
 
+    def select_targets(self, which: Bool) -> TrainedModel:
+        """Return the model of the targets or markers of a mask (m,), without simulated maps."""
+        return replace(
+            self,
+            ids=self.ids[which],
+            rest_points=self.rest_points[which],
+            main=self.main.select_targets(which),
+            without={name: branch.select_targets(which) for name, branch in self.without.items()},
+            targets=None if self.targets is None else self.targets.select(which),
+        )
+
     def stream(self, lost: str | None = None) -> ModelStream:
         """Return a decoder for samples as they arrive; see `branch` for `lost`."""
         return ModelStream(self, self.branch(lost))
@@ -238,7 +281,9 @@ class ModelStream:
 
     def __call__(self, time: float, signals: Float) -> Float:
         """Return the positions (m, 3) in mm of signals (c,) at a time in s."""
-        return self._branch.decode_sample(self.inputs(time, signals)).reshape(-1, 3)
+        return self._branch.decode_sample(self.inputs(time, signals)).reshape(
+            len(self._model.ids), -1
+        )
 
     def change_rest(self, ratio: Float) -> None:
         """Continue with other resistances at rest.
@@ -269,7 +314,8 @@ def decode_inputs(branch: Branch, inputs: Float, markers: int) -> Decoded:
     Returns:
         Positions with their intervals.
     """
-    points = branch.positions(inputs).reshape(len(inputs), markers, 3)
+    outputs = branch.positions(inputs)
+    points = outputs.reshape(len(inputs), markers, outputs.shape[1] // markers)
     distance = branch.range.distance(inputs)
     if branch.intervals is None:
         return Decoded(points, np.full(points.shape[:2], np.nan), distance)

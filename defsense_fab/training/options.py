@@ -29,9 +29,12 @@ class DataFiles:
     Attributes:
         sources: Read processed sessions, datasets, or XDF files; the kind is detected from the
             content.
-        signals: Read signals or resistances over time from this file (.csv); needs tracks.
-        tracks: Read the markers from this file (.csv, .npz, .parquet, .c3d, .trc); needs
-            signals.
+        signals: Read signals or resistances over time from these tables (.csv), one for each run;
+            needs targets or tracks.
+        tracks: Read the markers from these files (.csv, .npz, .parquet, .c3d, .trc), one for each
+            file of signals.
+        targets: Read what to decode from these tables (.csv), one for each file of signals: angles,
+            forces or positions with their units, such as angle_deg.
         tracks_unit: Set the unit of the tracks' positions, for a file that does not state it.
         signals_stream: Choose the stream of signals in XDF files: its name, its type, or name and
             number, such as Board#3.
@@ -44,15 +47,17 @@ class DataFiles:
             signals is of.
 
     Raises:
-        TrainingError: Only one of `signals` and `tracks` is given (`file-not-found`), `tracks_unit`
-            is given without `tracks` or a stream without an XDF file (`options-conflict`), or a
-            time is not a finite number (`out-of-range`).
+        TrainingError: Files of signals are given without as many of tracks or targets, or the
+            other way round (`file-not-found`), `tracks_unit` is given without `tracks` or a stream
+            without an XDF file (`options-conflict`), or a time is not a finite number
+            (`out-of-range`).
     """
 
     sources: tuple[Path, ...] = ()
     _: KW_ONLY
-    signals: Path | None = None
-    tracks: Path | None = None
+    signals: tuple[Path, ...] = ()
+    tracks: tuple[Path, ...] = ()
+    targets: tuple[Path, ...] = ()
     tracks_unit: LengthUnit | None = None
     signals_stream: str | None = None
     tracks_stream: str | None = None
@@ -62,17 +67,12 @@ class DataFiles:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        for name in ("signals", "tracks", "targets"):  # one file may be given as such
+            if isinstance(value := getattr(self, name), str | Path):
+                object.__setattr__(self, name, (Path(value),))
         check_options(self, TrainingError)
-        if (self.signals is None) != (self.tracks is None):
-            given, missing = ("signals", "tracks") if self.tracks is None else ("tracks", "signals")
-            raise TrainingError(
-                f"is missing: {given} need {missing}",
-                code="file-not-found",
-                where=missing,
-                action="Give both",
-                missing=missing,
-            )
-        if self.tracks_unit is not None and self.tracks is None:
+        self._check_pairs()
+        if self.tracks_unit is not None and not self.tracks:
             raise TrainingError(
                 "has no effect without a file of tracks",
                 code="options-conflict",
@@ -91,10 +91,43 @@ class DataFiles:
                     option=option,
                 )
 
+    def _check_pairs(self) -> None:
+        """Raise an error unless each file of signals has one of tracks or of targets."""
+        if self.tracks and self.targets:
+            raise TrainingError(
+                "cannot be given together with tracks",
+                code="options-conflict",
+                where="targets",
+                action="Give tracks for markers, or targets for anything else",
+                option="targets",
+            )
+        truth = "targets" if self.targets else "tracks"
+        count = len(self.targets or self.tracks)
+        if len(self.signals) == count:
+            return
+        missing = truth if count < len(self.signals) else "signals"
+        given = "signals" if missing == truth else truth
+        if not (self.signals and count):
+            needed = "tracks or targets" if given == "signals" else "signals"
+            raise TrainingError(
+                f"is missing: {given} need {needed}",
+                code="file-not-found",
+                where=missing,
+                action="Give both",
+                missing=missing,
+            )
+        raise TrainingError(
+            f"{len(self.signals)} files of signals do not pair with {count} of {truth}",
+            code="file-not-found",
+            where=missing,
+            action="Give one of each for every run, in the same order",
+            missing=missing,
+        )
+
     @property
     def is_empty(self) -> bool:
         """Whether there are no data."""
-        return not self.sources and self.signals is None
+        return not self.sources and not self.signals
 
 
 @dataclass(frozen=True)
@@ -105,11 +138,13 @@ class TrainOptions:
         decoder: Choose the form of the decoder, or auto for the best.
         memory: Try decoders with a memory of past signals.
         weighted: Weight markers by their certainty, and leave out wrong ones.
-        test_share: Set the share of the pictures, at the end, to test on.
+        test_share: Set the share of the pictures, at the end of all runs in order, to test on.
+        leave_out: Test on these whole runs, such as walk-2,walk-3, in place of a share.
         folds: Set the number of contiguous folds for cross-validation.
         level: Set the probability that a marker lies within its interval.
         prior: Train on the simulation of the device too: auto if it is built.
         without_markers: Leave out the markers with these numbers, such as 4,7.
+        without_channels: Leave out the channels with these names, such as left,right.
 
     Raises:
         TrainingError: A number is out of range (`out-of-range`), or a name is not one of the
@@ -124,6 +159,8 @@ class TrainOptions:
     level: Annotated[float, Meta(ge=0.001, le=0.9999)] = 0.9
     prior: PriorMode = "auto"
     without_markers: tuple[Annotated[int, Meta(ge=0)], ...] = ()
+    without_channels: tuple[str, ...] = ()
+    leave_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_options(self, TrainingError)

@@ -13,6 +13,7 @@ from .problems import Problem
 
 _MAX_INVALID_S = 1.0  # without a valid resistance, at once
 _FATAL_SHARE = 0.5  # of the samples
+_MAX_GAP_SHARE = 0.2  # of a channel's samples without a value, without a warning
 _MIN_CLIPPED_SHARE = 0.02  # of the samples, at the end of the converter's range
 _MAX_STUCK_S = 3.0  # without a change, while others move
 _MIN_MOVEMENT = 0.3  # of its own range, by which another channel moves meanwhile
@@ -40,6 +41,8 @@ def check_channels(dataset: Dataset, predicted: Mapping[str, Float] | None = Non
     Returns:
         The problems found.
     """
+    if dataset.readings is not None:
+        return check_readings(dataset)
     problems = [p for r in dataset.recordings for p in _check_range(dataset, r)]
     constant = [
         name
@@ -61,6 +64,60 @@ def check_channels(dataset: Dataset, predicted: Mapping[str, Float] | None = Non
         )
     problems += [p for r in dataset.recordings for p in _check_stuck(dataset, r, constant)]
     return [*problems, *_check_rest(dataset), *_check_expected(dataset, predicted or {})]
+
+
+def check_readings(dataset: Dataset) -> list[Problem]:
+    """Find channels of any sensor that hold little information; none of them forbids training.
+
+    Args:
+        dataset: The dataset, whose readings have no value that is wrong by itself.
+
+    Returns:
+        A problem for each such channel: it has gaps, does not change in a run, stays at one value
+        while others move, or is at the end of its range.
+    """
+    problems = []
+    for k, name in enumerate(dataset.channels):
+        doubts = [(r.name, doubt) for r in dataset.recordings if (doubt := _doubt(r, k))]
+        if not doubts:
+            continue
+        run, (code, text, share) = max(doubts, key=lambda d: d[1][2])
+        more = f" (and in {len(doubts) - 1} more runs)" if len(doubts) > 1 else ""
+        problems.append(
+            Problem(
+                code,
+                False,
+                f"{run}: {name} {text}{more}",
+                f"Check how it is connected, or leave it out (--without-channels {name})",
+                share,
+                tuple(r for r, _ in doubts),
+                {"channel": name},
+            )
+        )
+    return problems
+
+
+def _doubt(r: Recording, k: int) -> tuple[str, str, float] | None:
+    """Return a code, a message and a share of the samples for a channel with little information."""
+    values, signals = r.ohm[:, k], r.signals[:, k]
+    is_gap = ~np.isfinite(values)
+    if (share := float(is_gap.mean())) > _MAX_GAP_SHARE:
+        return "missing-channel", f"has no value in {share:.0%} of the samples", share
+    if is_gap.all() or _range(signals) < _MIN_RANGE * max(1.0, float(np.nanmax(np.abs(signals)))):
+        return "constant-channel", "does not change", 1.0
+    step = float(np.median(np.diff(r.sample_time))) if len(r.sample_time) > 1 else 0.0
+    is_end = _is_at_end(values)
+    share, longest = float(is_end.mean()), step * _run_length(is_end)
+    is_long = longest > _MAX_INVALID_S / 2 and share > _MIN_CLIPPED_SHARE
+    if is_long and _do_others_move(r, k, *longest_run(is_end)):
+        text = f"is at the end of its range for {share:.0%} of the samples, {longest:.1f} s at once"
+        return "saturated-channel", text, share
+    is_repeated = np.append(False, values[1:] == values[:-1])
+    start, end = longest_run(is_repeated)
+    if step * (end - start) > _MAX_STUCK_S and _do_others_move(r, k, max(start - 1, 0), end):
+        text = f"stays the same for {step * (end - start):.1f} s while others move"
+        return "stuck-channel", text, (end - start) / len(values)
+    return None
 
 
 def longest_run(flags: Bool) -> tuple[int, int]:

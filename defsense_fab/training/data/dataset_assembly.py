@@ -1,4 +1,4 @@
-"""Join datasets, and select their channels, markers, recordings and certain positions."""
+"""Join datasets, and select their channels, targets, recordings and certain positions."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Int
 from ...core.errors import TrainingError
+from ...decoding.quantities import Readings
 from .dataset import Dataset, Recording
 
 _MAX_MARKER_SHIFT_MM = 0.5  # between the rest positions of one marker in two sessions
@@ -20,7 +21,8 @@ def join_datasets(parts: Sequence[Dataset]) -> Dataset:
     """Join the recordings of several datasets of one device and layout.
 
     Channels are matched by name and have the order of the first dataset; markers are matched by
-    number, and the result has the markers of all parts.
+    number, and the result has the markers of all parts. Other targets are matched by name; all
+    parts must have the same ones. Readings are taken relative to the reference of the first part.
 
     Args:
         parts: The datasets, at least one.
@@ -30,8 +32,8 @@ def join_datasets(parts: Sequence[Dataset]) -> Dataset:
         part's is kept.
 
     Raises:
-        TrainingError: If there are no parts, or if their devices, layouts, channels or marker
-            positions differ.
+        TrainingError: If there are no parts, or if their devices, layouts, channels, targets,
+            units or marker positions differ.
     """
     if not parts:
         raise TrainingError(
@@ -41,10 +43,14 @@ def join_datasets(parts: Sequence[Dataset]) -> Dataset:
         )
     first = parts[0]
     layout = _common_layout(parts)
+    if first.targets is not None or any(p.targets is not None for p in parts):
+        parts = [_match_targets(p, first) for p in parts]
+    if first.readings is not None or any(p.readings is not None for p in parts):
+        parts = [_match_readings(p, first) for p in parts]
     ids = np.unique(np.concatenate([p.ids for p in parts]))
     if np.array_equal(ids, np.sort(first.ids)):
         ids = first.ids
-    rest_points = np.full((len(ids), 3), np.nan)
+    rest_points = np.full((len(ids), first.rest_points.shape[1]), np.nan)
     for part in parts:
         index = _marker_indices(ids, part.ids)
         is_known = np.isfinite(rest_points[index, 0])
@@ -69,9 +75,32 @@ def join_datasets(parts: Sequence[Dataset]) -> Dataset:
             provenance[key] = (
                 [*previous, *value] if _are_lists(previous, value) else value  # type: ignore[misc]
             )
-    return Dataset(
-        first.device, layout, first.channels, ids, rest_points, tuple(recordings), provenance
+    return replace(
+        first,
+        layout=layout,
+        ids=ids,
+        rest_points=rest_points,
+        recordings=tuple(recordings),
+        provenance=provenance,
     )
+
+
+def use_readings(dataset: Dataset, readings: Readings | None) -> Dataset:
+    """Compute the signals of readings relative to another reference.
+
+    Args:
+        dataset: The dataset.
+        readings: Units, reference and scale of its channels; without an effect if it is None.
+
+    Returns:
+        The dataset.
+    """
+    if readings is None:
+        return dataset
+    recordings = tuple(
+        replace(r, rest=readings.reference, scale=readings.scale) for r in dataset.recordings
+    )
+    return replace(dataset, readings=readings, recordings=recordings)
 
 
 def select_channels(dataset: Dataset, channels: Sequence[str]) -> Dataset:
@@ -88,7 +117,71 @@ def select_channels(dataset: Dataset, channels: Sequence[str]) -> Dataset:
         TrainingError: If a channel is missing, or if the dataset has others.
     """
     recordings = tuple(_rearrange(dataset, tuple(channels), dataset.ids))
-    return replace(dataset, channels=tuple(channels), recordings=recordings)
+    readings = dataset.readings
+    if readings is not None:
+        readings = readings.select([dataset.channels.index(name) for name in channels])
+    return replace(dataset, channels=tuple(channels), recordings=recordings, readings=readings)
+
+
+def exclude_channels(dataset: Dataset, names: Sequence[str]) -> Dataset:
+    """Leave out some channels.
+
+    Args:
+        dataset: The dataset.
+        names: Names of the channels to leave out.
+
+    Returns:
+        The dataset without them.
+
+    Raises:
+        TrainingError: If no channel has one of the names, or if no channel is left.
+    """
+    known = ", ".join(dataset.channels)
+    if unknown := [name for name in names if name not in dataset.channels]:
+        raise TrainingError(
+            f"no channel has the name {unknown[0]}",
+            code="unknown-channel",
+            where="without_channels",
+            action=f"Choose from {known}",
+            channel=unknown[0],
+        )
+    kept = [k for k, name in enumerate(dataset.channels) if name not in names]
+    if not kept:
+        raise TrainingError(
+            f"no channel is left of {known}",
+            code="no-channels-left",
+            action="Keep at least one channel that changes",
+        )
+    return select_channel_indices(dataset, kept)
+
+
+def select_channel_indices(dataset: Dataset, index: Sequence[int]) -> Dataset:
+    """Return the dataset with the channels of some indices, in this order."""
+    i = list(index)
+    recordings = tuple(
+        replace(r, ohm=r.ohm[:, i], rest=r.rest[i], scale=None if r.scale is None else r.scale[i])
+        for r in dataset.recordings
+    )
+    return replace(
+        dataset,
+        channels=tuple(dataset.channels[k] for k in i),
+        recordings=recordings,
+        readings=None if dataset.readings is None else dataset.readings.select(i),
+    )
+
+
+def select_targets(dataset: Dataset, which: Bool) -> Dataset:
+    """Return the dataset with the targets or markers of a mask (m,)."""
+    recordings = tuple(
+        replace(r, points=r.points[:, which], sigma=r.sigma[:, which]) for r in dataset.recordings
+    )
+    return replace(
+        dataset,
+        ids=dataset.ids[which],
+        rest_points=dataset.rest_points[which],
+        recordings=recordings,
+        targets=None if dataset.targets is None else dataset.targets.select(which),
+    )
 
 
 def exclude_markers(dataset: Dataset, ids: Sequence[int]) -> Dataset:
@@ -119,16 +212,7 @@ def exclude_markers(dataset: Dataset, ids: Sequence[int]) -> Dataset:
             code="no-markers-left",
             action="Keep at least one marker",
         )
-    keep = ~np.isin(dataset.ids, ids)
-    recordings = tuple(
-        replace(r, points=r.points[:, keep], sigma=r.sigma[:, keep]) for r in dataset.recordings
-    )
-    return replace(
-        dataset,
-        ids=dataset.ids[keep],
-        rest_points=dataset.rest_points[keep],
-        recordings=recordings,
-    )
+    return select_targets(dataset, ~np.isin(dataset.ids, ids))
 
 
 def exclude_uncertain_positions(dataset: Dataset) -> tuple[Dataset, float]:
@@ -206,11 +290,80 @@ def _rearrange(part: Dataset, channels: tuple[str, ...], ids: Int) -> list[Recor
     index = _marker_indices(ids, part.ids)
     recordings = []
     for r in part.recordings:
-        points, sigma = np.full((2, len(r.time), len(ids), 3), np.nan)
+        points, sigma = np.full((2, len(r.time), len(ids), r.points.shape[2]), np.nan)
         points[:, index], sigma[:, index] = r.points, r.sigma
         ohm, rest = r.ohm[:, order], r.rest[order]
-        recordings.append(replace(r, ohm=ohm, rest=rest, points=points, sigma=sigma))
+        scale = None if r.scale is None else r.scale[order]
+        recordings.append(replace(r, ohm=ohm, rest=rest, scale=scale, points=points, sigma=sigma))
     return recordings
+
+
+def _match_targets(part: Dataset, first: Dataset) -> Dataset:
+    """Return a dataset with the targets of another, in their order; they must not differ."""
+    mine, others = part.targets, first.targets
+    if mine is None or others is None or set(mine.names) != set(others.names):
+        a, b = (_list_targets(p) for p in (part, first))
+        raise TrainingError(
+            f"its targets are {a}, but those of {_session_name(first)} are {b}",
+            code="targets-differ",
+            where=_session_name(part),
+            action="Give the same targets, named alike, for all runs",
+            found=() if mine is None else mine.names,
+            expected=() if others is None else others.names,
+        )
+    order = np.array([mine.names.index(name) for name in others.names])
+    units = tuple(mine.units[k] for k in order.tolist())
+    if units != others.units or mine.axes != others.axes:
+        k = next((k for k, u in enumerate(units) if u != others.units[k]), 0)
+        raise TrainingError(
+            f"{others.names[k]} is in {units[k] or 'no stated unit'}, but in"
+            f" {others.units[k] or 'no stated unit'} in {_session_name(first)}",
+            code="units-differ",
+            where=_session_name(part),
+            action="Give all runs in the same units",
+            target=others.names[k],
+            units=(units[k], others.units[k]),
+        )
+    recordings = tuple(
+        replace(r, points=r.points[:, order], sigma=r.sigma[:, order]) for r in part.recordings
+    )
+    return replace(
+        part, ids=first.ids, targets=others, recordings=recordings, rest_points=first.rest_points
+    )
+
+
+def _list_targets(part: Dataset) -> str:
+    names = "markers" if part.targets is None else ", ".join(part.targets.names)
+    return names or "unknown"
+
+
+def _match_readings(part: Dataset, first: Dataset) -> Dataset:
+    """Return a dataset with the reference of another; raise an error if the quantities differ."""
+    mine, others = part.readings, first.readings
+    if mine is not None and others is not None and set(part.channels) == set(first.channels):
+        order = [first.channels.index(name) for name in part.channels]
+        expected = others.select(order)
+        if mine.units == expected.units:
+            return use_readings(part, expected)
+        k = next(k for k, u in enumerate(mine.units) if u != expected.units[k])
+        units = mine.units[k], expected.units[k]
+        channel = part.channels[k]
+    elif (mine is None) != (others is None):
+        a, b = (
+            "ohm with R0" if each is None else ", ".join(dict.fromkeys(each.units))
+            for each in (mine, others)
+        )
+        units, channel = (a, b), "the signal"
+    else:
+        return part  # channels differ, which is reported where they are put in order
+    raise TrainingError(
+        f"{channel} is in {units[0]}, but in {units[1]} in {_session_name(first)}",
+        code="units-differ",
+        where=_session_name(part),
+        action="Give all runs in the same units",
+        channel=channel,
+        units=units,
+    )
 
 
 def _marker_indices(ids: Int, selected: Int) -> Int:

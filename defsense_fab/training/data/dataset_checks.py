@@ -23,6 +23,7 @@ _MAX_REST_DISTANCE_MM = 3.0  # median distance of the markers from their rest po
 _MAX_SHARE_WITHOUT_SAMPLES = 0.05  # of the frames
 _MAX_SHARE_WITHOUT_MARKERS = 0.5  # of the frames
 _FATAL_EXPLAINED = 0.05  # of the movements' variance; signals that explain less forbid training
+_MIN_KNOWN_SHARE = 0.5  # of a channel's values; a channel with fewer is named
 _MIN_CORRELATION = 0.4  # of a channel's signal with its prediction
 _FATAL_SHIFT_S = 0.2  # signals that are further out of step forbid training
 _ALIGNMENT_CODES = _UNINFORMATIVE, _OUT_OF_STEP = "signals-tell-nothing", "out-of-step"
@@ -181,6 +182,8 @@ def _check_amount(dataset: Dataset) -> list[Problem]:
     counts = {r.name: int(_usable_frames(r).sum()) for r in dataset.recordings}
     total, c = sum(counts.values()), len(dataset.channels)
     needed = max(_MIN_FRAMES, _FRAMES_PER_WEIGHT * (1 + c))
+    if dataset.readings is not None:
+        return _check_values(dataset, counts, needed)
     duration = sum(
         counts[r.name] * float(np.median(np.diff(r.time)))
         for r in dataset.recordings
@@ -211,6 +214,41 @@ def _check_amount(dataset: Dataset) -> list[Problem]:
     return []
 
 
+def _check_values(dataset: Dataset, counts: Mapping[str, int], advised: int) -> list[Problem]:
+    """Check the number of times with targets and all signals, where there is no device."""
+    total = sum(counts.values())
+    if total >= advised:
+        return []
+    shares = np.mean(
+        np.concatenate([np.isfinite(r.signals_at(r.time)) for r in dataset.recordings]), axis=0
+    )
+    worst = int(np.argmin(shares))
+    gaps = shares[worst] < _MIN_KNOWN_SHARE
+    names = [n for n, share in zip(dataset.channels, shares, strict=True) if share <= shares[worst]]
+    message = (
+        f"{total} of {dataset.frame_count} times have a target and all signals"
+        f"{f' ({names[0]} has {shares[worst]:.0%} of its values)' if gaps else ''}"
+    )
+    action = (
+        f"Leave out {names[0]} (without_channels), or record for longer"
+        if gaps and len(dataset.channels) > 1
+        else "Record for longer"
+    )
+    if total < _MIN_FRAMES:
+        return [
+            Problem(
+                "too-few-frames",
+                True,
+                f"{message}, and training needs {_MIN_FRAMES}",
+                action,
+                total,
+                data={"needed": _MIN_FRAMES},
+            )
+        ]
+    text = f"{message}; {advised} or more are advised for {len(dataset.channels)} channels"
+    return [Problem("few-frames", False, text, action, total)]
+
+
 def _check_gaps(dataset: Dataset) -> Iterator[Problem]:
     """Find frames outside of the samples, frames without markers, and markers never visible."""
     for r in dataset.recordings:
@@ -227,7 +265,16 @@ def _check_gaps(dataset: Dataset) -> Iterator[Problem]:
                 (r.name,),
             )
         share = float((~r.visible.any(axis=1)).mean()) if len(r.time) else 1.0
-        if share > _MAX_SHARE_WITHOUT_MARKERS:
+        if share > _MAX_SHARE_WITHOUT_MARKERS and dataset.targets is not None:
+            yield Problem(
+                "times-without-targets",
+                False,
+                f"{r.name}: {share:.0%} of the times have no target",
+                "Check whether the file of the targets is complete",
+                share,
+                (r.name,),
+            )
+        elif share > _MAX_SHARE_WITHOUT_MARKERS:
             yield Problem(
                 "frames-without-markers",
                 share == 1,
@@ -239,7 +286,7 @@ def _check_gaps(dataset: Dataset) -> Iterator[Problem]:
                 (r.name,),
             )
     never = dataset.ids[~np.any([r.visible.any(axis=0) for r in dataset.recordings], axis=0)]
-    if len(never):
+    if len(never) and dataset.targets is None:
         yield Problem(
             "markers-never-seen",
             False,
@@ -252,7 +299,9 @@ def _check_gaps(dataset: Dataset) -> Iterator[Problem]:
 
 
 def _check_rest_pose(dataset: Dataset) -> list[Problem]:
-    """Find recordings in which the device is never at rest."""
+    """Find recordings in which the device is never at rest; other sensors need no rest."""
+    if dataset.targets is not None:
+        return []
     lacking = [r.name for r in dataset.recordings if _rest_duration(dataset, r) < _MIN_REST_S]
     if not lacking:
         return []

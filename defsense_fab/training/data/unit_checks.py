@@ -23,6 +23,10 @@ _MIN_REST_OHM = 20.0  # no rubber cord of a usable length has less
 _MIN_REST_RATIO = 0.05  # of the shortest cord's resistance; no device is below
 _MAX_CHANGE_RATIO = 20.0  # no resistance is so many times larger or smaller than at rest
 
+_MAX_RUN_RATIO = 20.0  # between the sizes of readings or targets in two runs, without a warning
+_MIN_OTHER_SHARE = 0.75  # of the channels or targets that differ so much
+_MAX_RATE_RATIO = 20.0  # between the rates of signals and targets, without a warning
+
 _KILOOHM = {"quantity": "resistances", "unit": "kohm"}
 _GIVE_OHM = "Give resistances in ohm, as the device's board does when it runs live"
 
@@ -36,6 +40,8 @@ def check_units(dataset: Dataset) -> list[Problem]:
     Returns:
         Problems with the code "wrong-unit"; their data are the `quantity` and the suspected `unit`.
     """
+    if dataset.targets is not None or dataset.readings is not None:
+        return [*_check_run_scales(dataset), *_check_rates(dataset)]
     return [*_check_positions(dataset), *_check_times(dataset), *_check_resistances(dataset)]
 
 
@@ -88,6 +94,79 @@ def check_cord_resistance(dataset: Dataset, shortest_ohm: float) -> list[Problem
     )
     data = {**_KILOOHM, "shortest_ohm": shortest_ohm}
     return [Problem("wrong-unit", True, message, _GIVE_OHM, largest, data=data)]
+
+
+def _check_run_scales(dataset: Dataset) -> Iterator[Problem]:
+    """Find runs whose readings or targets are far larger or smaller than those of the first run."""
+    first = dataset.recordings[0]
+    for r in dataset.recordings[1:]:
+        for quantity, names, ours, others in (
+            ("readings", dataset.channels, r.ohm, first.ohm),
+            ("targets", _target_names(dataset), _flat(r.points), _flat(first.points)),
+        ):
+            sizes = _sizes(ours), _sizes(others)
+            with np.errstate(all="ignore"):
+                ratio = sizes[0] / sizes[1]
+            is_known = np.isfinite(ratio) & (ratio > 0)
+            ratios = ratio[is_known]
+            is_other = (ratios < 1 / _MAX_RUN_RATIO) | (ratios > _MAX_RUN_RATIO)
+            # All channels change their unit together; a single one may be broken.
+            if not len(ratios) or is_other.mean() < _MIN_OTHER_SHARE:
+                continue
+            k = int(np.flatnonzero(is_known)[np.argmax(is_other)])
+            usual = float(np.median(ratios[is_other]))
+            text = f"{usual:,.0f} times larger" if usual > 1 else f"{1 / usual:,.0f} times smaller"
+            yield Problem(
+                "wrong-unit",
+                False,
+                f"{r.name}: {quantity} are {text} than in {first.name} ({names[k]}); they may be in"
+                " another unit",
+                "State the units in the headers of all runs, such as left_ohm, left_kohm",
+                usual,
+                (r.name,),
+                {"quantity": quantity, "unit": "", "ratio": usual},
+            )
+
+
+def _check_rates(dataset: Dataset) -> Iterator[Problem]:
+    """Find targets whose rate is far from that of the signals."""
+    for r in dataset.recordings:
+        if len(r.time) < 2 or len(r.sample_time) < 2:
+            continue
+        target_s, sample_s = (float(np.median(np.diff(t))) for t in (r.time, r.sample_time))
+        ratio = sample_s / target_s
+        if 1 / _MAX_RATE_RATIO <= ratio <= _MAX_RATE_RATIO:
+            continue
+        effect = (
+            "targets between two samples are compared with interpolated signals"
+            if ratio > 1
+            else "signals between two targets count for the memory only"
+        )
+        yield Problem(
+            "rates-differ",
+            False,
+            f"{r.name}: signals come {1 / sample_s:.3g} times per second and targets"
+            f" {1 / target_s:.3g} times; {effect}",
+            "Check whether both times are in s",
+            ratio,
+            (r.name,),
+            {"samples_hz": 1 / sample_s, "targets_hz": 1 / target_s},
+        )
+
+
+def _target_names(dataset: Dataset) -> tuple[str, ...]:
+    assert dataset.targets is not None
+    return dataset.targets.columns()
+
+
+def _flat(points: Float) -> Float:
+    return points.reshape(len(points), -1)
+
+
+def _sizes(values: Float) -> Float:
+    """Return the median of the absolute values of each column (k,), NaN without any."""
+    columns = (np.abs(column[np.isfinite(column)]) for column in values.T)
+    return np.array([float(np.median(c)) if len(c) else np.nan for c in columns])
 
 
 def _check_positions(dataset: Dataset) -> list[Problem]:

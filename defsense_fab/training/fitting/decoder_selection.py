@@ -42,7 +42,8 @@ class FitData:
     Attributes:
         frames: The t frames.
         channels: Indices of the channels to use.
-        outputs: Displacements of the markers, shape (t, m, 3), mm.
+        outputs: Displacements of the markers, shape (t, m, 3), mm; of scalars, shape (t, m, 1).
+            Targets of several units are divided by the spread of their unit.
         weights: Weights of the markers, shape (t, m); 0 where unknown.
         fold: Fold of each frame, shape (t,).
     """
@@ -336,7 +337,7 @@ def _principal_outputs(outputs: Float, weights: Float) -> Float:
     is_known = weights > 0
     mean = np.array(
         [
-            o[k].mean(0) if k.any() else np.zeros(3)
+            o[k].mean(0) if k.any() else np.zeros(outputs.shape[2])
             for o, k in zip(np.moveaxis(outputs, 1, 0), is_known.T, strict=True)
         ]
     )

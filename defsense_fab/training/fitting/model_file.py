@@ -20,6 +20,7 @@ from ...decoding.trained_model import TrainedModel
 
 MODEL = "model.json"
 
+_OPTIONAL = ("targets", "readings")  # fields that models of devices do not have
 _TAIL_BYTES = 100  # at a model's end, which contain its hash
 _ACTION = "Write such a file with defsense train"
 
@@ -35,6 +36,9 @@ def write_model(path: Path, model: TrainedModel) -> None:
         StorageError: If the file cannot be written.
     """
     data = {"schema": model.SCHEMA, **typed_json.to_json(model)}
+    for name in _OPTIONAL:
+        if data[name] is None:
+            del data[name]
     write_text(path, _serialize({**data, "sha256": _hash(data)}) + "\n")
 
 

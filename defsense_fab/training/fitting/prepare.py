@@ -15,7 +15,7 @@ from ...store.build import Build
 from ...store.fields import INDEX
 from ...store.layout import LAYOUT
 from ..data.dataset import Dataset
-from ..data.dataset_assembly import exclude_markers, exclude_uncertain_positions
+from ..data.dataset_assembly import exclude_channels, exclude_markers, exclude_uncertain_positions
 from ..data.dataset_checks import require_trainable
 from ..data.problems import raise_fatal
 from ..data.time_alignment import align_samples
@@ -61,10 +61,13 @@ def prepare(
     options = options or TrainOptions()
     dataset = match_to_device(dataset, device, build)
     notes = describe_files(dataset)
+    if options.without_channels:
+        dataset = exclude_channels(dataset, options.without_channels)
+    dataset, channel_notes = _exclude_constant(dataset)
     dataset, marker_notes = _exclude_unusable(dataset, options.without_markers)
-    notes += marker_notes
+    notes += channel_notes + marker_notes
     raise_fatal(check_units(dataset))
-    if device is not None:
+    if device is not None and dataset.readings is None:
         shortest_ohm = device.cord.ohm_per_mm * device.cord.min_stretch
         raise_fatal(check_cord_resistance(dataset, shortest_ohm))
     progress("data", 0.4, "aligning signals and markers")
@@ -90,6 +93,33 @@ def prepare(
     return dataset, prior if options.prior != "no" else None, notes
 
 
+def _exclude_constant(dataset: Dataset) -> tuple[Dataset, list[str]]:
+    """Exclude channels of readings that have no value or never change; return notes."""
+    if dataset.readings is None:
+        return dataset, []
+    silent, constant = list[str](), list[str]()
+    for k, name in enumerate(dataset.channels):
+        values = np.concatenate([r.ohm[:, k] for r in dataset.recordings])
+        values = values[np.isfinite(values)]
+        if not len(values):
+            silent.append(name)
+        elif (values == values[0]).all():
+            constant.append(name)
+    if len(silent) + len(constant) == len(dataset.channels):
+        raise TrainingError(
+            f"no channel changes: {', '.join(dataset.channels)}",
+            code="constant-channel",
+            where=", ".join(r.name for r in dataset.recordings),
+            action="Check how the sensor is connected, and record again",
+            channels=dataset.channels,
+        )
+    notes = [f"{name} has no value, and is left out" for name in silent]
+    notes += [f"{name} never changes, and is left out" for name in constant]
+    if notes:
+        dataset = exclude_channels(dataset, [*silent, *constant])
+    return dataset, notes
+
+
 def _exclude_unusable(
     dataset: Dataset, without_markers: tuple[int, ...]
 ) -> tuple[Dataset, list[str]]:
@@ -98,8 +128,12 @@ def _exclude_unusable(
     is_visible = np.any([r.visible.any(axis=0) for r in dataset.recordings], axis=0)
     never = dataset.ids[~is_visible].tolist()
     if never and len(never) < len(dataset.ids):
-        numbers = ", ".join(map(str, never))
-        notes.append(f"marker {numbers} is never visible, so the model does not decode it")
+        numbers = dataset.describe(np.flatnonzero(~is_visible).tolist())
+        notes.append(
+            f"{numbers} is never visible, so the model does not decode it"
+            if dataset.targets is None
+            else f"{numbers} has no value, so the model does not decode it"
+        )
     if excluded := sorted({*without_markers, *never}):
         dataset = exclude_markers(dataset, excluded)
     dataset, share = exclude_uncertain_positions(dataset)
@@ -190,6 +224,16 @@ def load_prior(
                 action="Give the device's folder",
             )
         return None, []
+    if dataset.targets is not None:
+        if mode == "yes":
+            raise TrainingError(
+                "the simulation decodes markers, not other targets",
+                code="options-conflict",
+                where="prior",
+                action="Omit it, or give tracks of markers",
+                option="prior",
+            )
+        return None, ["the simulation is not used: it decodes markers, not other targets"]
     try:
         return simulated_prior(device, dataset.channels, dataset.rest_points, build), []
     except DefsenseError as error:

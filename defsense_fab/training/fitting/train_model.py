@@ -10,6 +10,7 @@ from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
 from ...decoding.expected_errors import ErrorMeasures
+from ...decoding.quantities import MARKER_UNIT
 from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
@@ -17,7 +18,7 @@ from ..options import TrainOptions
 from ..regression.candidates import AFFINE, FORMS
 from ..regression.frames import MIN_FRAMES, Frames, assign_folds, split_frames
 from ..regression.intervals import fit_intervals, fit_trained_range
-from ..regression.marker_weights import find_wrong_markers, weight_by_certainty
+from ..regression.marker_weights import MIN_SCALE_MM, find_wrong_markers, weight_by_certainty
 from ..regression.simulated_decoder import fit_simulated_decoder
 from ..regression.simulation_prior import Prior
 from .decoder_selection import (
@@ -28,6 +29,7 @@ from .decoder_selection import (
     fit_simulated_candidate,
     select_simplest,
 )
+from .errors_by_unit import UnitErrors, measure_test, select_unit
 from .fault_limits import fit_fault_limits
 from .pose_signals import extract_pose_signals
 from .repeatability import Repeatability, measure_repeatability
@@ -35,6 +37,7 @@ from .usefulness import Usefulness
 from .useless_causes import judge_model
 
 _MIN_FOLD_S = 2.0
+_MIN_SCALE_SHARE = 1e-4  # of a target's spread, by which errors of targets differ at least
 _MIN_MARKER_FRAMES = 20  # in which a marker must be visible
 _RECORDING_GAP_S = 1e6  # between recordings on the common clock
 
@@ -51,7 +54,8 @@ class CandidateResult:
         lambda_: The same as lambda of DefSense's Eq. 8, for a marker visible in every frame.
         folds: Root mean squared errors on the folds left out, shape (k,), mm.
         cross_validated: Root mean squared error over all folds, mm.
-        test: Errors on the test frames; None if there are none.
+        test: Errors on the test frames; None if there are none. Of targets in several units, those
+            in the first unit; errors of the folds are then shares of each unit's spread.
         moved: Time constants of the memory of where signals were, s.
         worked: Time constants of the memory of how much signals moved, s.
     """
@@ -81,6 +85,8 @@ class Training:
         wrong_test_markers: Which markers of the test frames are wrong.
         repeatability: Repeatability of decoded shapes; None if no shape was shown twice.
         usefulness: Error on the test frames compared with the movement; None without test frames.
+            Of targets in several units, that of the unit in which the model is least useful.
+        test: Errors and coverage on the test frames, for each unit of the targets.
     """
 
     model: TrainedModel
@@ -92,6 +98,7 @@ class Training:
     wrong_test_markers: Bool
     repeatability: Repeatability | None = None
     usefulness: Usefulness | None = None
+    test: tuple[UnitErrors, ...] = ()
 
 
 def train(
@@ -115,15 +122,18 @@ def train(
         TrainingError: If there is too little to train on.
     """
     options = options or TrainOptions()
-    frames, test_frames = split_frames(Frames.from_dataset(dataset), options.test_share)
+    frames, test_frames = split_frames(
+        Frames.from_dataset(dataset), options.test_share, options.leave_out
+    )
     _require_long_folds(frames, options.folds)
     progress("train", 0.0, "looking for wrong markers")
     weights, wrong_markers = _weight_markers(frames, options)
     _require_all_markers(frames, weights)
+    scale = _target_scale(frames)
     data = FitData(
         frames,
         tuple(range(len(dataset.channels))),
-        frames.points - dataset.rest_points,
+        (frames.points - dataset.rest_points) / scale[:, None],
         weights,
         assign_folds(len(frames), options.folds),
     )
@@ -138,14 +148,18 @@ def train(
     is_free = options.decoder == "auto"
     best = select_simplest(fitted if is_free else [c for c in fitted if c.candidate.form in forms])
     progress("train", 0.8, "intervals, and decoders without each channel")
-    main = _make_branch(best, data, options.level)
+    main = _make_branch(best, data, options.level, scale)
     names = dataset.channels if len(data.channels) > 1 else ()
-    without = {n: _branch_without(k, best, data, options, prior) for k, n in enumerate(names)}
-    candidates = tuple(_summarize(c, data, test_frames) for c in fitted)
+    without = {
+        n: _branch_without(k, best, data, options, prior, scale) for k, n in enumerate(names)
+    }
+    candidates = tuple(_summarize(c, data, test_frames, scale) for c in fitted)
     model = _make_model(dataset, best.name, main, without)
     progress("train", 1.0, "done")
     decoded, _ = _decode_left_out(best, data)
-    repeatability = measure_repeatability(_hide_unweighted(frames, weights), decoded)
+    repeatability = None
+    if len(set(dataset.units)) == 1:
+        repeatability = measure_repeatability(_hide_unweighted(frames, weights), decoded)
     return Training(
         model,
         candidates,
@@ -155,7 +169,8 @@ def train(
         wrong_markers,
         _find_wrong_test_markers(test_frames, options),
         repeatability,
-        judge_model(model, test_frames, prior) if len(test_frames) else None,
+        _judge(model, test_frames, prior) if len(test_frames) else None,
+        measure_test(model, test_frames),
     )
 
 
@@ -180,6 +195,39 @@ def measure_errors(predicted: Float, points: Float) -> ErrorMeasures:
     )
 
 
+def _target_scale(frames: Frames) -> Float:
+    """Return what outputs are divided by, shape (m,), so that several units count alike.
+
+    It is 1 for a single unit, otherwise the root mean square deviation of the unit's targets.
+    """
+    units = np.array(frames.dataset.units)
+    scale = np.ones(len(units))
+    if len(set(units.tolist())) > 1:
+        for unit in set(units.tolist()):
+            spread = _spread(frames.points[:, units == unit])
+            scale[units == unit] = np.sqrt((spread**2).mean()) or 1.0
+    return scale
+
+
+def _spread(points: Float) -> Float:
+    """Return the root mean square distance of each target (t, m, r) from its mean, shape (m,)."""
+    spread = np.zeros(points.shape[1])
+    for k in range(len(spread)):
+        known: Float = points[np.isfinite(points[:, k, 0]), k]
+        spread[k] = np.sqrt(known.var(axis=0).sum()) if len(known) else 0.0
+    return spread
+
+
+def _judge(model: TrainedModel, test_frames: Frames, prior: Prior | None) -> Usefulness:
+    """Judge whether the model is useful in each unit; return the worst judgment."""
+    units = tuple(dict.fromkeys(model.units))
+    judgments = [
+        replace(judge_model(*select_unit(model, test_frames, unit), prior), unit=unit)
+        for unit in units
+    ]
+    return max(judgments, key=lambda u: u.error / max(u.movement, 1e-300))
+
+
 def _make_model(
     dataset: Dataset, kind: str, main: Branch, without: dict[str, Branch]
 ) -> TrainedModel:
@@ -199,6 +247,8 @@ def _make_model(
         fit_fault_limits(dataset),
         {name: p.signals for name, p in poses.items()},
         {name: p.spread for name, p in poses.items()},
+        targets=dataset.targets,
+        readings=dataset.readings,
     )
 
 
@@ -213,7 +263,10 @@ def _weight_markers(frames: Frames, options: TrainOptions) -> tuple[Float, Bool]
     if not options.weighted:
         return visible.astype(float), np.zeros_like(visible)
     signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
-    is_wrong, scale = find_wrong_markers(signals, frames.points, _common_time(frames))
+    floor = np.array([MIN_SCALE_MM if u == MARKER_UNIT else 0.0 for u in frames.dataset.units])
+    if frames.dataset.targets is not None:
+        floor = np.maximum(floor, _MIN_SCALE_SHARE * _spread(frames.points))
+    is_wrong, scale = find_wrong_markers(signals, frames.points, _common_time(frames), floor)
     return weight_by_certainty(frames.sigma, visible & ~is_wrong, scale), is_wrong
 
 
@@ -263,17 +316,22 @@ def _require_all_markers(frames: Frames, weights: Float) -> None:
         )
 
 
-def _make_branch(fitted: FittedCandidate, data: FitData, level: float) -> Branch:
-    """Return the decoder fitted to all frames, with its range and intervals."""
+def _make_branch(fitted: FittedCandidate, data: FitData, level: float, scale: Float) -> Branch:
+    """Return the decoder fitted to all frames, with its range and intervals.
+
+    Targets (m,) in the data are divided by `scale`, those of the decoder are not.
+    """
     frames, past = data.frames, fitted.candidate.past
     z = data.inputs(past)
     trained_range = fit_trained_range(z, z[:, : len(data.channels)])
     decoded, distance = _decode_left_out(fitted, data)
-    errors = np.linalg.norm(decoded - data.outputs, axis=2)
+    errors = np.linalg.norm(decoded - data.outputs, axis=2) * scale
     errors[data.weights <= 0] = np.nan
     intervals = fit_intervals(errors, distance, _common_time(frames), level)
     decoder = fitted.decoder()
-    decoder = replace(decoder, constant=decoder.constant + frames.dataset.rest_points.ravel())
+    factor = np.repeat(scale, data.outputs.shape[2])
+    constant = decoder.constant * factor + frames.dataset.rest_points.ravel()
+    decoder = replace(decoder, weights=decoder.weights * factor, constant=constant)
     simulated = None if fitted.simulated is None else fitted.simulated.whole
     return Branch(tuple(data.channels), past, decoder, trained_range, intervals, simulated)
 
@@ -300,7 +358,12 @@ def _hide_unweighted(frames: Frames, weights: Float) -> Frames:
 
 
 def _branch_without(
-    lost: int, best: FittedCandidate, data: FitData, options: TrainOptions, prior: Prior | None
+    lost: int,
+    best: FittedCandidate,
+    data: FitData,
+    options: TrainOptions,
+    prior: Prior | None,
+    scale: Float,
 ) -> Branch:
     """Return a branch of the same form and memory from the channels other than `lost`."""
     others = [k for k in range(len(data.frames.dataset.channels)) if k != lost]
@@ -312,19 +375,27 @@ def _branch_without(
         decoder = fit_simulated_decoder(prior, others)
         start = fit_simulated_candidate(data, decoder, best.candidate.past)
         if best.sums is None:
-            return _make_branch(start, data, options.level)
+            return _make_branch(start, data, options.level, scale)
         simulated = start.simulated
     fitted = fit_candidate(best.candidate, data, simulated)
-    return _make_branch(fitted, data, options.level)
+    return _make_branch(fitted, data, options.level, scale)
 
 
-def _summarize(fitted: FittedCandidate, data: FitData, test_frames: Frames) -> CandidateResult:
+def _summarize(
+    fitted: FittedCandidate, data: FitData, test_frames: Frames, scale: Float
+) -> CandidateResult:
     """Return a candidate's errors, with those on the test frames."""
     noise, test = fitted.path.noise, None
     if len(test_frames):
         z = test_frames.inputs(fitted.candidate.past, data.channels)
-        decoded = fitted.displacements(z).reshape(test_frames.points.shape)
-        test = measure_errors(decoded + data.frames.dataset.rest_points, test_frames.points)
+        decoded = fitted.displacements(z).reshape(test_frames.points.shape) * scale[:, None]
+        predicted = decoded + data.frames.dataset.rest_points
+        units = test_frames.dataset.units
+        is_first = np.array([unit == units[0] for unit in units])
+        is_known = np.isfinite(test_frames.points[:, is_first, 0]).any(axis=1)
+        if is_known.any():
+            shown = test_frames.points[:, is_first][is_known]
+            test = measure_errors(predicted[:, is_first][is_known], shown)
     return CandidateResult(
         name=fitted.name,
         features=fitted.count,

@@ -49,11 +49,13 @@ class Usefulness:
         movement: Root mean square distance of the same markers from the better of two constant
             shapes, the mean of the training and the shape at rest, mm.
         cause: The likeliest cause of a useless model; None for a useful one.
+        unit: Unit of both; empty if unknown.
     """
 
     error: float
     movement: float
     cause: Cause | None = None
+    unit: str = "mm"
 
     @property
     def is_useless(self) -> bool:
@@ -67,8 +69,9 @@ class Usefulness:
             return ""
         size = "larger than" if self.error > self.movement else "nearly as large as"
         text = (
-            f"the model is useless: its error on the test, {self.error:.2f} mm, is {size} the"
-            f" movement of the markers itself, {self.movement:.2f} mm"
+            f"the model is useless: its error on the test, {self.error:.2f} {self.unit}, is {size}"
+            f" the movement of the {'markers' if self.unit == 'mm' else 'targets'} itself,"
+            f" {self.movement:.2f} {self.unit}"
         )
         if self.cause is None:
             return f"{text}."

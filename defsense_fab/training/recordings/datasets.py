@@ -1,4 +1,4 @@
-"""Read datasets from any data: sessions, folders of datasets, XDF files, or two files."""
+"""Read datasets from any data: sessions, folders of datasets, XDF files, or pairs of files."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from ..options import XDF_SUFFIXES, DataFiles
 from .dataset_parquet import is_dataset, read_dataset
 from .pair_dataset import RecordingInfo, pair_dataset
 from .session_dataset import session_dataset
+from .table_dataset import table_dataset
 from .xdf_dataset import xdf_dataset
 
 
@@ -56,8 +57,11 @@ def load_dataset(
         fallback_device=fallback_device,
     )
     parts = [_load_source(source, files, info) for source in files.sources]
-    if files.signals is not None and files.tracks is not None:
-        parts.append(pair_dataset(files.signals, files.tracks, info))
+    if files.targets:
+        parts.append(table_dataset(files.signals, files.targets, info))
+    else:
+        pairs = zip(files.signals, files.tracks, strict=True)
+        parts += [pair_dataset(signals, tracks, info) for signals, tracks in pairs]
     names = [r.name for part in parts for r in part.recordings]
     duplicates = [name for k, name in enumerate(names) if name in names[:k]]
     if duplicates:

@@ -25,8 +25,8 @@ RUN = "run"
 #: Suffix of the names of resistances.
 OHM = "_ohm"
 
-# Columns that are not channels, in addition to `run`.
-_OTHER_COLUMNS = (
+#: Columns that are not channels, in addition to `run`.
+OTHER_COLUMNS = (
     "frame",
     "time",
     "alignment_residual",
@@ -140,7 +140,7 @@ def _with_last(blocks: Iterator[list[Row]]) -> Iterator[tuple[list[Row], bool]]:
 
 def _column_name(name: str) -> str:
     """Return the name of a column with the package's own names in small letters."""
-    if name.lower() in (*_OTHER_COLUMNS, RUN):
+    if name.lower() in (*OTHER_COLUMNS, RUN):
         return name.lower()
     return name[: -len(OHM)] + OHM if name.lower().endswith(OHM) else name
 
@@ -259,7 +259,7 @@ def read_series(path: Path) -> Series:
             action="Give the session's folder",
             count=len(set(table.run)),
         )
-    names = [n for n in table.names if n not in _OTHER_COLUMNS and n != RUN]
+    names = [n for n in table.names if n not in OTHER_COLUMNS and n != RUN]
     series = make_series(str(path), names, table["time"], table.columns(names))
     return replace(series, notes=table.notes)
 

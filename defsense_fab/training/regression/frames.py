@@ -34,7 +34,8 @@ class Frames:
         recording_index: Index of each frame's recording, shape (t,), not decreasing.
         frame_index: Index of each frame in its recording, shape (t,).
         points: Marker positions, shape (t, m, 3), mm, in the device's rest frame; NaN in gaps.
-        sigma: Standard deviations of the positions, shape (t, m, 3), mm; NaN in gaps.
+            Scalar targets have the shape (t, m, 1).
+        sigma: Standard deviations of the positions, shape (t, m, r), mm; NaN in gaps.
     """
 
     dataset: Dataset
@@ -135,20 +136,35 @@ class Frames:
 
 
 def split_frames(
-    frames: Frames, test_share: float = TrainOptions.test_share
+    frames: Frames,
+    test_share: float = TrainOptions.test_share,
+    leave_out: Sequence[str] = TrainOptions.leave_out,
 ) -> tuple[Frames, Frames]:
     """Divide frames into those to train on and those to test on.
 
     Args:
         frames: The frames.
         test_share: Share of the frames to test on, at the end; from 0 to below 1.
+        leave_out: Names of the recordings to test on, in place of a share.
 
     Returns:
-        The first frames, for training, and the last ones, for the test.
+        The frames for training, and those for the test.
 
     Raises:
-        TrainingError: If the share is out of range.
+        TrainingError: If the share is out of range, or there is no such recording.
     """
+    if leave_out:
+        names = [r.name for r in frames.dataset.recordings]
+        if unknown := [name for name in leave_out if name not in names]:
+            raise TrainingError(
+                f"no run has the name {unknown[0]}",
+                code="unknown-run",
+                where="leave_out",
+                action=f"Choose from {', '.join(names)}",
+                run=unknown[0],
+            )
+        is_tested = np.isin(frames.recording_index, [names.index(name) for name in leave_out])
+        return frames.select(~is_tested), frames.select(is_tested)
     if not 0 <= test_share < 1:
         raise TrainingError(
             f"must be from 0 to below 1, not {test_share:g}",

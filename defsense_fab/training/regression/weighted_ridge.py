@@ -25,7 +25,6 @@ from ...decoding.ridge import regularize
 INPUT_NOISES = np.logspace(-6, 1, 29)
 
 _BLOCK_SIZE = 2_000_000  # products of features computed at once
-_AXES = 3  # outputs of a marker
 _NOISE_TOLERANCE = 1.001  # of the smallest error; the largest noise within it is chosen
 
 
@@ -85,6 +84,7 @@ class Sums:
         cross: Sums of products of features and outputs, shape (k, f, o).
         out2: Sums of the squared outputs, shape (k, o).
         group: Group of each output, shape (o,).
+        axes: Outputs of a marker.
     """
 
     weight: Float
@@ -94,6 +94,7 @@ class Sums:
     cross: Float
     out2: Float
     group: Int
+    axes: int = 3
 
     def without(self, fold: int | None = None) -> Sums:
         """Add up all folds except one, or all folds if it is None."""
@@ -112,6 +113,7 @@ class Sums:
             self.cross[folds].sum(0, keepdims=True),
             self.out2[folds].sum(0, keepdims=True),
             self.group,
+            self.axes,
         )
 
 
@@ -149,7 +151,7 @@ def accumulate_sums(phi: Float, outputs: Float, weights: Float, fold: Int) -> Su
             block = rows[start : start + step]
             half += (phi[block][:, i] * phi[block][:, j]).T @ columns[block]
         square[n][:, i, j] = square[n][:, j, i] = half.T
-    return Sums(weight, linear, square, out, cross, out2, np.repeat(group, r))
+    return Sums(weight, linear, square, out, cross, out2, np.repeat(group, r), r)
 
 
 def _group_weights(weights: Float) -> tuple[Float, Int]:
@@ -272,6 +274,6 @@ def cross_validate(sums: Sums, noises: Float = INPUT_NOISES) -> RidgePath:
         beta, constant = solve_ridge(sums.without(k), noises)
         tested = sums.only(k)
         square = np.maximum(sum_squared_errors(tested, beta, constant), 0.0).sum(1)
-        weight = tested.weight[0][tested.group].sum() / _AXES
+        weight = tested.weight[0][tested.group].sum() / sums.axes
         errors.append(np.sqrt(square / max(weight, 1e-300)))
     return RidgePath(noises, np.array(errors))
