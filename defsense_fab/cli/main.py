@@ -7,6 +7,7 @@ import io
 import logging
 import os
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from inspect import BoundArguments
 from pathlib import Path
@@ -169,8 +170,9 @@ def _split_lists(arguments: ArgumentCollection, words: Sequence[str], command: s
     """Separate the items of lists that are written with commas.
 
     `--bed 220,220,250` becomes `--bed 220 220 250`, and `--radii 75,100`, with any number of items,
-    `--radii 75 --radii 100`. Options that may be repeated with any text, such as `--set`, are
-    declared with a converter of their own and not separated.
+    `--radii 75 --radii 100`. Files may also be separated by spaces: `--signals a.csv b.csv` becomes
+    `--signals a.csv --signals b.csv`. Options that may be repeated with any text, such as `--set`,
+    are declared with a converter of their own and not separated.
 
     Args:
         arguments: Arguments of the command.
@@ -187,16 +189,19 @@ def _split_lists(arguments: ArgumentCollection, words: Sequence[str], command: s
         for name in argument.names
     }
     separated: list[str] = []
-    waiting = iter(words)
-    for word in waiting:
+    waiting = deque(words)
+    while waiting:
+        word = waiting.popleft()
         name, equals, value = word.partition("=")
         kind = kinds.get(name)
         if kind is None:
             separated.append(word)
             continue
         if not equals:
-            value = next(waiting, "")
-        items = [item for item in map(str.strip, value.split(",")) if item]
+            value = waiting.popleft() if waiting else ""
+        items = _split_list(value, kind[0])
+        while kind[0] is Path and waiting and not waiting[0].startswith("-"):
+            items += _split_list(waiting.popleft(), Path)
         if ... in kind:
             separated += [part for item in items for part in (name, item)] or [name]
         elif len(items) > 1 and len(items) != len(kind):
@@ -204,6 +209,13 @@ def _split_lists(arguments: ArgumentCollection, words: Sequence[str], command: s
         else:
             separated += [name, *items]
     return separated
+
+
+def _split_list(text: str, kind: object) -> list[str]:
+    """Return the items of a list; the name of an existing file may have commas."""
+    if kind is Path and Path(text).exists():
+        return [text]
+    return [item for item in map(str.strip, text.split(",")) if item]
 
 
 def _tuple_type(hint: object) -> object | None:

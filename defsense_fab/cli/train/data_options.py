@@ -14,6 +14,7 @@ from ..device import device_folder
 
 if TYPE_CHECKING:
     from ...core.device.device import Device
+    from ...workflow.train.training import UnitErrors
 
 #: Sessions and files; the sessions are operands.
 Files = Annotated[DataFiles, Parameter(name="*")]
@@ -43,16 +44,31 @@ def format_data_options(files: DataFiles, device: Path | None) -> str:
     named = {"device": device, **{name: getattr(files, name) for name in _NAMES}}
     for name, value in named.items():
         if value != getattr(DataFiles, name, None):
-            words += [
-                f"--{name.replace('_', '-')}",
-                f"{value:g}" if isinstance(value, float) else str(value),
-            ]
+            items = value if isinstance(value, tuple) else (value,)
+            words.append(f"--{name.replace('_', '-')}")
+            words += [f"{item:g}" if isinstance(item, float) else str(item) for item in items]
     return " ".join(map(quote, words))
+
+
+def describe_errors(errors: UnitErrors) -> str:
+    """Return the errors of the targets in one unit as a sentence."""
+    unit = errors.unit or "(no unit given)"
+    text = f"test: RMSE {errors.rmse:.3g} {unit}"
+    if len(errors.by_target) > 1:
+        each = ", ".join(f"{name} {rmse:.3g}" for name, rmse in errors.by_target.items())
+        text += f" ({each})"
+    if errors.coverage is None or errors.level is None or errors.worst_tenth is None:
+        return text
+    return (
+        f"{text}; {errors.level:.0%} intervals contain {errors.coverage:.0%} of the values"
+        f" ({errors.worst_tenth:.0%} in the worst tenth of the time)"
+    )
 
 
 _NAMES = (
     "signals",
     "tracks",
+    "targets",
     "tracks_unit",
     "signals_stream",
     "tracks_stream",

@@ -18,7 +18,13 @@ from ..output import (
     progress_bars,
     standard_output,
 )
-from .data_options import DeviceOption, Files, format_data_options, load_optional_device
+from .data_options import (
+    DeviceOption,
+    Files,
+    describe_errors,
+    format_data_options,
+    load_optional_device,
+)
 
 if TYPE_CHECKING:
     from ...workflow.train.training import Training
@@ -32,6 +38,8 @@ train = command(
     "defsense train my-device/session --device my-device",
     "defsense train --signals signals.csv --tracks aligned.csv --device my-device"
     " --out model.json --json",
+    "defsense train --signals walk-1.csv walk-2.csv --targets angles-1.csv angles-2.csv"
+    " --leave-out walk-2 --out model.json",
     "defsense train --device my-device",
 )
 
@@ -53,10 +61,13 @@ def _train(
     past. With a built device, simulated states are also used for training, as far as they improve
     the folds. Without any session, the model is based on the simulation only.
 
+    No device is needed: train on any tables of signals (resistances, capacitances, voltages, raw
+    counts) and targets (angles, forces, positions). Units are in the headers, such as angle_deg.
+
     Args:
         out: Set the output file (default: model.json, in the folder of the device or session).
     """
-    from ...workflow.train.training import train_files
+    from ...workflow.train.training import errors_to_json, train_files
 
     with progress_bars(output) as progress:
         trained = train_files(
@@ -66,7 +77,9 @@ def _train(
     with standard_output():
         if output.json:
             decoder = {} if trained.training else {"decoder": model.kind}
-            print_json({"model": str(path), "notes": notes, **decoder, **model.metadata})
+            errors = () if trained.training is None else trained.training.test
+            result = {"model": str(path), "notes": notes, **decoder, **model.metadata}
+            print_json({**result, "test": errors_to_json(errors)})
         elif trained.training is None:
             print_lines(
                 [
@@ -93,7 +106,13 @@ def _print_errors(training: Training) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table(title="Errors of markers (mm): RMSE ± SD, peaks of the test", box=SIMPLE_HEAD)
+    units = tuple(dict.fromkeys(training.model.units))
+    what = "targets" if training.model.targets else "markers"
+    unit = units[0] or "no unit given"
+    title = f"Errors of {what} ({unit}): RMSE ± SD, peaks of the test"
+    if len(units) > 1:
+        title = f"Errors: folds as shares of the spread; test of targets in {unit}"
+    table = Table(title=title, box=SIMPLE_HEAD)
     table.add_column("decoder", no_wrap=True)
     for name in ("folds", "test", "peak", "mean peak"):
         table.add_column(name, justify="right", no_wrap=True)
@@ -110,22 +129,29 @@ def _print_errors(training: Training) -> None:
 def _describe_training(training: Training) -> list[str]:
     """Return notes on the frames, the memory and the wrong markers of a training."""
     selected = next(c for c in training.candidates if c.name == training.selected)
+    what, truth, following = "pictures", "tracks", "the following "
+    targets = training.model.targets
+    if targets is not None:
+        what, truth, following = "rows of the targets", "targets", ""
+    kinds = "markers" if targets is None else "values"
     notes = [
         "*: selected by cross-validation",
-        f"trained on {len(training.training_frames)} pictures, tested on the following"
-        f" {len(training.test_frames)}",
+        f"trained on {len(training.training_frames)} {what}, tested on {following}"
+        f"{len(training.test_frames)}",
     ]
+    if targets is not None:
+        notes += [describe_errors(e) for e in training.test]
     if selected.moved or selected.worked:
         times = [f"{t:.2g} s" for t in (*selected.moved, *selected.worked)]
         notes.append(f"memory: {', '.join(times)}")
     if training.wrong_markers.any():
         share = training.wrong_markers.sum() / max(int(training.training_frames.visible.sum()), 1)
-        notes.append(f"{share:.2%} of the markers were wrong and excluded from the training")
+        notes.append(f"{share:.2%} of the {kinds} were wrong and excluded from the training")
     if training.wrong_test_markers.any():
         visible = int(training.test_frames.visible.sum())
         share = training.wrong_test_markers.sum() / max(visible, 1)
         notes.append(
-            f"{share:.2%} of the markers of the test seem wrong, and its errors include them. Check"
-            " the tracks."
+            f"{share:.2%} of the {kinds} of the test seem wrong, and its errors include them. Check"
+            f" the {truth}."
         )
     return notes

@@ -114,7 +114,7 @@ def rms_distance(points: Float, others: Float) -> float:
 
 def decode(model: TrainedModel, frames: Frames) -> Float:
     """Decode frames whose channels are in the model's order; returns positions (t, m, 3), mm."""
-    decoded = np.empty((len(frames), len(model.ids), 3))
+    decoded = np.empty(frames.points.shape)
     for k, r in enumerate(frames.dataset.recordings):
         index = np.flatnonzero(frames.recording_index == k)
         times = r.time[frames.frame_index[index]]

@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ...core.arrays import Float
 from ...decoding.trained_model import TrainedModel
+from ..data.dataset_assembly import select_channel_indices
 from ..data.time_alignment import find_time_shift
 from ..regression.frames import Frames
 from ..regression.simulation_prior import Prior, predict_signals
@@ -190,11 +191,7 @@ def _channel_orders(model: TrainedModel, frames: Frames) -> Iterator[Candidate]:
     c = len(model.channels)
 
     def error_of(order: Sequence[int]) -> float:
-        recordings = tuple(
-            replace(r, ohm=r.ohm[:, list(order)], rest=r.rest[list(order)])
-            for r in frames.dataset.recordings
-        )
-        dataset = replace(frames.dataset, recordings=recordings)
+        dataset = select_channel_indices(frames.dataset, order)
         return rms_distance(frames.points, decode(model, replace(frames, dataset=dataset)))
 
     identity = tuple(range(c))

@@ -260,12 +260,11 @@ def _reading_units(table: _Table) -> tuple[tuple[str, ...], list[str]]:
         names += f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
         if is_large:
             notes.append(
-                f"{table.path.name}: {names} are taken as counts, no unit given; a unit in the"
-                f" header, such as {table.columns[unknown[0]].name}_ohm, would be stated in the"
-                " model"
+                f"{names} are taken as counts, no unit given; give a unit in the header if there is"
+                f" one, such as {table.columns[unknown[0]].name}_ohm"
             )
         else:
-            notes.append(f"{table.path.name}: {names} are taken as (R - R0)/R0, no unit given")
+            notes.append(f"{names} are taken as (R - R0)/R0, no unit given")
     return tuple(units), notes
 
 

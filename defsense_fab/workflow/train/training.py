@@ -18,10 +18,13 @@ from ...core.errors import TrainingError
 from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
 from ...core.version import __version__
+from ...decoding.quantities import COUNTS
 from ...decoding.trained_model import TrainedModel
 from ...store.build import Build
 from ...store.layout import layout_hash
 from ...training.data.dataset import Dataset, Recording, recording_fingerprint
+from ...training.fitting.errors_by_unit import UnitErrors as UnitErrors
+from ...training.fitting.errors_by_unit import errors_to_json as errors_to_json
 from ...training.fitting.model_file import MODEL as MODEL
 from ...training.fitting.model_file import write_model
 from ...training.fitting.pose_signals import first_rest_signals
@@ -175,6 +178,8 @@ def train_dataset(
     """
     training = train(dataset, options, progress, prior)
     metadata = describe_training(training, dataset, options, prior)
+    if dataset.readings is not None or dataset.targets is not None:
+        metadata |= {"units": describe_units(dataset), "test": errors_to_json(training.test)}
     return replace(training, model=replace(training.model, metadata=metadata))
 
 
@@ -229,6 +234,25 @@ def describe_training(
         "sync_error": {r.name: r.sync_error for r in dataset.recordings},
         "provenance": dict(dataset.provenance),
     }
+
+
+def describe_units(dataset: Dataset) -> dict[str, str]:
+    """Return the units of the numbers in the model of any sensor, in words."""
+    readings, targets = dataset.readings, dataset.targets
+    units = dict(UNITS)
+    if readings is not None:
+        names = ", ".join(
+            f"{channel} {unit}"
+            for channel, unit in zip(dataset.channels, readings.units, strict=True)
+        )
+        units["readings"] = f"{names}; {COUNTS}: no unit given" if COUNTS in names else names
+        units["signals"] = f"(reading - reference) / scale; reference: {readings.meaning}"
+    if targets is not None:
+        units["positions"] = ", ".join(
+            f"{name} {unit or '(no unit given)'}"
+            for name, unit in zip(targets.names, targets.units, strict=True)
+        )
+    return units
 
 
 def candidate_to_json(result: CandidateResult) -> Mapping[str, Any]:
