@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Int
 
 #: Unit of channels that are given as relative changes of their resistance.
 RELATIVE = "(R - R0)/R0"
@@ -68,9 +68,9 @@ class Targets:
         """Return which targets (m,) have a unit."""
         return np.array([u == unit for u in self.units])
 
-    def select(self, which: Bool) -> Targets:
-        """Return the targets of a mask (m,)."""
-        kept = np.flatnonzero(which).tolist()
+    def select(self, which: Bool | Int) -> Targets:
+        """Return the targets of a mask (m,) or of some indices."""
+        kept = np.arange(len(self.names))[which].tolist()
         return Targets(
             tuple(self.names[k] for k in kept), tuple(self.units[k] for k in kept), self.axes
         )

@@ -17,7 +17,7 @@ from ..output import (
     progress_bars,
     standard_output,
 )
-from .data_options import DeviceOption, Files, load_optional_device
+from .data_options import DeviceOption, Files, describe_errors, load_optional_device
 
 if TYPE_CHECKING:
     from ...workflow.train.evaluation import WrittenEvaluation
@@ -76,12 +76,15 @@ def _print_errors(evaluation: WrittenEvaluation) -> None:
     """Print the errors of all models, and the published ones."""
     from rich.table import Table
 
-    table = Table(title=f"Errors of markers (mm); paper: {evaluation.publication}")
+    first, published = evaluation.result.models[0], evaluation.published_errors
+    unit = f" ({first.unit_text})" if len({m.unit for m in evaluation.result.models}) == 1 else ""
+    source = f"; paper: {evaluation.publication}" if published else ""
+    table = Table(title=f"Errors of {first.noun}s{unit}{source}")
     table.add_column("", no_wrap=True)
     for name in ("RMSE ± SD", "peak", "average peak", "frames"):
         table.add_column(name, justify="right", no_wrap=True)
     rows = {m.name: m.evaluation.total for m in evaluation.result.models}
-    for name, t in (rows | evaluation.published_errors).items():
+    for name, t in (rows | published).items():
         errors = f"{t.rmse:.2f} ± {t.deviation:.2f}", f"{t.peak:.2f}", f"{t.average_peak:.2f}"
         table.add_row(name, *errors, str(t.frames))
     console().print(table)
@@ -92,12 +95,15 @@ def _describe_first(evaluation: WrittenEvaluation) -> list[str]:
     first = evaluation.result.models[0]
     e, budget = first.evaluation, first.budget
     lines = []
+    if first.model.targets is not None:
+        models = [m for m in evaluation.result.models if m.errors is not None]
+        lines += [f"{m.name}: {describe_errors(m.errors)}" for m in models if m.errors]
     if e.rmse_without_noise is not None:
         lines.append(
             f"without the noise of the cameras ({e.camera_noise:.2f} mm): RMSE"
             f" {e.rmse_without_noise:.2f} mm"
         )
-    if (c := e.coverage) is not None:
+    if (c := e.coverage) is not None and first.model.targets is None:
         lines.append(
             f"{100 * c.level:.0f} % intervals contain {100 * c.share:.1f} % of the errors,"
             f" ± {c.radius:.2f} mm"

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from ...decoding.quantities import MARKER_UNIT
 from ...training.evaluation.evaluate import Evaluation, Measures
 from ...training.evaluation.evaluate_models import Evaluated, SessionEvaluation
 from ...training.evaluation.model_comparison import Comparison, PairedTest
 from ...training.evaluation.predicted_error import PredictedError
+from ...training.fitting.errors_by_unit import UnitErrors, errors_to_json
 
 #: DefSense (CHI 2016), Table 1: a bar with 3 cords, 2,040 test frames, mm.
 PAPER = {
@@ -23,6 +25,7 @@ PAPER = {
     "full": Measures(1.17, 0.71, 10.13, 2.16, 2040),
 }
 SOURCE = "DefSense, CHI 2016, Table 1"
+_PAPER_DEVICE = "bar"  # name of its device, also with an ending
 
 #: Columns of the tables, by file name.
 _COLUMNS = {
@@ -63,11 +66,32 @@ def as_data(result: SessionEvaluation) -> dict[str, Any]:
         "notes": result.notes,
         "models": {m.name: _model(m) for m in result.models},
         "comparison": None if result.comparison is None else asdict(result.comparison),
-        "paper": {name: asdict(row) for name, row in PAPER.items()},
+        "paper": {name: asdict(row) for name, row in published_errors(result).items()},
+        "test": errors_to_json(_first_errors(result)),
     }
     plain = _plain(data)
     assert isinstance(plain, dict)
     return plain
+
+
+def published_errors(result: SessionEvaluation) -> dict[str, Measures]:
+    """Return the published errors of the paper's device; none for other devices and sensors.
+
+    Args:
+        result: The evaluation.
+
+    Returns:
+        Errors by the way in which the cords were placed.
+    """
+    first = result.models[0].model
+    is_bar = result.device.partition("-")[0] == _PAPER_DEVICE
+    return PAPER if is_bar and first.targets is None and len(first.channels) == 3 else {}
+
+
+def _first_errors(result: SessionEvaluation) -> list[UnitErrors]:
+    """Return the errors of the first model, for each unit of its targets."""
+    kind = result.models[0].model.metadata
+    return [m.errors for m in result.models if m.model.metadata is kind and m.errors is not None]
 
 
 def csv_files(result: SessionEvaluation) -> dict[str, str]:
@@ -89,10 +113,30 @@ def csv_files(result: SessionEvaluation) -> dict[str, str]:
         "predicted.csv": _predicted(result.models),
         "frames.csv": _frames(result.models),
     }
-    tables = {name: [_COLUMNS[name].split(","), *rows] for name, rows in tables.items()}
+    header = _columns_of(result.models)
+    tables = {name: [header[name].split(","), *rows] for name, rows in tables.items()}
+    if result.models[0].model.targets is not None:
+        tables["values.csv"] = _values(result.models)
     if result.comparison is not None:
         tables["comparison.csv"] = _comparison(result.comparison)
     return {name: _text(rows) for name, rows in tables.items()}
+
+
+def _columns_of(models: Sequence[Evaluated]) -> dict[str, str]:
+    """Return the columns with the unit of the targets; without, if there are several or none."""
+    units = {m.unit for m in models}
+    if units == {MARKER_UNIT}:
+        return _COLUMNS
+    unit = "_".join(units) if len(units) == 1 else ""
+    changes = {"_mm2": f"_{unit}2", "_mm_s": f"_{unit}_s", "_mm": f"_{unit}"}
+    if not unit:
+        changes = {"_mm2": "", "_mm_s": "_per_s", "_mm": ""}
+    out = dict(_COLUMNS)
+    if models[0].model.rest_points.shape[1] == 1:
+        out["markers.csv"] = out["markers.csv"].replace("x_mm,y_mm,z_mm", "reference")
+    for old, new in changes.items():
+        out = {name: columns.replace(old, new) for name, columns in out.items()}
+    return out
 
 
 def _model(m: Evaluated) -> dict[str, Any]:
@@ -104,10 +148,7 @@ def _model(m: Evaluated) -> dict[str, Any]:
         "camera_noise": e.camera_noise,
         "rmse_without_camera_noise": e.rmse_without_noise,
         "poses": {p: asdict(row) for p, row in zip(e.frames.poses, e.by_pose, strict=True)},
-        "markers": {
-            int(i): {"rmse": r, "peak": p}
-            for i, r, p in zip(m.model.ids, e.marker_rmse, e.marker_peak, strict=True)
-        },
+        **_marker_errors(m),
         "within_trained_range": None if e.inside is None else asdict(e.inside),
         "beyond_trained_range": None if e.outside is None else asdict(e.outside),
         "intervals": None if c is None else asdict(c),
@@ -122,6 +163,21 @@ def _model(m: Evaluated) -> dict[str, Any]:
             "without_samples": e.frames.omitted.without_samples,
             "without_markers": e.frames.omitted.without_markers,
         },
+    }
+
+
+def _marker_errors(m: Evaluated) -> dict[str, Any]:
+    """Return the errors of each marker; of other targets with their unit."""
+    errors = zip(
+        m.model.target_names, m.evaluation.marker_rmse, m.evaluation.marker_peak, strict=True
+    )
+    rows = {name: {"rmse": r, "peak": p} for name, r, p in errors}
+    if m.model.targets is None:
+        return {"markers": rows}
+    return {
+        "unit": m.unit,
+        "targets": rows,
+        "test": None if m.errors is None else m.errors.to_json(),
     }
 
 
@@ -143,7 +199,10 @@ def _table_1(result: SessionEvaluation) -> Rows:
     for m in result.models:
         e = m.evaluation
         rows.append([m.name, *asdict(e.total).values(), e.camera_noise, e.rmse_without_noise])
-    rows += [[f"{name} ({SOURCE})", *asdict(t).values(), None, None] for name, t in PAPER.items()]
+    rows += [
+        [f"{name} ({SOURCE})", *asdict(t).values(), None, None]
+        for name, t in published_errors(result).items()
+    ]
     return rows
 
 
@@ -151,10 +210,10 @@ def _by_marker(models: Sequence[Evaluated]) -> Rows:
     rows: Rows = []
     for m in models:
         e = m.evaluation
-        for i, place, rmse, peak in zip(
-            m.model.ids, m.model.rest_points, e.marker_rmse, e.marker_peak, strict=True
+        for name, place, rmse, peak in zip(
+            m.model.target_names, m.model.rest_points, e.marker_rmse, e.marker_peak, strict=True
         ):
-            rows.append([m.name, int(i), *place, rmse, peak])
+            rows.append([m.name, name, *place, rmse, peak])
     return rows
 
 
@@ -242,6 +301,31 @@ def _frames(models: Sequence[Evaluated]) -> Rows:
         numbers = (f.time, f.frame_error, largest, radius, e.speed, e.too_far, f.distance)
         columns = zip(f.run, f.pose, *numbers, strict=True)
         rows += [[m.name, f.runs[run], f.poses[pose], *row] for run, pose, *row in columns]
+    return rows
+
+
+def _values(models: Sequence[Evaluated]) -> Rows:
+    """Return the measured and predicted numbers of all targets, with their half widths."""
+    rows: Rows = [["model", "run", "time_s", "target", "unit", "measured", "predicted", "radius"]]
+    for m in models:
+        f, targets = m.evaluation.frames, m.model.targets
+        if targets is None:
+            continue
+        axes = ("",) if targets.axes == 1 else ("_x", "_y", "_z")
+        for k, name in enumerate(targets.names):
+            for a, axis in enumerate(axes):
+                columns = zip(
+                    f.run,
+                    f.time,
+                    f.measured[:, k, a],
+                    f.predicted[:, k, a],
+                    f.radius[:, k],
+                    strict=True,
+                )
+                rows += [
+                    [m.name, f.runs[run], time, name + axis, m.unit, *numbers]
+                    for run, time, *numbers in columns
+                ]
     return rows
 
 

@@ -13,10 +13,10 @@ from ...core.errors import TrainingError
 from ...core.storage.files import replace_folder, write_text
 from ...core.version import __version__
 from ...training.evaluation.error_budget import ErrorBudget
-from ...training.evaluation.evaluate_models import SessionEvaluation
+from ...training.evaluation.evaluate_models import Evaluated, SessionEvaluation
 from ...training.evaluation.model_comparison import SIGNIFICANCE_LEVEL, Comparison
 from ..html import write_page
-from .data_files import PAPER, SOURCE, as_data, csv_files
+from .data_files import SOURCE, as_data, csv_files, published_errors
 from .figures import svg_figures
 
 PAGE, DATA = "evaluation.html", "evaluation.json"
@@ -37,6 +37,17 @@ _CAPTIONS = {
     "error-budget": "Causes of the mean square error.",
 }
 
+_TARGET_CAPTIONS = {
+    "values": "Measured and predicted targets with their intervals over the tested time.",
+    "paths": "Measured and predicted targets with their intervals around the largest error: the"
+    " target that changes most, one with a median change, and the one with the largest RMSE.",
+    "error-over-time": "Error of each row (RMS over the targets), its median, and the mean half"
+    " width of the intervals.",
+    "coverage": "Share of the values inside their intervals, by tenths of the tested time.",
+    "hysteresis": "Errors by speed and direction: how much the change from the reference is too"
+    " large, and the RMSE. A difference between the directions is hysteresis of the sensor.",
+}
+
 
 def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
     """Write all files of an evaluation, completely or not at all; an existing one is replaced.
@@ -51,7 +62,7 @@ def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
     """
     check_folder(folder)
     with replace_folder(folder, overwrite=True) as new:
-        figures = svg_figures(result.models[0])
+        figures = _draw(result)
         for name, text in figures.items():
             write_text(new / f"{name}.svg", text)
         for name, text in csv_files(result).items():
@@ -94,9 +105,12 @@ def _values(result: SessionEvaluation, figures: dict[str, str]) -> dict[str, Any
         "result": result,
         "first": first,
         "evaluation": first.evaluation,
-        "paper": PAPER,
+        "paper": published_errors(result),
+        "unit": first.unit_text,
+        "noun": first.noun,
+        "targets": _target_rows(result) if first.model.targets is not None else [],
         "source": SOURCE,
-        "figures": [(name, _CAPTIONS[name], _image(svg)) for name, svg in figures.items()],
+        "figures": [(name, _caption(name, first), _image(svg)) for name, svg in figures.items()],
         "rows_by_pose": list(
             zip(first.evaluation.frames.poses, first.evaluation.by_pose, strict=True)
         ),
@@ -106,6 +120,41 @@ def _values(result: SessionEvaluation, figures: dict[str, str]) -> dict[str, Any
         "verdict": verdict(result.comparison) if result.comparison else "",
         "version": __version__,
     }
+
+
+def _draw(result: SessionEvaluation) -> dict[str, str]:
+    """Return the figures of the first model, and prediction and truth for each further unit."""
+    first, *others = result.models
+    figures = svg_figures(first)
+    for m in others:
+        if m.model.metadata is first.model.metadata:
+            figures[f"values-{_file_word(m.unit)}"] = svg_figures(m)["values"]
+    return figures
+
+
+def _file_word(unit: str) -> str:
+    return "".join(c for c in unit if c.isalnum()) or "no-unit"
+
+
+def _caption(name: str, first: Evaluated) -> str:
+    if first.model.targets is None:
+        return _CAPTIONS[name]
+    kind = "values" if name.startswith("values") else name
+    return _TARGET_CAPTIONS.get(kind) or _CAPTIONS[kind].replace("marker", "target")
+
+
+def _target_rows(result: SessionEvaluation) -> list[tuple[str, str, float, float, str]]:
+    """Return name, unit, RMSE, peak and model of each target of all models."""
+    return [
+        (name, m.unit_text, float(rmse), float(peak), m.name)
+        for m in result.models
+        for name, rmse, peak in zip(
+            m.model.target_names,
+            m.evaluation.marker_rmse,
+            m.evaluation.marker_peak,
+            strict=True,
+        )
+    ]
 
 
 def _image(svg: str) -> str:

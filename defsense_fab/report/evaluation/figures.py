@@ -16,6 +16,7 @@ from ...training.evaluation.evaluate_models import Evaluated
 _COLUMN_WIDTH_INCH = 85 / 25.4
 _DARK, _BLUE, _LIGHT, _BAND = "#111111", "#1f5fa8", "#e08a1e", "#c9d6e6"
 _MAX_CURVE_POINTS = 2000
+_MAX_VALUE_PANELS = 6  # targets of one figure
 _PATH_DURATION_S = 30.0
 _MIN_LABEL_DISTANCE = 0.06  # share of the device's size; closer labels cover each other
 _STYLE: dict[Any, Any] = {
@@ -53,7 +54,7 @@ def svg_figures(evaluated: Evaluated) -> dict[str, str]:
     figures: dict[str, tuple[float, Callable[[Any, Evaluated], None]]] = {
         "paths": (78, _draw_paths),
         "error-over-time": (50, _draw_error_over_time),
-        "markers": (sum(_heights(evaluated.model.rest_points)) + 28, _draw_markers),
+        "markers": (_markers_height(evaluated.model.rest_points), _draw_markers),
         "poses": (24 + 7 * min(len(evaluated.evaluation.frames.poses), 12), _draw_poses),
         "hysteresis": (72, _draw_hysteresis),
         "coverage": (45, _draw_coverage),
@@ -61,6 +62,12 @@ def svg_figures(evaluated: Evaluated) -> dict[str, str]:
     }
     if evaluated.evaluation.coverage is None:
         del figures["coverage"]
+    if (targets := evaluated.model.targets) is not None:
+        height = 18 + 26 * min(len(targets.names), _MAX_VALUE_PANELS)
+        figures = {"values": (height, _draw_values), **figures}
+        del figures["poses"]
+        if targets.axes == 1:
+            del figures["markers"]
     return {name: _render_svg(draw, height, evaluated) for name, (height, draw) in figures.items()}
 
 
@@ -94,11 +101,14 @@ def _draw_paths(figure: Any, evaluated: Evaluated) -> None:
         direction = (
             np.linalg.svd(displacements, full_matrices=False)[2][0]
             if len(displacements)
-            else np.eye(3)[2]
+            else np.eye(len(rest))[-1]
         )
         direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
         t = f.elapsed[frames]
-        predicted, measured = ((x[frames, m] - rest) @ direction for x in (f.predicted, f.measured))
+        origin = rest if len(rest) > 1 else 0.0  # scalars are drawn as they are
+        predicted, measured = (
+            (x[frames, m] - origin) @ direction for x in (f.predicted, f.measured)
+        )
         radius = f.radius[frames, m]
         if np.isfinite(radius).any():
             ax.fill_between(
@@ -113,12 +123,45 @@ def _draw_paths(figure: Any, evaluated: Evaluated) -> None:
         ax.plot(
             *_break_at_gaps(t, predicted), color=_LIGHT, lw=0.9, ls=(0, (3, 1.2)), label="predicted"
         )
-        ax.set_title(f"marker {evaluated.model.ids[m]}", loc="left", pad=2)
+        name = evaluated.model.target_names[m]
+        ax.set_title(name if evaluated.model.targets else f"marker {name}", loc="left", pad=2)
         ax.margins(x=0)
     for ax in axes[len(markers) :]:
         ax.set_visible(False)
-    axes[len(markers) // 2].set_ylabel("displacement, mm")
+    what = "value" if evaluated.model.rest_points.shape[1] == 1 else "displacement"
+    axes[len(markers) // 2].set_ylabel(f"{what}, {evaluated.unit_text}")
     axes[len(markers) - 1].set_xlabel("time, s")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+
+
+def _draw_values(figure: Any, evaluated: Evaluated) -> None:
+    """Draw measured and predicted targets with their intervals over the whole test.
+
+    A position is drawn along the axis on which it changes most.
+    """
+    f, model = evaluated.evaluation.frames, evaluated.model
+    assert model.targets is not None
+    count = min(len(model.target_names), _MAX_VALUE_PANELS)
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    subset = slice(None, None, -(-len(f.elapsed) // _MAX_CURVE_POINTS) or 1)
+    t = f.elapsed[subset]
+    for m, ax in enumerate(axes):
+        spread = np.nan_to_num(np.nanstd(f.measured[:, m], axis=0)) if f.visible[:, m].any() else 0
+        axis = int(np.argmax(spread))
+        measured, predicted = f.measured[subset, m, axis], f.predicted[subset, m, axis]
+        radius = f.radius[subset, m]
+        if np.isfinite(radius).any():
+            label = _interval_label(evaluated)
+            low, high = predicted - radius, predicted + radius
+            ax.fill_between(t, low, high, color=_BAND, lw=0, label=label)
+        ax.plot(*_break_at_gaps(t, measured), color=_DARK, lw=0.8, label="measured")
+        ax.plot(*_break_at_gaps(t, predicted), color=_LIGHT, lw=0.7, label="predicted")
+        name = model.target_names[m] + (f", {'xyz'[axis]}" if model.targets.axes == 3 else "")
+        ax.set_title(name, loc="left", pad=2)
+        ax.set_ylabel(evaluated.unit_text)
+        ax.margins(x=0)
+    axes[-1].set_xlabel("tested time, s")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=3)
 
@@ -150,7 +193,7 @@ def _draw_error_over_time(figure: Any, evaluated: Evaluated) -> None:
     ax.set_ylim(0, None)
     ax.margins(x=0)
     ax.set_xlabel("tested time, s")
-    ax.set_ylabel("error, mm (RMS of markers)")
+    ax.set_ylabel(f"error, {evaluated.unit_text} (RMS of {evaluated.noun}s)")
     figure.legend(loc="outside upper right", ncols=3)
 
 
@@ -209,6 +252,11 @@ def _heights(places: Float) -> tuple[float, float]:
     return high, low
 
 
+def _markers_height(places: Float) -> float:
+    """Return the height of the figure of the markers, mm; 0 for scalars, which have none."""
+    return sum(_heights(places)) + 28 if places.shape[1] == 3 else 0.0
+
+
 def _draw_poses(figure: Any, evaluated: Evaluated) -> None:
     ax = figure.subplots()
     e = evaluated.evaluation
@@ -222,7 +270,7 @@ def _draw_poses(figure: Any, evaluated: Evaluated) -> None:
     ax.set_yticks(range(len(rows)), [_shorten(name) for name, _ in rows])
     ax.invert_yaxis()
     ax.set_xlim(0, None)
-    ax.set_xlabel("error, mm")
+    ax.set_xlabel(f"error, {evaluated.unit_text}")
     handles = [
         _legend_handle("s", _BAND, "RMSE ± SD", 6),
         _legend_handle("o", "w", "average peak", 4, _BLUE),
@@ -236,8 +284,8 @@ def _draw_hysteresis(figure: Any, evaluated: Evaluated) -> None:
     b = evaluated.evaluation.by_speed
     middle = (b.edges[:-1] + b.edges[1:]) / 2
     for ax, values, axis_label in (
-        (above, b.too_far, "too large by, mm"),
-        (below, b.rmse, "RMSE, mm"),
+        (above, b.too_far, f"too large by, {evaluated.unit_text}"),
+        (below, b.rmse, f"RMSE, {evaluated.unit_text}"),
     ):
         for is_direction, color, mark in ((middle < 0, _BLUE, "v"), (middle > 0, _LIGHT, "^")):
             label = "returning" if mark == "v" else "moving out"
@@ -255,7 +303,7 @@ def _draw_hysteresis(figure: Any, evaluated: Evaluated) -> None:
         ax.set_ylabel(axis_label)
     above.axhline(0, color="0.6", lw=0.5)
     below.set_ylim(0, None)
-    below.set_xlabel("speed of the markers, mm/s (back < 0 < out)")
+    below.set_xlabel(f"speed of the {evaluated.noun}s, {evaluated.unit_text}/s (back < 0 < out)")
     handles, labels = above.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2)
 
@@ -321,7 +369,7 @@ def _draw_error_budget(figure: Any, evaluated: Evaluated) -> None:
     ax.axvline(0, color=_DARK, lw=0.6)
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)
-    ax.set_xlabel(f"% of the mean square error, {budget.total:.3g} mm²")
+    ax.set_xlabel(f"% of the mean square error, {budget.total:.3g} {evaluated.unit_text}²")
     figure.legend(loc="outside upper center", ncols=2)
 
 

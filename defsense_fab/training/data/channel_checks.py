@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -76,47 +77,87 @@ def check_readings(dataset: Dataset) -> list[Problem]:
         A problem for each such channel: it has gaps, does not change in a run, stays at one value
         while others move, or is at the end of its range.
     """
-    problems = []
+    doubts: dict[str, list[_Doubt]] = {}
     for k, name in enumerate(dataset.channels):
-        doubts = [(r.name, doubt) for r in dataset.recordings if (doubt := _doubt(r, k))]
-        if not doubts:
-            continue
-        run, (code, text, share) = max(doubts, key=lambda d: d[1][2])
-        more = f" (and in {len(doubts) - 1} more runs)" if len(doubts) > 1 else ""
-        problems.append(
-            Problem(
-                code,
-                False,
-                f"{run}: {name} {text}{more}",
-                f"Check how it is connected, or leave it out (--without-channels {name})",
-                share,
-                tuple(r for r, _ in doubts),
-                {"channel": name},
-            )
-        )
-    return problems
+        found = [d for r in dataset.recordings if (d := _find_doubt(r, k, name))]
+        if found:
+            worst = max(found, key=lambda d: d.share)
+            doubts.setdefault(worst.code, []).append(replace(worst, runs=len(found)))
+    return [_describe_doubts(code, group) for code, group in doubts.items()]
 
 
-def _doubt(r: Recording, k: int) -> tuple[str, str, float] | None:
-    """Return a code, a message and a share of the samples for a channel with little information."""
+@dataclass(frozen=True)
+class _Doubt:
+    """A channel that holds little information in a run.
+
+    Attributes:
+        code: Code of the problem.
+        run: Name of the run.
+        channel: Name of the channel.
+        text: What is wrong, for one channel.
+        share: Share of the samples concerned.
+        runs: Number of runs in which it is so.
+    """
+
+    code: str
+    run: str
+    channel: str
+    text: str
+    share: float
+    runs: int = 1
+
+
+#: What is wrong with several channels, by the code of the problem.
+_SEVERAL = {
+    "missing-channel": "have no value in many samples",
+    "constant-channel": "do not change",
+    "saturated-channel": "are at the end of their range for long",
+    "stuck-channel": "stay the same while others move",
+}
+
+
+def _describe_doubts(code: str, group: Sequence[_Doubt]) -> Problem:
+    """Return the problem of all channels with one code."""
+    worst = max(group, key=lambda d: d.share)
+    names = tuple(d.channel for d in group)
+    if len(group) == 1:
+        more = f" (and in {worst.runs - 1} more runs)" if worst.runs > 1 else ""
+        message, subject = f"{worst.run}: {worst.channel} {worst.text}{more}", "it"
+    else:
+        each = ", ".join(f"{d.channel} ({d.share:.0%})" for d in group)
+        message, subject = f"{worst.run}: {each} {_SEVERAL[code]}", "them"
+    return Problem(
+        code,
+        False,
+        message,
+        f"Check the connections, or leave {subject} out (--without-channels {','.join(names)})",
+        worst.share,
+        (worst.run,),
+        {"channels": names},
+    )
+
+
+def _find_doubt(r: Recording, k: int, name: str) -> _Doubt | None:
+    """Return why a channel holds little information in a run, if it does."""
     values, signals = r.ohm[:, k], r.signals[:, k]
     is_gap = ~np.isfinite(values)
     if (share := float(is_gap.mean())) > _MAX_GAP_SHARE:
-        return "missing-channel", f"has no value in {share:.0%} of the samples", share
-    if is_gap.all() or _range(signals) < _MIN_RANGE * max(1.0, float(np.nanmax(np.abs(signals)))):
-        return "constant-channel", "does not change", 1.0
+        return _Doubt(
+            "missing-channel", r.name, name, f"has no value in {share:.0%} of the samples", share
+        )
+    if _range(signals) < _MIN_RANGE * max(1.0, float(np.nanmax(np.abs(signals)))):
+        return _Doubt("constant-channel", r.name, name, "does not change", 1.0)
     step = float(np.median(np.diff(r.sample_time))) if len(r.sample_time) > 1 else 0.0
     is_end = _is_at_end(values)
     share, longest = float(is_end.mean()), step * _run_length(is_end)
     is_long = longest > _MAX_INVALID_S / 2 and share > _MIN_CLIPPED_SHARE
     if is_long and _do_others_move(r, k, *longest_run(is_end)):
         text = f"is at the end of its range for {share:.0%} of the samples, {longest:.1f} s at once"
-        return "saturated-channel", text, share
-    is_repeated = np.append(False, values[1:] == values[:-1])
-    start, end = longest_run(is_repeated)
+        return _Doubt("saturated-channel", r.name, name, text, share)
+    start, end = longest_run(np.append(False, values[1:] == values[:-1]))
     if step * (end - start) > _MAX_STUCK_S and _do_others_move(r, k, max(start - 1, 0), end):
         text = f"stays the same for {step * (end - start):.1f} s while others move"
-        return "stuck-channel", text, (end - start) / len(values)
+        return _Doubt("stuck-channel", r.name, name, text, (end - start) / len(values))
     return None
 
 

@@ -170,8 +170,8 @@ def select_channel_indices(dataset: Dataset, index: Sequence[int]) -> Dataset:
     )
 
 
-def select_targets(dataset: Dataset, which: Bool) -> Dataset:
-    """Return the dataset with the targets or markers of a mask (m,)."""
+def select_targets(dataset: Dataset, which: Bool | Int) -> Dataset:
+    """Return the dataset with the targets or markers of a mask (m,) or of some indices."""
     recordings = tuple(
         replace(r, points=r.points[:, which], sigma=r.sigma[:, which]) for r in dataset.recordings
     )

@@ -10,9 +10,11 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
+from ...decoding.quantities import Readings
 from ...decoding.signal_history import interpolate_at
 from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
 from ..data.dataset import Dataset, Recording
+from ..data.dataset_assembly import select_channel_indices, select_targets, use_readings
 
 ALL_FRAMES, BEFORE_FIRST_POSE = "all", "before the first pose"
 
@@ -210,8 +212,12 @@ def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
             has a marker at another rest position.
     """
     _require_same_device(model, dataset)
+    _require_same_targets(model, dataset)
+    known = dataset.ids.tolist() if dataset.targets is None else list(dataset.targets.names)
+    names = model.ids.tolist() if model.targets is None else list(model.targets.names)
     missing = [c for c in model.channels if c not in dataset.channels]
-    missing += [f"marker {i}" for i in model.ids if i not in dataset.ids]
+    kind = "marker " if model.targets is None else ""
+    missing += [f"{kind}{name}" for name in names if name not in known]
     if missing:
         raise TrainingError(
             f"the recordings have no {', '.join(missing)}, which the model was trained on",
@@ -220,8 +226,11 @@ def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
             action="Record them, or train on what the recordings have",
             missing=tuple(missing),
         )
-    c = [dataset.channels.index(name) for name in model.channels]
-    m = np.array([int(np.flatnonzero(dataset.ids == i)[0]) for i in model.ids], int)
+    m = np.array([known.index(name) for name in names], int)
+    if dataset.targets is not None:
+        _require_same_units(model, dataset, m)
+        selected = select_targets(match_channels(model, dataset), m)
+        return replace(selected, ids=model.ids, rest_points=model.rest_points)
     distance = np.linalg.norm(dataset.rest_points[m] - model.rest_points, axis=1)
     if distance.max() > _MAX_REST_MISMATCH_MM:
         k = int(distance.argmax())
@@ -233,17 +242,73 @@ def match_to_model(model: TrainedModel, dataset: Dataset) -> Dataset:
             marker=int(model.ids[k]),
             distance_mm=float(distance[k]),
         )
-    recordings = tuple(
-        replace(r, ohm=r.ohm[:, c], rest=r.rest[c], points=r.points[:, m], sigma=r.sigma[:, m])
-        for r in dataset.recordings
+    return select_targets(match_channels(model, dataset), m)
+
+
+def match_channels(model: TrainedModel, dataset: Dataset) -> Dataset:
+    """Select the model's channels, in its order, with the reference of its readings.
+
+    Args:
+        model: The model.
+        dataset: The dataset, which has these channels.
+
+    Returns:
+        The dataset with the model's channels only.
+
+    Raises:
+        TrainingError: If the model was trained on channels in other units.
+    """
+    index = [dataset.channels.index(name) for name in model.channels]
+    selected = select_channel_indices(dataset, index)
+    mine, others = model.readings, selected.readings
+    trained = ("ohm",) * len(index) if mine is None else mine.units
+    present = ("ohm",) * len(index) if others is None else others.units
+    if trained != present or (mine is None) != (others is None):
+        k = next((k for k, u in enumerate(trained) if u != present[k]), 0)
+        raise TrainingError(
+            f"{model.channels[k]} is in {_reading_unit(others, k)}, but the model was trained on"
+            f" {_reading_unit(mine, k)}",
+            code="units-differ",
+            where=dataset.recordings[0].name,
+            action="Give the signals in the units of the training",
+            channel=model.channels[k],
+            units=(present[k], trained[k]),
+        )
+    return use_readings(selected, mine)
+
+
+def _reading_unit(readings: Readings | None, k: int) -> str:
+    return "ohm, with a rest" if readings is None else readings.units[k]
+
+
+def _require_same_targets(model: TrainedModel, dataset: Dataset) -> None:
+    """Raise an error if one has markers and the other has other targets."""
+    if (model.targets is None) == (dataset.targets is None):
+        return
+    action = "Give them as targets" if model.targets is not None else "Give them as tracks"
+    raise TrainingError(
+        f"the model decodes {', '.join(model.target_names)}, not markers"
+        if dataset.targets is None
+        else "the model decodes markers, not other targets",
+        code="targets-differ",
+        where=dataset.recordings[0].name,
+        action=action,
     )
-    return replace(
-        dataset,
-        channels=model.channels,
-        ids=dataset.ids[m],
-        rest_points=dataset.rest_points[m],
-        recordings=recordings,
-    )
+
+
+def _require_same_units(model: TrainedModel, dataset: Dataset, index: Int) -> None:
+    """Raise an error if a target of the model, by its index in the dataset, has another unit."""
+    for name, trained, k in zip(model.target_names, model.units, index.tolist(), strict=True):
+        if dataset.units[k] != trained:
+            raise TrainingError(
+                f"{name} is in {dataset.units[k] or 'no stated unit'}, but the model was trained on"
+                f" {trained or 'no stated unit'}",
+                code="units-differ",
+                where=dataset.recordings[0].name,
+                action="Give the targets in the units of the training",
+                target=name,
+                units=(dataset.units[k], trained),
+            )
 
 
 def _require_same_device(model: TrainedModel, dataset: Dataset) -> None:

@@ -13,11 +13,12 @@ from ...core.progress import Progress, silent
 from ...decoding.trained_model import TrainedModel
 from ...store.layout import LayoutRecord
 from ..data.dataset import Dataset, Recording, is_same_recording, recording_fingerprint
+from ..fitting.errors_by_unit import UnitErrors, unit_errors
 from ..fitting.usefulness import Usefulness
 from ..fitting.useless_causes import judge_model
 from ..regression.frames import MIN_FRAMES, Frames
 from ..regression.simulation_prior import Prior
-from .decoded_frames import match_to_model
+from .decoded_frames import match_channels, match_to_model
 from .error_budget import ErrorBudget, error_budget
 from .evaluate import Evaluation, evaluate
 from .model_comparison import Comparison, compare
@@ -43,6 +44,8 @@ class Evaluated:
         predicted: Its predicted error; None if its training did not measure repeatability.
         by_truth: Its errors by cause from the truth of a twin's sessions; None for other data.
         usefulness: Its error compared with the movement; None for few frames.
+        errors: Errors and coverage of its targets. A model of targets in several units is evaluated
+            once for each unit.
     """
 
     name: str
@@ -52,6 +55,22 @@ class Evaluated:
     predicted: PredictedError | None = None
     by_truth: ErrorBudget | None = None
     usefulness: Usefulness | None = None
+    errors: UnitErrors | None = None
+
+    @property
+    def unit(self) -> str:
+        """Unit of its targets, "mm" for markers; empty if it is unknown."""
+        return self.model.units[0]
+
+    @property
+    def unit_text(self) -> str:
+        """The unit in words."""
+        return self.unit or "(no unit given)"
+
+    @property
+    def noun(self) -> str:
+        """What the model decodes, in the singular."""
+        return "marker" if self.model.targets is None else "target"
 
 
 @dataclass(frozen=True)
@@ -116,20 +135,28 @@ def evaluate_models(
         share = stated_share = last_share
         notes += [note for name, model in models for note in _note_training(name, model, dataset)]
     evaluated = []
-    for k, (name, model) in enumerate(models):
-        progress("evaluate", (k + 0.2) / len(models), f"{name}: errors")
+    by_unit = [part for name, model in models for part in _by_unit(name, model)]
+    for k, (name, model) in enumerate(by_unit):
+        progress("evaluate", (k + 0.2) / len(by_unit), f"{name}: errors")
         evaluation = evaluate(model, dataset, share)
-        progress("evaluate", (k + 0.4) / len(models), f"{name}: causes of errors")
+        progress("evaluate", (k + 0.4) / len(by_unit), f"{name}: causes of errors")
         budget = error_budget(model, dataset, share)
-        predicted = predict_model_error(model, evaluation.frames, layout)
+        predicted = None
+        if model.targets is None:
+            predicted = predict_model_error(model, evaluation.frames, layout)
         truth = budget_of_truth(model, dataset, share)
         usefulness = _judge(model, dataset, share, prior)
-        evaluated.append(Evaluated(name, model, evaluation, budget, predicted, truth, usefulness))
-    notes += _describe_frames(evaluated[0].evaluation)
+        f = evaluation.frames
+        errors = unit_errors(model, f.measured, f.predicted, f.radius)[0]
+        evaluated.append(
+            Evaluated(name, model, evaluation, budget, predicted, truth, usefulness, errors)
+        )
+    notes += _describe_frames(evaluated[0])
     progress("evaluate", 0.95, "comparing")
     comparison = None
-    if len(evaluated) > 1:
-        comparison = compare([(e.name, e.evaluation.frames) for e in evaluated])
+    compared = [e for e in evaluated if e.unit == evaluated[0].unit]
+    if len(compared) > 1:
+        comparison = compare([(e.name, e.evaluation.frames) for e in compared])
     progress("evaluate", 1.0, "done")
     return SessionEvaluation(
         device=dataset.device,
@@ -139,6 +166,20 @@ def evaluate_models(
         comparison=comparison,
         notes=tuple(notes),
     )
+
+
+def _by_unit(name: str, model: TrainedModel) -> list[tuple[str, TrainedModel]]:
+    """Return the models of the targets in each unit, with their names."""
+    units = tuple(dict.fromkeys(model.units))
+    if len(units) == 1:
+        return [(name, model)]
+    return [
+        (
+            f"{name} ({unit or 'no unit given'})",
+            model.select_targets(np.array([u == unit for u in model.units])),
+        )
+        for unit in units
+    ]
 
 
 def _judge(
@@ -154,7 +195,8 @@ def _judge(
     is_same_order = tuple(dataset.channels) == tuple(model.channels)
     if len(frames) < MIN_FRAMES:
         return None
-    return judge_model(model, frames, prior if is_same_order else None)
+    judgment = judge_model(model, frames, prior if is_same_order else None)
+    return replace(judgment, unit=model.units[0])
 
 
 def note_changed_cords(name: str, model: TrainedModel, dataset: Dataset) -> list[str]:
@@ -210,9 +252,17 @@ def _test_starts(model: TrainedModel, r: Recording) -> list[float]:
     ]
 
 
+def _as_trained(model: TrainedModel, dataset: Dataset) -> Dataset:
+    """Return a dataset with the channels of a model, by which its recordings are recognized."""
+    is_same = set(model.channels) == set(dataset.channels) and model.readings is None
+    if is_same or not set(model.channels) <= set(dataset.channels):
+        return dataset
+    return match_channels(model, dataset)
+
+
 def _note_training(name: str, model: TrainedModel, dataset: Dataset) -> list[str]:
     """Return a note if a model was trained on recordings of the dataset."""
-    known = [r.name for r in dataset.recordings if _test_starts(model, r)]
+    known = [r.name for r in _as_trained(model, dataset).recordings if _test_starts(model, r)]
     if not known:
         return []
     return [
@@ -224,8 +274,13 @@ def _note_training(name: str, model: TrainedModel, dataset: Dataset) -> list[str
 def _exclude_trained(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset:
     """Return the dataset without frames that a model was trained on."""
     recordings = []
-    for r in dataset.recordings:
-        starts = [start for model in models for start in _test_starts(model, r)]
+    seen = [_as_trained(model, dataset).recordings for model in models]
+    for k, r in enumerate(dataset.recordings):
+        starts = [
+            start
+            for model, trained in zip(models, seen, strict=True)
+            for start in _test_starts(model, trained[k])
+        ]
         keep = r.time >= max(starts, default=-np.inf) - _TIME_ROUNDING_S
         if keep.any():
             kept = replace(r, time=r.time[keep], points=r.points[keep], sigma=r.sigma[keep])
@@ -240,9 +295,12 @@ def _exclude_trained(models: Sequence[TrainedModel], dataset: Dataset) -> Datase
     return replace(dataset, recordings=tuple(recordings))
 
 
-def _describe_frames(evaluation: Evaluation) -> list[str]:
+def _describe_frames(evaluated: Evaluated) -> list[str]:
     """Return notes on the test frames."""
-    frames, notes = evaluation.frames, []
+    evaluation, notes = evaluated.evaluation, list[str]()
+    frames, truth, never = evaluation.frames, "markers", "markers were never visible"
+    if evaluated.model.targets is not None:
+        truth, never = "targets", "targets have no value"
     count = len(frames.time)
     omitted = frames.omitted
     if omitted.without_samples > _MIN_LEFT_OUT_SHARE * count:
@@ -250,9 +308,9 @@ def _describe_frames(evaluation: Evaluation) -> list[str]:
             f"{omitted.without_samples} frames without samples of all channels were left out"
         )
     if omitted.without_markers > _MIN_LEFT_OUT_SHARE * count:
-        notes.append(f"{omitted.without_markers} frames without markers were left out")
+        notes.append(f"{omitted.without_markers} frames without {truth} were left out")
     if not frames.visible.any(axis=0).all():
-        notes.append(f"{int((~frames.visible.any(axis=0)).sum())} markers were never visible")
+        notes.append(f"{int((~frames.visible.any(axis=0)).sum())} {never}")
     if count < _MIN_FRAMES:
         notes.append(f"{count} frames are few: record for longer")
     total, outside = evaluation.total, evaluation.outside

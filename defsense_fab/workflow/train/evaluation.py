@@ -16,7 +16,7 @@ from ...report.evaluation import data_files
 from ...report.evaluation.evaluation_report import PAGE, check_folder, verdict, write_evaluation
 from ...store.build import Build
 from ...training.data.dataset import Dataset
-from ...training.data.dataset_assembly import exclude_uncertain_positions
+from ...training.data.dataset_assembly import exclude_channels, exclude_uncertain_positions
 from ...training.data.dataset_checks import check_dataset
 from ...training.data.time_alignment import align_samples
 from ...training.evaluation.evaluate import Measures as Measures
@@ -65,8 +65,9 @@ class WrittenEvaluation:
 
     @property
     def published_errors(self) -> dict[str, Any]:
-        """The errors that DefSense's Table 1 states, by name."""
-        return {f"paper: {name}": row for name, row in data_files.PAPER.items()}
+        """The errors that DefSense's Table 1 states, by name; none for other devices."""
+        rows = data_files.published_errors(self.result)
+        return {f"paper: {name}": row for name, row in rows.items()}
 
     @property
     def publication(self) -> str:
@@ -183,6 +184,7 @@ def evaluate_recordings(
     """
     if device is not None and build is None:
         build = Build(build_folder(device))
+    recorded = _select_used_channels(recorded, [model for _, model in models])
     dataset, uncertain = exclude_uncertain_positions(recorded)
     dataset, shift_notes = align_samples(dataset, shift)
     progress("evaluate", 0.1, "checking")
@@ -202,6 +204,15 @@ def evaluate_recordings(
         *doubts,
     ]
     return replace(result, notes=tuple(notes))
+
+
+def _select_used_channels(dataset: Dataset, models: Sequence[TrainedModel]) -> Dataset:
+    """Return a dataset of any sensor with the channels that a model uses."""
+    used = {name for model in models for name in model.channels}
+    unused = [name for name in dataset.channels if name not in used]
+    if dataset.readings is None or not unused or len(unused) == len(dataset.channels):
+        return dataset
+    return exclude_channels(dataset, unused)
 
 
 def short_names(models: Sequence[Path]) -> list[str]:
