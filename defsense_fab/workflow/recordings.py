@@ -131,7 +131,7 @@ def read_tables(
     signals: str | Path | Sequence[str | Path],
     targets: str | Path | Sequence[str | Path],
     *,
-    offset: float = DataFiles.offset,
+    offset: float = 0.0,
 ) -> Dataset:
     """Read tables of signals and targets of any sensor as one dataset, a run for each pair.
 
