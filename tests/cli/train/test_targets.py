@@ -89,9 +89,8 @@ def test_a_replayed_table_is_decoded_as_by_the_model(
     at = np.searchsorted(values[:, 0], table["time"] - 1e-6)
     known = is_known[at]
     assert known.sum() > 50
-    np.testing.assert_allclose(
-        table["angle_deg"][known], expected[at][known, 0], rtol=1e-4, atol=1e-4
-    )
+    angle = table["angle_deg"]
+    np.testing.assert_allclose(angle[known], expected[at][known, 0], rtol=1e-4, atol=1e-4)
     assert np.isfinite(angle).all()  # the last value is repeated
 
 

@@ -8,6 +8,8 @@ import pytest
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset_assembly import join_datasets
 from defsense_fab.training.data.dataset_checks import check_dataset
+from defsense_fab.training.recordings.dataset_parquet import read_dataset, write_dataset
+from defsense_fab.training.recordings.lerobot_export import write_lerobot
 from defsense_fab.training.recordings.table_dataset import name_runs, table_dataset
 from tests.support.errors import raises
 from tests.training.recordings.tables import movements, ohms, write, write_pair
@@ -138,6 +140,23 @@ def test_joined_datasets_use_the_reference_of_the_first(tmp_path):
     other = table_dataset([a], [b])
     with raises(TrainingError, "targets-differ", found=("angle", "load")):
         join_datasets([parts[0], other])
+
+
+@pytest.mark.parametrize("targets", ["time,angle_deg,force_N", "time,p_x_mm,p_y_mm,p_z_mm"])
+def test_datasets_in_parquet_keep_targets_and_readings(tmp_path, targets):
+    time = np.arange(0, 20, 0.05)
+    header = targets.count(",")
+    truth = write(tmp_path / "t.csv", targets, time, *[np.sin(k + time) for k in range(header)])
+    signals = write(tmp_path / "s.csv", "time,a_pF,b_pF", time, 9 + np.sin(time), 8 + np.cos(time))
+    data = table_dataset([signals], [truth])
+    write_dataset(tmp_path / "d", data)
+    read = read_dataset(tmp_path / "d")
+    assert read.targets == data.targets
+    assert read.readings.units == ("pF", "pF")
+    np.testing.assert_array_equal(read.recordings[0].signals, data.recordings[0].signals)
+    np.testing.assert_array_equal(read.recordings[0].points, data.recordings[0].points)
+    with raises(TrainingError, "targets-differ"):
+        write_lerobot(tmp_path / "lerobot", data)
 
 
 def test_names_of_runs_are_distinct(tmp_path):
