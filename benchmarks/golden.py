@@ -103,12 +103,14 @@ def collect_results(folder: Path, steps: tuple[str, ...] | list[str]) -> dict[st
             "--out",
             folder / "evaluation",
         )
+        errors = json.loads(text)
+        del errors["test"]  # the errors and intervals of `models` in other words
         results["model"] = {
             "recording": digests(folder / "twin", ("*.csv", "*.npz")),
             "coefficients": digest(
                 numbers(json.loads((folder / "model" / "model.json").read_text()))
             ),
-            "errors": round_numbers(json.loads(text)),
+            "errors": round_numbers(errors),
         }
     if "live" in steps:
         run(

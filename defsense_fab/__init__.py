@@ -47,8 +47,10 @@ if TYPE_CHECKING:
     from .workflow.poses import sphere as sphere
     from .workflow.recordings import dataset as dataset
     from .workflow.recordings import export_dataset as export_dataset
+    from .workflow.recordings import join as join
     from .workflow.recordings import load_sessions as load_sessions
     from .workflow.recordings import process as process
+    from .workflow.recordings import read_tables as read_tables
     from .workflow.recordings import record as record
     from .workflow.recordings import record_twin as record_twin
     from .workflow.reproduce.experiment import Experiment as Experiment
@@ -90,8 +92,10 @@ _MODULES = {
     "workflow.recordings": (
         "dataset",
         "export_dataset",
+        "join",
         "load_sessions",
         "process",
+        "read_tables",
         "record",
         "record_twin",
     ),

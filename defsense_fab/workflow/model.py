@@ -67,8 +67,8 @@ class Model:
 
     Attributes:
         record: The model as a file has it.
-        test_rmse: RMSE on the frames held out of the training, mm; None if no frames were held
-            out, or if the model was loaded from a file.
+        test_rmse: RMSE on the frames held out of the training, mm, or in the first unit of the
+            targets; None if no frames were held out, or if the model was loaded from a file.
         notes: Reasons to doubt the data or the model.
     """
 
@@ -115,18 +115,32 @@ class Model:
         """Markers at rest, (m, 3) mm in the device's rest frame."""
         return self.record.rest_points
 
+    @property
+    def target_names(self) -> tuple[str, ...]:
+        """Names of the m targets; numbers for markers."""
+        return self.record.target_names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the m targets; mm for markers, empty where unknown."""
+        return self.record.units
+
     def predict(
-        self, time: ArrayLike, resistances: ArrayLike, rest_resistances: ArrayLike
+        self,
+        time: ArrayLike,
+        resistances: ArrayLike,
+        rest_resistances: ArrayLike | None = None,
     ) -> Float:
-        """Decode positions of the markers from resistances.
+        """Decode positions of the markers from resistances, or targets from readings.
 
         Args:
             time: Times (t,) s, increasing.
-            resistances: Resistances (t, c) ohm.
-            rest_resistances: Resistances (c,) ohm at rest.
+            resistances: Resistances (t, c) ohm; readings in the units of a model of targets.
+            rest_resistances: Resistances (c,) ohm at rest; None for a model of targets, whose
+                reference is fixed.
 
         Returns:
-            Positions (t, m, 3) mm; NaN where a resistance is NaN.
+            Positions (t, m, 3) mm, or targets (t, m, r); NaN where a resistance is NaN.
 
         Raises:
             TrainingError: The shapes do not fit the model, a value is invalid, or resistances and
@@ -135,7 +149,19 @@ class Model:
         c = len(self.channels)
         times = array(time, "time", TrainingError)
         ohm = array(resistances, "resistances", TrainingError)
-        rest = array(rest_resistances, "rest_resistances", TrainingError)
+        readings = self.record.readings
+        if (readings is None) == (rest_resistances is None):
+            is_needed = readings is None
+            raise TrainingError(
+                "is missing" if is_needed else "has no effect: the reference of the model is fixed",
+                code="argument-missing" if is_needed else "options-conflict",
+                where="rest_resistances",
+                action="Give the resistances at rest, ohm" if is_needed else "Omit it",
+                argument="rest_resistances",
+            )
+        rest = np.ones(c)
+        if rest_resistances is not None:
+            rest = array(rest_resistances, "rest_resistances", TrainingError)
         if ohm.shape != (len(times) if times.ndim == 1 else -1, c) or rest.shape != (c,):
             raise TrainingError(
                 f"shapes of time {times.shape}, resistances {ohm.shape} and rest_resistances"
@@ -153,6 +179,8 @@ class Model:
                 where="time",
                 argument="time",
             )
+        if readings is not None:
+            return self.record.decode(times, readings.signals(ohm), times).points
         raise_fatal(check_resistance_unit(ohm, validate_rest_resistances(rest)))
         positive = np.where(ohm > 0, ohm, np.nan)
         return self.record.decode(times, relative_change(positive, rest), times).points
@@ -187,7 +215,8 @@ class Model:
         return MovingSurface(vertices, np.asarray(live.rest.faces, np.int64), live.rest.vertices)
 
     def __repr__(self) -> str:
-        tested = "" if self.test_rmse is None else f", {self.test_rmse:.2f} mm test RMSE"
+        unit = self.units[0] or "(no unit given)"
+        tested = "" if self.test_rmse is None else f", {self.test_rmse:.2f} {unit} test RMSE"
         notes = f", {len(self.notes)} notes" if self.notes else ""
         return f"<Model of {self.record.device!r}: {self.record.kind}{tested}{notes}>"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from ..core.guided_run import GuidedView, Screen
 from ..core.markers import read_markers
 from ..core.progress import Progress, silent
 from ..training.data.dataset import Dataset, Recording
+from ..training.data.dataset_assembly import join_datasets
 from ..training.recordings.datasets import load_dataset
 from ..twin.recordings.twin_recordings import simulate_runs
 from . import arguments
@@ -123,6 +125,61 @@ def load_sessions(*sessions: str | Path) -> Dataset:
         TrainingError: A path is not a recording, or the recordings do not go together.
     """
     return load_dataset(DataFiles(session_paths(sessions)))
+
+
+def read_tables(
+    signals: str | Path | Sequence[str | Path],
+    targets: str | Path | Sequence[str | Path],
+    *,
+    offset: float = 0.0,
+) -> Dataset:
+    """Read tables of signals and targets of any sensor as one dataset, a run for each pair.
+
+    Units are in the headers, such as `left_kohm`, `angle_deg` or `force [N]`.
+
+    Args:
+        signals: Tables (.csv) of signals, one for each run.
+        targets: Tables (.csv) of targets, in the same order.
+        offset: Time in s by which the targets' clock is ahead.
+
+    Raises:
+        TrainingError: A file is not such a table, or the runs do not match each other.
+    """
+    shift = arguments.number(offset, "offset", TrainingError)
+    files = DataFiles(
+        signals=_paths(signals, "signals"), targets=_paths(targets, "targets"), offset=shift
+    )
+    return load_dataset(files)
+
+
+def _paths(value: str | Path | Sequence[str | Path], name: str) -> tuple[Path, ...]:
+    items = [value] if isinstance(value, str | Path) else list(value)
+    return tuple(path(p, f"{name}[{k}]", TrainingError) for k, p in enumerate(items))
+
+
+def join(*datasets: Dataset) -> Dataset:
+    """Join datasets of one device or sensor.
+
+    Channels and targets are matched by name. The name of a run that repeats gets a number.
+
+    Args:
+        datasets: The datasets, at least one.
+
+    Raises:
+        TrainingError: There is none, or devices, layouts, channels, targets or units differ.
+    """
+    parts = each_of(datasets, "datasets", Dataset, TrainingError)
+    names, renamed = set[str](), list[Dataset]()
+    for part in parts:
+        runs = []
+        for r in part.recordings:
+            name, number = r.name, 2
+            while name in names:
+                name, number = f"{r.name}-{number}", number + 1
+            names.add(name)
+            runs.append(r if name == r.name else replace(r, name=name))
+        renamed.append(replace(part, recordings=tuple(runs)))
+    return join_datasets(renamed)
 
 
 def session_paths(sessions: Sequence[object]) -> tuple[Path, ...]:

@@ -133,7 +133,8 @@ def _run(
         models: Model files (model.json), or their folders; several run at once.
         port: Set the port of each read-out board: /dev/ttyUSB0, COM3, socket://host:port;
             replay:board.csv or replay:SESSION (with the tracks of its cameras); or twin
-            (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b).
+            (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b). A model
+            of any other sensor plays a table (replay:signals.csv), or reads lines of text (stdin).
         device: Set the device folder for each model (default: that of the model).
     """
     from ..terminal.live_lines import LiveLines
@@ -241,6 +242,8 @@ def _announce(runs: Sequence[LiveRun], *, as_json: bool) -> None:
             is_started = run.recording.wait_until_started(2.0)
             state = "" if is_started else " (starts with the first sample)"
             lines.append(f"Record:  {run.recording.path}{state}")
+        if run.targets is not None:
+            lines.append(f"Record:  {run.targets} (targets)")
         if run.animations is not None and run.animations.recording is not None:
             lines.append(f"Record:  {run.animations.recording} (animation, written at the end)")
         if as_json:

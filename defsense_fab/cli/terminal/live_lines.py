@@ -8,7 +8,7 @@ import math
 import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -21,6 +21,7 @@ from ...workflow.run.run import LiveRun, LiveStatus, Quality, RecordingEnd
 
 _POLL_INTERVAL_S = 0.25
 _JSON_INTERVAL_S = 1.0
+_VALUES_INTERVAL_S = 1.0  # between printed lines with values of targets
 _CHANGING = re.compile(r"\d+ (s\b|%)")  # durations and shares, whose change alone is not printed
 _log = logging.getLogger(__name__)
 _COLORS = {
@@ -40,12 +41,14 @@ class _Followed:
         run: The run.
         label: Name of its device.
         printed: Last printed line, without changing numbers.
+        printed_at: When it was printed, s.
         ended: Why the run has ended; None while it runs.
     """
 
     run: LiveRun
     label: str
     printed: str = ""
+    printed_at: float = -math.inf
     ended: str | None = None
 
 
@@ -121,8 +124,10 @@ class LiveLines:
             for each in self._all:
                 text = _line(each)
                 without_numbers = _CHANGING.sub("", text)
-                if without_numbers != each.printed:
-                    each.printed = without_numbers
+                has_waited = time.monotonic() - each.printed_at >= _VALUES_INTERVAL_S
+                is_due = has_waited or not each.run.loop.status.targets or each.ended is not None
+                if without_numbers != each.printed and is_due:
+                    each.printed, each.printed_at = without_numbers, time.monotonic()
                     print(f"{each.label}: {text}", flush=True)  # noqa: T201
 
     def _print_json(self, new: Sequence[_Followed]) -> None:
@@ -168,8 +173,13 @@ def _line(followed: _Followed) -> str:
     if followed.ended is not None:
         return f"ended: {followed.ended}"
     status = followed.run.loop.status
+    values = status.targets
     return "; ".join(
-        [status.frame.quality.value if status.frame else "waiting", *map(str, status.notes)]
+        [
+            status.frame.quality.value if status.frame else "waiting",
+            *map(_describe_target, values, values.values()),
+            *map(str, status.notes),
+        ]
     )
 
 
@@ -205,7 +215,18 @@ def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]
             bars.append("━" * (_BAR_CELLS - filled), "bright_black")
             bars.append(f" {value:5.2f}   ")
         rows.append(bars)
+    if values := status.targets:
+        rows.append(Text("   ".join(map(_describe_target, values, values.values())), "cyan"))
     return rows + _notes(status)
+
+
+def _describe_target(name: str, values: Mapping[str, object]) -> str:
+    """Return a target with its interval and unit, such as `angle 12.3 ± 1.2 deg`."""
+    value, width = values["value"], values["half_width"]
+    numbers = value if isinstance(value, list) else [value]
+    text = ", ".join("?" if x is None else f"{x:.4g}" for x in numbers)
+    interval = f" ± {width:.3g}" if isinstance(width, float) else ""
+    return f"{name} {text}{interval} {values['unit']}".rstrip()
 
 
 def _notes(status: LiveStatus) -> list[Text]:
@@ -242,6 +263,10 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
             "controls": dict(frame.controls),
             "confidence": dict(frame.confidence),
             "distance": finite_or_none(frame.distance),
-            "ohm": [finite_or_none(float(r)) for r in frame.ohms],
+            "ohm" if frame.targets is None else "readings": [
+                finite_or_none(float(r)) for r in frame.ohms
+            ],
         }
+        if frame.targets is not None:
+            out["targets"] = status.targets
     return out

@@ -17,9 +17,9 @@ from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_note
 from .live_frame import LiveFrame, Note, Quality
 from .rest_tracker import Rest, RestTracker, drift_note
 
-_UNTRAINED_DISTANCE = 1.5  # from the training; 1 % of the training's own readings lie beyond 1
-_IMPLAUSIBLE_DISTANCE = 5.0  # readings so far from the training cannot be decoded
-_DISTANCE_TIME_CONSTANT_S = 0.3  # of the average that is compared with _UNTRAINED_DISTANCE
+UNTRAINED_DISTANCE = 1.5  # from the training; 1 % of the training's own readings lie beyond 1
+IMPLAUSIBLE_DISTANCE = 5.0  # readings so far from the training cannot be decoded
+_DISTANCE_TIME_CONSTANT_S = 0.3  # of the average that is compared with UNTRAINED_DISTANCE
 _MAX_REST_RATIO = 3.0  # times R0 in the training, which no cord of the same length has
 _REPLACED_CHANGE = 0.15  # relative change of R0 since the training that is no drift
 _IMPLAUSIBLE_TIMEOUT_S = 5.0  # after which R0 is measured again
@@ -43,10 +43,10 @@ _NOT_SETTLED = Note(
     "move the device through all its poses once, then leave it at rest for two seconds: rubber sets"
     " in its first cycles",
 )
-_UNTRAINED = Note(
+UNTRAINED = Note(
     "readings-untrained", "the readings are outside the range that the model was trained on"
 )
-_NO_DECODER = Note("no-decoder-without-cord", "the model has no decoder without that cord")
+NO_DECODER = Note("no-decoder-without-cord", "the model has no decoder without that cord")
 _WAITING = Note(
     "measuring-rest",
     "leave the device at rest for two seconds while its resistances at rest are measured",
@@ -197,7 +197,7 @@ class LiveDecoder:
         lost_channel, quality = self._choose_decoder(notes)
         failed = len(self._faults)
         now = decode_inputs(model.branch(lost_channel), inputs[lost_channel][None], len(self._ids))
-        is_far = not now.distance[0] < _IMPLAUSIBLE_DISTANCE
+        is_far = not now.distance[0] < IMPLAUSIBLE_DISTANCE
         # A single implausible cord has a fault; several that can be read have a wrong R0.
         is_implausible = (
             bool(readable.all()) and swapped is None and (failed > 1 or (is_far and not failed))
@@ -210,12 +210,12 @@ class LiveDecoder:
         if is_far or quality == Quality.LOST or not np.isfinite(now.points).all():
             quality = Quality.LOST
             now = self._last_good or now
-        elif now.distance[0] < _UNTRAINED_DISTANCE or self._last_good is None:
+        elif now.distance[0] < UNTRAINED_DISTANCE or self._last_good is None:
             self._last_good = now
         self._average_distance(float(now.distance[0]), since)
-        if quality == Quality.TRUSTED and self._mean_distance > _UNTRAINED_DISTANCE:
+        if quality == Quality.TRUSTED and self._mean_distance > UNTRAINED_DISTANCE:
             quality = Quality.UNTRAINED
-            notes.append(_UNTRAINED)
+            notes.append(UNTRAINED)
         if rest.is_drift_limited and quality == Quality.TRUSTED:
             quality = Quality.UNTRAINED
         notes += self._rest_notes(reading.time, rest)
@@ -232,7 +232,7 @@ class LiveDecoder:
         if len(names) == 1 and names[0] in self._streams:
             return names[0], Quality.FALLBACK
         if len(names) == 1:
-            notes.append(_NO_DECODER)
+            notes.append(NO_DECODER)
         return None, Quality.LOST
 
     def _rest_notes(self, time: float, rest: Rest) -> list[Note]:

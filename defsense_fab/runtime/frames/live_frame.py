@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import DefsenseError
+from ...decoding.quantities import Targets
 
 
 class Quality(StrEnum):
@@ -73,6 +74,9 @@ class LiveFrame:
         tracks: Marker positions seen by cameras (m, 3), mm, NaN where a marker was not seen; None
             without cameras.
         notes: What the user should know about this frame.
+        targets: Names and units of the targets of a sensor that is no device; `markers` then have
+            the shape (m, r), with r = 1 for scalars, and the units of the targets. `ohms` are
+            readings in the units of the model.
     """
 
     device: str
@@ -93,6 +97,7 @@ class LiveFrame:
     vertices: Float | None = None
     tracks: Float | None = None
     notes: tuple[Note, ...] = ()
+    targets: Targets | None = None
 
     @property
     def tracking_error(self) -> float | None:

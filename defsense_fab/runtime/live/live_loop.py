@@ -26,6 +26,7 @@ from ...sensing.serial_frames import Info
 from ...sensing.voltage_divider import Dividers
 from ..controls.control_bank import ControlBank
 from ..controls.pose_amplitudes import RADIUS_90
+from ..frames.fixed_decoder import FixedDecoder
 from ..frames.live_decoder import LiveDecoder, Reading
 from ..frames.live_frame import LiveFrame, Note, Quality
 from .frame_slot import FrameSlot
@@ -87,11 +88,13 @@ class Receivers:
         outputs: Receivers of frames without surfaces.
         views: Receivers of frames with surfaces.
         recorder: Recorder of the raw readings.
+        every: Receivers of every decoded frame, also of those that outputs skip.
     """
 
     outputs: Sequence[FrameSink] = ()
     views: Sequence[FrameSink] = ()
     recorder: ReadingRecorder | None = None
+    every: Sequence[FrameSink] = ()
 
 
 _NO_RECEIVERS = Receivers()
@@ -104,7 +107,8 @@ class LiveLoop:
         source: Source of the samples.
         decoder: Decoder of the readings.
         board_channels: Names of the channels in the order of the read-out board.
-        reference: Resistors (c,) of the dividers, ohm, in the model's order of channels.
+        reference: Resistors (c,) of the dividers, ohm, in the model's order of channels; None if
+            samples are readings that need no conversion.
         controls: The controls, if the device has any.
         surface: Solver of the surface for the views.
         receivers: Outputs, views and recorder.
@@ -114,9 +118,9 @@ class LiveLoop:
     def __init__(
         self,
         source: Source,
-        decoder: LiveDecoder,
+        decoder: LiveDecoder | FixedDecoder,
         board_channels: Sequence[str],
-        reference: Float,
+        reference: Float | None,
         *,
         controls: ControlBank | None = None,
         surface: SurfaceSolver | None = None,
@@ -127,7 +131,7 @@ class LiveLoop:
         self._order = [list(board_channels).index(name) for name in decoder.model.channels]
         self._reference, self._controls, self._surface = reference, controls, surface
         self._outputs, self._views = tuple(receivers.outputs), tuple(receivers.views)
-        self._recorder = receivers.recorder
+        self._recorder, self._every = receivers.recorder, tuple(receivers.every)
         self._tracks = tracks
         self._samples_to_decode: deque[StampedSample] = deque()
         self._has_samples, self._stop = threading.Event(), threading.Event()
@@ -171,7 +175,8 @@ class LiveLoop:
                     count=info.channels,
                     expected=len(self._order),
                 )
-            self._dividers = Dividers(self._reference, info.full_scale)
+            if self._reference is not None:
+                self._dividers = Dividers(self._reference, info.full_scale)
             self._last_sample_at = time.monotonic()
         except DefsenseError:
             self._source.close()
@@ -192,7 +197,7 @@ class LiveLoop:
                 thread.join(_JOIN_TIMEOUT_S)
         self._resources.close()
         self._source.close()
-        for sink in (*self._outputs, *self._views):
+        for sink in (*self._outputs, *self._views, *self._every):
             sink.close()
         if self._recorder is not None:
             self._recorder.close()
@@ -247,7 +252,7 @@ class LiveLoop:
             notes.append(Note("no-sample", text, {"seconds": silence}))
         if note := self._line_loss.note(self._source.name):
             notes.append(note)
-        for sink in (*self._outputs, *self._views):
+        for sink in (*self._outputs, *self._views, *self._every):
             notes += [note for note in (sink.trouble, sink.news) if note]
         if self._recorder is not None and self._recorder.trouble:
             notes.append(self._recorder.trouble)
@@ -260,7 +265,9 @@ class LiveLoop:
             self._report(event_note(self._source.name, item), is_lasting=item.kind == "gap")
             if item.kind in ("gap", "resumed", "restart"):
                 self._line_loss.restart()
-            if item.data.get("full_scale", 0) > 0:  # another board, or another range of it
+            if (
+                self._reference is not None and item.data.get("full_scale", 0) > 0
+            ):  # another board, or another range of it
                 self._dividers = Dividers(self._reference, item.data["full_scale"])
             return
         self._samples += 1
@@ -306,12 +313,14 @@ class LiveLoop:
                 self._skipped += 1
             frame = self._decode(waiting.popleft())
             self._skipped += frame is None
+            if frame is not None:
+                for sink in self._every:
+                    sink.send(frame)
             latest = frame or latest
         return latest
 
     def _decode(self, item: StampedSample) -> LiveFrame | None:
-        assert self._dividers is not None
-        counts = np.array(item.sample.counts)
+        counts = np.array(item.sample.counts, float)
         if len(counts) != len(self._order):
             text = (
                 f"{self._source.name}: samples have {len(counts)} channels instead of"
@@ -319,7 +328,9 @@ class LiveLoop:
             )
             self._report(Note("channels-differ", text, {"count": len(counts)}))
             return None
-        ohms = self._dividers.resistance(counts[self._order])
+        ohms = counts[self._order]
+        if self._dividers is not None:
+            ohms = self._dividers.resistance(ohms)
         return self.decoder(Reading(item.device_us / 1e6, ohms, item.host_ns / 1e9))
 
     def _give(self, frame: LiveFrame) -> None:

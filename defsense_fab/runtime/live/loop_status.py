@@ -10,6 +10,7 @@ import numpy as np
 
 from ...capture.readout.source import Event, ReadoutStatistics
 from ...core.arrays import Float
+from ..frames.fixed_decoder import target_values
 from ..frames.live_frame import LiveFrame, Note
 
 _MAX_LATENCIES = 6000  # a minute at 100 Hz
@@ -46,6 +47,11 @@ class LiveStatus:
     skipped: int
     lost: int
     notes: tuple[Note, ...]
+
+    @property
+    def targets(self) -> dict[str, dict[str, object]]:
+        """The newest targets of a sensor that is no device, in plain values; else empty."""
+        return {} if self.frame is None else target_values(self.frame)
 
 
 class Latency:

@@ -177,7 +177,14 @@ def channel_values(frame: LiveFrame, send: tuple[str, ...]) -> tuple[list[Channe
     if "signals" in send:
         channels += [(name, "dimensionless", "signal") for name in frame.channels]
         values += frame.signals.tolist()
-    if "markers" in send:
+    if "markers" in send and frame.targets is not None:
+        r = frame.targets.axes
+        channels += [
+            (name, frame.targets.units[k // r] or "unknown", "target")
+            for k, name in enumerate(frame.targets.columns())
+        ]
+        values += frame.markers.ravel().tolist()
+    elif "markers" in send:
         channels += [
             (f"{number}.{axis}", "millimeters", f"Position{axis.upper()}")
             for number in frame.ids

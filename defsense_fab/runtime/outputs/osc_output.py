@@ -5,6 +5,8 @@ The messages of a frame of the device `bar`:
     /defsense/bar/control/bend_up      0.42             each control
     /defsense/bar/confidence/bend_up   0.97             0..1
     /defsense/bar/marker/7             x y z radius     mm, in the rest frame; radius 0: unknown
+    /defsense/knee/target/angle        12.3 2.1 "deg"   a target of a sensor that is no device:
+                                                        its numbers, half width and unit
     /defsense/bar/quality              3 "trusted"      3 (the best) to 0
     /defsense/bar/time                 12.34 567        s on the board's clock (double), number
     /1/fader1 ...                      0.42             TouchOSC's faders on page 1, in order
@@ -141,10 +143,15 @@ def frame_messages(frame: LiveFrame, send: frozenset[str], page: int = 1) -> lis
             messages.append(encode_message(f"/{page}/fader{n}", finite_or_zero(value)))
     if "markers" in send:
         rows = zip(frame.ids, frame.markers.tolist(), frame.radius.tolist(), strict=True)
-        for number, position, radius in rows:
-            if all(map(math.isfinite, position)):
-                address = f"{base}/marker/{number}"
-                messages.append(encode_message(address, *position, finite_or_zero(radius)))
+        for k, (number, position, radius) in enumerate(rows):
+            if not all(map(math.isfinite, position)):
+                continue
+            numbers = (*position, finite_or_zero(radius))
+            if frame.targets is None:
+                messages.append(encode_message(f"{base}/marker/{number}", *numbers))
+            else:
+                address = f"{base}/target/{address_part(frame.targets.names[k])}"
+                messages.append(encode_message(address, *numbers, frame.targets.units[k]))
     if "quality" in send:
         quality = frame.quality
         messages.append(encode_message(f"{base}/quality", quality.level, str(quality)))

@@ -22,6 +22,7 @@ from websockets.http11 import Request, Response
 
 from ...core.errors import OutputError
 from ...core.machine.local_access import Access
+from ..frames.fixed_decoder import target_values
 from ..frames.live_frame import LiveFrame, Note
 from .settings import WebSocketSettings
 
@@ -63,7 +64,9 @@ def frame_json(frame: LiveFrame, markers: bool) -> str:
         "signals": dict(zip(frame.channels, np.round(frame.signals, 6).tolist(), strict=False)),
         "notes": [note.text for note in frame.notes],
     }
-    if markers:
+    if markers and frame.targets is not None:
+        data["targets"] = target_values(frame)
+    elif markers:
         places = np.column_stack([frame.markers, frame.radius]).round(3).tolist()
         data["markers"] = [[n, *row] for n, row in zip(frame.ids, places, strict=True)]
     return msgspec.json.encode(data).decode()

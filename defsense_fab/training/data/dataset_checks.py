@@ -217,8 +217,17 @@ def _check_amount(dataset: Dataset) -> list[Problem]:
 def _check_values(dataset: Dataset, counts: Mapping[str, int], advised: int) -> list[Problem]:
     """Check the number of times with targets and all signals, where there is no device."""
     total = sum(counts.values())
-    if total >= advised:
+    duration = sum(
+        counts[r.name] * float(np.median(np.diff(r.time)))
+        for r in dataset.recordings
+        if len(r.time) > 1
+    )
+    if total >= advised and duration >= _MIN_DURATION_S:
         return []
+    if total >= advised:
+        text = f"times with targets and all signals last {duration:.3g} s in total"
+        action = f"Record {_MIN_DURATION_S:.0f} s or more, with all movements of the sensor"
+        return [Problem("few-frames", False, text, action, duration)]
     shares = np.mean(
         np.concatenate([np.isfinite(r.signals_at(r.time)) for r in dataset.recordings]), axis=0
     )

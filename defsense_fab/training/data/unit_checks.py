@@ -100,9 +100,15 @@ def _check_run_scales(dataset: Dataset) -> Iterator[Problem]:
     """Find runs whose readings or targets are far larger or smaller than those of the first run."""
     first = dataset.recordings[0]
     for r in dataset.recordings[1:]:
-        for quantity, names, ours, others in (
-            ("readings", dataset.channels, r.ohm, first.ohm),
-            ("targets", _target_names(dataset), _flat(r.points), _flat(first.points)),
+        for quantity, example, names, ours, others in (
+            ("readings", "left_ohm, left_kohm", dataset.channels, r.ohm, first.ohm),
+            (
+                "targets",
+                "angle_deg, angle_rad",
+                _target_names(dataset),
+                _flat(r.points),
+                _flat(first.points),
+            ),
         ):
             sizes = _sizes(ours), _sizes(others)
             with np.errstate(all="ignore"):
@@ -110,8 +116,9 @@ def _check_run_scales(dataset: Dataset) -> Iterator[Problem]:
             is_known = np.isfinite(ratio) & (ratio > 0)
             ratios = ratio[is_known]
             is_other = (ratios < 1 / _MAX_RUN_RATIO) | (ratios > _MAX_RUN_RATIO)
-            # All channels change their unit together; a single one may be broken.
-            if not len(ratios) or is_other.mean() < _MIN_OTHER_SHARE:
+            # All channels change their unit together, and a single one may be broken.
+            needed = _MIN_OTHER_SHARE if quantity == "readings" else 0.0
+            if not is_other.any() or is_other.mean() < needed:
                 continue
             k = int(np.flatnonzero(is_known)[np.argmax(is_other)])
             usual = float(np.median(ratios[is_other]))
@@ -121,7 +128,7 @@ def _check_run_scales(dataset: Dataset) -> Iterator[Problem]:
                 False,
                 f"{r.name}: {quantity} are {text} than in {first.name} ({names[k]}); they may be in"
                 " another unit",
-                "State the units in the headers of all runs, such as left_ohm, left_kohm",
+                f"State the units in the headers of all runs, such as {example}",
                 usual,
                 (r.name,),
                 {"quantity": quantity, "unit": "", "ratio": usual},
@@ -145,8 +152,8 @@ def _check_rates(dataset: Dataset) -> Iterator[Problem]:
         yield Problem(
             "rates-differ",
             False,
-            f"{r.name}: signals come {1 / sample_s:.3g} times per second and targets"
-            f" {1 / target_s:.3g} times; {effect}",
+            f"{r.name}: signals have a rate of {_rate(sample_s)} and targets of"
+            f" {_rate(target_s)}; {effect}",
             "Check whether both times are in s",
             ratio,
             (r.name,),
@@ -154,8 +161,14 @@ def _check_rates(dataset: Dataset) -> Iterator[Problem]:
         )
 
 
+def _rate(step_s: float) -> str:
+    rate = 1 / step_s
+    return f"{rate:,.0f} Hz" if rate >= 10 else f"{rate:.3g} Hz"
+
+
 def _target_names(dataset: Dataset) -> tuple[str, ...]:
-    assert dataset.targets is not None
+    if dataset.targets is None:
+        return tuple(f"marker {i}" for i in np.repeat(dataset.ids, 3).tolist())
     return dataset.targets.columns()
 
 

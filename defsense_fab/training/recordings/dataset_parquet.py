@@ -5,7 +5,8 @@ each channel. `frames.parquet` has `recording`, `time`, and for each marker `<id
 `_sx`, `_sy`, `_sz` in mm. Unknown values are NaN. Both have the same JSON under the key `defsense`
 of their schema: schema number, device, layout, channels, markers at rest; of each recording its
 session, unit, R0, clock error and poses; provenance; and the SHA-256 of all of this and of the
-numbers.
+numbers. Of a sensor that is no device, readings are in `<channel>_reading`, scalar targets in
+`<id>_x` and `<id>_sx`, and the JSON has the names and units of both.
 """
 
 from __future__ import annotations
@@ -21,16 +22,19 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import TrainingError
 from ...core.machine.optional_libraries import optional
+from ...core.storage import typed_json
 from ...core.storage.files import replace_folder
 from ...core.version import __version__
+from ...decoding.quantities import Readings, Targets
 from ..data.dataset import Dataset, Recording
 
 SAMPLES, FRAMES = "samples.parquet", "frames.parquet"
 SCHEMA = 1
 
+_OHM, _READING = "_ohm", "_reading"  # endings of the names of columns
 _KEY = b"defsense"
 _READ_KEYS = ("file", "sha256")  # which reading adds to the provenance
-_AXES = ("x", "y", "z", "sx", "sy", "sz")
+_AXES = {3: ("x", "y", "z", "sx", "sy", "sz"), 1: ("x", "sx")}
 
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
@@ -137,10 +141,11 @@ def _recording_numbers(lengths: list[int]) -> Any:
 
 def _sample_columns(d: Dataset) -> dict[str, Any]:
     ohm = np.concatenate([r.ohm for r in d.recordings])
+    suffix = _OHM if d.readings is None else _READING
     return {
         "recording": _recording_numbers([len(r.sample_time) for r in d.recordings]),
         "time": np.concatenate([r.sample_time for r in d.recordings]),
-        **{f"{name}_ohm": ohm[:, k] for k, name in enumerate(d.channels)},
+        **{f"{name}{suffix}": ohm[:, k] for k, name in enumerate(d.channels)},
     }
 
 
@@ -153,7 +158,8 @@ def _frame_columns(d: Dataset) -> dict[str, Any]:
     sigma = np.concatenate([r.sigma for r in d.recordings])
     for k, number in enumerate(d.ids.tolist()):
         both = np.concatenate([points[:, k], sigma[:, k]], axis=1)
-        columns |= {f"{number}_{a}": both[:, i] for i, a in enumerate(_AXES)}
+        axes = _AXES[points.shape[2]]
+        columns |= {f"{number}_{a}": both[:, i] for i, a in enumerate(axes)}
     return columns
 
 
@@ -201,6 +207,8 @@ def _describe(d: Dataset) -> dict[str, Any]:
             for r in d.recordings
         ],
         "provenance": {k: v for k, v in d.provenance.items() if k not in _READ_KEYS},
+        **({} if d.targets is None else {"targets": typed_json.to_json(d.targets)}),
+        **({} if d.readings is None else {"readings": typed_json.to_json(d.readings)}),
     }
 
 
@@ -238,9 +246,12 @@ def _make_dataset(
     path: Path, metadata: dict[str, Any], samples: dict[str, Any], frames: dict[str, Any]
 ) -> Dataset:
     channels, ids = tuple(metadata["channels"]), np.array(metadata["ids"], np.int64)
-    ohm = np.column_stack([samples[f"{name}_ohm"] for name in channels])
+    targets, readings = _quantities(metadata)
+    suffix, r_axes = _OHM if readings is None else _READING, 3 if targets is None else targets.axes
+    ohm = np.column_stack([samples[f"{name}{suffix}"] for name in channels])
+    axes = _AXES[r_axes]
     both = np.stack(
-        [np.column_stack([frames[f"{number}_{a}"] for a in _AXES]) for number in ids.tolist()], 1
+        [np.column_stack([frames[f"{number}_{a}"] for a in axes]) for number in ids.tolist()], 1
     )
     recordings = []
     for k, r in enumerate(metadata["recordings"]):
@@ -254,10 +265,11 @@ def _make_dataset(
                 ohm=ohm[is_sample],
                 rest=_to_array(r["rest"]),
                 time=frames["time"][is_frame],
-                points=both[is_frame, :, :3],
-                sigma=both[is_frame, :, 3:],
+                points=both[is_frame, :, :r_axes],
+                sigma=both[is_frame, :, r_axes:],
                 sync_error=r["sync_error"],
                 poses=tuple((float(at), str(pose)) for at, pose in r["poses"]),
+                scale=None if readings is None else readings.scale,
             )
         )
     added = {"file": str(path), "sha256": str(metadata["sha256"])}
@@ -266,7 +278,27 @@ def _make_dataset(
         str(metadata["layout"]),
         channels,
         ids,
-        _to_array(metadata["rest_points"]).reshape(-1, 3),
+        _to_array(metadata["rest_points"]).reshape(-1, r_axes),
         tuple(recordings),
         dict(metadata["provenance"]) | added,
+        targets,
+        readings,
+    )
+
+
+def _quantities(metadata: Mapping[str, Any]) -> tuple[Targets | None, Readings | None]:
+    """Return the targets and readings of the metadata; None for those of a device."""
+    targets, readings = metadata.get("targets"), metadata.get("readings")
+    return (
+        None
+        if targets is None
+        else Targets(tuple(targets["names"]), tuple(targets["units"]), int(targets["axes"])),
+        None
+        if readings is None
+        else Readings(
+            tuple(readings["units"]),
+            _to_array(readings["reference"]),
+            _to_array(readings["scale"]),
+            str(readings["meaning"]),
+        ),
     )

@@ -39,9 +39,17 @@ def write_lerobot(folder: Path, dataset: Dataset, rate: int | None = None) -> No
         rate: Frames per second; None for that of the cameras.
 
     Raises:
-        TrainingError: If the folder exists, the rate is below 1, or pyarrow is not installed.
+        TrainingError: If the folder exists, the rate is below 1, the targets are no markers, or
+            pyarrow is not installed.
         StorageError: If the folder cannot be written.
     """
+    if dataset.targets is not None:
+        raise TrainingError(
+            "has positions of markers only, not other targets",
+            code="targets-differ",
+            where="lerobot",
+            action="Export the dataset in Parquet",
+        )
     check_free(folder)
     arrow, parquet = parquet_library(folder)
     steps = np.concatenate([np.diff(r.time) for r in dataset.recordings])

@@ -182,6 +182,22 @@ def make_readings(units: tuple[str, ...], values: Float, source: str) -> Reading
     )
 
 
+def read_columns(path: Path) -> tuple[tuple[Column, ...], Float, Float]:
+    """Read the signals of a table.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its columns (k,), times (n,), s, and values (n, k) in the columns' units.
+
+    Raises:
+        TrainingError: If the file is not such a table.
+    """
+    table = _read(path)
+    return table.columns, table.time, table.values
+
+
 def _read(path: Path) -> _Table:
     """Read a table; sort out its columns and keep rows whose times increase."""
     table = read_table(path)

@@ -12,11 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from ...capture.readout.source import RecordingEnd as RecordingEnd
+from ...capture.readout.source import Source
 from ...core.arrays import Float
 from ...core.errors import ControlError, DefsenseError, LiveError
 from ...core.progress import Progress, silent
 from ...runtime.controls.control_bank import ControlBank
 from ...runtime.controls.pose_amplitudes import RADIUS_90
+from ...runtime.frames.fixed_decoder import FixedDecoder
 from ...runtime.frames.live_decoder import LiveDecoder
 from ...runtime.frames.live_frame import Note
 from ...runtime.frames.live_frame import Quality as Quality
@@ -32,6 +34,8 @@ from ...runtime.live.run_files import (
 from ...runtime.outputs.live_file import LiveSettings as LiveSettings
 from ...runtime.outputs.live_file import open_outputs
 from ...runtime.outputs.output import LatestFrameSender
+from ...runtime.outputs.settings import KINDS, GamepadSettings, MidiSettings
+from ...runtime.recording.target_file import TARGETS, TargetFile
 from ...runtime.surface.live_surface import LiveSurface
 from ...runtime.view.live_scene import ViewedDevice
 from ...runtime.view.live_view import LiveView, PagePlace, PanelActions
@@ -40,6 +44,7 @@ from ...twin.recordings.walking_board import WalkingBoard
 from .live_device import LiveDevice, device_surface, typical_marker_sd
 from .options import RunOptions
 from .sources import Port, SessionPlay, open_source, open_twin
+from .target_sources import open_target_source
 
 _ANIMATION_FILE = "animation.glb"
 _MAX_VIEW_RATE_HZ = 60.0
@@ -61,6 +66,7 @@ class LiveRun:
         animations: The animations, or None without a surface.
         surface: Description of how the surface is solved; empty without one.
         notes: What the user should know before the start.
+        targets: File of the decoded targets of a sensor that is no device, or None.
     """
 
     device: str
@@ -72,6 +78,7 @@ class LiveRun:
     animations: Animations | None = None
     surface: str = ""
     notes: list[Note] = field(default_factory=list)
+    targets: Path | None = None
 
     def end(self) -> None:
         """Close everything that is live: port, outputs, view and the recording of the readings.
@@ -126,6 +133,11 @@ def prepare_run(
         OutputError: The view cannot be opened.
         StorageError: Nothing can be written to the folder of the run.
     """
+    if live.model.readings is not None:
+        folder = RunFolder(options.record) if options.record else _new_folder(live)
+        return _prepare_target_run(
+            live, port, options, settings, view, receivers, folder if keeps_readings else None
+        )
     notes, place = _note_useless_model(live), Port(port)
     twin = open_twin(live, place, progress)
     reference = _choose_reference(live, options, twin, notes)
@@ -166,6 +178,77 @@ def prepare_run(
     about = "" if solver is None else solver.description
     name = live.model.device
     return LiveRun(name, port, loop, outputs, page, recording, animations, about, notes)
+
+
+def _prepare_target_run(
+    live: LiveDevice,
+    port: str,
+    options: RunOptions,
+    settings: LiveSettings,
+    view: int | PagePlace | None,
+    receivers: Sequence[FrameSink],
+    folder: RunFolder | None,
+) -> LiveRun:
+    """Prepare a run of a sensor that is no device.
+
+    The decoded targets are written to `folder`, and so are the readings of a board; None for none.
+    A recording that is played is written only to a folder that the user gives.
+    """
+    model, place = live.model, Port(port)
+    assert model.readings is not None
+    _refuse_surface(live, options, settings, view)
+    path = place.path if place.is_replay else None
+    source: Source | None = open_target_source(port, path, model.channels, model.readings)
+    notes, reference = _note_useless_model(live), None
+    if source is None:
+        reference = _choose_reference(live, options, None, notes)
+        source = open_source(live, place, options.rate, reference, None)
+    decoder = FixedDecoder(model, model.readings, fallback=options.fallback)
+    outputs = open_outputs(settings.outputs)
+    recording, files = None, list[TargetFile]()
+    if folder is not None and (options.record or not place.is_replay):
+        files.append(TargetFile(folder.make))
+        if reference is not None:
+            recording = RawRecording(folder, len(live.board_channels))
+    loop = LiveLoop(
+        source,
+        decoder,
+        live.board_channels,
+        reference,
+        receivers=Receivers(outputs, receivers, recording, files),
+    )
+    file = folder.path / TARGETS if folder is not None and files else None
+    return LiveRun(model.device, port, loop, outputs, None, recording, notes=notes, targets=file)
+
+
+def _refuse_surface(
+    live: LiveDevice, options: RunOptions, settings: LiveSettings, view: int | PagePlace | None
+) -> None:
+    """Raise an error for what needs a device: its surface, its poses or its rest."""
+    names = ", ".join(live.model.target_names)
+    refused = {
+        "view": (view is not None, "shows the surface of a device"),
+        "animation": (options.animation is not None, "records the surface of a device"),
+        "rest": (options.rest is not None, "is for cords, and this model has a fixed reference"),
+        "controls": (bool(settings.controls), "are the poses of a device"),
+    }
+    refused |= {
+        kind: (True, "plays the controls of a device")
+        for kind, of in KINDS.items()
+        if any(
+            isinstance(s, of) and isinstance(s, (MidiSettings, GamepadSettings))
+            for s in settings.outputs
+        )
+    }
+    for where, (is_given, text) in refused.items():
+        if is_given:
+            raise LiveError(
+                f"{text}; the model decodes {names}",
+                code="no-surface",
+                where=where,
+                action="Omit it; send the values by --output osc, websocket or lsl",
+                option=where,
+            )
 
 
 def _new_folder(live: LiveDevice) -> RunFolder:

@@ -1,0 +1,143 @@
+"""Decode readings of a sensor that is no device: relative to a fixed reference, without a rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...core.errors import LiveError
+from ...decoding.quantities import Readings
+from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
+from .live_decoder import IMPLAUSIBLE_DISTANCE, NO_DECODER, UNTRAINED, UNTRAINED_DISTANCE, Reading
+from .live_faults import LiveFaults, fault_note
+from .live_frame import LiveFrame, Note, Quality
+
+_MIN_READING = 1e6  # added to signals: only cords of rubber are shorted by their resistance
+_IMPLAUSIBLE = Note(
+    "readings-implausible", "the readings are far from those that the model was trained on"
+)
+
+
+class FixedDecoder:
+    """Decode readings one after another.
+
+    A channel without a value, or with a fault, is left out if the model has a decoder without it;
+    otherwise the last good values are repeated.
+
+    Args:
+        model: The trained model.
+        readings: Units and reference of its channels.
+        fallback: Whether to decode without a channel that fails; otherwise it is only reported.
+    """
+
+    has_rest = True  # none is needed
+
+    def __init__(self, model: TrainedModel, readings: Readings, *, fallback: bool = True) -> None:
+        self.model = model
+        self._readings, self._fallback = readings, fallback
+        self._find_faults = LiveFaults(model.faults, len(model.channels))
+        without: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
+        self._streams = {name: model.stream(name) for name in without}  # each with its own past
+        self._number, self._last_time = 0, -np.inf
+        self._last_good: Decoded | None = None
+        self._ids = tuple(int(i) for i in model.ids)
+
+    def rest_now(self) -> None:
+        """Do nothing: the reference of the readings is fixed."""
+
+    def __call__(self, reading: Reading) -> LiveFrame | None:
+        """Return the frame of a reading, or None if it is not later than the one before.
+
+        Raises:
+            LiveError: The reading has another number of channels than the model.
+        """
+        model, c = self.model, len(self.model.channels)
+        if reading.ohms.shape != (c,):
+            raise LiveError(
+                f"the sample has {reading.ohms.size} channels, the model was trained on {c}"
+                f" ({', '.join(model.channels)})",
+                code="channels-differ",
+                where=model.device,
+                action="Send the channels that the model was trained on, and no others",
+                count=reading.ohms.size,
+                expected=c,
+            )
+        if not reading.time > self._last_time:
+            return None
+        self._last_time = reading.time
+        self._number += 1
+        signals = self._readings.signals(reading.ohms)
+        faults = self._find_faults(reading.time, _MIN_READING + signals, signals)
+        failed = {f.channel for f in faults} | set(np.flatnonzero(~np.isfinite(signals)).tolist())
+        notes = [fault_note(model.channels, f.kind, (f.channel,)) for f in faults]
+        lost, quality = self._choose_decoder(sorted(failed), notes)
+        inputs = {name: s.inputs(reading.time, signals) for name, s in self._streams.items()}
+        now = decode_inputs(model.branch(lost), inputs[lost][None], len(self._ids))
+        is_far = not now.distance[0] < IMPLAUSIBLE_DISTANCE
+        if is_far and not failed:
+            notes.append(_IMPLAUSIBLE)
+        if is_far or quality is Quality.LOST or not np.isfinite(now.points).all():
+            quality, now = Quality.LOST, self._last_good or self._unknown()
+        elif now.distance[0] < UNTRAINED_DISTANCE or self._last_good is None:
+            self._last_good = now
+        if quality is Quality.TRUSTED and now.distance[0] > UNTRAINED_DISTANCE:
+            quality = Quality.UNTRAINED
+            notes.append(UNTRAINED)
+        return LiveFrame(
+            device=model.device,
+            number=self._number,
+            time=reading.time,
+            arrived=reading.arrived,
+            channels=model.channels,
+            ohms=reading.ohms,
+            signals=signals,
+            ids=self._ids,
+            markers=now.points[0],
+            radius=now.radius[0],
+            distance=float(now.distance[0]),
+            quality=quality,
+            lost_channel=lost,
+            notes=tuple(notes),
+            targets=model.targets,
+        )
+
+    def _choose_decoder(self, failed: list[int], notes: list[Note]) -> tuple[str | None, Quality]:
+        """Return the channel to decode without, and the quality, by the channels that failed."""
+        names = [self.model.channels[k] for k in failed]
+        if not names:
+            return None, Quality.TRUSTED
+        if not self._fallback:
+            return None, Quality.FALLBACK
+        if len(names) == 1 and names[0] in self._streams:
+            return names[0], Quality.FALLBACK
+        if len(names) == 1:
+            notes.append(NO_DECODER)
+        return None, Quality.LOST
+
+    def _unknown(self) -> Decoded:
+        """Return unknown targets, before any reading could be decoded."""
+        values = np.full((1, *self.model.rest_points.shape), np.nan)
+        return Decoded(values, values[..., 0], np.array([np.nan]))
+
+
+def target_values(frame: LiveFrame) -> dict[str, dict[str, object]]:
+    """Return the targets of a frame in plain values; empty for markers.
+
+    Args:
+        frame: The frame.
+
+    Returns:
+        By name: `value` (a number, or three for positions), `half_width` and `unit`; unknown
+        numbers are None.
+    """
+    if frame.targets is None:
+        return {}
+
+    def plain(x: float) -> float | None:
+        return round(x, 6) if np.isfinite(x) else None
+
+    out: dict[str, dict[str, object]] = {}
+    for k, (name, unit) in enumerate(zip(frame.targets.names, frame.targets.units, strict=True)):
+        numbers = [plain(x) for x in frame.markers[k].tolist()]
+        value = numbers[0] if frame.targets.axes == 1 else numbers
+        out[name] = {"value": value, "half_width": plain(float(frame.radius[k])), "unit": unit}
+    return out
