@@ -2,9 +2,9 @@
 
 Features are the inputs, products of them, and radial basis functions of the first of them. Without
 products and functions this is DefSense's affine map; with the products of all pairs of signals it
-is the quadratic one. With functions about a few chosen states it is kernel ridge regression on
-these (the subset of regressors): a blend of the trained states, and far from all of them the linear
-part alone.
+is the quadratic one. With functions about some chosen states, memories included, it is kernel ridge
+regression on these (the subset of regressors): a blend of the trained states, and far from all of
+them the linear part alone.
 
 References:
     Rasmussen & Williams, Gaussian Processes for Machine Learning, section 8.3.1.
@@ -18,6 +18,9 @@ import numpy as np
 
 from ..core.arrays import Float, Int
 from ..core.machine.compiled import compiled
+
+
+_JITTER = 1e-10  # on the kernel's diagonal, for centers that nearly coincide
 
 
 @dataclass(frozen=True)
@@ -51,43 +54,52 @@ class InputFeatures:
     def __call__(self, inputs: Float) -> Float:
         """Return the features (t, f) of inputs (t, d)."""
         i, j = self.products.T
-        return np.concatenate(
-            [inputs, inputs[:, i] * inputs[:, j], self._radial(inputs)[0]], axis=1
-        )
+        return np.concatenate([inputs, inputs[:, i] * inputs[:, j], self._radial(inputs)], axis=1)
 
-    def slopes(self, inputs: Float) -> Float:
-        """Return the derivatives (t, f, d) by the inputs (t, d)."""
+    def penalty(self, inputs: Float) -> Float:
+        """Return the matrix P (f, f) of which w^T P w is the cost of weights w.
+
+        Of polynomials, it is the mean of J J^T with the slopes J of the features at the inputs, so
+        that w^T P w is the variance of the output by noise of the inputs. Next to radial functions
+        it is the variance of each polynomial, and w^T P w of the radial functions is the squared
+        norm of their weighted sum in its reproducing kernel Hilbert space: without it, large
+        weights that cancel at the states oscillate between them.
+
+        Args:
+            inputs: Inputs (t, d).
+        """
+        if not len(self.centers):
+            flat = np.ascontiguousarray(np.moveaxis(self._slopes(inputs), 2, 1))
+            flat = flat.reshape(-1, self.count)
+            return np.asarray(flat.T @ flat / len(inputs))
+        out = np.zeros((self.count, self.count))
+        k = len(self.centers)
+        i, j = self.products.T
+        linear = np.concatenate([inputs, inputs[:, i] * inputs[:, j]], axis=1)
+        np.fill_diagonal(out[:-k, :-k], linear.var(axis=0))
+        out[-k:, -k:] = self._radial(self.centers)
+        out[-k:, -k:] += _JITTER * np.eye(k)
+        return out
+
+    def _slopes(self, inputs: Float) -> Float:
+        """Return the derivatives (t, f, d) of polynomials by the inputs (t, d)."""
         t, d = inputs.shape
         out = np.zeros((t, self.count, d))
         out[:, np.arange(d), np.arange(d)] = 1.0
         for row, (i, j) in enumerate(self.products, d):
             out[:, row, i] += inputs[:, j]
             out[:, row, j] += inputs[:, i]
-        values, difference = self._radial(inputs)
-        out[:, d + len(self.products) :, : len(self.scale)] = (
-            -values[..., None] * difference / self.scale
-        )
         return out
 
-    def roughness(self) -> Float:
-        """Return the matrix (f, f) that penalizes the radial functions' weights.
-
-        w^T roughness w is the squared norm of their weighted sum in its reproducing kernel Hilbert
-        space, divided by the square of their width. Without it, large weights that cancel at the
-        states oscillate beyond them.
-        """
-        out = np.zeros((self.count, self.count))
-        k = len(self.centers)
-        if k:
-            difference = (self.centers[:, None] - self.centers) / self.scale
-            width = float(np.exp(2 * np.log(self.scale).mean()))
-            out[-k:, -k:] = np.exp(-0.5 * (difference**2).sum(-1)) / width
-        return out
-
-    def _radial(self, inputs: Float) -> tuple[Float, Float]:
-        """Return the radial functions (t, k), and the scaled differences (t, k, e) from centers."""
-        difference = (inputs[:, None, : len(self.scale)] - self.centers) / self.scale
-        return np.exp(-0.5 * (difference**2).sum(-1)), difference
+    def _radial(self, inputs: Float) -> Float:
+        """Return the radial functions (t, k)."""
+        if not len(self.centers):
+            return np.zeros((len(inputs), 0))
+        middle = self.centers.mean(axis=0)
+        x = (inputs[:, : len(self.scale)] - middle) / self.scale
+        c = (self.centers - middle) / self.scale
+        square = (x**2).sum(axis=1)[:, None] + (c**2).sum(axis=1) - 2 * (x @ c.T)
+        return np.asarray(np.exp(-0.5 * np.maximum(square, 0.0)))
 
 
 def no_products() -> Int:

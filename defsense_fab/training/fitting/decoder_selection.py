@@ -11,10 +11,21 @@ from ...core.arrays import Float, Int
 from ...core.progress import Progress, silent
 from ...decoding.input_decoder import InputDecoder, InputFeatures
 from ...decoding.signal_history import Past
-from ..regression.candidates import AFFINE, FORMS, MEMORY, QUADRATIC, SIMULATED, Candidate
+from ..regression.candidates import (
+    AFFINE,
+    FORMS,
+    KERNEL,
+    KERNEL_WIDTHS,
+    MEMORY,
+    QUADRATIC,
+    SIMULATED,
+    Candidate,
+    has_few_products,
+)
 from ..regression.frames import Frames
 from ..regression.simulated_decoder import SHARED_MEMORIES, SimulatedMap
 from ..regression.weighted_ridge import (
+    INPUT_NOISES,
     RidgePath,
     Sums,
     Whitening,
@@ -26,6 +37,17 @@ from ..regression.weighted_ridge import (
 # Time constants among which memories are searched; the best is refined between its neighbors.
 _MOVED_TIMES_S = np.logspace(-1, 2, 10)
 _WORKED_TIMES_S = np.logspace(-0.5, 2, 6)
+_MIN_TIMES_RATIO = 2.0  # between two time constants of a memory
+# Memories that kernel decoders try, next to the fitted one.
+_KERNEL_PASTS = (
+    Past((1.0,)),
+    Past((0.3, 1.0, 3.0)),
+    Past((0.2, 0.6, 2.0, 6.0)),
+    Past((0.3, 1.0, 3.0), (1.0,)),
+    Past((0.3, 1.0, 3.0), (1.0, 5.0)),
+    Past((0.3, 1.0, 3.0, 10.0, 30.0), (1.0, 10.0)),
+)
+_MAX_SEARCH_FRAMES = 4000  # with which memories and widths are compared
 _MIN_FRAMES_FOR_MEMORY = 300  # fewer frames do not distinguish hysteresis from chance
 # Shorter recordings do not distinguish a nonlinear map from cords that settle.
 _MIN_NONLINEAR_DURATION_S = 200.0
@@ -57,6 +79,17 @@ class FitData:
     def inputs(self, past: Past) -> Float:
         """Return signals and their memories at the frames, shape (t, d)."""
         return self.frames.inputs(past, self.channels)
+
+    def thin(self, count: int) -> FitData:
+        """Return the data of about `count` evenly spaced frames; all if there are fewer."""
+        which = slice(None, None, max(len(self.frames) // count, 1))
+        return replace(
+            self,
+            frames=self.frames.select(which),
+            outputs=self.outputs[which],
+            weights=self.weights[which],
+            fold=self.fold[which],
+        )
 
     @property
     def fold_count(self) -> int:
@@ -145,7 +178,10 @@ class FittedCandidate:
 
 
 def fit_candidate(
-    candidate: Candidate, data: FitData, simulated: SimulatedMap | None = None
+    candidate: Candidate,
+    data: FitData,
+    simulated: SimulatedMap | None = None,
+    noises: Float = INPUT_NOISES,
 ) -> FittedCandidate:
     """Fit a candidate, and compute its errors on the folds left out.
 
@@ -153,6 +189,7 @@ def fit_candidate(
         candidate: The form and the memory.
         data: The data to fit.
         simulated: A simulated map; the candidate is fitted to what it does not explain.
+        noises: Noises of the inputs, shape (s,), from which the best is chosen.
 
     Returns:
         The fitted candidate.
@@ -164,7 +201,8 @@ def fit_candidate(
     if simulated is not None:
         outputs = outputs - simulated.whole(z).reshape(outputs.shape)
     sums = accumulate_sums(x, outputs, data.weights, data.fold)
-    return FittedCandidate(candidate, features, cross_validate(sums), whitening, sums, simulated)
+    path = cross_validate(sums, noises)
+    return FittedCandidate(candidate, features, path, whitening, sums, simulated)
 
 
 def fit_simulated_candidate(data: FitData, decoder: InputDecoder, past: Past) -> FittedCandidate:
@@ -208,11 +246,14 @@ def fit_all_candidates(
     Returns:
         The fitted candidates.
     """
-    static = [Candidate(form, Past()) for form in dict.fromkeys((AFFINE, *forms))]
+    polynomials = [form for form in dict.fromkeys((AFFINE, *forms)) if form != KERNEL]
+    if QUADRATIC in polynomials and not has_few_products(len(data.channels), len(data.frames)):
+        polynomials.remove(QUADRATIC)
     fitted = []
-    for k, candidate in enumerate(static):
-        progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
-        if candidate.form == AFFINE:
+    for k, form in enumerate(polynomials):
+        progress("train", 0.1 + 0.1 * k, f"trying {form}")
+        candidate = Candidate(form, Past())
+        if form == AFFINE:
             fitted.append(_fit_unweighted(candidate, data))
         else:
             fitted.append(fit_candidate(candidate, data))
@@ -224,19 +265,62 @@ def fit_all_candidates(
         is_short = data.frames.duration_s < _MIN_NONLINEAR_DURATION_S
         fitted += [
             fit_candidate(Candidate(form, start.candidate.past), data, start.simulated)
-            for form in forms
+            for form in polynomials
             if form != AFFINE and not (has_few_frames or is_short)
         ]
-    if not use_memory or has_few_frames:
-        return fitted
-    progress("train", 0.4, "fitting time constants")
-    best = _fit_time_constants(data)
-    pasts = [Past(best.moved)] * bool(best.moved) + [best] * bool(best.worked)
+    pasts: list[Past] = []
+    best = Past()
+    if use_memory and not has_few_frames:
+        progress("train", 0.4, "fitting time constants")
+        best = _fit_time_constants(data)
+        pasts = [Past(best.moved)] * bool(best.moved) + [best] * bool(best.worked)
+    if KERNEL in forms:
+        progress("train", 0.5, "trying radial functions")
+        fitted += _fit_kernels(data, [best, *_KERNEL_PASTS] if use_memory else [])
     for k, past in enumerate(pasts):
-        for candidate in [Candidate(c.form, past) for c in static]:
-            progress("train", 0.6 + 0.1 * k, f"trying {candidate.name}")
-            fitted.append(fit_candidate(candidate, data))
+        for form in polynomials:
+            progress("train", 0.6 + 0.1 * k, f"trying {form} with memory")
+            fitted.append(fit_candidate(Candidate(form, past), data))
     return fitted
+
+
+def _fit_kernels(data: FitData, pasts: Sequence[Past]) -> list[FittedCandidate]:
+    """Fit the best kernel decoder without memory, and the best one with a memory."""
+    reduced = _reduce(data)
+    longest = _longest_time_constant(data)
+    with_memory = [past for past in dict.fromkeys(_shorten(p, longest) for p in pasts) if past.count]
+    groups = [[Past()], with_memory if len(data.frames) >= _MIN_FRAMES_FOR_MEMORY else []]
+    best = []
+    for group in groups:
+        candidates = [Candidate(KERNEL, past, width) for past in group for width in KERNEL_WIDTHS]
+        if candidates:
+            best.append(min(candidates, key=lambda c: fit_candidate(c, reduced).rmse))
+    return [fit_candidate(candidate, data) for candidate in best]
+
+
+def _reduce(data: FitData) -> FitData:
+    """Return the main movements with equal weights, at no more frames than a search needs."""
+    principal = _principal_outputs(data.outputs, data.weights)[:, None]
+    reduced = replace(data, outputs=principal, weights=np.ones((len(principal), 1)))
+    return reduced.thin(_MAX_SEARCH_FRAMES)
+
+
+def _longest_time_constant(data: FitData) -> float:
+    """Return the duration of a typical recording, s: longer memories cannot be told apart."""
+    time, index = data.frames.time, data.frames.recording_index
+    return float(np.median([np.ptp(time[index == k]) for k in np.unique(index)]))
+
+
+def _shorten(past: Past, longest: float) -> Past:
+    """Return a memory whose time constants are `longest` at most, s."""
+
+    def shorten(times: Sequence[float]) -> tuple[float, ...]:
+        kept = [t for t in times if t <= longest]
+        if len(kept) < len(times) and _are_distinct([*kept, longest]):
+            kept.append(longest)
+        return tuple(kept)
+
+    return Past(shorten(past.moved), shorten(past.worked))
 
 
 def select_simplest(fitted: Sequence[FittedCandidate]) -> FittedCandidate:
@@ -252,28 +336,39 @@ def _fit_time_constants(data: FitData) -> Past:
     Up to two memories of where the signals were are added, then one of how much they moved; each
     only if it reduces the error on the folds left out by 1 %.
     """
-    principal = _principal_outputs(data.outputs, data.weights)
-    equal = np.ones((len(principal), 1))
-    reduced = replace(data, outputs=principal[:, None], weights=equal)
+    reduced = _reduce(data)
+    few = has_few_products(len(data.channels), len(reduced.frames))
+    form = QUADRATIC if few else AFFINE
+    longest = _longest_time_constant(data)
 
     def error_of(past: Past) -> float:
-        return fit_candidate(Candidate(QUADRATIC, past), reduced).rmse
+        if not all(_are_distinct(times) for times in (past.moved, past.worked)):
+            return np.inf
+        return fit_candidate(Candidate(form, past), reduced).rmse
 
     best, best_error = Past(), error_of(Past())
-    for _ in range(2):
+    times = _MOVED_TIMES_S[longest >= _MOVED_TIMES_S]
+    for _ in range(2 if len(times) else 0):
         moved, error = _minimize_time_constant(
             lambda t, b=best: error_of(Past((*b.moved, t))),  # type: ignore[misc]
-            _MOVED_TIMES_S,
+            times,
         )
         if error > _MEMORY_ERROR_RATIO * best_error:
             break
         best, best_error = Past((*best.moved, moved)), error
-    worked, error = _minimize_time_constant(
-        lambda t: error_of(Past(best.moved, (t,))), _WORKED_TIMES_S
-    )
+    times = _WORKED_TIMES_S[longest >= _WORKED_TIMES_S]
+    if not len(times):
+        return best
+    worked, error = _minimize_time_constant(lambda t: error_of(Past(best.moved, (t,))), times)
     if error <= _MEMORY_ERROR_RATIO * best_error:
         return Past(best.moved, (worked,))
     return best
+
+
+def _are_distinct(times: Sequence[float]) -> bool:
+    """Return whether time constants differ by enough to be told apart."""
+    ratios = np.diff(np.log(np.sort(times)))
+    return bool((ratios >= np.log(_MIN_TIMES_RATIO)).all())
 
 
 def _fit_unweighted(candidate: Candidate, data: FitData) -> FittedCandidate:

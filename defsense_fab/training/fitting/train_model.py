@@ -36,6 +36,8 @@ from .repeatability import Repeatability, measure_repeatability
 from .usefulness import Usefulness
 from .useless_causes import judge_model
 
+_MANY_CHANNELS = 16
+_MAX_FRAMES_OF_MANY = 3000  # to which decoders without one of many channels are fitted
 _MIN_FOLD_S = 2.0
 _MIN_SCALE_SHARE = 1e-4  # of a target's spread, by which errors of targets differ at least
 _MIN_MARKER_FRAMES = 20  # in which a marker must be visible
@@ -368,6 +370,8 @@ def _branch_without(
     """Return a branch of the same form and memory from the channels other than `lost`."""
     others = [k for k in range(len(data.frames.dataset.channels)) if k != lost]
     data = replace(data, channels=others)
+    if len(others) > _MANY_CHANNELS:
+        data = data.thin(_MAX_FRAMES_OF_MANY)
     simulated = None
     if best.candidate.form == AFFINE and best.simulated is None:
         data = replace(data, weights=(data.weights > 0).astype(float))
@@ -377,7 +381,7 @@ def _branch_without(
         if best.sums is None:
             return _make_branch(start, data, options.level, scale)
         simulated = start.simulated
-    fitted = fit_candidate(best.candidate, data, simulated)
+    fitted = fit_candidate(best.candidate, data, simulated, np.array([best.path.noise]))
     return _make_branch(fitted, data, options.level, scale)
 
 

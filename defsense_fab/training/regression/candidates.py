@@ -17,9 +17,12 @@ FORMS: tuple[str, ...] = get_args(DecoderForm)
 AFFINE, QUADRATIC, KERNEL = FORMS
 MEMORY, WORK, SIMULATED = "memory", "work", "simulated"
 
-_CENTER_COUNT = 40
+#: Widths of the radial functions to try, per root of the number of inputs, in their spread.
+KERNEL_WIDTHS = (0.5, 1.0, 2.0, 4.0)
+
+_CENTER_COUNT = 200
+_MAX_PRODUCTS, _FRAMES_PER_PRODUCT = 200, 5
 _MAX_FRAMES = 2000  # frames among which centers are chosen
-_WIDTH_RATIO = 1.5  # width of the basis functions over the mean distance to the nearest center
 
 
 def parse_form(kind: str) -> str:
@@ -43,10 +46,12 @@ class Candidate:
     Attributes:
         form: One of FORMS.
         past: The memory.
+        width: Width of the radial functions of a kernel decoder, one of KERNEL_WIDTHS.
     """
 
     form: str
     past: Past
+    width: float = 1.0
 
     @property
     def name(self) -> str:
@@ -65,27 +70,30 @@ class Candidate:
             The features of such inputs.
         """
         d = inputs.shape[1]
-        products = no_products() if self.form == AFFINE else all_products(channels)
-        centers, scale = np.zeros((0, channels)), np.ones(channels)
+        has_products = self.form == QUADRATIC or (
+            self.form == KERNEL and has_few_products(channels, len(inputs))
+        )
+        products = all_products(channels) if has_products else no_products()
         if self.form == KERNEL:
-            centers, scale = _choose_centers(inputs[:, :channels])
-        return InputFeatures(d, products, centers, scale)
+            return InputFeatures(d, products, *_choose_centers(inputs, self.width))
+        return InputFeatures(d, products, np.zeros((0, channels)), np.ones(channels))
 
 
-def _choose_centers(signals: Float) -> tuple[Float, Float]:
-    """Return centers (k, c) spread over the signals (t, c), and the functions' scale (c,).
+def has_few_products(channels: int, frames: int) -> bool:
+    """Return whether the products of all pairs of signals have few enough coefficients to try."""
+    return channels * (channels + 1) // 2 <= min(_MAX_PRODUCTS, frames // _FRAMES_PER_PRODUCT)
 
-    Each center is the signal farthest from those chosen before.
+
+def _choose_centers(inputs: Float, width: float) -> tuple[Float, Float]:
+    """Return centers (k, d) spread over the inputs (t, d), and the functions' scale (d,).
+
+    Each center is the frame farthest from those chosen before, in units of each input's spread.
     """
-    spread = np.maximum(signals.std(0), 1e-9)
-    x = signals[:: max(len(signals) // _MAX_FRAMES, 1)] / spread
-    chosen = [int(np.linalg.norm(x - x.mean(0), axis=1).argmax())]
+    spread = np.maximum(inputs.std(0), 1e-9)
+    x = inputs[:: max(len(inputs) // _MAX_FRAMES, 1)] / spread
+    chosen = [int(((x - x.mean(0)) ** 2).sum(axis=1).argmax())]
     distance = np.full(len(x), np.inf)
     while len(chosen) < min(_CENTER_COUNT, len(x)):
-        distance = np.minimum(distance, np.linalg.norm(x - x[chosen[-1]], axis=1))
+        distance = np.minimum(distance, ((x - x[chosen[-1]]) ** 2).sum(axis=1))
         chosen.append(int(distance.argmax()))
-    centers = x[chosen]
-    gaps = np.linalg.norm(centers[:, None] - centers, axis=2)
-    np.fill_diagonal(gaps, np.inf)
-    width = _WIDTH_RATIO * float(gaps.min(1).mean()) * np.sqrt(signals.shape[1])
-    return centers * spread, width * spread
+    return x[chosen] * spread, width * np.sqrt(inputs.shape[1]) * spread

@@ -4,8 +4,9 @@ The loss of a marker is
 
     sum_t w_t |phi_t beta + b - o_t|^2 + W s^2 tr(beta^T P beta),    W = sum_t w_t,
 
-where P is the mean of J J^T over the frames and J are the slopes of the features phi by the inputs.
-s is the assumed noise of the inputs. For an affine decoder this is DefSense's Eq. 8 with
+where P is the penalty of the features (`InputFeatures.penalty`). For polynomials P is the mean of
+J J^T over the frames, where J are the slopes of the features phi by the inputs, and s is the
+assumed noise of the inputs. For an affine decoder this is DefSense's Eq. 8 with
 lambda^2 = W s^2 (`decoding/ridge.py`), on measured frames. Sums of phi phi^T, phi o and o^2 over
 each fold suffice for the coefficients at every s, and for their errors on the fold left out.
 """
@@ -24,7 +25,6 @@ from ...decoding.ridge import regularize
 #: Standard deviations of the inputs among which cross-validation chooses.
 INPUT_NOISES = np.logspace(-6, 1, 29)
 
-_BLOCK_SIZE = 2_000_000  # products of features computed at once
 _NOISE_TOLERANCE = 1.001  # of the smallest error; the largest noise within it is chosen
 
 
@@ -54,9 +54,7 @@ class Whitening:
             The transform, and the transformed features, shape (t, f).
         """
         phi = features(inputs)
-        slopes = np.moveaxis(features.slopes(inputs), 2, 1)
-        flat = np.ascontiguousarray(slopes).reshape(-1, phi.shape[1])
-        P = regularize(flat.T @ flat / len(phi) + features.roughness())
+        P = regularize(features.penalty(inputs))
         lower = np.linalg.cholesky(P)
         transform = solve_triangular(lower, np.eye(len(P)), lower=True).T
         whitening = Whitening(phi.mean(0), transform)
@@ -134,11 +132,9 @@ def accumulate_sums(phi: Float, outputs: Float, weights: Float, fold: Int) -> Su
     columns, group = _group_weights(weights)
     o = np.where(weights[..., None] > 0, outputs, 0.0)
     g, k = columns.shape[1], int(fold.max()) + 1
-    i, j = np.tril_indices(f)
     weight, linear = np.zeros((k, g)), np.zeros((k, g, f))
     square, cross = np.zeros((k, g, f, f)), np.zeros((k, f, m * r))
     out, out2 = np.zeros((k, m * r)), np.zeros((k, m * r))
-    step = max(_BLOCK_SIZE // len(i), 1)
     for n in range(k):
         rows = np.flatnonzero(fold == n)
         weight[n] = columns[rows].sum(0)
@@ -146,11 +142,8 @@ def accumulate_sums(phi: Float, outputs: Float, weights: Float, fold: Int) -> Su
         weighted = (weights[rows, :, None] * o[rows]).reshape(-1, m * r)
         cross[n] = phi[rows].T @ weighted
         out[n], out2[n] = weighted.sum(0), (weighted * o[rows].reshape(-1, m * r)).sum(0)
-        half = np.zeros((len(i), g))
-        for start in range(0, len(rows), step):
-            block = rows[start : start + step]
-            half += (phi[block][:, i] * phi[block][:, j]).T @ columns[block]
-        square[n][:, i, j] = square[n][:, j, i] = half.T
+        for k_group in range(g):
+            square[n, k_group] = (phi[rows] * columns[rows, k_group, None]).T @ phi[rows]
     return Sums(weight, linear, square, out, cross, out2, np.repeat(group, r), r)
 
 
@@ -186,6 +179,11 @@ def solve_ridge(total: Sums, noises: Float) -> tuple[Float, Float]:
         mean, target = total.phi[0, g] / W, total.out[0, columns] / W
         normal = total.square[0, g] / W - np.outer(mean, mean)
         covariance = total.cross[0][:, columns] / W - np.outer(mean, target)
+        if len(noises) == 1:
+            shrunk = normal + noises[0] ** 2 * np.eye(f)
+            beta[0][:, columns] = np.linalg.solve(shrunk, covariance)
+            constant[0, columns] = target - mean @ beta[0][:, columns]
+            continue
         values, vectors = np.linalg.eigh(normal)
         rotated = vectors.T @ covariance
         shrunk = np.maximum(values, 0.0) + np.square(noises)[:, None]
