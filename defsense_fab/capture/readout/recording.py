@@ -25,7 +25,8 @@ from ...sensing.serial_frames import NOT_READ, Info, Sample
 from ...sensing.voltage_divider import Dividers
 from .source import Event, PacedSamples, StampedSample
 
-_FIRST_LINE = "# defsense recording 1"
+#: First line of a recording.
+FIRST_LINE = "# defsense recording 1"
 _COLUMNS = ("host_ns", "device_us", "counter", "led", "late", "averages")
 _AVERAGES = _COLUMNS.index("averages")
 MAX_FULL_SCALE = 1e9
@@ -47,7 +48,7 @@ class Recorder:
 
     def __init__(self, path: Path, channels: int) -> None:
         self._path, self._channels = path, channels
-        head = f"{_FIRST_LINE}\n{','.join([*_COLUMNS, *_channel_columns(channels)])}"
+        head = f"{FIRST_LINE}\n{','.join([*_COLUMNS, *_channel_columns(channels)])}"
         self._log = AppendLog(path, head, f"recording of {channels} channels")
 
     def add(self, item: StampedSample | Event) -> None:
@@ -225,12 +226,12 @@ def _lines_after_first(path: Path, lines: LogLines) -> Iterator[tuple[int, str]]
     """
     rest = iter(lines)
     first = next(rest, None)
-    may_be_cut = first is None and path.stat().st_size <= len(_FIRST_LINE)
-    if may_be_cut and _FIRST_LINE.encode().startswith(path.read_bytes()):
+    may_be_cut = first is None and path.stat().st_size <= len(FIRST_LINE)
+    if may_be_cut and FIRST_LINE.encode().startswith(path.read_bytes()):
         return iter(())
-    if first != (1, _FIRST_LINE):
+    if first != (1, FIRST_LINE):
         raise CaptureError(
-            f"is not a recording (its first line is not {_FIRST_LINE!r})",
+            f"is not a recording (its first line is not {FIRST_LINE!r})",
             code="not-a-recording",
             where=path,
             action="Choose another file",

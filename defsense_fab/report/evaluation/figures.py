@@ -64,7 +64,8 @@ def svg_figures(evaluated: Evaluated) -> dict[str, str]:
         del figures["coverage"]
     if (targets := evaluated.model.targets) is not None:
         height = 18 + 26 * min(len(targets.names), _MAX_VALUE_PANELS)
-        figures = {"values": (height, _draw_values), **figures}
+        paths = 18 + 20 * min(len(targets.names), 3), _draw_paths
+        figures = {"values": (height, _draw_values), **figures, "paths": paths}
         del figures["poses"]
         if targets.axes == 1:
             del figures["markers"]
@@ -92,7 +93,8 @@ def _draw_paths(figure: Any, evaluated: Evaluated) -> None:
     """
     e = evaluated.evaluation
     f = e.frames
-    axes = figure.subplots(3, 1, sharex=True)
+    count = 3 if evaluated.model.targets is None else min(len(evaluated.model.ids), 3)
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     frames = _frames_around_largest(f.elapsed, f.frame_error)
     markers = _choose_markers(f.measured - evaluated.model.rest_points, e.marker_rmse)
     for ax, m in zip(axes, markers, strict=False):

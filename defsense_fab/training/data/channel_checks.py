@@ -71,7 +71,7 @@ def check_readings(dataset: Dataset) -> list[Problem]:
     """Find channels of any sensor that hold little information; none of them forbids training.
 
     Args:
-        dataset: The dataset, whose readings have no value that is wrong by itself.
+        dataset: The dataset, whose readings may have any value.
 
     Returns:
         A problem for each such channel: it has gaps, does not change in a run, stays at one value

@@ -274,11 +274,11 @@ def _note_training(name: str, model: TrainedModel, dataset: Dataset) -> list[str
 def _exclude_trained(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset:
     """Return the dataset without frames that a model was trained on."""
     recordings = []
-    seen = [_as_trained(model, dataset).recordings for model in models]
+    recognized = [_as_trained(model, dataset).recordings for model in models]
     for k, r in enumerate(dataset.recordings):
         starts = [
             start
-            for model, trained in zip(models, seen, strict=True)
+            for model, trained in zip(models, recognized, strict=True)
             for start in _test_starts(model, trained[k])
         ]
         keep = r.time >= max(starts, default=-np.inf) - _TIME_ROUNDING_S

@@ -143,11 +143,11 @@ def name_runs(paths: Sequence[Path]) -> tuple[str, ...]:
     names = [p.stem for p in paths]
     if len(set(names)) < len(names):
         names = [f"{p.resolve().parent.name}/{p.stem}" for p in paths]
-    counts, seen = Counter(names), Counter[str]()
+    counts, used = Counter(names), Counter[str]()
     for k, name in enumerate(names):
         if counts[name] > 1:
-            seen[name] += 1
-            names[k] = f"{name}-{seen[name]}"
+            used[name] += 1
+            names[k] = f"{name}-{used[name]}"
     return tuple(names)
 
 

@@ -13,6 +13,7 @@ from typing import TextIO
 
 import numpy as np
 
+from ...capture.readout.recording import FIRST_LINE
 from ...capture.readout.source import (
     Event,
     PacedSamples,
@@ -28,6 +29,7 @@ from ...decoding.quantities import RELATIVE, Readings
 from ...sensing.serial_frames import Info, Sample
 from ...training.recordings.column_units import Column, find_time, parse_column
 from ...training.recordings.table_dataset import read_columns
+from .sources import TWIN
 
 #: Port of lines of text on standard input.
 STDIN = "stdin"
@@ -201,8 +203,15 @@ def open_target_source(
     """
     if port == STDIN:
         return TextLines(sys.stdin, channels, readings)
-    if path is not None:
+    if path is not None and not _is_recording(path):
         return TablePlay(path, channels, readings)
+    if port.partition(":")[0] == TWIN:
+        raise LiveError(
+            "simulates a device, and the model is of another sensor",
+            code="not-built",
+            where=port,
+            action="Play a table (replay:signals.csv), or send lines of text to --port stdin",
+        )
     units = sorted(set(readings.units))
     if units != ["ohm"]:
         given = "relative changes" if units == [RELATIVE] else ", ".join(units)
@@ -214,6 +223,15 @@ def open_target_source(
             units=tuple(units),
         )
     return None
+
+
+def _is_recording(path: Path) -> bool:
+    """Return whether a file is a recording of a read-out board."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(FIRST_LINE)) == FIRST_LINE.encode()
+    except OSError:
+        return False
 
 
 def find_channels(
