@@ -19,7 +19,6 @@ import numpy as np
 from ..core.arrays import Float, Int
 from ..core.machine.compiled import compiled
 
-
 _JITTER = 1e-10  # on the kernel's diagonal, for centers that nearly coincide
 
 

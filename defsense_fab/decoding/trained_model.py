@@ -25,28 +25,27 @@ from .signal_history import Past, PastStream, interpolate_at
 class Intervals:
     """Conformal intervals of the positions.
 
-    With probability `level`, a marker is within factor * (spread + slope * distance) of its decoded
-    position, for the distance of the inputs from the training.
+    With probability `level`, a marker is within `radius` of its decoded position, while the inputs
+    are no farther from the training than the frames were on which that was measured. Beyond, the
+    radius grows with the square of the distance.
 
     Attributes:
         level: The probability.
-        factor: Factor of each marker (m,).
-        spread: Spread of each marker (m,), mm.
-        slope: Slope of each marker (m,), mm.
+        radius: Radius of each marker (m,), mm.
+        reach: Distance of the inputs from the training beyond which the radius grows.
     """
 
     level: float
-    factor: Float
-    spread: Float
-    slope: Float
+    radius: Float
+    reach: float
 
     def select(self, which: Bool) -> Intervals:
         """Return the intervals of the markers of a mask (m,)."""
-        return Intervals(self.level, self.factor[which], self.spread[which], self.slope[which])
+        return Intervals(self.level, self.radius[which], self.reach)
 
     def __call__(self, distance: Float) -> Float:
         """Return the radii (t, m) in mm at distances (t,)."""
-        return np.asarray(self.factor * (self.spread + self.slope * distance[:, None]))
+        return np.asarray(np.maximum(distance / self.reach, 1.0)[:, None] ** 2 * self.radius)
 
 
 @dataclass(frozen=True)

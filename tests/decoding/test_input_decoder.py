@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from defsense_fab.decoding.input_decoder import (
     InputDecoder,
@@ -76,14 +77,14 @@ def make_decoder() -> InputDecoder:
     return InputDecoder(features, weights, rng.normal(size=6))
 
 
-def test_slopes_equal_finite_differences() -> None:
-    f = make_decoder().features
-    z = np.random.default_rng(1).normal(size=(7, 5))
-    step = 1e-6
-    for k in range(5):
-        move = step * np.eye(5)[k]
-        expected = (f(z + move) - f(z - move)) / (2 * step)
-        np.testing.assert_allclose(f.slopes(z)[:, :, k], expected, atol=1e-8)
+def test_penalty_of_polynomials_is_the_variance_by_noise_of_the_inputs() -> None:
+    """Compared with the change of the output by small random changes of the inputs."""
+    rng = np.random.default_rng(2)
+    f = InputFeatures(4, all_products(3), np.zeros((0, 3)), np.ones(3))
+    z, w = rng.normal(size=(200, 4)), rng.normal(size=f.count)
+    moved = z + 1e-4 * rng.normal(size=(500, *z.shape))
+    change = f(moved.reshape(-1, 4)).reshape(500, 200, -1) @ w - f(z) @ w
+    assert w @ f.penalty(z) @ w == pytest.approx((change**2).mean() / 1e-8, rel=0.03)
 
 
 def test_one_sample_is_decoded_like_many() -> None:
@@ -93,11 +94,11 @@ def test_one_sample_is_decoded_like_many() -> None:
     np.testing.assert_allclose(one, decoder(z), rtol=1e-12, atol=1e-12)
 
 
-def test_roughness_is_the_norm_of_the_radial_functions() -> None:
-    """For one center it is the squared weight over the squared width; for two that coincide, that
-    of their sum."""
+def test_penalty_of_radial_functions_is_the_norm_of_their_sum() -> None:
+    """For one center it is the squared weight; for two that coincide, that of their sum."""
+    z = np.array([[1.0], [3.0]])
     two = InputFeatures(1, np.zeros((0, 2), int), np.zeros((2, 1)), np.array([0.5]))
     w = np.array([0.0, 2.0, -2.0])
-    assert w @ two.roughness() @ w == 0
+    assert w @ two.penalty(z) @ w == pytest.approx(0, abs=1e-8)
     one = InputFeatures(1, np.zeros((0, 2), int), np.zeros((1, 1)), np.array([0.5]))
-    assert np.array([9.0, 3.0]) @ one.roughness() @ [9.0, 3.0] == 36.0
+    assert np.array([2.0, 3.0]) @ one.penalty(z) @ [2.0, 3.0] == pytest.approx(4.0 + 9.0)

@@ -108,8 +108,7 @@ def trained(data, features=affine_features, past=None, noise=1e-4):
     within = TrainedRange(z[own].mean(0), turn / np.sqrt(value), 1.0, z.min(0), z.max(0))
     within = replace(within, usual=float(np.quantile(within.distance(z[own]), 0.99)))
     miss = np.linalg.norm(decoder(z).reshape(len(z), -1, 3) - r.points, axis=2)
-    m = len(data.ids)
-    intervals = Intervals(0.9, np.ones(m), np.nanquantile(miss, 0.9, axis=0), np.zeros(m))
+    intervals = Intervals(0.9, np.nanquantile(miss, 0.9, axis=0), 1.0)
     return TrainedModel(
         "bar",
         "abc",

@@ -288,7 +288,9 @@ def _fit_kernels(data: FitData, pasts: Sequence[Past]) -> list[FittedCandidate]:
     """Fit the best kernel decoder without memory, and the best one with a memory."""
     reduced = _reduce(data)
     longest = _longest_time_constant(data)
-    with_memory = [past for past in dict.fromkeys(_shorten(p, longest) for p in pasts) if past.count]
+    with_memory = [
+        past for past in dict.fromkeys(_shorten(p, longest) for p in pasts) if past.count
+    ]
     groups = [[Past()], with_memory if len(data.frames) >= _MIN_FRAMES_FOR_MEMORY else []]
     best = []
     for group in groups:

@@ -329,7 +329,7 @@ def _make_branch(fitted: FittedCandidate, data: FitData, level: float, scale: Fl
     decoded, distance = _decode_left_out(fitted, data)
     errors = np.linalg.norm(decoded - data.outputs, axis=2) * scale
     errors[data.weights <= 0] = np.nan
-    intervals = fit_intervals(errors, distance, _common_time(frames), level)
+    intervals = fit_intervals(errors, distance, level)
     decoder = fitted.decoder()
     factor = np.repeat(scale, data.outputs.shape[2])
     constant = decoder.constant * factor + frames.dataset.rest_points.ravel()

@@ -26,7 +26,7 @@ def made(past: Past | None = None, centers: int = 3) -> TrainedModel:
     )
     decoder = InputDecoder(features, rng.normal(size=(features.count, 12)), rng.normal(size=12))
     limits = TrainedRange(np.zeros(d), np.eye(d), 1.0, -np.ones(2), np.ones(2))
-    intervals = Intervals(0.9, np.ones(4), np.full(4, 0.2), np.zeros(4))
+    intervals = Intervals(0.9, np.full(4, 0.2), 1.0)
     main = Branch((0, 1), past, decoder, limits, intervals)
     return TrainedModel(
         "toy",
