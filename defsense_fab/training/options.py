@@ -110,6 +110,7 @@ class TrainOptions:
         level: Set the probability that a marker lies within its interval.
         prior: Train on the simulation of the device too: auto if it is built.
         without_markers: Leave out the markers with these numbers, such as 4,7.
+        in_step: State that the clocks of signals and markers agree; the model's file records it.
 
     Raises:
         TrainingError: A number is out of range (`out-of-range`), or a name is not one of the
@@ -124,6 +125,7 @@ class TrainOptions:
     level: Annotated[float, Meta(ge=0.001, le=0.9999)] = 0.9
     prior: PriorMode = "auto"
     without_markers: tuple[Annotated[int, Meta(ge=0)], ...] = ()
+    in_step: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, TrainingError)
