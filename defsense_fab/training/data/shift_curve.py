@@ -11,7 +11,8 @@ from scipy.stats import t as student
 from ...core.arrays import Bool, Float, Int
 from ...decoding.signal_history import Past, interpolate_at
 
-_MAX_POINTS = 2500  # times at which the series are compared
+# Times at which the series are compared: at most the first number, fewer for many shifts.
+_MAX_POINTS, _MAX_POINTS_OF_ALL, _MIN_MAX_POINTS = 2500, 200_000, 1000
 _MIN_POINTS = 100
 _MAX_GAP_S = 0.35  # between values that are interpolated
 _RIDGE = 3e-3  # of an input's variance
@@ -130,7 +131,8 @@ def compare_shifts(
         The curve; None if too few effects have causes at every shift.
     """
     points = [_common_points(pair, shifts, change_s) for pair in pairs]
-    stride = max(sum(map(len, points)) // _MAX_POINTS, 1)
+    limit = min(_MAX_POINTS, max(_MAX_POINTS_OF_ALL // len(shifts), _MIN_MAX_POINTS))
+    stride = max(sum(map(len, points)) // limit, 1)
     points = [p[::stride] for p in points]
     count = sum(map(len, points))
     if count < _MIN_POINTS:
@@ -153,7 +155,7 @@ def compare_shifts(
         x = _center(
             [_causes_at(pair, p + shift, change_s) for pair, p in zip(pairs, points, strict=True)]
         )
-        residual[k] = _block_residuals(x, effect, blocks, fold)
+        residual[k] = block_residuals(x, effect, blocks, fold)
     return ShiftCurve(shifts, residual, float((effect**2).sum()), len(pairs) > 1)
 
 
@@ -174,7 +176,7 @@ def _center(parts: Sequence[Float]) -> Float:
 def _common_points(pair: Pair, shifts: Float, change_s: float) -> Float:
     """Return the times of the effects that have causes at all shifts."""
     time = pair.effect_time
-    stride = max(len(time) // (4 * _MAX_POINTS), 1)
+    stride = max(len(time) // (2 * _MAX_POINTS), 1)
     time = time[::stride]
     backs = (0.0, change_s) if change_s else (0.0,)
     one = np.ones((len(pair.cause_time), 1))
@@ -198,7 +200,7 @@ def _block_starts(points: Sequence[Float]) -> list[int]:
     return starts
 
 
-def _block_residuals(x: Float, y: Float, blocks: Sequence[slice], fold: Int) -> Float:
+def block_residuals(x: Float, y: Float, blocks: Sequence[slice], fold: Int) -> Float:
     """Return sums of squares (blocks,) of y (t, o) that fits of the other folds leave."""
     size = x.std(axis=0)
     x = x / np.where(size > 0, size, 1.0)

@@ -44,7 +44,9 @@ _MAX_DOUBT_S = 0.11  # clocks agree if the whole interval is within it
 _MAX_HALF_WIDTH_S = 0.25  # of the interval of a shift that is applied automatically
 _MIN_GAIN = 0.1  # of what is not predicted in step, which a shift must predict
 _MIN_EXPLAINED = 0.2  # of the variance
+_MIN_MATCH = 0.45  # of signals that are certainly out of step
 _MIN_WIDE_EXPLAINED = 0.6  # at the best of many shifts; others reach 0.45 by chance
+_MIN_WIDE_GAIN = 0.3  # of the explained share, against no shift
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ class TimeShift:
         fit_before: The same share without a shift.
         explained: Share of the movements' variance that the signals explain without memories, at
             the best shift for that.
+        explained_before: The same share without a shift.
+        explained_at: The best shift for that, s.
         limit: Largest shift that was tried, s.
     """
 
@@ -69,6 +73,8 @@ class TimeShift:
     fit: float
     fit_before: float
     explained: float
+    explained_before: float
+    explained_at: float
     limit: float
 
     @property
@@ -87,7 +93,7 @@ class TimeShift:
         is_late = self.high < -_LATE_S[0] and self.seconds < -_LATE_S[1]
         is_early = self.low > _EARLY_S[0] and self.seconds > _EARLY_S[1]
         is_gain = 1 - self.fit < (1 - _MIN_GAIN) * (1 - self.fit_before)
-        return self.is_informative and is_gain and (is_late or is_early)
+        return self.match >= _MIN_MATCH and is_gain and (is_late or is_early)
 
     @property
     def is_known(self) -> bool:
@@ -146,8 +152,19 @@ def find_time_shift(
         elif other_high - other_low < _MUCH_NARROWER * (high - low):
             seconds, low, high, fit = other, other_low, other_high, changes.explained
     k = int(np.abs(shifts - seconds).argmin())
-    explained = float(inverse.explained.max())
-    return TimeShift(seconds, low, high, float(fit[k]), float(fit[count]), explained, max_shift)
+    explained = inverse.explained
+    at = int(explained.argmax())
+    return TimeShift(
+        seconds,
+        low,
+        high,
+        fit=float(fit[k]),
+        fit_before=float(fit[count]),
+        explained=float(explained[at]),
+        explained_before=float(explained[count]),
+        explained_at=float(shifts[at]),
+        limit=max_shift,
+    )
 
 
 def find_wide_shift(recording: Recording) -> TimeShift | None:
@@ -161,9 +178,22 @@ def find_wide_shift(recording: Recording) -> TimeShift | None:
     """
     largest = min(MAX_WIDE_SHIFT_S, float(np.ptp(recording.time)) / 4)
     shift = find_time_shift([recording], largest, _WIDE_STEP_S)
-    if shift is None or not shift.is_significant or shift.match < _MIN_WIDE_EXPLAINED:
+    if shift is None or shift.match < _MIN_WIDE_EXPLAINED:
         return None
-    return shift
+    if shift.is_significant:
+        return shift
+    # Memories need many frames. No memory of a map that works well lasts for that long.
+    at, gain = shift.explained_at, shift.explained - shift.explained_before
+    if abs(at) <= MAX_SHIFT_S or gain < _MIN_WIDE_GAIN or shift.explained < _MIN_WIDE_EXPLAINED:
+        return None
+    return replace(
+        shift,
+        seconds=at,
+        low=at - _WIDE_STEP_S,
+        high=at + _WIDE_STEP_S,
+        fit=shift.explained,
+        fit_before=shift.explained_before,
+    )
 
 
 def find_time_shifts(dataset: Dataset) -> dict[str, TimeShift]:
@@ -181,7 +211,7 @@ def find_time_shifts(dataset: Dataset) -> dict[str, TimeShift]:
     found = {r.name: find_time_shift([r]) for r in dataset.recordings}
     for r in dataset.recordings:
         one = found[r.name]
-        if one is not None and (not one.is_informative or one.is_at_limit):
+        if one is not None and (one.match < _MIN_WIDE_EXPLAINED or one.is_at_limit):
             found[r.name] = find_wide_shift(r) or one
     doubtful = [r for r in dataset.recordings if (s := found[r.name]) is None or not s.is_known]
     joint = find_time_shift(doubtful) if len(doubtful) > 1 else None
