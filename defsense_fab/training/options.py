@@ -145,6 +145,7 @@ class TrainOptions:
         prior: Train on the simulation of the device too: auto if it is built.
         without_markers: Leave out the markers with these numbers, such as 4,7.
         without_channels: Leave out the channels with these names, such as left,right.
+        in_step: State that the clocks of signals and markers agree; the model's file records it.
 
     Raises:
         TrainingError: A number is out of range (`out-of-range`), or a name is not one of the
@@ -161,6 +162,7 @@ class TrainOptions:
     without_markers: tuple[Annotated[int, Meta(ge=0)], ...] = ()
     without_channels: tuple[str, ...] = ()
     leave_out: tuple[str, ...] = ()
+    in_step: bool = False
 
     def __post_init__(self) -> None:
         check_options(self, TrainingError)

@@ -12,7 +12,7 @@ from ...core.arrays import Bool, Float
 from .channel_checks import check_channels, longest_run
 from .dataset import Dataset, Recording
 from .problems import Problem, raise_fatal
-from .time_alignment import MAX_SHIFT_S, find_time_shift
+from .time_alignment import MAX_SHIFT_S, TimeShift, find_time_shift, find_time_shifts
 from .unit_checks import check_units
 
 _FRAMES_PER_WEIGHT = 10  # for each weight of a decoder
@@ -25,8 +25,13 @@ _MAX_SHARE_WITHOUT_MARKERS = 0.5  # of the frames
 _FATAL_EXPLAINED = 0.05  # of the movements' variance; signals that explain less forbid training
 _MIN_KNOWN_SHARE = 0.5  # of a channel's values; a channel with fewer is named
 _MIN_CORRELATION = 0.4  # of a channel's signal with its prediction
-_FATAL_SHIFT_S = 0.2  # signals that are further out of step forbid training
-_ALIGNMENT_CODES = _UNINFORMATIVE, _OUT_OF_STEP = "signals-tell-nothing", "out-of-step"
+_UNINFORMATIVE, _OUT_OF_STEP, _UNKNOWN = "signals-tell-nothing", "out-of-step", "clocks-unknown"
+#: Codes of warnings on the clocks.
+CLOCK_CODES = _OUT_OF_STEP, _UNKNOWN
+_ALIGNMENT_CODES = _UNINFORMATIVE, _OUT_OF_STEP, _UNKNOWN
+
+
+_ENDS = ((min, "low"), (max, "high"))  # of an interval
 
 
 def check_dataset(
@@ -358,9 +363,8 @@ def _is_layout_uninformative(r: Recording, predicted: Float | None) -> bool:
     """
     if predicted is None:
         return False
-    shift = find_time_shift(
-        replace(r, sample_time=r.time, ohm=1 + predicted, rest=np.ones(predicted.shape[1]))
-    )
+    expected = replace(r, sample_time=r.time, ohm=1 + predicted, rest=np.ones(predicted.shape[1]))
+    shift = find_time_shift([expected])
     if shift is None or shift.is_informative:
         return False
     signals = r.signals_at(r.time)
@@ -374,44 +378,71 @@ def _is_layout_uninformative(r: Recording, predicted: Float | None) -> bool:
 
 
 def _check_alignment(dataset: Dataset, predicted: Mapping[str, Float]) -> Iterator[Problem]:
-    """Find recordings whose signals are not in step with the markers."""
+    """Find recordings whose signals are not in step with the targets, or may not be."""
+    shifts, unknown = find_time_shifts(dataset), list[str]()
     for r in dataset.recordings:
-        shift = find_time_shift(r)
+        shift = shifts.get(r.name)
         if shift is None:
             continue
         if not shift.is_informative:
-            message = (
-                f"{r.name}: the signals explain {max(shift.explained, 0):.0%} of the markers'"
-                " movement"
-            )
-            if _is_layout_uninformative(r, predicted.get(r.name)):
-                yield Problem(
-                    "cords-tell-little",
-                    False,
-                    f"{message}, as the simulation predicts for this layout",
-                    "Improve the layout of the cords; a build reports its expected error",
-                    shift.explained,
-                    (r.name,),
-                )
-                continue
-            yield Problem(
-                _UNINFORMATIVE,
-                shift.explained < _FATAL_EXPLAINED,
-                f"{message}, at any shift of up to {MAX_SHIFT_S:.0f} s",
-                "Check whether the clocks are further apart, and whether signals and markers"
-                " are of one device and time",
-                shift.explained,
-                (r.name,),
-            )
-        if shift.is_significant:
-            yield Problem(
-                _OUT_OF_STEP,
-                abs(shift.seconds) > _FATAL_SHIFT_S,
-                f"{r.name}: signals are {abs(shift.seconds):.2f} s"
-                f" {'late' if shift.seconds < 0 else 'early'}: they explain"
-                f" {shift.explained:.0%} of the markers' movement when shifted by"
-                f" {shift.seconds:+.2f} s, and {shift.explained_before:.0%} as they are",
-                f"Shift the signals automatically, or by {shift.seconds:.2f} s",
-                shift.seconds,
-                (r.name,),
-            )
+            yield _uninformative(r, shift, predicted.get(r.name))
+        elif shift.is_significant:
+            yield _out_of_step(r, shift)
+        elif not shift.is_known:
+            unknown.append(r.name)
+    if unknown:
+        low, high = (f([getattr(shifts[n], key) for n in unknown]) for f, key in _ENDS)
+        yield Problem(
+            _UNKNOWN,
+            False,
+            f"{', '.join(unknown)}: the data do not show whether signals and markers are in step"
+            f" (shifts of {low:+.2f} to {high:+.2f} s explain them as well)",
+            "If their clocks agree, state that they are in step; else include some fast movements",
+            recordings=tuple(unknown),
+            data={"low_s": low, "high_s": high},
+        )
+
+
+def _uninformative(r: Recording, shift: TimeShift, predicted: Float | None) -> Problem:
+    """Return the problem that signals and movement have little in common."""
+    message = f"{r.name}: the signals explain {max(shift.match, 0):.0%} of the markers' movement"
+    if _is_layout_uninformative(r, predicted):
+        return Problem(
+            "cords-tell-little",
+            False,
+            f"{message}, as the simulation predicts for this layout",
+            "Improve the layout of the cords; a build reports its expected error",
+            shift.match,
+            (r.name,),
+        )
+    return Problem(
+        _UNINFORMATIVE,
+        shift.match < _FATAL_EXPLAINED,
+        f"{message}, at any shift of up to {MAX_SHIFT_S:.1f} s",
+        "Check whether the clocks are further apart, and whether signals and markers are of one"
+        " device and time",
+        shift.match,
+        (r.name,),
+    )
+
+
+def _out_of_step(r: Recording, shift: TimeShift) -> Problem:
+    """Return the warning that signals are early or late, even with a memory in the model."""
+    direction = "late" if shift.seconds < 0 else "early"
+    future = (
+        " Only if the clocks are wrong: this shift uses samples from after each frame."
+        if shift.seconds < 0
+        else ""
+    )
+    return Problem(
+        _OUT_OF_STEP,
+        False,
+        f"{r.name}: signals are {abs(shift.seconds):.2f} s {direction} ({shift.range_text}): with"
+        f" a memory, {shift.fit:.0%} of their changes follow from the movement when shifted by"
+        f" {shift.seconds:+.2f} s, and {max(shift.fit_before, 0):.0%} as they are",
+        f"Shift the signals automatically, or by {shift.seconds:.2f} s; or state that they are in"
+        f" step.{future}".rstrip("."),
+        shift.seconds,
+        (r.name,),
+        {"low_s": shift.low, "high_s": shift.high, "is_future": shift.seconds < 0},
+    )

@@ -16,7 +16,7 @@ from ...store.fields import INDEX
 from ...store.layout import LAYOUT
 from ..data.dataset import Dataset
 from ..data.dataset_assembly import exclude_channels, exclude_markers, exclude_uncertain_positions
-from ..data.dataset_checks import require_trainable
+from ..data.dataset_checks import CLOCK_CODES, require_trainable
 from ..data.problems import raise_fatal
 from ..data.time_alignment import align_samples
 from ..data.unit_checks import check_cord_resistance, check_units
@@ -71,6 +71,14 @@ def prepare(
         shortest_ohm = device.cord.ohm_per_mm * device.cord.min_stretch
         raise_fatal(check_cord_resistance(dataset, shortest_ohm))
     progress("data", 0.4, "aligning signals and markers")
+    if options.in_step and shift != 0:
+        raise TrainingError(
+            "contradicts a shift of the signals",
+            code="options-conflict",
+            where="in_step",
+            action="Omit one of them",
+            option="in_step",
+        )
     dataset, shift_notes = align_samples(dataset, shift)
     notes += shift_notes
     progress("data", 0.6, "checking")
@@ -78,6 +86,9 @@ def prepare(
     notes += prior_notes
     predicted = predict_recordings(prior, dataset)
     problems = require_trainable(dataset, predicted=predicted, is_synchronized=is_synchronized)
+    if options.in_step:
+        problems = tuple(p for p in problems if p.code not in CLOCK_CODES)
+        notes.append("signals and markers are in step, as stated")
     notes += [str(p) for p in problems]
     units = sorted({r.unit for r in dataset.recordings})
     if len(units) > 1:

@@ -1,7 +1,8 @@
 """Judge whether a model is useful: compare its error with the movement of the markers itself.
 
 A constant shape, the mean of the training or the shape at rest, needs no signals. A model is
-useless if its error on test frames is nearly as large as that of the better constant shape.
+useless if its error on test frames is nearly as large as that of the better constant shape, or as
+the error that models of signals from other times reach by chance.
 """
 
 from __future__ import annotations
@@ -15,11 +16,16 @@ from ...core.arrays import Float
 from ...decoding.signal_history import interpolate_at
 from ...decoding.trained_model import TrainedModel, decode_inputs
 from ..regression.frames import Frames
+from .chance_error import measure_chance
 
 #: Share of the movement from which an error is that of a useless model. At 0.8, the model explains
 #: 1 - 0.8^2 = 36 % of the movement's variance. On real recordings useful models are at 0.73 or less
 #: (a joint capsule of printed gauges), models of signals of another time at 0.92 or more.
 MAX_ERROR_SHARE = 0.8
+#: Share of the movement below which an error is not compared with chance: exactly periodic movement
+#: is predicted by signals of any period.
+MIN_CHANCE_SHARE = 0.5
+_MAX_CHANCE_RATIO = 0.8  # of the error and the error by chance
 _BATCH_FRAMES = 1000  # features of more frames at once would take much memory
 
 
@@ -50,29 +56,40 @@ class Usefulness:
             shapes, the mean of the training and the shape at rest, mm.
         cause: The likeliest cause of a useless model; None for a useful one.
         unit: Unit of both; empty if unknown.
+        chance: Error that models of signals from other times reach, mm; None if not compared.
     """
 
     error: float
     movement: float
     cause: Cause | None = None
     unit: str = "mm"
+    chance: float | None = None
 
     @property
     def is_useless(self) -> bool:
-        """Whether the error is nearly as large as the movement."""
-        return self.error >= MAX_ERROR_SHARE * self.movement
+        """Whether the error is nearly as large as the movement, or as an error by chance."""
+        return self.error >= MAX_ERROR_SHARE * self.movement or self.is_chance
+
+    @property
+    def is_chance(self) -> bool:
+        """Whether models of signals from other times are nearly as good."""
+        return self.chance is not None and self.error >= _MAX_CHANCE_RATIO * self.chance
 
     @property
     def message(self) -> str:
         """The judgment of a useless model in words; empty for a useful one."""
         if not self.is_useless:
             return ""
-        size = "larger than" if self.error > self.movement else "nearly as large as"
-        text = (
-            f"the model is useless: its error on the test, {self.error:.2f} {self.unit}, is {size}"
-            f" the movement of the {'markers' if self.unit == 'mm' else 'targets'} itself,"
-            f" {self.movement:.2f} {self.unit}"
-        )
+        unit, moving = self.unit, "markers" if self.unit == "mm" else "targets"
+        text = f"the model is useless: its error on the test, {self.error:.2f} {unit}, is "
+        if self.error >= MAX_ERROR_SHARE * self.movement:
+            size = "larger than" if self.error > self.movement else "nearly as large as"
+            text += f"{size} the movement of the {moving} itself, {self.movement:.2f} {unit}"
+        else:
+            text += (
+                f"not clearly smaller than that of models of signals from other times,"
+                f" {self.chance:.2f} {unit} (the {moving} move by {self.movement:.2f} {unit})"
+            )
         if self.cause is None:
             return f"{text}."
         return f"{text}. Likely cause: {self.cause.message}. {self.cause.action}."
@@ -84,6 +101,7 @@ class Usefulness:
             "code": "useless-model" if self.is_useless else None,
             "error": self.error,
             "movement": self.movement,
+            "chance": self.chance,
             "message": self.message,
             "cause": None if cause is None else {"code": cause.code, **cause.data},
         }
@@ -102,7 +120,11 @@ def measure_usefulness(model: TrainedModel, frames: Frames) -> Usefulness:
     points = frames.points
     mean_shape = decode_inputs(model.main, model.main.range.middle[None], points.shape[1]).points[0]
     movement = min(rms_distance(points, shape) for shape in (mean_shape, model.rest_points))
-    return Usefulness(rms_distance(points, decode(model, frames)), movement)
+    error = rms_distance(points, decode(model, frames))
+    chance = None
+    if MIN_CHANCE_SHARE * movement <= error < MAX_ERROR_SHARE * movement:
+        chance = measure_chance(frames) * movement
+    return Usefulness(error, movement, chance=chance)
 
 
 def rms_distance(points: Float, others: Float) -> float:

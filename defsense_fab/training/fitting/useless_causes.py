@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from ...core.arrays import Float
 from ...decoding.trained_model import TrainedModel
 from ..data.dataset_assembly import select_channel_indices
-from ..data.time_alignment import find_time_shift
+from ..data.time_alignment import MAX_WIDE_SHIFT_S, find_wide_shift
 from ..regression.frames import Frames
 from ..regression.simulation_prior import Prior, predict_signals
 from .usefulness import (
@@ -29,11 +29,8 @@ from .usefulness import (
     rms_distance,
 )
 
-MAX_WIDE_SHIFT_S = 30.0  # largest time shift that is tried
 _SHIFT_STEP_S = 0.1
-_WIDE_STEP_S = 0.2  # where a map is fitted at every shift
 _MAX_FRAMES = 300  # that are compared
-_MAX_WIDE_FRAMES = 600
 _MAX_REMAINING = 0.6  # share of the error that remains after the correction of its cause
 _MIN_MOVEMENT_MM = 0.5  # smaller movement is not measured by cameras
 _MIN_NOISES = 2.0  # times the cameras' noise, which the movement must exceed
@@ -45,7 +42,6 @@ _MAX_WRONG_MARKERS = 0.2  # of the markers
 _MAX_CORRELATION = 0.3  # of signals with their prediction, of another device
 _MAX_BEYOND_SHARE = 0.5  # of the frames beyond the trained range
 _RANGE_PERCENTILES = (1.0, 99.0)  # between which a channel's range is measured
-_MIN_EXPLAINED = 0.6  # of the movements' variance at the right shift; others reach 0.45 by chance
 _MAX_EXCHANGE_RATIO = 1.5  # of the errors after exchanging markers, and without them
 _EXCHANGED = "markers-exchanged"
 _MAX_SHOWN = 3  # markers that are named
@@ -318,13 +314,10 @@ def _shift_of_all(frames: Frames) -> Cause | None:
     for k, r in enumerate(frames.dataset.recordings):
         if not (frames.recording_index == k).any():
             continue
-        step = max(len(r.time) // _MAX_WIDE_FRAMES, 1)
-        thin = replace(r, time=r.time[::step], points=r.points[::step], sigma=r.sigma[::step])
-        largest = min(MAX_WIDE_SHIFT_S, float(np.ptp(r.time)) / 4)
-        shift = find_time_shift(thin, largest, _WIDE_STEP_S)
-        if shift is not None and shift.is_significant and shift.explained > _MIN_EXPLAINED:
+        shift = find_wide_shift(r)
+        if shift is not None:
             cause = _time_cause(shift.seconds)
-            return replace(cause, data={**cause.data, "explained": shift.explained})
+            return replace(cause, data={**cause.data, "explained": shift.match})
     return None
 
 

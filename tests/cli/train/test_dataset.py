@@ -44,8 +44,9 @@ def test_json_lists_problems_and_the_dataset_is_written(tmp_path, capsys):
     data = json.loads(capsys.readouterr().out)
     assert data["channels"] == list(CHANNELS)
     assert data["recordings"][0]["frames"] == 1200
-    first = data["problems"][0]
-    assert (first["kind"], first["fatal"]) == ("out of step", True)
+    assert {"out of step": False}.items() <= {
+        p["kind"]: p["fatal"] for p in data["problems"]
+    }.items()
     assert main([*words, "--shift", "auto"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert not any(p["fatal"] for p in data["problems"])

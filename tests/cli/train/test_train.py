@@ -16,6 +16,7 @@ from defsense_fab.core.errors import DefsenseError
 from defsense_fab.core.markers import Tracks
 from defsense_fab.training.fitting.model_file import load_model
 from tests.support.errors import raises
+from tests.training import synthetic
 
 NAMES = ("left", "top", "right")
 
@@ -144,18 +145,23 @@ def test_invalid_options_write_no_model(
 
 
 def test_late_signals_are_detected_and_corrected(
-    pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    signals, tracks, _, _ = pair
-    rows = signals.read_text(encoding="utf-8").splitlines()
-    late = [rows[0]]
-    for row in rows[1:]:
-        frame, time, rest = row.split(",", 2)
-        late.append(f"{frame},{float(time) + 0.5:.6f},{rest}")
-    signals.write_text("\n".join(late) + "\n")
-    words = ("train", "--signals", signals, "--tracks", tracks, "--out", tmp_path)
-    with raises(DefsenseError, "out-of-step") as caught:
-        run_command([str(word) for word in words])
-    assert "--shift auto" in caught.value.action
+    r = synthetic.recording(1, late=0.5)
+    signals, tracks = tmp_path / "signals.csv", tmp_path / "tracks.csv"
+    rows = np.column_stack([r.sample_time, r.signals])
+    header = ",".join(["time", *synthetic.CHANNELS])
+    np.savetxt(signals, rows, delimiter=",", header=header, comments="", fmt="%.6f")
+    frames = np.arange(len(r.time))
+    write_tracks(tracks, Tracks(r.time, synthetic.IDS, r.points, r.sigma, frames))
+    options = ("--decoder", "affine", "--no-memory", "--out", tmp_path)
+    words = ("train", "--signals", signals, "--tracks", tracks, *options)
+    assert run(*words) == 0
+    assert "0.5" in next(k for k in capsys.readouterr().out.splitlines() if " late (" in k)
     assert run(*words, "--shift", "auto") == 0
-    assert "-0." in capsys.readouterr().out
+    assert "-0.5" in capsys.readouterr().out
+    assert run(*words, "--in-step") == 0
+    assert " late (" not in capsys.readouterr().out
+    assert load_model(tmp_path / "model.json").metadata["options"]["in_step"]
+    with raises(DefsenseError, "options-conflict"):
+        run_command([*map(str, words), "--in-step", "--shift", "auto"])

@@ -216,26 +216,28 @@ def test_signals_out_of_step(good, late):
     problem = only_problem(check_dataset(off), "out-of-step")
     assert problem.recordings == ("session-1/run-1",)
     assert problem.value == pytest.approx(-late, abs=0.04)
-    assert problem.is_fatal == (abs(late) > 0.2)
+    assert not problem.is_fatal
+    assert problem.data["is_future"] == (late > 0)
     aligned, notes = align_samples(off, "auto")
     assert check_dataset(aligned) == ()
     assert aligned.provenance["shifts"] == {problem.recordings[0]: problem.value}
     assert len(notes) == 1
+    assert ("future" in notes[0]) == (late > 0)
     both, notes = align_samples(dataset(recording(1, late=late), recording(2, late=late)), -late)
-    assert notes == []
+    assert len(notes) == (late > 0)
     for r, true in zip(both.recordings, good.recordings, strict=True):
         np.testing.assert_allclose(r.sample_time, true.sample_time, atol=1e-9)
 
 
 def test_relaxation_is_not_taken_for_a_shift(good):
     for r in good.recordings:
-        assert abs(find_time_shift(r).seconds) < 0.06
+        assert abs(find_time_shift([r]).seconds) < 0.06
     still = recording(1, 20.0)
     still = replace(still, points=np.broadcast_to(REST, still.points.shape))
-    assert find_time_shift(still) is None
+    assert find_time_shift([still]) is None
     rng = np.random.default_rng(0)
     noise = replace(good.recordings[0], ohm=R0 + rng.normal(size=good.recordings[0].ohm.shape))
-    assert not find_time_shift(noise).is_informative
+    assert not find_time_shift([noise]).is_informative
     problem = only_problem(check_dataset(dataset(noise)), "signals-tell-nothing")
     assert problem.is_fatal
 

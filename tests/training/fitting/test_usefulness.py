@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from defsense_fab.training.data.dataset_checks import require_trainable
 from defsense_fab.training.fitting.train_model import train
-from defsense_fab.training.fitting.usefulness import MAX_ERROR_SHARE
+from defsense_fab.training.fitting.usefulness import MAX_ERROR_SHARE, MIN_CHANCE_SHARE
 from defsense_fab.training.fitting.useless_causes import judge_model
 from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.regression.frames import Frames
-from tests.training import synthetic
+from tests.training import soft_bar, synthetic
 
 OPTIONS = TrainOptions(decoder="affine", memory=False)
 
@@ -107,3 +108,59 @@ def test_the_cause_of_a_useless_model_is_found(training, defect, code):
     assert judgment.cause.code == code
     data = judgment.to_json()
     assert (data["code"], data["cause"]["code"]) == ("useless-model", code)
+
+
+def in_last_third(r, change):
+    """Return the recording with changed points of its last frames."""
+    points, first = r.points.copy(), int(0.7 * len(r.time))
+    points[first:] = change(points[first:])
+    return replace(r, points=points)
+
+
+@pytest.mark.parametrize("order", [[3, 2, 1, 0, 4, 5], [1, 2, 3, 0, 4, 5]])
+def test_exchanged_labels_in_the_test_do_not_forbid_training(order):
+    r = soft_bar.recording(90, seed=2, noise=1e-3, sigma=0.1)
+    data = soft_bar.dataset(in_last_third(r, lambda points: points[:, order]))
+    require_trainable(data)
+    judgment = train(data, OPTIONS).usefulness
+    assert judgment.is_useless
+    assert judgment.cause.code == "markers-exchanged"
+    assert set(judgment.cause.data["order"]) <= {3, 5, 7, 11}
+
+
+def test_a_clock_that_is_seconds_off_is_the_cause():
+    late, r = 5.0, synthetic.recording(2, 80.0)
+    data = synthetic.dataset(replace(r, sample_time=r.sample_time + late))
+    require_trainable(data)
+    cause = train(data, OPTIONS).usefulness.cause
+    assert cause.code == "out-of-step"
+    assert cause.data["shift_s"] == pytest.approx(-late, abs=0.1)
+
+
+def nearly_periodic(late, noise):
+    """Return a recording of one movement again and again, whose signals are late."""
+    r = synthetic.recording(1, 120.0)
+    rng = np.random.default_rng(0)
+    knots = np.arange(0, 140, 4.0)
+    phase = np.interp(np.arange(0, 130, 0.01), knots, np.cumsum(rng.normal(1, 0.12, len(knots))))
+    wave = np.sin(2 * np.pi * phase)
+
+    def at(time):
+        return np.interp(time, np.arange(0, 130, 0.01), wave)
+
+    signals = at(r.sample_time - late)[:, None] * [0.1, 0.05, -0.08]
+    signals += noise * rng.normal(size=signals.shape)
+    points = synthetic.REST + at(r.time)[:, None, None] * np.ones((len(synthetic.IDS), 3)) * 10
+    return synthetic.dataset(
+        replace(r, ohm=r.rest * (1 + signals), points=points, sigma=np.full(points.shape, 0.1))
+    )
+
+
+def test_periodic_movement_is_compared_with_chance():
+    late = train(nearly_periodic(8.0, 1e-3), OPTIONS).usefulness
+    assert late.is_useless
+    noisy = train(nearly_periodic(0.0, 0.07), OPTIONS).usefulness
+    assert noisy.error > MIN_CHANCE_SHARE * noisy.movement
+    assert noisy.error < noisy.chance
+    assert not noisy.is_useless
+    assert train(nearly_periodic(0.0, 1e-3), OPTIONS).usefulness.chance is None
