@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -12,13 +11,12 @@ from ...core.arrays import Bool, Float
 from .dataset import Dataset, Recording
 from .problems import Problem
 
-_MAX_INVALID_S = 1.0  # without a valid resistance, at once
+MAX_INVALID_S = 1.0  # without a valid resistance, at once
 _FATAL_SHARE = 0.5  # of the samples
-_MAX_GAP_SHARE = 0.2  # of a channel's samples without a value, without a warning
-_MIN_CLIPPED_SHARE = 0.02  # of the samples, at the end of the converter's range
-_MAX_STUCK_S = 3.0  # without a change, while others move
+MIN_CLIPPED_SHARE = 0.02  # of the samples, at the end of the converter's range
+MAX_STUCK_S = 3.0  # without a change, while others move
 _MIN_MOVEMENT = 0.3  # of its own range, by which another channel moves meanwhile
-_MIN_RANGE = 1e-5  # (R - R0)/R0; a channel with a smaller range does not change
+MIN_RANGE = 1e-5  # (R - R0)/R0; a channel with a smaller range does not change
 _MAX_REST_CHANGE = 0.15  # of R0, by which the same cord changes at most
 _MAX_REST_DEVIATIONS = 6.0  # times the usual change of R0 between sessions
 _MAX_GAIN_RATIO = 1.35  # by which the same cord is more or less sensitive
@@ -42,14 +40,12 @@ def check_channels(dataset: Dataset, predicted: Mapping[str, Float] | None = Non
     Returns:
         The problems found.
     """
-    if dataset.readings is not None:
-        return check_readings(dataset)
     problems = [p for r in dataset.recordings for p in _check_range(dataset, r)]
     constant = [
         name
         for k, name in enumerate(dataset.channels)
         if all(
-            np.isfinite(r.signals[:, k]).any() and _range(r.signals[:, k]) < _MIN_RANGE
+            np.isfinite(r.signals[:, k]).any() and range_of(r.signals[:, k]) < MIN_RANGE
             for r in dataset.recordings
         )
     ]
@@ -65,100 +61,6 @@ def check_channels(dataset: Dataset, predicted: Mapping[str, Float] | None = Non
         )
     problems += [p for r in dataset.recordings for p in _check_stuck(dataset, r, constant)]
     return [*problems, *_check_rest(dataset), *_check_expected(dataset, predicted or {})]
-
-
-def check_readings(dataset: Dataset) -> list[Problem]:
-    """Find channels of any sensor that hold little information; none of them forbids training.
-
-    Args:
-        dataset: The dataset, whose readings may have any value.
-
-    Returns:
-        A problem for each such channel: it has gaps, does not change in a run, stays at one value
-        while others move, or is at the end of its range.
-    """
-    doubts: dict[str, list[_Doubt]] = {}
-    for k, name in enumerate(dataset.channels):
-        found = [d for r in dataset.recordings if (d := _find_doubt(r, k, name))]
-        if found:
-            worst = max(found, key=lambda d: d.share)
-            doubts.setdefault(worst.code, []).append(replace(worst, runs=len(found)))
-    return [_describe_doubts(code, group) for code, group in doubts.items()]
-
-
-@dataclass(frozen=True)
-class _Doubt:
-    """A channel that holds little information in a run.
-
-    Attributes:
-        code: Code of the problem.
-        run: Name of the run.
-        channel: Name of the channel.
-        text: What is wrong, for one channel.
-        share: Share of the samples concerned.
-        runs: Number of runs in which it is so.
-    """
-
-    code: str
-    run: str
-    channel: str
-    text: str
-    share: float
-    runs: int = 1
-
-
-#: What is wrong with several channels, by the code of the problem.
-_SEVERAL = {
-    "missing-channel": "have no value in many samples",
-    "constant-channel": "do not change",
-    "saturated-channel": "are at the end of their range for long",
-    "stuck-channel": "stay the same while others move",
-}
-
-
-def _describe_doubts(code: str, group: Sequence[_Doubt]) -> Problem:
-    """Return the problem of all channels with one code."""
-    worst = max(group, key=lambda d: d.share)
-    names = tuple(d.channel for d in group)
-    if len(group) == 1:
-        more = f" (and in {worst.runs - 1} more runs)" if worst.runs > 1 else ""
-        message, subject = f"{worst.run}: {worst.channel} {worst.text}{more}", "it"
-    else:
-        each = ", ".join(f"{d.channel} ({d.share:.0%})" for d in group)
-        message, subject = f"{worst.run}: {each} {_SEVERAL[code]}", "them"
-    return Problem(
-        code,
-        False,
-        message,
-        f"Check the connections, or leave {subject} out (--without-channels {','.join(names)})",
-        worst.share,
-        (worst.run,),
-        {"channels": names},
-    )
-
-
-def _find_doubt(r: Recording, k: int, name: str) -> _Doubt | None:
-    """Return why a channel holds little information in a run, if it does."""
-    values, signals = r.ohm[:, k], r.signals[:, k]
-    is_gap = ~np.isfinite(values)
-    if (share := float(is_gap.mean())) > _MAX_GAP_SHARE:
-        return _Doubt(
-            "missing-channel", r.name, name, f"has no value in {share:.0%} of the samples", share
-        )
-    if _range(signals) < _MIN_RANGE * max(1.0, float(np.nanmax(np.abs(signals)))):
-        return _Doubt("constant-channel", r.name, name, "does not change", 1.0)
-    step = float(np.median(np.diff(r.sample_time))) if len(r.sample_time) > 1 else 0.0
-    is_end = _is_at_end(values)
-    share, longest = float(is_end.mean()), step * _run_length(is_end)
-    is_long = longest > _MAX_INVALID_S / 2 and share > _MIN_CLIPPED_SHARE
-    if is_long and _do_others_move(r, k, *longest_run(is_end)):
-        text = f"is at the end of its range for {share:.0%} of the samples, {longest:.1f} s at once"
-        return _Doubt("saturated-channel", r.name, name, text, share)
-    start, end = longest_run(np.append(False, values[1:] == values[:-1]))
-    if step * (end - start) > _MAX_STUCK_S and _do_others_move(r, k, max(start - 1, 0), end):
-        text = f"stays the same for {step * (end - start):.1f} s while others move"
-        return _Doubt("stuck-channel", r.name, name, text, (end - start) / len(values))
-    return None
 
 
 def longest_run(flags: Bool) -> tuple[int, int]:
@@ -190,14 +92,14 @@ def _check_range(dataset: Dataset, r: Recording) -> Iterator[Problem]:
         is_shorted = 2 * (R <= 0).sum() > is_bad.sum()
         state = "shorted" if is_shorted else "open"
         description = "shorted" if is_shorted else "open or out of range"
-        longest, share = step * _run_length(is_bad), float(is_bad.mean())
-        if not (longest > _MAX_INVALID_S or share > _FATAL_SHARE):
-            is_bad, state, description = _is_at_end(R), "clipped", "at the end of its range"
-            longest, share = step * _run_length(is_bad), float(is_bad.mean())
+        longest, share = step * run_length(is_bad), float(is_bad.mean())
+        if not (longest > MAX_INVALID_S or share > _FATAL_SHARE):
+            is_bad, state, description = is_at_end(R), "clipped", "at the end of its range"
+            longest, share = step * run_length(is_bad), float(is_bad.mean())
             # A channel that never changes is at both ends of its range; it is reported as constant.
-            has_changes = _range(r.signals[:, k]) >= _MIN_RANGE
-            is_clipped = has_changes and share > _MIN_CLIPPED_SHARE and longest > _MAX_INVALID_S / 2
-            if not (is_clipped and _do_others_move(r, k, *longest_run(is_bad))):
+            has_changes = range_of(r.signals[:, k]) >= MIN_RANGE
+            is_clipped = has_changes and share > MIN_CLIPPED_SHARE and longest > MAX_INVALID_S / 2
+            if not (is_clipped and do_others_move(r, k, *longest_run(is_bad))):
                 continue
         yield Problem(
             "saturated-channel",
@@ -211,18 +113,18 @@ def _check_range(dataset: Dataset, r: Recording) -> Iterator[Problem]:
         )
 
 
-def _is_at_end(R: Float) -> Bool:
+def is_at_end(R: Float) -> Bool:
     """Return which samples (n,) equal the largest or the smallest value, the more frequent."""
     known = R[np.isfinite(R)]
     ends = [np.asarray(end == R) for end in (known.max(), known.min())]
     return max(ends, key=lambda flags: int(flags.sum()))
 
 
-def _do_others_move(r: Recording, k: int, start: int, end: int) -> bool:
+def do_others_move(r: Recording, k: int, start: int, end: int) -> bool:
     """Return whether a channel other than `k` moves between two samples."""
     others = [column for j, column in enumerate(r.signals.T) if j != k]
     return any(
-        _range(s[start:end]) > _MIN_MOVEMENT * _range(s) > _MIN_MOVEMENT * _MIN_RANGE
+        range_of(s[start:end]) > _MIN_MOVEMENT * range_of(s) > _MIN_MOVEMENT * MIN_RANGE
         for s in others
     )
 
@@ -240,7 +142,7 @@ def _check_stuck(dataset: Dataset, r: Recording, constant: Sequence[str]) -> Ite
         start, end = longest_run(is_repeated)
         start = max(start - 1, 0)
         duration = step * (end - start)
-        if duration > _MAX_STUCK_S and _do_others_move(r, k, start, end):
+        if duration > MAX_STUCK_S and do_others_move(r, k, start, end):
             is_fatal = (end - start) / len(R) > _FATAL_SHARE
             yield Problem(
                 "stuck-channel",
@@ -420,12 +322,13 @@ def _sessions_by_unit(dataset: Dataset) -> dict[str, dict[str, list[Recording]]]
     return units
 
 
-def _range(values: Float) -> float:
+def range_of(values: Float) -> float:
     """Return the difference of the 99th and first percentile of the known values."""
     known = values[np.isfinite(values)]
     return float(np.subtract(*np.percentile(known, [99, 1]))) if len(known) else 0.0
 
 
-def _run_length(flags: Bool) -> int:
+def run_length(flags: Bool) -> int:
+    """Return the length of the longest run of true flags (n,)."""
     start, end = longest_run(flags)
     return end - start

@@ -12,18 +12,16 @@ from ...core.arrays import Bool, Float
 from .channel_checks import check_channels, longest_run
 from .dataset import Dataset, Recording
 from .problems import Problem, raise_fatal
+from .reading_checks import MIN_DURATION_S, MIN_FRAMES, check_readings, check_values
 from .time_alignment import MAX_SHIFT_S, TimeShift, find_time_shift, find_time_shifts
 from .unit_checks import check_units
 
 _FRAMES_PER_WEIGHT = 10  # for each weight of a decoder
-_MIN_FRAMES = 50
-_MIN_DURATION_S = 60.0  # shorter recordings show little of how a device moves
 _MIN_REST_S = 0.5
 _MAX_REST_DISTANCE_MM = 3.0  # median distance of the markers from their rest positions, at rest
 _MAX_SHARE_WITHOUT_SAMPLES = 0.05  # of the frames
 _MAX_SHARE_WITHOUT_MARKERS = 0.5  # of the frames
 _FATAL_EXPLAINED = 0.05  # of the movements' variance; signals that explain less forbid training
-_MIN_KNOWN_SHARE = 0.5  # of a channel's values; a channel with fewer is named
 _MIN_CORRELATION = 0.4  # of a channel's signal with its prediction
 _UNINFORMATIVE, _OUT_OF_STEP, _UNKNOWN = "signals-tell-nothing", "out-of-step", "clocks-unknown"
 #: Codes of warnings on the clocks.
@@ -47,6 +45,7 @@ def check_dataset(
     Returns:
         The problems; those that forbid training come first.
     """
+    is_device = dataset.readings is None
     problems = [
         *_check_devices(dataset),
         *_check_copies(dataset),
@@ -57,7 +56,7 @@ def check_dataset(
     if not any(p.is_fatal for p in problems):  # the remaining checks compute with these values
         # Causes come first: missing signals or markers lead to too few frames.
         problems += [
-            *check_channels(dataset, predicted),
+            *(check_channels(dataset, predicted) if is_device else check_readings(dataset)),
             *_check_gaps(dataset),
             *_check_amount(dataset),
             *_check_rest_pose(dataset),
@@ -186,9 +185,9 @@ def _check_amount(dataset: Dataset) -> list[Problem]:
     """Check the number and duration of usable frames."""
     counts = {r.name: int(_usable_frames(r).sum()) for r in dataset.recordings}
     total, c = sum(counts.values()), len(dataset.channels)
-    needed = max(_MIN_FRAMES, _FRAMES_PER_WEIGHT * (1 + c))
+    needed = max(MIN_FRAMES, _FRAMES_PER_WEIGHT * (1 + c))
     if dataset.readings is not None:
-        return _check_values(dataset, counts, needed)
+        return check_values(dataset, counts, needed)
     duration = sum(
         counts[r.name] * float(np.median(np.diff(r.time)))
         for r in dataset.recordings
@@ -206,61 +205,17 @@ def _check_amount(dataset: Dataset) -> list[Problem]:
                 data={"needed": needed},
             )
         ]
-    if duration < _MIN_DURATION_S:
+    if duration < MIN_DURATION_S:
         return [
             Problem(
                 "few-frames",
                 False,
                 f"frames with markers and all signals last {duration:.0f} s in total",
-                f"Record {_MIN_DURATION_S:.0f} s or more, with all movements of the device",
+                f"Record {MIN_DURATION_S:.0f} s or more, with all movements of the device",
                 duration,
             )
         ]
     return []
-
-
-def _check_values(dataset: Dataset, counts: Mapping[str, int], advised: int) -> list[Problem]:
-    """Check the number of times with targets and all signals, where there is no device."""
-    total = sum(counts.values())
-    duration = sum(
-        counts[r.name] * float(np.median(np.diff(r.time)))
-        for r in dataset.recordings
-        if len(r.time) > 1
-    )
-    if total >= advised and duration >= _MIN_DURATION_S:
-        return []
-    if total >= advised:
-        text = f"times with targets and all signals last {duration:.3g} s in total"
-        action = f"Record {_MIN_DURATION_S:.0f} s or more, with all movements of the sensor"
-        return [Problem("few-frames", False, text, action, duration)]
-    shares = np.mean(
-        np.concatenate([np.isfinite(r.signals_at(r.time)) for r in dataset.recordings]), axis=0
-    )
-    worst = int(np.argmin(shares))
-    gaps = shares[worst] < _MIN_KNOWN_SHARE
-    names = [n for n, share in zip(dataset.channels, shares, strict=True) if share <= shares[worst]]
-    message = (
-        f"{total} of {dataset.frame_count} times have a target and all signals"
-        f"{f' ({names[0]} has {shares[worst]:.0%} of its values)' if gaps else ''}"
-    )
-    action = (
-        f"Leave out {names[0]} (without_channels), or record for longer"
-        if gaps and len(dataset.channels) > 1
-        else "Record for longer"
-    )
-    if total < _MIN_FRAMES:
-        return [
-            Problem(
-                "too-few-frames",
-                True,
-                f"{message}, and training needs {_MIN_FRAMES}",
-                action,
-                total,
-                data={"needed": _MIN_FRAMES},
-            )
-        ]
-    text = f"{message}; {advised} or more are advised for {len(dataset.channels)} channels"
-    return [Problem("few-frames", False, text, action, total)]
 
 
 def _check_gaps(dataset: Dataset) -> Iterator[Problem]:
@@ -372,7 +327,7 @@ def _is_layout_uninformative(r: Recording, predicted: Float | None) -> bool:
         is_known = np.isfinite(one) & np.isfinite(other)
         a, b = one[is_known] - one[is_known].mean(), other[is_known] - other[is_known].mean()
         norms = _MIN_CORRELATION * np.linalg.norm(a) * np.linalg.norm(b)
-        if is_known.sum() >= _MIN_FRAMES and a @ b > norms > 0:
+        if is_known.sum() >= MIN_FRAMES and a @ b > norms > 0:
             return True
     return False
 

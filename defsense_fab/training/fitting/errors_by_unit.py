@@ -1,4 +1,4 @@
-"""Errors and coverage of a model on its test frames, for each unit of the targets."""
+"""Errors, coverage and scales of targets on frames, for each of their units."""
 
 from __future__ import annotations
 
@@ -145,6 +145,36 @@ def select_unit(model: TrainedModel, frames: Frames, unit: str) -> tuple[Trained
     )
     is_used = np.isfinite(chosen.points[..., 0]).any(axis=1)
     return model.select_targets(which), chosen.select(np.asarray(is_used))
+
+
+def target_scale(frames: Frames) -> Float:
+    """Return what outputs are divided by, shape (m,), so that several units count alike.
+
+    It is 1 for a single unit, otherwise the root mean square deviation of the unit's targets.
+
+    Args:
+        frames: The frames of the training.
+    """
+    units = np.array(frames.dataset.units)
+    scale = np.ones(len(units))
+    if len(set(units.tolist())) > 1:
+        for unit in set(units.tolist()):
+            spread = spread_of(frames.points[:, units == unit])
+            scale[units == unit] = np.sqrt((spread**2).mean()) or 1.0
+    return scale
+
+
+def spread_of(points: Float) -> Float:
+    """Return the root mean square distance of each target from its mean, shape (m,).
+
+    Args:
+        points: Targets, shape (t, m, r); NaN in gaps.
+    """
+    spread = np.zeros(points.shape[1])
+    for k in range(len(spread)):
+        known: Float = points[np.isfinite(points[:, k, 0]), k]
+        spread[k] = np.sqrt(known.var(axis=0).sum()) if len(known) else 0.0
+    return spread
 
 
 def _decode(model: TrainedModel, frames: Frames) -> tuple[Float, Float]:

@@ -29,7 +29,7 @@ from .decoder_selection import (
     fit_simulated_candidate,
     select_simplest,
 )
-from .errors_by_unit import UnitErrors, measure_test, select_unit
+from .errors_by_unit import UnitErrors, measure_test, select_unit, spread_of, target_scale
 from .fault_limits import fit_fault_limits
 from .pose_signals import extract_pose_signals
 from .repeatability import Repeatability, measure_repeatability
@@ -131,7 +131,7 @@ def train(
     progress("train", 0.0, "looking for wrong markers")
     weights, wrong_markers = _weight_markers(frames, options)
     _require_all_markers(frames, weights)
-    scale = _target_scale(frames)
+    scale = target_scale(frames)
     data = FitData(
         frames,
         tuple(range(len(dataset.channels))),
@@ -197,29 +197,6 @@ def measure_errors(predicted: Float, points: Float) -> ErrorMeasures:
     )
 
 
-def _target_scale(frames: Frames) -> Float:
-    """Return what outputs are divided by, shape (m,), so that several units count alike.
-
-    It is 1 for a single unit, otherwise the root mean square deviation of the unit's targets.
-    """
-    units = np.array(frames.dataset.units)
-    scale = np.ones(len(units))
-    if len(set(units.tolist())) > 1:
-        for unit in set(units.tolist()):
-            spread = _spread(frames.points[:, units == unit])
-            scale[units == unit] = np.sqrt((spread**2).mean()) or 1.0
-    return scale
-
-
-def _spread(points: Float) -> Float:
-    """Return the root mean square distance of each target (t, m, r) from its mean, shape (m,)."""
-    spread = np.zeros(points.shape[1])
-    for k in range(len(spread)):
-        known: Float = points[np.isfinite(points[:, k, 0]), k]
-        spread[k] = np.sqrt(known.var(axis=0).sum()) if len(known) else 0.0
-    return spread
-
-
 def _judge(model: TrainedModel, test_frames: Frames, prior: Prior | None) -> Usefulness:
     """Judge whether the model is useful in each unit; return the worst judgment."""
     units = tuple(dict.fromkeys(model.units))
@@ -267,7 +244,7 @@ def _weight_markers(frames: Frames, options: TrainOptions) -> tuple[Float, Bool]
     signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
     floor = np.array([MIN_SCALE_MM if u == MARKER_UNIT else 0.0 for u in frames.dataset.units])
     if frames.dataset.targets is not None:
-        floor = np.maximum(floor, _MIN_SCALE_SHARE * _spread(frames.points))
+        floor = np.maximum(floor, _MIN_SCALE_SHARE * spread_of(frames.points))
     is_wrong, scale = find_wrong_markers(signals, frames.points, _common_time(frames), floor)
     return weight_by_certainty(frames.sigma, visible & ~is_wrong, scale), is_wrong
 

@@ -83,21 +83,20 @@ def table_dataset(
     runs, sessions = list[Recording](), list[dict[str, Any]]()
     device = info.device or info.fallback_device or SENSOR
     for name, (table, truth) in zip(names, tables, strict=True):
-        ordered = _match_columns(table, first_signals)
-        values = _match_columns(truth, first_targets).values
-        points = values[:, order].reshape(len(truth.time), -1, kinds.axes)
+        table, truth = _match_columns(table, first_signals), _match_columns(truth, first_targets)
+        points = truth.values[:, order].reshape(len(truth.time), -1, kinds.axes)
         points = np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
         time, error, offset = _synchronize(table, truth, points, info)
         _require_common_time(table, time, truth)
         if readings is None:
-            readings = make_readings(units, ordered.values, f"the first half of {name}")
+            readings = make_readings(units, table.values, f"the first half of {name}")
         runs.append(
             Recording(
                 name=name,
                 session=name,
                 unit=info.unit or device,
                 sample_time=time,
-                ohm=ordered.values,
+                ohm=table.values,
                 rest=readings.reference,
                 time=truth.time,
                 points=points,
@@ -107,18 +106,9 @@ def table_dataset(
             )
         )
         notes = [*table.notes, *truth.notes, *(unit_notes if len(runs) == 1 else ())]
+        files = {"signals": str(table.path), "targets": str(truth.path)}
         sessions.append(
-            {
-                "folder": name,
-                "signals": str(table.path),
-                "targets": str(truth.path),
-                "device": device,
-                "unit": info.unit,
-                "layout": info.layout,
-                "offset": offset,
-                "offset_by": "motion" if info.offset == "auto" else "user",
-                "notes": notes,
-            }
+            _describe_run(name, files, info, device) | {"offset": offset, "notes": notes}
         )
     assert readings is not None
     return Dataset(
@@ -132,6 +122,20 @@ def table_dataset(
         targets=kinds,
         readings=readings,
     )
+
+
+def _describe_run(
+    name: str, files: dict[str, str], info: RecordingInfo, device: str
+) -> dict[str, Any]:
+    """Return the facts on a run for the provenance."""
+    return {
+        "folder": name,
+        **files,
+        "device": device,
+        "unit": info.unit,
+        "layout": info.layout,
+        "offset_by": "motion" if info.offset == "auto" else "user",
+    }
 
 
 def name_runs(paths: Sequence[Path]) -> tuple[str, ...]:

@@ -34,7 +34,6 @@ from ...runtime.live.run_files import (
 from ...runtime.outputs.live_file import LiveSettings as LiveSettings
 from ...runtime.outputs.live_file import open_outputs
 from ...runtime.outputs.output import LatestFrameSender
-from ...runtime.outputs.settings import KINDS, GamepadSettings, MidiSettings
 from ...runtime.recording.target_file import TARGETS, TargetFile
 from ...runtime.surface.live_surface import LiveSurface
 from ...runtime.view.live_scene import ViewedDevice
@@ -44,7 +43,7 @@ from ...twin.recordings.walking_board import WalkingBoard
 from .live_device import LiveDevice, device_surface, typical_marker_sd
 from .options import RunOptions
 from .sources import Port, SessionPlay, open_source, open_twin
-from .target_sources import open_target_source
+from .target_sources import open_target_source, refuse_surface
 
 _ANIMATION_FILE = "animation.glb"
 _MAX_VIEW_RATE_HZ = 60.0
@@ -196,7 +195,7 @@ def _prepare_target_run(
     """
     model, place = live.model, Port(port)
     assert model.readings is not None
-    _refuse_surface(live, options, settings, view)
+    refuse_surface(live.model, options, settings, has_view=view is not None)
     path = place.path if place.is_replay else None
     source: Source | None = open_target_source(port, path, model.channels, model.readings)
     notes, reference = _note_useless_model(live), None
@@ -219,36 +218,6 @@ def _prepare_target_run(
     )
     file = folder.path / TARGETS if folder is not None and files else None
     return LiveRun(model.device, port, loop, outputs, None, recording, notes=notes, targets=file)
-
-
-def _refuse_surface(
-    live: LiveDevice, options: RunOptions, settings: LiveSettings, view: int | PagePlace | None
-) -> None:
-    """Raise an error for what needs a device: its surface, its poses or its rest."""
-    names = ", ".join(live.model.target_names)
-    refused = {
-        "view": (view is not None, "shows the surface of a device"),
-        "animation": (options.animation is not None, "records the surface of a device"),
-        "rest": (options.rest is not None, "is for cords, and this model has a fixed reference"),
-        "controls": (bool(settings.controls), "are the poses of a device"),
-    }
-    refused |= {
-        kind: (True, "plays the controls of a device")
-        for kind, of in KINDS.items()
-        if any(
-            isinstance(s, of) and isinstance(s, (MidiSettings, GamepadSettings))
-            for s in settings.outputs
-        )
-    }
-    for where, (is_given, text) in refused.items():
-        if is_given:
-            raise LiveError(
-                f"{text}; the model decodes {names}",
-                code="no-surface",
-                where=where,
-                action="Omit it; send the values by --output osc, websocket or lsl",
-                option=where,
-            )
 
 
 def _new_folder(live: LiveDevice) -> RunFolder:

@@ -26,9 +26,13 @@ from ...capture.readout.source import (
 from ...core.arrays import Float
 from ...core.errors import LiveError
 from ...decoding.quantities import RELATIVE, Readings
+from ...decoding.trained_model import TrainedModel
+from ...runtime.outputs.live_file import LiveSettings
+from ...runtime.outputs.settings import KINDS, GamepadSettings, MidiSettings
 from ...sensing.serial_frames import Info, Sample
 from ...training.recordings.column_units import Column, find_time, parse_column
 from ...training.recordings.table_dataset import read_columns
+from .options import RunOptions
 from .sources import TWIN
 
 #: Port of lines of text on standard input.
@@ -232,6 +236,46 @@ def _is_recording(path: Path) -> bool:
             return file.read(len(FIRST_LINE)) == FIRST_LINE.encode()
     except OSError:
         return False
+
+
+def refuse_surface(
+    model: TrainedModel, options: RunOptions, settings: LiveSettings, *, has_view: bool
+) -> None:
+    """Raise an error for what needs a device: its surface, its poses or its rest.
+
+    Args:
+        model: The model.
+        options: Options of the run.
+        settings: Its outputs and controls.
+        has_view: Whether a page is requested.
+
+    Raises:
+        LiveError: One of them is requested.
+    """
+    names = ", ".join(model.target_names)
+    refused = {
+        "view": (has_view, "shows the surface of a device"),
+        "animation": (options.animation is not None, "records the surface of a device"),
+        "rest": (options.rest is not None, "is for cords, and this model has a fixed reference"),
+        "controls": (bool(settings.controls), "are the poses of a device"),
+    }
+    refused |= {
+        kind: (True, "plays the controls of a device")
+        for kind, of in KINDS.items()
+        if any(
+            isinstance(s, of) and isinstance(s, (MidiSettings, GamepadSettings))
+            for s in settings.outputs
+        )
+    }
+    for where, (is_given, text) in refused.items():
+        if is_given:
+            raise LiveError(
+                f"{text}; the model decodes {names}",
+                code="no-surface",
+                where=where,
+                action="Omit it; send the values by --output osc, websocket or lsl",
+                option=where,
+            )
 
 
 def find_channels(
