@@ -63,6 +63,7 @@ def as_data(result: SessionEvaluation) -> dict[str, Any]:
         "notes": result.notes,
         "models": {m.name: _model(m) for m in result.models},
         "comparison": None if result.comparison is None else asdict(result.comparison),
+        "cords": None if result.likeness is None else result.likeness.to_json(),
         "paper": {name: asdict(row) for name, row in PAPER.items()},
     }
     plain = _plain(data)
