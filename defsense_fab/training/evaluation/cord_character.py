@@ -97,42 +97,47 @@ def _percent(share: float) -> str:
     return f"{100 * share:.2g}"
 
 
-def ideal_signals(dataset: Dataset) -> list[Float] | None:
+def target_terms(dataset: Dataset) -> Float:
+    """Return the terms (t, k) of a polynomial of the targets, at the frames of all runs."""
+    targets = np.concatenate([_fill(r) for r in dataset.recordings])
+    middle = targets.mean(axis=0)
+    sizes, axes = np.linalg.eigh((targets - middle).T @ (targets - middle))
+    share = sizes[::-1] / max(float(sizes.sum()), 1e-300)
+    count = max(int((share[:MAX_COMPONENTS] > MIN_COMPONENT_SHARE).sum()), 1)
+    x = (targets - middle) @ axes[:, ::-1][:, :count]
+    x /= x.std(axis=0) + 1e-12
+    pairs = [x[:, i] * x[:, j] for i in range(count) for j in range(i + 1)]
+    return np.column_stack([np.ones(len(x)), x, *pairs, x**3])
+
+
+def ideal_signals(dataset: Dataset, terms: Float) -> list[Float] | None:
     """Return the signals (t, c) at the frames of each run, without memory, by a polynomial.
 
     Args:
         dataset: The dataset.
+        terms: Terms of the polynomial, of `target_terms`.
 
     Returns:
         None if fewer frames with signals exist than the polynomial needs.
     """
-    points = [_fill(r) for r in dataset.recordings]
     signals = np.concatenate([r.signals_at(r.time) for r in dataset.recordings])
-    targets = np.concatenate(points)
-    middle = targets.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(targets - middle, full_matrices=False)
-    share = sizes**2 / max(float((sizes**2).sum()), 1e-300)
-    count = max(int((share[:MAX_COMPONENTS] > MIN_COMPONENT_SHARE).sum()), 1)
-    x = (targets - middle) @ axes[:count].T
-    x /= x.std(axis=0) + 1e-12
-    pairs = [x[:, i] * x[:, j] for i in range(count) for j in range(i + 1)]
-    A = np.column_stack([np.ones(len(x)), x, *pairs, x**3])
     ideal = np.full_like(signals, np.nan)
     for c in range(signals.shape[1]):
         is_known = np.isfinite(signals[:, c])
-        if is_known.sum() < 2 * A.shape[1]:
+        if is_known.sum() < 2 * terms.shape[1]:
             return None
-        ideal[:, c] = A @ np.linalg.lstsq(A[is_known], signals[is_known, c], rcond=None)[0]
-    return np.split(ideal, np.cumsum([len(p) for p in points])[:-1])
+        fitted = np.linalg.lstsq(terms[is_known], signals[is_known, c], rcond=None)[0]
+        ideal[:, c] = terms @ fitted
+    return np.split(ideal, np.cumsum([len(r.time) for r in dataset.recordings])[:-1])
 
 
 def _fill(r: Recording) -> Float:
     """Return marker coordinates (t, d), interpolated where markers are hidden."""
     flat = r.points.reshape(len(r.time), -1)
-    seen = np.isfinite(flat)
+    visible = np.isfinite(flat)
     columns = [
-        np.interp(r.time, r.time[seen[:, k]], flat[seen[:, k], k])
-        for k in np.flatnonzero(seen.any(axis=0))
+        np.interp(r.time, r.time[visible[:, k]], flat[visible[:, k], k])
+        for k in np.flatnonzero(visible.any(axis=0))
     ]
     return np.stack(columns, axis=1) if columns else np.zeros((len(r.time), 1))
 

@@ -14,6 +14,7 @@ from ...training.evaluation.cord_character import (
     TwinLikeness,
     ideal_signals,
     measure_character,
+    target_terms,
 )
 from ...twin.electronics.rubber_cords import (
     CORD_FAMILIES,
@@ -39,7 +40,8 @@ def compare_with_twins(dataset: Dataset, device: Device | None = None) -> TwinLi
     Returns:
         None if the session is too short.
     """
-    ideal = ideal_signals(dataset)
+    terms = target_terms(dataset)
+    ideal = ideal_signals(dataset, terms)
     session = None if ideal is None else measure_character(dataset, ideal)
     if ideal is None or session is None:
         return None
@@ -51,7 +53,7 @@ def compare_with_twins(dataset: Dataset, device: Device | None = None) -> TwinLi
         for name, family in CORD_FAMILIES.items():
             traits = RubberTraits(family(), noise=device.cord.noise, contact=contact)
             units = [_simulate(dataset, ideal, traits, k) for k in range(UNITS)]
-            ideals = [ideal_signals(unit) for unit in units]
+            ideals = [ideal_signals(unit, terms) for unit in units]
             characters = [
                 c
                 for unit, own in zip(units, ideals, strict=True)

@@ -10,6 +10,7 @@ from defsense_fab.training.evaluation.cord_character import (
     TwinLikeness,
     ideal_signals,
     measure_character,
+    target_terms,
 )
 from defsense_fab.twin.electronics.hysteretic_memory import HystereticMemory
 
@@ -37,9 +38,13 @@ def make_dataset(respond, seconds=240.0, seed=0):
     return Dataset("d", "", ("a",), np.arange(1), points[0], (run,))
 
 
+def measure(data):
+    return measure_character(data, ideal_signals(data, target_terms(data)))
+
+
 def character(respond, **options):
     data = make_dataset(respond, **options)
-    return measure_character(data, ideal_signals(data))
+    return measure(data)
 
 
 def lag(time, s, constant):
@@ -104,12 +109,13 @@ def test_hidden_markers_open_channels_and_short_runs():
     ohm[300:400, 1] = np.nan
     run = replace(run, points=points, ohm=ohm, rest=np.array([1000.0, 1000.0]))
     data = replace(data, channels=("a", "b"), recordings=(run,))
-    measured = measure_character(data, ideal_signals(data))
+    measured = measure(data)
     assert measured.hysteresis == pytest.approx(0.024 / 0.29, rel=0.3)
     brief = make_dataset(play, seconds=10.0)
-    assert measure_character(brief, ideal_signals(brief)) is None
+    assert measure(brief) is None
     silent = replace(run, ohm=np.full_like(ohm, np.nan))
-    assert ideal_signals(replace(data, recordings=(silent,))) is None
+    silent = replace(data, recordings=(silent,))
+    assert ideal_signals(silent, target_terms(silent)) is None
 
 
 def test_sentences_leave_out_what_is_unknown():
