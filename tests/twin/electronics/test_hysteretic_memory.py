@@ -1,5 +1,6 @@
 """The family of cords that was fitted to recordings: turning points, power laws, softening."""
 
+import os
 import time
 from dataclasses import replace
 
@@ -186,3 +187,44 @@ def test_ten_minutes_of_four_cords_at_200_hz_take_less_than_two_seconds():
     started = time.process_time()
     pieces.simulate(times, signals, state, rng)
     assert time.process_time() - started < 2.0
+
+
+def test_any_sampling_gives_finite_and_bounded_responses():
+    """Irregular times, pauses of hours, jumps, compression, constant signals, extreme pieces.
+
+    `DEFSENSE_CORD_VARIANTS=1000` tries more variants.
+    """
+    for seed in range(int(os.environ.get("DEFSENSE_CORD_VARIANTS", "40"))):
+        rng = np.random.default_rng(seed)
+        n, c = int(rng.integers(1, 400)), int(rng.integers(1, 4))
+        steps = rng.choice(
+            [1e-6, 0.005, 0.02, 0.5, 60.0, 36000.0], n, p=[0.1, 0.4, 0.3, 0.1, 0.07, 0.03]
+        )
+        times = np.cumsum(steps * rng.uniform(0.5, 1.5, n))
+        scale = 10 ** rng.uniform(-6, 0.5)
+        kind = rng.integers(4)
+        signals = (
+            rng.normal(size=(n, c)) if kind == 0 else np.cumsum(rng.normal(size=(n, c)), axis=0)
+        )
+        signals = (
+            np.zeros((n, c)) if kind == 3 else scale * signals / max(np.abs(signals).max(), 1.0)
+        )
+        memory = replace(MEMORY, spread=float(rng.choice([0.0, 0.48, 1.5])))
+        pieces = memory.draw(c, rng)
+        state = memory.new_state(c)
+        response, end = memory.respond(times, signals, state, pieces)
+        again, _ = memory.respond(times, signals, state, pieces)
+        assert np.array_equal(response, again)
+        rested = memory.rest_state(end, float(rng.choice([0.0, 1.0, 1e4])))
+        assert all(np.isfinite(x).all() for x in (response, *end, *rested))
+        largest = np.maximum(np.abs(signals).max(axis=0), memory.fresh)
+        assert (np.abs(rested[1]) <= np.abs(end[1]) + 1e-15).all()
+        broken = pieces[:, 3:7].sum(axis=1) * np.abs(np.diff(signals, axis=0)).sum(axis=0)
+        limit = largest * (1 + pieces[:, 10] + np.abs(pieces[:, 0])) + broken
+        assert (np.abs(response) <= limit + 1e-12).all()
+        # A recording in two parts is the same as in one.
+        k = n // 2
+        if k:
+            _, middle = memory.respond(times[: k + 1], signals[: k + 1], state, pieces)
+            second, _ = memory.respond(times[k:], signals[k:], middle, pieces)
+            assert second == pytest.approx(response[k:], rel=1e-9, abs=1e-12)
