@@ -67,6 +67,8 @@ def test_resistance_rises_although_the_cord_is_released():
     times = np.arange(0, 30, 1 / RATE)
     signal = np.interp(times, [0, 1, 20, 20.4], [0, 0.3, 0.3, 0.0])
     response, _ = respond(MEMORY, times, signal)
+    during = response[(times >= 20) & (times <= 20.4)]
+    assert (during - np.minimum.accumulate(during)).max() > 0.02 * 0.3
     released = response[times >= 20.4]
     assert released[0] > released[-1] > 0
     rates = [
