@@ -18,7 +18,7 @@ The output shows for each seed:
 `--few` trains on less data: none but the simulation, 60 frames of the first minute, 5 minutes; each
 with and without the simulation, by RMSE on the same last 30 %. `--later` decodes a session of the
 same unit 20 hours later: as it is, after a recalibration by one and by three rounds of three poses,
-and with the gain of each cord changed by a fifth.
+and with the gain of each cord changed by a fifth. `--cords` chooses the family of the twin's cords.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -45,7 +46,7 @@ from defsense_fab.training.fitting.recalibration import recalibrate
 from defsense_fab.training.fitting.train_model import Training, train
 from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.regression.simulated_decoder import fit_simulated_model
-from defsense_fab.twin.options import TwinOptions
+from defsense_fab.twin.options import CordFamilyName, TwinOptions
 from defsense_fab.twin.recordings.twin_recordings import simulate_runs
 from defsense_fab.workflow.build.build import build
 
@@ -89,7 +90,13 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
     print(f"{device.name}: predicted {promised:.2f} mm ({band.low:.2f}-{band.high:.2f})")
     for seed in range(1, options.seeds + 1):
         sessions = 2 if options.later else 1
-        twin = TwinOptions(minutes=options.minutes, sessions=sessions, seed=seed, unit=seed)
+        twin = TwinOptions(
+            minutes=options.minutes,
+            sessions=sessions,
+            seed=seed,
+            unit=seed,
+            cords=options.cords,
+        )
         runs = simulate_runs(device, twin)
         whole = replace(runs.dataset, recordings=runs.dataset.recordings[:1])
         prior = simulated_prior(device, whole.channels, whole.rest_points)
@@ -259,6 +266,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--few", action="store_true")
+    parser.add_argument("--cords", default=TwinOptions.cords, choices=get_args(CordFamilyName))
     parser.add_argument("--later", action="store_true")
     options = parser.parse_args()
     for folder in options.devices:

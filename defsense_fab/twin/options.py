@@ -15,6 +15,8 @@ from ..core.schema.options import check_options
 TWIN = "twin"
 #: Kinds of simulated cameras; `camera_kinds` has their properties.
 CameraKindName = Literal["webcam", "phone", "industrial"]
+#: Families of the cords' memory; `rubber_cords` has their properties.
+CordFamilyName = Literal["viscoelastic", "hysteretic"]
 _Seed = Annotated[int, Meta(ge=0, le=1_000_000_000)]
 
 
@@ -27,6 +29,8 @@ class TwinOptions:
         sessions: Set the number of sessions of the same unit, one day apart.
         seed: Set the random seed of the hand's path.
         unit: Choose the built unit, with its tolerances and pieces of cord.
+        cords: Choose the family of the cords' memory: viscoelastic (assumed), or hysteretic (fitted
+            to recordings of real sensors).
         off: Turn these traits off.
         wrong: Set the share of wrong marker positions (default: 0).
         grips: Set the number of places that are pulled in addition to the poses.
@@ -45,6 +49,7 @@ class TwinOptions:
     sessions: Annotated[int, Meta(ge=1, le=100)] = 1
     seed: _Seed = 1
     unit: _Seed = 1
+    cords: CordFamilyName = "viscoelastic"
     off: tuple[str, ...] = ()
     wrong: Annotated[float, Meta(ge=0, le=0.5)] | None = None
     grips: Annotated[int, Meta(ge=0, le=4)] = 0

@@ -133,8 +133,9 @@ def _run(
         models: Model files (model.json), or their folders; several run at once.
         port: Set the port of each read-out board: /dev/ttyUSB0, COM3, socket://host:port;
             replay:board.csv or replay:SESSION (with the tracks of its cameras); or twin
-            (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b). A model
-            of any other sensor plays a table (replay:signals.csv), or reads lines of text (stdin).
+            (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b;
+            cords=hysteretic for cords fitted to recordings). A model of any other sensor plays a
+            table (replay:signals.csv), or reads lines of text (stdin).
         device: Set the device folder for each model (default: that of the model).
     """
     from ..terminal.live_lines import LiveLines

@@ -66,6 +66,7 @@ def as_data(result: SessionEvaluation) -> dict[str, Any]:
         "notes": result.notes,
         "models": {m.name: _model(m) for m in result.models},
         "comparison": None if result.comparison is None else asdict(result.comparison),
+        "cords": None if result.likeness is None else result.likeness.to_json(),
         "paper": {name: asdict(row) for name, row in published_errors(result).items()},
         "test": errors_to_json(_first_errors(result)),
     }

@@ -81,6 +81,7 @@ class TrainingPart:
         self._minutes = add_option(gui, TwinOptions, "minutes", "Duration (min)", 0.1)
         self._unit = add_option(gui, TwinOptions, "unit", "Unit", 1)
         self._seed = add_option(gui, TwinOptions, "seed", "Seed", 1)
+        self._cords = add_option(gui, TwinOptions, "cords", "Cords", 1)
         self._bench.button(
             "Record the twin", "Simulate a session, as `defsense twin` does", self.record_twin
         )
@@ -145,7 +146,9 @@ class TrainingPart:
                 f"`{out.name}` exists already. Choose another seed or unit.", "file-exists"
             )
             return
-        options = TwinOptions(minutes=float(self._minutes.value), unit=unit, seed=seed)
+        options = TwinOptions(
+            minutes=float(self._minutes.value), unit=unit, seed=seed, cords=self._cords.value
+        )
         task = partial(jobs.record_twin, device.source, options)
         self._start_job(task, self._recording_text)
 

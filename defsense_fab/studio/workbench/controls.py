@@ -76,17 +76,19 @@ def field_hint(declared: Field, unset: tuple[float, str] | None = None) -> str:
 
 
 def add_option(gui: Any, record: type, name: str, label: str, step: float) -> Any:
-    """Add the control of a number of an options record, and return its handle.
+    """Add the control of a number or choice of an options record, and return its handle.
 
     Args:
         gui: The viser GUI; the control is added to its open folder.
         record: The options record.
         name: Name of the option.
         label: Label.
-        step: Step of the arrows.
+        step: Step of the arrows; not used for a choice.
     """
     option = options_of(record)[name]
     hint = option.description.rstrip(".")
+    if option.choices:
+        return gui.add_dropdown(label, option.choices, initial_value=option.default, hint=hint)
     return gui.add_number(
         label, option.default, min=option.low, max=option.high, step=step, hint=hint
     )

@@ -18,6 +18,7 @@ from ..fitting.usefulness import Usefulness
 from ..fitting.useless_causes import judge_model
 from ..regression.frames import MIN_FRAMES, Frames
 from ..regression.simulation_prior import Prior
+from .cord_character import TwinLikeness
 from .decoded_frames import match_channels, match_to_model
 from .error_budget import ErrorBudget, error_budget
 from .evaluate import Evaluation, evaluate
@@ -84,6 +85,7 @@ class SessionEvaluation:
         models: The models, the one of interest first.
         comparison: Comparison of the models; None for a single one.
         notes: What else the user should know.
+        likeness: How the cords respond, next to twins; None if it was not measured.
     """
 
     device: str
@@ -92,6 +94,7 @@ class SessionEvaluation:
     models: tuple[Evaluated, ...]
     comparison: Comparison | None
     notes: tuple[str, ...]
+    likeness: TwinLikeness | None = None
 
 
 @one_blas_thread()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from ...core.device.device import Device
 from ...core.errors import CaptureError, DeviceError
 from ..electronics.readout_board import BoardTraits
-from ..electronics.rubber_cords import RubberTraits
+from ..electronics.rubber_cords import CORD_FAMILIES, RubberTraits
 from ..filming.camera_kinds import CAMERA_KINDS
 from ..options import TWIN, TwinCameras, TwinOptions
 from ..scenes.assumptions import Assumption, assume, disable_traits, list_assumptions
@@ -103,7 +103,7 @@ class TwinTraits:
 
         Args:
             device: The device.
-            options: Options of simulated sessions, whose wrong markers and cameras are used.
+            options: Options of simulated sessions, whose cords, wrong markers and cameras are used.
 
         Raises:
             DeviceError: The cameras of the options are invalid, or have a seed of their own
@@ -123,7 +123,8 @@ class TwinTraits:
                 )
             cameras = TwinCameras.parse(f"{TWIN}:{options.cameras}")
             film = FilmTraits(cameras.kind, cameras.count, options.rate)
-        rubber = RubberTraits(noise=cord.noise, contact=cord.contact)
+        memory = CORD_FAMILIES[options.cords]()
+        rubber = RubberTraits(memory, noise=cord.noise, contact=cord.contact)
         return cls(rubber=rubber, markers=markers, film=film)
 
     @property

@@ -1,6 +1,8 @@
-"""A model of cords of carbon-filled rubber, of another family than the decoders assume.
+"""Pieces of cord of carbon-filled rubber, with one of two families of memories.
 
-The response of a cord to its ideal signal s = (R - R0)/R0 without memory is
+`HystereticMemory` is fitted to recordings (see its module). `MemoryTraits`, the default, has
+assumed numbers. It is nonlinear, but made of relaxing elements, as the decoders assume. Its
+response to the ideal signal s = (R - R0)/R0 without memory is
 
     a = gain (s (1 + mu phi(s/m)) + c z + y_1 + y_2 + y_3).
 
@@ -21,13 +23,17 @@ The resistance is R = R0 (1 + drift) (1 + alpha dT) (1 + ageing) (1 + a) + joint
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, field, replace
+from typing import get_args
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
+from ..options import CordFamilyName
 from ..scenes.assumptions import assume
+from .hysteretic_memory import HystereticMemory, filter_noise
 
 _DATA_SHEET = (
     "chosen to agree with a supplier's data sheet (Images Scientific, stretch sensor, also the"
@@ -109,6 +115,58 @@ class MemoryTraits:
         6.0, "mullins", "h", "time constant with which softening is forgotten", off=6.0
     )
 
+    def draw(self, count: int, rng: np.random.Generator) -> Float:  # noqa: ARG002 - draws none
+        """Return no constants (c, 0): pieces of cord have the same memory."""
+        return np.empty((count, 0))
+
+    def new_state(self, count: int) -> tuple[Float, ...]:
+        """Return the state of new cords: torn resistances y (k, c), friction z (c,), and m (c,)."""
+        return np.zeros((len(self.tear), count)), np.zeros(count), np.full(count, self.fresh)
+
+    def rest_state(self, state: tuple[Float, ...], hours: float) -> tuple[Float, ...]:
+        """Return the state after hours at rest: healed, softening partly forgotten.
+
+        Friction stays as it was.
+        """
+        y, z, m = state
+        remaining = np.exp(-hours / self.recovery)
+        return np.zeros_like(y), z, self.fresh + remaining * (m - self.fresh)
+
+    def respond(
+        self,
+        time: Float,
+        signals: Float,
+        state: tuple[Float, ...],
+        pieces: Float,  # noqa: ARG002 - pieces do not differ
+    ) -> tuple[Float, tuple[Float, ...]]:
+        """Return the responses (n, c) and the state at the last time.
+
+        Args:
+            time: Times (n,) s.
+            signals: Ideal signals (n, c), (R - R0)/R0.
+            state: The state at the first time.
+            pieces: Not used.
+        """
+        response, *end = _respond(time, signals, *state, astuple(self))
+        return response, tuple(end)
+
+    def fluctuate(
+        self,
+        time: Float,  # noqa: ARG002
+        response: Float,  # noqa: ARG002
+        rng: np.random.Generator,  # noqa: ARG002
+    ) -> float:
+        """Return no additional noise."""
+        return 0.0
+
+
+#: The families of memories by their names.
+CORD_FAMILIES: dict[CordFamilyName, Callable[[], MemoryTraits | HystereticMemory]] = {
+    "viscoelastic": MemoryTraits,
+    "hysteretic": HystereticMemory,
+}
+assert set(CORD_FAMILIES) == set(get_args(CordFamilyName))
+
 
 @dataclass(frozen=True)
 class RubberTraits:
@@ -117,10 +175,10 @@ class RubberTraits:
     The declaration of each field states its unit, meaning and source.
 
     Attributes:
-        memory: Relaxation, hysteresis and softening.
+        memory: Relaxation, hysteresis and softening, of one of the families.
     """
 
-    memory: MemoryTraits = MemoryTraits()
+    memory: MemoryTraits | HystereticMemory = field(default_factory=MemoryTraits)
     drift_walk: float = assume(
         0.004, "drift", "1/sqrt(h)", "random walk of R0, standard deviation", _USERS
     )
@@ -159,34 +217,21 @@ class RubberState:
     """The state of c cords.
 
     Attributes:
-        y: Torn resistance (k, c) of each element.
-        z: Friction (c,).
-        m: Largest signal so far (c,).
+        memory: State of the memory: what `new_state` of its family returns.
         drift: Relative drift of R0 so far (c,).
     """
 
-    y: Float
-    z: Float
-    m: Float
+    memory: tuple[Float, ...]
     drift: Float
 
     @classmethod
     def new(cls, traits: RubberTraits, count: int) -> RubberState:
         """Return the state of `count` new cords."""
-        return cls(
-            y=np.zeros((len(traits.memory.tear), count)),
-            z=np.zeros(count),
-            m=np.full(count, traits.memory.fresh),
-            drift=np.zeros(count),
-        )
+        return cls(traits.memory.new_state(count), np.zeros(count))
 
     def after_rest(self, traits: RubberTraits, hours: float) -> RubberState:
-        """Return the state after hours at rest: healed, and with part of the softening forgotten.
-
-        Friction stays as it was.
-        """
-        fresh, remaining = traits.memory.fresh, np.exp(-hours / traits.memory.recovery)
-        return replace(self, y=np.zeros_like(self.y), m=fresh + remaining * (self.m - fresh))
+        """Return the state after hours at rest."""
+        return replace(self, memory=traits.memory.rest_state(self.memory, hours))
 
 
 @dataclass(frozen=True)
@@ -197,12 +242,14 @@ class RubberPieces:
         traits: What they have in common.
         ohm: Resistances at rest (c,) ohm.
         trend: Steady relative drift of R0 (c,) per hour.
+        constants: In what the memories of the pieces differ (c, p).
         age: Age of the device, days.
     """
 
     traits: RubberTraits
     ohm: Float
     trend: Float
+    constants: Float
     age: float = 0.0
 
     @classmethod
@@ -213,7 +260,8 @@ class RubberPieces:
         """
         deviation, trend = rng.normal(size=(2, len(nominal)))
         ohm = nominal * (1 + traits.ohm_spread * deviation)
-        return cls(traits, ohm, traits.drift_trend * trend)
+        constants = traits.memory.draw(len(nominal), rng)
+        return cls(traits, ohm, traits.drift_trend * trend, constants)
 
     def simulate(
         self, time: Float, signals: Float, state: RubberState, rng: np.random.Generator
@@ -230,13 +278,11 @@ class RubberPieces:
             Resistances (n, c) ohm, and the state at the last time.
         """
         t = self.traits
-        response, y, z, m = _respond(
+        response, memory = t.memory.respond(
             np.ascontiguousarray(time, float),
             np.ascontiguousarray(signals, float),
-            state.y,
-            state.z,
-            state.m,
-            astuple(t.memory),
+            state.memory,
+            self.constants,
         )
         n, c = signals.shape
         step = np.diff(time, prepend=time[0])[:, None]
@@ -245,9 +291,10 @@ class RubberPieces:
         thermal = t.per_kelvin * self._draw_warming(time, rng)[:, None]
         aged, gain = t.ageing * self.age, 1 - t.stiffening * self.age
         noise = t.noise * rng.normal(size=(n, c))
-        jitter = _filter_noise(step[:, 0], t.jitter_time, rng.normal(size=(n, c)))
+        jitter = filter_noise(step[:, 0], t.jitter_time, rng.normal(size=(n, c)))
+        noise += t.memory.fluctuate(time, response, rng)
         ohm = self.ohm * (1 + drift) * (1 + thermal) * (1 + aged) * (1 + gain * response + noise)
-        return ohm + np.sqrt(2) * t.contact * jitter, RubberState(y, z, m, drift[-1])
+        return ohm + np.sqrt(2) * t.contact * jitter, RubberState(memory, drift[-1])
 
     def _draw_warming(self, time: Float, rng: np.random.Generator) -> Float:
         """Draw the temperatures (n,) K above that at the start."""
@@ -301,17 +348,6 @@ def _respond(time, s, y0, z0, m0, memory):  # type: ignore[no-untyped-def]
             out[i, j] = a
             before = now
     return out, y, z, m
-
-
-@compiled(error_model="numpy")
-def _filter_noise(step, constant, normal):  # type: ignore[no-untyped-def]
-    """Turn normal numbers (n, c) into an Ornstein-Uhlenbeck process of unit variance."""
-    out = np.empty_like(normal)
-    out[0] = normal[0]
-    for i in range(1, len(normal)):
-        remaining = np.exp(-step[i] / constant)
-        out[i] = remaining * out[i - 1] + np.sqrt(1 - remaining * remaining) * normal[i]
-    return out
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ..electronics.cords import FAULT_KINDS, SWAP, CordFault, ReplayedCords
 from ..electronics.readout_board import ReadoutTwin
-from ..options import TwinOptions
+from ..options import CordFamilyName, TwinOptions
 from .twin_recordings import TwinRuns, simulate_runs
 
 
@@ -44,6 +44,7 @@ def simulate_walking_board(
     device: Device,
     *,
     unit: int = 1,
+    cords: CordFamilyName = TwinOptions.cords,
     seed: int = 101,
     seconds: float = 300.0,
     faults: Sequence[CordFault] = (),
@@ -57,6 +58,7 @@ def simulate_walking_board(
     Args:
         device: The device.
         unit: Number of the built device (see `build_unit`).
+        cords: Family of the cords' memory.
         seed: Seed of the hand's motion.
         seconds: Duration of the session, s.
         faults: Faults of cords and plugs.
@@ -66,11 +68,11 @@ def simulate_walking_board(
     Raises:
         CaptureError: The device is not built, or there is no such trait.
     """
-    options = TwinOptions(seed=seed, unit=unit, off=tuple(off))
+    options = TwinOptions(seed=seed, unit=unit, cords=cords, off=tuple(off))
     runs = simulate_runs(device, options, seconds=seconds, progress=progress)
     truth = runs.runs[0].truth
-    cords = ReplayedCords(runs.dataset.channels, truth.sample_time, truth.ohm, tuple(faults))
-    return WalkingBoard(device, cords, runs)
+    replayed = ReplayedCords(runs.dataset.channels, truth.sample_time, truth.ohm, tuple(faults))
+    return WalkingBoard(device, replayed, runs)
 
 
 def parse_faults(channels: Sequence[str], words: Sequence[str]) -> tuple[CordFault, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import cast, get_args
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from ...sensing.voltage_divider import Dividers
 from ...training.data.dataset import Recording
 from ...training.recordings.datasets import match_to_device
 from ...training.recordings.session_dataset import session_dataset
+from ...twin.options import CordFamilyName, TwinOptions
 from ...twin.recordings.walking_board import (
     WalkingBoard,
     parse_faults,
@@ -132,10 +134,13 @@ def open_twin(live: LiveDevice, port: Port, progress: Progress) -> WalkingBoard 
             action="Give the folder of the built device",
         )
     values, faults = dict(_TWIN_DEFAULTS), []
+    cords: CordFamilyName = TwinOptions.cords
     for word in filter(None, words.split(",")):
         name, equals, number = word.partition("=")
         if equals and name in values and number.isdecimal():
             values[name] = int(number)
+        elif name == "cords" and number in get_args(CordFamilyName):
+            cords = cast(CordFamilyName, number)
         elif "@" in word:
             faults.append(word)
         else:
@@ -143,7 +148,8 @@ def open_twin(live: LiveDevice, port: Port, progress: Progress) -> WalkingBoard 
                 f"{word!r} is not an option of the twin",
                 code="unknown-twin-option",
                 where=port.text,
-                action="Use any of twin:unit=1,seed=7,minutes=5,cut=NAME@20-30",
+                action="Use any of twin:unit=1,seed=7,minutes=5,cut=NAME@20-30,"
+                f"cords={' or cords='.join(get_args(CordFamilyName))}",
                 option=word,
             )
     if not 1 <= values["minutes"] <= _MAX_TWIN_MINUTES:
@@ -156,6 +162,7 @@ def open_twin(live: LiveDevice, port: Port, progress: Progress) -> WalkingBoard 
     return simulate_walking_board(
         live.device,
         unit=values["unit"],
+        cords=cords,
         seed=values["seed"],
         seconds=60.0 * values["minutes"],
         faults=parse_faults(live.board_channels, faults),

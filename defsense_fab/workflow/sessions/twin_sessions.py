@@ -222,8 +222,9 @@ def format_assumptions(runs: TwinRuns) -> str:
     lines = [
         f"# Assumptions of the twin of {runs.dataset.device}",
         "",
-        f"Unit {provenance['unit']}, seed {provenance['seed']}, disabled traits: {off}. The option"
-        " `off` disables all numbers of a trait. Numbers without a trait cannot be disabled.",
+        f"Unit {provenance['unit']}, seed {provenance['seed']}, {provenance['cords']} cords,"
+        f" disabled traits: {off}. The option `off` disables all numbers of a"
+        " trait. Numbers without a trait cannot be disabled.",
         "",
         f"Shapes are interpolated between {len(fields.space.states)} solved states. States that"
         f" are left out are predicted with an error of {fields.error:.3g} mm RMS at the markers"

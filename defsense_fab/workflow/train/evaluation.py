@@ -29,6 +29,7 @@ from ...training.fitting.model_file import load_model
 from ...training.fitting.prepare import describe_uncertain, load_prior, predict_recordings
 from ...training.recordings.datasets import describe_files, device_layout, load_dataset
 from .options import ClockShift, DataFiles, EvaluateOptions
+from .twin_likeness import compare_with_twins
 
 #: Codes of problems that matter for training data, but not for test data.
 _TRAINING_CODES = ("too-few-frames", "few-frames", "markers-never-seen")
@@ -203,7 +204,8 @@ def evaluate_recordings(
         *prior_notes,
         *doubts,
     ]
-    return replace(result, notes=tuple(notes))
+    likeness = compare_with_twins(dataset, device)
+    return replace(result, notes=tuple(notes), likeness=likeness)
 
 
 def _select_used_channels(dataset: Dataset, models: Sequence[TrainedModel]) -> Dataset:

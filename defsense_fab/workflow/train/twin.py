@@ -51,7 +51,7 @@ class WrittenTwin:
             "interpolation_mm": fields.error,
             "interpolation_signal": fields.signal_error,
             "warnings": list(fields.warnings),
-            **{key: dataset.provenance[key] for key in ("unit", "seed", "off")},
+            **{key: dataset.provenance[key] for key in ("unit", "seed", "cords", "off")},
         }
 
 

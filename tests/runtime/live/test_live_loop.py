@@ -200,6 +200,7 @@ def test_invalid_ports_are_refused(live_bar, tmp_path):
     for port, code in (
         ("replay:/nowhere/board.csv", "file-not-found"),
         ("twin:speed=3", "unknown-twin-option"),
+        ("twin:cords=string", "unknown-twin-option"),
         ("twin:minutes=900", "out-of-range"),
     ):
         with raises(LiveError, code):

@@ -128,7 +128,7 @@ def test_drift_temperature_and_ageing_change_the_rest_resistance():
     warmer = after("temperature") / 1000 - 1
     assert np.ptp(warmer) == 0
     assert warmer[0] == pytest.approx(0.003 * 2.0 * (1 - 0.5**3), abs=0.003)
-    old = RubberPieces(only("ageing"), np.array([1000.0]), np.zeros(1), age=10.0)
+    old = RubberPieces(only("ageing"), np.array([1000.0]), np.zeros(1), np.empty((1, 0)), age=10.0)
     state = RubberState.new(old.traits, 1)
     signals = np.array([[0.0], [0.1]])
     ohm, _ = old.simulate(np.arange(2.0), signals, state, np.random.default_rng(0))
@@ -143,7 +143,7 @@ def test_each_trait_has_an_effect_and_can_be_disabled(trait):
     def ohm(traits):
         rng = np.random.default_rng(3)
         drawn = RubberPieces.draw(traits, np.array([1000.0]), rng)
-        pieces = RubberPieces(traits, drawn.ohm, drawn.trend, age=5.0)
+        pieces = RubberPieces(traits, drawn.ohm, drawn.trend, drawn.constants, age=5.0)
         start = RubberState.new(traits, 1)
         return pieces.simulate(np.arange(len(signal)) / RATE, signal[:, None], start, rng)[0]
 

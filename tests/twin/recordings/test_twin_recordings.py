@@ -99,6 +99,28 @@ def test_same_seed_and_unit_give_the_same_session(device, runs):
     assert (np.abs(built[2] / built[1] - 1) > 0.03).any()
 
 
+def test_cords_of_another_family_move_in_the_same_way(device, runs):
+    fitted = simulate_runs(device, options(cords="hysteretic"))
+    run, default = fitted.runs[0], runs.runs[0]
+    assert fitted.dataset.provenance["cords"] == "hysteretic"
+    assert runs.dataset.provenance["cords"] == "viscoelastic"
+    assert np.array_equal(run.truth.signals, default.truth.signals)
+    assert np.array_equal(run.recording.points, default.recording.points, equal_nan=True)
+    assert np.isfinite(run.truth.ohm).all()
+    assert np.std(run.truth.ohm / default.truth.ohm) > 1e-3
+    repeated = simulate_runs(device, options(cords="hysteretic", sessions=2))
+    assert np.array_equal(repeated.runs[0].truth.ohm, run.truth.ohm)
+    names = TwinTraits.for_device(device, options(cords="hysteretic")).names
+    assert set(names) == set(TwinTraits.for_device(device).names)
+    off = tuple(n for n in names if n != "mechanics")
+    ideal = simulate_runs(device, options(cords="hysteretic", off=off))
+    assert ideal.dataset.recordings[0].signals == pytest.approx(
+        ideal.runs[0].truth.signals, abs=1e-5
+    )
+    with raises(CaptureError, "unknown-choice"):
+        options(cords="string")
+
+
 def test_disabled_traits_leave_the_others_unchanged(device, runs):
     reduced = simulate_runs(device, options(off=("drift", "noise"))).runs[0]
     assert np.array_equal(reduced.truth.weights, runs.runs[0].truth.weights)
