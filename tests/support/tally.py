@@ -42,7 +42,9 @@ class Tally:
         return outcome
 
     def show(self, title: str) -> None:
-        """Print the counts, the longest time and the peak memory of the process."""
+        """Print the counts, the longest time and the peak memory of the process, if any."""
+        if not self.counts.total():
+            return
         print(
             f"\n{title}: {dict(self.counts)}, at most {self.slowest:.2f} s"
             f" and {peak_memory_mb():.0f} MB"
