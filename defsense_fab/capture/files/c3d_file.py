@@ -1,8 +1,10 @@
 """Read the points and parameters of C3D files.
 
 The header and the parameters state the same sizes twice. Where they disagree, the header is used if
-the file is exactly as long as it says, and the file is refused otherwise. Nothing is allocated
-before sizes are checked against the file's length. Analog samples are skipped.
+the file is exactly as long as it says and a third statement confirms it: the length of the
+parameter section, the labels, or the residuals of the points. The length alone is no proof, because
+a file may also be cut. Other files that disagree are refused. Nothing is allocated before sizes are
+checked against the file's length. Analog samples are skipped.
 
 References:
     The C3D user guide (c3d.org), "The header section", "The parameter section" and "The data
@@ -32,6 +34,7 @@ _BYTE_ORDER = {_INTEL: "<", _DEC: "<", _SGI: ">"}
 #: NumPy type by the number of a parameter's type; -1 is text.
 _TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
 _SCALE_TOLERANCE = 1e-5  # relative, of two statements of a scale in single precision
+_MAX_RESIDUAL = 2**15 - 1  # of 16 bits: seven cameras, and the residual in 8 bits
 _RATE_TOLERANCE = 0.01  # relative, of the ratio of the rates of analog samples and frames
 
 
@@ -129,6 +132,25 @@ class _Layout:
         return is_scale_alike and replace(self, scale=other.scale) == other
 
 
+@dataclass(frozen=True)
+class _Evidence:
+    """What a file states in addition to its layout.
+
+    Attributes:
+        size: Size of the file, bytes.
+        processor: Type of the processor.
+        first: Number of the first frame.
+        samples: Analog samples of a frame and channel, by the header.
+        section_end: First block after the parameter section, from 1; None if it is not stated.
+    """
+
+    size: int
+    processor: int
+    first: int
+    samples: int
+    section_end: int | None
+
+
 def read_c3d_file(path: Path) -> C3dFile:
     """Read the points of a file, of any processor and storage.
 
@@ -164,7 +186,9 @@ def _read(path: Path, file: BinaryIO, size: int) -> C3dFile:
     scale, rate = (float(_decode(head[i : i + 4], "f4", processor)[0]) for i in (12, 20))
     header = _Layout(data_start, n_points, n_analog, max(last - first + 1, 0), scale)
     header = _count_long_files(header, parameters, last, size)
-    layout = _choose_layout(path, header, parameters, samples, first, size)
+    end = head[0] + start[2] if 0 < start[2] < _MAX_BLOCKS else None
+    evidence = _Evidence(size, processor, first, samples, end)
+    layout = _choose_layout(path, file, header, parameters, evidence)
     if layout.start < head[0] + -(-length // BLOCK_BYTES):
         raise CaptureError(
             f"its data start in block {layout.start}, before its parameters end",
@@ -258,15 +282,16 @@ def _count_long_files(header: _Layout, parameters: Parameters, last: int, size: 
 
 
 def _choose_layout(
-    path: Path, header: _Layout, parameters: Parameters, samples: int, first: int, size: int
+    path: Path, file: BinaryIO, header: _Layout, parameters: Parameters, evidence: _Evidence
 ) -> _Layout:
-    """Return the layout of the header, if the parameters agree or the file's length confirms it."""
-    other = _stated_layout(header, parameters, samples)
+    """Return the layout of the header, if the parameters agree or other statements confirm it."""
+    other = _stated_layout(header, parameters, evidence.samples)
     header = replace(header, start=header.start or other.start, scale=header.scale or other.scale)
-    _require_complete(path, header, first, size)
+    _require_complete(path, header, evidence.first, evidence.size)
     if header.agrees_with(other):
         return header
-    if 0 <= _spare(header, size) < BLOCK_BYTES and not 0 <= _spare(other, size) < BLOCK_BYTES:
+    is_fitting = [0 <= _spare(x, evidence.size) < BLOCK_BYTES for x in (header, other)]
+    if is_fitting == [True, False] and _is_confirmed(file, header, other, parameters, evidence):
         return header
     names = {
         "start": "the block of the data",
@@ -282,11 +307,37 @@ def _choose_layout(
         f" {by_parameters:g}",
         code="header-differs",
         where=path,
-        action="Export it again",
+        action="Copy it again; if that does not help, export it again",
         name=name,
         header=stated,
         parameters=by_parameters,
     )
+
+
+def _is_confirmed(
+    file: BinaryIO, header: _Layout, other: _Layout, parameters: Parameters, evidence: _Evidence
+) -> bool:
+    """Return whether other statements confirm a header that the parameters contradict.
+
+    Each size that differs needs its own confirmation. A number of frames needs none: those that
+    the file has are read right with either.
+    """
+    if header.start != other.start:
+        # Blocks before the data are empty, and the data are not.
+        low, high = sorted([header.start, other.start])
+        file.seek((low - 1) * BLOCK_BYTES)
+        is_empty = not any(file.read((high - low) * BLOCK_BYTES))
+        if header.start != evidence.section_end or is_empty != (header.start == high):
+            return False
+    if header.points != other.points and header.points != len(parameters.texts("POINT", "LABELS")):
+        return False
+    channels = len(parameters.texts("ANALOG", "LABELS"))
+    if header.analog != other.analog and header.analog != channels * evidence.samples:
+        return False
+    if replace(header, frames=other.frames).agrees_with(other):
+        return True
+    file.seek((header.start - 1) * BLOCK_BYTES)
+    return _has_valid_residuals(file.read(header.size), header, evidence.processor)
 
 
 def _stated_layout(header: _Layout, parameters: Parameters, samples: int) -> _Layout:
@@ -332,21 +383,34 @@ def _require_complete(path: Path, layout: _Layout, first: int, size: int) -> Non
         )
 
 
+@np.errstate(invalid="ignore")  # signaling NaN of other programs' memory
 def _read_points(data: bytes, layout: _Layout, processor: int) -> tuple[Float, Bool]:
     """Return positions (t, m, 3) and which are absent (t, m)."""
+    table = _read_table(data, layout, processor)
+    if layout.scale >= 0:
+        return table[..., :3] * layout.scale, table[..., 3] < 0
+    return table[..., :3].astype(float), ~(table[..., 3] >= 0)
+
+
+def _read_table(data: bytes, layout: _Layout, processor: int) -> Float:
+    """Return the four stored numbers of each point (t, m, 4): its place and its residual."""
     t, m = layout.frames, layout.points
     if not (t and m):
-        return np.empty((t, m, 3)), np.empty((t, m), bool)
+        return np.empty((t, m, 4))
     order = _BYTE_ORDER[processor]
-    if layout.scale >= 0:
-        table = np.frombuffer(data, f"{order}i2").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
-        return table[..., :3] * layout.scale, table[..., 3] < 0
-    if processor == _DEC:
+    if layout.scale < 0 and processor == _DEC:
         words = np.frombuffer(data, "<u2").reshape(t, -1, 2)[:, : 4 * m, ::-1]
-        values = np.ascontiguousarray(words).view("<f4").reshape(t, m, 4)
-        return values[..., :3].astype(float) / 4, ~(values[..., 3] >= 0)
-    table = np.frombuffer(data, f"{order}f4").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
-    return table[..., :3].astype(float), ~(table[..., 3] >= 0)
+        return np.ascontiguousarray(words).view("<f4").reshape(t, m, 4).astype(float) / 4
+    kind = "f4" if layout.scale < 0 else "i2"
+    return np.frombuffer(data, f"{order}{kind}").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
+
+
+@np.errstate(invalid="ignore")
+def _has_valid_residuals(data: bytes, layout: _Layout, processor: int) -> bool:
+    """Return whether the fourth number of every point can be a residual with its cameras."""
+    residual = _read_table(data, layout, processor)[..., 3]
+    is_in_range = (residual >= -1) & (residual <= _MAX_RESIDUAL)
+    return bool(is_in_range.all() and (residual == np.rint(residual)).all())
 
 
 def _foreign(path: Path, reason: str) -> CaptureError:
