@@ -31,6 +31,8 @@ EDGE_RATIO = 1.5  # between the edge lengths of successive meshes
 DEFAULT_ORDER = 1.5  # of convergence, until it is measured
 MAX_TETS = 40_000
 TETS_PER_CUBE = 8.5  # in the volume of a cube whose side is their edge length
+#: Digits of signals that do not depend on the number of threads of the linear solver.
+SIGNAL_DECIMALS = 10
 
 
 @dataclass(frozen=True)
@@ -230,4 +232,4 @@ def measure_signals(
         if u is not None:
             moved = lines + locator.displacement(location, u[None])[0].reshape(lines.shape)
             signals[i] = cord_signals(lines, moved[None], Response.line(1.0))[0]
-    return signals
+    return np.asarray(np.round(signals, SIGNAL_DECIMALS))
