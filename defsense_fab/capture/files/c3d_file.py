@@ -23,58 +23,15 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
+from .c3d_parameters import BYTE_ORDER, DEC, MAX_FRAMES, Parameters, decode, parse_parameters
 from .tracks_csv import unreadable_error
 
 BLOCK_BYTES = 512
-MAX_FRAMES = 65535  # that the header's 16 bits can count
 _MAGIC = 0x50
 _MAX_BLOCKS = 255  # that the 8 bits of the parameter section's size can count
-_INTEL, _DEC, _SGI = 84, 85, 86
-_BYTE_ORDER = {_INTEL: "<", _DEC: "<", _SGI: ">"}
-#: NumPy type by the number of a parameter's type; -1 is text.
-_TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
 _SCALE_TOLERANCE = 1e-5  # relative, of two statements of a scale in single precision
 _MAX_RESIDUAL = 2**15 - 1  # of 16 bits: seven cameras, and the residual in 8 bits
 _RATE_TOLERANCE = 0.01  # relative, of the ratio of the rates of analog samples and frames
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Parameters of a C3D file, by group and name in upper case.
-
-    Attributes:
-        values: Arrays of numbers, or tuples of texts.
-    """
-
-    values: dict[tuple[str, str], Float | tuple[str, ...]]
-
-    def has_group(self, group: str) -> bool:
-        """Return whether a group has parameters."""
-        return any(key[0] == group for key in self.values)
-
-    def texts(self, group: str, name: str) -> list[str]:
-        """Return a list of texts, which continues in NAME2, NAME3, ... after 255."""
-        texts: list[str] = []
-        key, i = name, 1
-        while isinstance(part := self.values.get((group, key)), tuple):
-            texts += part
-            i += 1
-            key = f"{name}{i}"
-        return texts
-
-    def numbers(self, group: str, name: str) -> list[float]:
-        """Return the numbers of a parameter; empty if it is missing or text."""
-        value = self.values.get((group, name))
-        return [] if value is None or isinstance(value, tuple) else value.tolist()
-
-    def number(self, group: str, name: str) -> float | None:
-        """Return the first number of a parameter; None if it has no numbers."""
-        return next((x for x in self.numbers(group, name) if math.isfinite(x)), None)
-
-    def count(self, group: str, name: str) -> int | None:
-        """Return a parameter that counts without sign, in 16 bits or as a float."""
-        number = self.number(group, name)
-        return None if number is None else int(number) % (MAX_FRAMES + 1)
 
 
 @dataclass(frozen=True)
@@ -175,15 +132,15 @@ def _read(path: Path, file: BinaryIO, size: int) -> C3dFile:
     if len(start) < 4:
         raise _truncated(path, "ends before its parameters")
     processor = start[3]
-    if processor not in _BYTE_ORDER:
+    if processor not in BYTE_ORDER:
         raise _foreign(path, f"there is no processor type {processor}")
-    order = _BYTE_ORDER[processor]
+    order = BYTE_ORDER[processor]
     n_points, n_analog, first, last, _ = struct.unpack(f"{order}5H", head[2:12])
     data_start, samples = struct.unpack(f"{order}2H", head[16:20])
     blocks = start[2] if 0 < start[2] < _MAX_BLOCKS else max(data_start - head[0], _MAX_BLOCKS)
     section = start + file.read(blocks * BLOCK_BYTES - len(start))
-    parameters, length = _parse_parameters(path, section, processor)
-    scale, rate = (float(_decode(head[i : i + 4], "f4", processor)[0]) for i in (12, 20))
+    parameters, length = parse_parameters(path, section, processor)
+    scale, rate = (float(decode(head[i : i + 4], "f4", processor)[0]) for i in (12, 20))
     header = _Layout(data_start, n_points, n_analog, max(last - first + 1, 0), scale)
     header = _count_long_files(header, parameters, last, size)
     end = head[0] + start[2] if 0 < start[2] < _MAX_BLOCKS else None
@@ -200,72 +157,6 @@ def _read(path: Path, file: BinaryIO, size: int) -> C3dFile:
     points, is_absent = _read_points(file.read(layout.size), layout, processor)
     rate = rate if math.isfinite(rate) and rate > 0 else 0.0
     return C3dFile(points, is_absent, first, rate, parameters)
-
-
-def _parse_parameters(path: Path, data: bytes, processor: int) -> tuple[Parameters, int]:
-    """Return the parameters of a section, after its head of four bytes, and its length.
-
-    A record is: length of the name (negative if locked), number of the group (negative for a group
-    itself), name, offset to the next record, and for parameters type, dimensions and values. A
-    description follows; it is not read.
-    """
-    order = _BYTE_ORDER[processor]
-    groups: dict[int, str] = {}
-    records: dict[tuple[int, str], Float | tuple[str, ...]] = {}
-    at, step = 4, 1
-    while step and at + 2 <= len(data):
-        length, group = struct.unpack_from("2b", data, at)
-        if length == 0 or group == 0:
-            break
-        name_end = at + 2 + abs(length)
-        if name_end + 2 > len(data):
-            raise _damaged(path)
-        name = data[at + 2 : name_end].decode("latin-1").strip().upper()
-        (step,) = struct.unpack_from(f"{order}H", data, name_end)
-        at = name_end + step
-        end = at if step else len(data)
-        if end > len(data):
-            raise _damaged(path)
-        if group < 0:
-            groups[-group] = name
-        else:
-            records[group, name] = _parse_value(path, data[name_end + 2 : end], processor)
-    values = {(groups[group], name): x for (group, name), x in records.items() if group in groups}
-    return Parameters(values), at
-
-
-def _parse_value(path: Path, data: bytes, processor: int) -> Float | tuple[str, ...]:
-    """Return the value of a parameter: a flat array of numbers, or texts."""
-    if len(data) < 2 or len(data) < 2 + data[1]:
-        raise _damaged(path)
-    (kind,) = struct.unpack_from("b", data)
-    shape = tuple(data[2 : 2 + data[1]])
-    if kind not in _TYPES:
-        raise _damaged(path)
-    raw = data[2 + len(shape) :][: abs(kind) * math.prod(shape)]
-    if len(raw) < abs(kind) * math.prod(shape):
-        raise _damaged(path)
-    if kind != -1:
-        return _decode(raw, _TYPES[kind], processor)
-    width = shape[0] if shape else 1
-    rows = [raw[i : i + width] for i in range(0, len(raw), width or 1)]
-    return tuple(_text(row) for row in rows)
-
-
-def _text(raw: bytes) -> str:
-    raw = raw.replace(b"\0", b" ")
-    try:
-        return raw.decode("utf-8").strip()
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", errors="replace").strip()
-
-
-def _decode(raw: bytes, kind: str, processor: int) -> Float:
-    """Return stored numbers as floats (n,)."""
-    if kind == "f4" and processor == _DEC:  # swapped words, and an exponent that is larger by two
-        words = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
-        return np.ascontiguousarray(words).view("<f4").ravel().astype(float) / 4
-    return np.frombuffer(raw, f"{_BYTE_ORDER[processor]}{kind}").astype(float)
 
 
 def _count_long_files(header: _Layout, parameters: Parameters, last: int, size: int) -> _Layout:
@@ -397,8 +288,8 @@ def _read_table(data: bytes, layout: _Layout, processor: int) -> Float:
     t, m = layout.frames, layout.points
     if not (t and m):
         return np.empty((t, m, 4))
-    order = _BYTE_ORDER[processor]
-    if layout.scale < 0 and processor == _DEC:
+    order = BYTE_ORDER[processor]
+    if layout.scale < 0 and processor == DEC:
         words = np.frombuffer(data, "<u2").reshape(t, -1, 2)[:, : 4 * m, ::-1]
         return np.ascontiguousarray(words).view("<f4").reshape(t, m, 4).astype(float) / 4
     kind = "f4" if layout.scale < 0 else "i2"
@@ -419,12 +310,6 @@ def _foreign(path: Path, reason: str) -> CaptureError:
         code="not-a-c3d-file",
         where=path,
         action="Choose another file",
-    )
-
-
-def _damaged(path: Path) -> CaptureError:
-    return CaptureError(
-        "its parameters are damaged", code="file-damaged", where=path, action="Copy it again"
     )
 
 
