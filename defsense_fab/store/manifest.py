@@ -77,7 +77,7 @@ class PartRecord:
         bbox: Lowest and highest corner (2, 3) as assembled, mm.
         sockets: Holes for pins.
         step_volume: Volume of the STEP file's solid, mm^3.
-        support_area: Area of skin that needs supports as the part is printed, mm^2.
+        support_area: Area that needs supports as the part is printed, mm^2.
     """
 
     name: str

@@ -173,7 +173,12 @@ def c3d_variant(rng: Rng) -> Variant:
     content = head.ljust(512, b"\0") + raw.ljust(512 * blocks, b"\0") + data
     if rng.random() < 0.7:
         content += bytes(-len(content) % 512)
-    if must_read and rng.random() < 0.15:  # one fault a file: sizes are judged by its length
+    fault = traits[0] if not must_read else ""
+    if fault and "frames" not in fault and rng.random() < 0.5:  # as long as a wrong size needs
+        wrong = header if fault.endswith("header") else stated | {"start": start + stated["start"]}
+        content = _fit(rng, content, wrong, blocks)
+        traits.append("cut or extended to fit it")
+    if must_read and rng.random() < 0.15:
         content, must_read = content[: len(content) - len(data) + len(data) // 2], False
         traits.append("truncated")
     points = np.where(is_absent[..., None], np.nan, points)[:, columns] * UNITS[unit]
@@ -197,6 +202,21 @@ def _disagree(rng: Rng, state: dict) -> tuple[dict, dict, list[str], bool]:
     else:
         wrong[name] = max(state[name] + int(_pick(rng, -2, -1, 1, 3, 12)), 0)
     return header, stated, [f"{name} wrong in the {where}"], False
+
+
+def _fit(rng: Rng, content: bytes, sizes: dict, blocks: int) -> bytes:
+    """Return a file that is exactly as long as sizes state, or that and the rest of a block."""
+    word = 4 if sizes["scale"] < 0 else 2
+    size = (4 * sizes["points"] + sizes["analog"]) * sizes["frames"] * word
+    length = (sizes["start"] - 1) * 512 + size
+    rest = int(_pick(rng, 0, -length % 512))
+    more = max(length + rest - len(content), 0)
+    filling = bytes(more) if rng.random() < 0.5 else rng.bytes(more)
+    if rng.random() < 0.3:  # memory that the exporter did not clear, after the parameters
+        end = 512 * (1 + blocks)
+        used = len(content[:end].rstrip(b"\0")) + 3
+        content = content[:used] + rng.bytes(max(end - used, 0)) + content[max(used, end) :]
+    return (content + filling)[: length + rest]
 
 
 def _c3d_data(

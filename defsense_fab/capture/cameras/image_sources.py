@@ -10,9 +10,9 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -24,6 +24,7 @@ from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ..tags.detection import Image
 from .image_files import list_images, list_numbered_images, read_image, read_orientation
+from .packet_sizes import Size, read_packet_sizes
 
 MAX_WAITING_FRAMES = 4  # older frames are dropped
 THREAD_JOIN_TIMEOUT_S = 3.0
@@ -307,8 +308,8 @@ class Video:
         """Yield number, time, s, and image of each frame that can be read.
 
         Raises:
-            CaptureError: If an image has another size than the first one (`image-sizes-differ`),
-                or a file is not an image (`image-unreadable`).
+            CaptureError: If an image or a picture of the video has another size than the first one
+                (`image-sizes-differ`), or a file is not an image (`image-unreadable`).
         """
         numbers = list(self._files)
         for k, file in enumerate(self._files.values()):
@@ -317,14 +318,38 @@ class Video:
             yield k, (numbers[k] - numbers[0]) / (self._rate or 1.0), image
         if self._capture is None:
             return
-        k = 0
-        while True:
-            has_image, image = self._capture.read()
-            if not has_image:
-                return
-            time = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-            yield k, k / self._rate if self._rate else time, np.asarray(image, np.uint8)
-            k += 1
+        with closing(self._check_packets()) as checked:
+            k = 0
+            while True:
+                next(checked, None)
+                has_image, image = self._capture.read()
+                if not has_image:
+                    break
+                time = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                yield k, k / self._rate if self._rate else time, np.asarray(image, np.uint8)
+                k += 1
+            for _ in checked:  # packets without a picture
+                pass
+
+    def _check_packets(self) -> Generator[None]:
+        """Check the size of the pictures of a video, packet by packet."""
+        first: Size | None = None
+        for k, (stamp, size) in enumerate(read_packet_sizes(self.path)):
+            first = first or size
+            if size != first and size is not None and first is not None:
+                at = k / self._rate if self._rate else stamp
+                raise CaptureError(
+                    f"the size of its pictures changes at frame {k} ({at:.3f} s) from"
+                    f" {first[0]} x {first[1]} to {size[0]} x {size[1]} pixels",
+                    code="image-sizes-differ",
+                    where=self.path,
+                    action="Record at one resolution, or cut the video there and use one part",
+                    frame=k,
+                    time=at,
+                    size=size,
+                    expected=first,
+                )
+            yield
 
     def _check_size(self, image: Image, file: Path) -> None:
         size = image.shape[1], image.shape[0]

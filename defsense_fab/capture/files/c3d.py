@@ -22,7 +22,8 @@ from ...core.errors import CaptureError
 from ...core.machine.optional_libraries import optional
 from ...core.markers import Tracks
 from ...core.storage.files import replace_file
-from .c3d_file import MAX_FRAMES, C3dFile, Parameters, read_c3d_file
+from .c3d_file import C3dFile, read_c3d_file
+from .c3d_parameters import MAX_FRAMES, Parameters
 from .length_units import LengthUnit, resolve_unit
 from .marker_labels import marker_labels
 from .track_conversion import MAX_JITTER, FrameGrid, frame_grid

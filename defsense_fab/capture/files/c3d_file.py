@@ -1,8 +1,10 @@
 """Read the points and parameters of C3D files.
 
 The header and the parameters state the same sizes twice. Where they disagree, the header is used if
-the file is exactly as long as it says, and the file is refused otherwise. Nothing is allocated
-before sizes are checked against the file's length. Analog samples are skipped.
+the file is exactly as long as it says and a third statement confirms it: the length of the
+parameter section, the labels, or the residuals of the points. The length alone is no proof, because
+a file may also be cut. Other files that disagree are refused. Nothing is allocated before sizes are
+checked against the file's length. Analog samples are skipped.
 
 References:
     The C3D user guide (c3d.org), "The header section", "The parameter section" and "The data
@@ -21,57 +23,15 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
+from .c3d_parameters import BYTE_ORDER, DEC, MAX_FRAMES, Parameters, decode, parse_parameters
 from .tracks_csv import unreadable_error
 
 BLOCK_BYTES = 512
-MAX_FRAMES = 65535  # that the header's 16 bits can count
 _MAGIC = 0x50
 _MAX_BLOCKS = 255  # that the 8 bits of the parameter section's size can count
-_INTEL, _DEC, _SGI = 84, 85, 86
-_BYTE_ORDER = {_INTEL: "<", _DEC: "<", _SGI: ">"}
-#: NumPy type by the number of a parameter's type; -1 is text.
-_TYPES = {-1: "S1", 1: "u1", 2: "i2", 4: "f4"}
 _SCALE_TOLERANCE = 1e-5  # relative, of two statements of a scale in single precision
+_MAX_RESIDUAL = 2**15 - 1  # of 16 bits: seven cameras, and the residual in 8 bits
 _RATE_TOLERANCE = 0.01  # relative, of the ratio of the rates of analog samples and frames
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Parameters of a C3D file, by group and name in upper case.
-
-    Attributes:
-        values: Arrays of numbers, or tuples of texts.
-    """
-
-    values: dict[tuple[str, str], Float | tuple[str, ...]]
-
-    def has_group(self, group: str) -> bool:
-        """Return whether a group has parameters."""
-        return any(key[0] == group for key in self.values)
-
-    def texts(self, group: str, name: str) -> list[str]:
-        """Return a list of texts, which continues in NAME2, NAME3, ... after 255."""
-        texts: list[str] = []
-        key, i = name, 1
-        while isinstance(part := self.values.get((group, key)), tuple):
-            texts += part
-            i += 1
-            key = f"{name}{i}"
-        return texts
-
-    def numbers(self, group: str, name: str) -> list[float]:
-        """Return the numbers of a parameter; empty if it is missing or text."""
-        value = self.values.get((group, name))
-        return [] if value is None or isinstance(value, tuple) else value.tolist()
-
-    def number(self, group: str, name: str) -> float | None:
-        """Return the first number of a parameter; None if it has no numbers."""
-        return next((x for x in self.numbers(group, name) if math.isfinite(x)), None)
-
-    def count(self, group: str, name: str) -> int | None:
-        """Return a parameter that counts without sign, in 16 bits or as a float."""
-        number = self.number(group, name)
-        return None if number is None else int(number) % (MAX_FRAMES + 1)
 
 
 @dataclass(frozen=True)
@@ -129,6 +89,25 @@ class _Layout:
         return is_scale_alike and replace(self, scale=other.scale) == other
 
 
+@dataclass(frozen=True)
+class _Evidence:
+    """What a file states in addition to its layout.
+
+    Attributes:
+        size: Size of the file, bytes.
+        processor: Type of the processor.
+        first: Number of the first frame.
+        samples: Analog samples of a frame and channel, by the header.
+        section_end: First block after the parameter section, from 1; None if it is not stated.
+    """
+
+    size: int
+    processor: int
+    first: int
+    samples: int
+    section_end: int | None
+
+
 def read_c3d_file(path: Path) -> C3dFile:
     """Read the points of a file, of any processor and storage.
 
@@ -153,18 +132,20 @@ def _read(path: Path, file: BinaryIO, size: int) -> C3dFile:
     if len(start) < 4:
         raise _truncated(path, "ends before its parameters")
     processor = start[3]
-    if processor not in _BYTE_ORDER:
+    if processor not in BYTE_ORDER:
         raise _foreign(path, f"there is no processor type {processor}")
-    order = _BYTE_ORDER[processor]
+    order = BYTE_ORDER[processor]
     n_points, n_analog, first, last, _ = struct.unpack(f"{order}5H", head[2:12])
     data_start, samples = struct.unpack(f"{order}2H", head[16:20])
     blocks = start[2] if 0 < start[2] < _MAX_BLOCKS else max(data_start - head[0], _MAX_BLOCKS)
     section = start + file.read(blocks * BLOCK_BYTES - len(start))
-    parameters, length = _parse_parameters(path, section, processor)
-    scale, rate = (float(_decode(head[i : i + 4], "f4", processor)[0]) for i in (12, 20))
+    parameters, length = parse_parameters(path, section, processor)
+    scale, rate = (float(decode(head[i : i + 4], "f4", processor)[0]) for i in (12, 20))
     header = _Layout(data_start, n_points, n_analog, max(last - first + 1, 0), scale)
     header = _count_long_files(header, parameters, last, size)
-    layout = _choose_layout(path, header, parameters, samples, first, size)
+    end = head[0] + start[2] if 0 < start[2] < _MAX_BLOCKS else None
+    evidence = _Evidence(size, processor, first, samples, end)
+    layout = _choose_layout(path, file, header, parameters, evidence)
     if layout.start < head[0] + -(-length // BLOCK_BYTES):
         raise CaptureError(
             f"its data start in block {layout.start}, before its parameters end",
@@ -176,72 +157,6 @@ def _read(path: Path, file: BinaryIO, size: int) -> C3dFile:
     points, is_absent = _read_points(file.read(layout.size), layout, processor)
     rate = rate if math.isfinite(rate) and rate > 0 else 0.0
     return C3dFile(points, is_absent, first, rate, parameters)
-
-
-def _parse_parameters(path: Path, data: bytes, processor: int) -> tuple[Parameters, int]:
-    """Return the parameters of a section, after its head of four bytes, and its length.
-
-    A record is: length of the name (negative if locked), number of the group (negative for a group
-    itself), name, offset to the next record, and for parameters type, dimensions and values. A
-    description follows; it is not read.
-    """
-    order = _BYTE_ORDER[processor]
-    groups: dict[int, str] = {}
-    records: dict[tuple[int, str], Float | tuple[str, ...]] = {}
-    at, step = 4, 1
-    while step and at + 2 <= len(data):
-        length, group = struct.unpack_from("2b", data, at)
-        if length == 0 or group == 0:
-            break
-        name_end = at + 2 + abs(length)
-        if name_end + 2 > len(data):
-            raise _damaged(path)
-        name = data[at + 2 : name_end].decode("latin-1").strip().upper()
-        (step,) = struct.unpack_from(f"{order}H", data, name_end)
-        at = name_end + step
-        end = at if step else len(data)
-        if end > len(data):
-            raise _damaged(path)
-        if group < 0:
-            groups[-group] = name
-        else:
-            records[group, name] = _parse_value(path, data[name_end + 2 : end], processor)
-    values = {(groups[group], name): x for (group, name), x in records.items() if group in groups}
-    return Parameters(values), at
-
-
-def _parse_value(path: Path, data: bytes, processor: int) -> Float | tuple[str, ...]:
-    """Return the value of a parameter: a flat array of numbers, or texts."""
-    if len(data) < 2 or len(data) < 2 + data[1]:
-        raise _damaged(path)
-    (kind,) = struct.unpack_from("b", data)
-    shape = tuple(data[2 : 2 + data[1]])
-    if kind not in _TYPES:
-        raise _damaged(path)
-    raw = data[2 + len(shape) :][: abs(kind) * math.prod(shape)]
-    if len(raw) < abs(kind) * math.prod(shape):
-        raise _damaged(path)
-    if kind != -1:
-        return _decode(raw, _TYPES[kind], processor)
-    width = shape[0] if shape else 1
-    rows = [raw[i : i + width] for i in range(0, len(raw), width or 1)]
-    return tuple(_text(row) for row in rows)
-
-
-def _text(raw: bytes) -> str:
-    raw = raw.replace(b"\0", b" ")
-    try:
-        return raw.decode("utf-8").strip()
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", errors="replace").strip()
-
-
-def _decode(raw: bytes, kind: str, processor: int) -> Float:
-    """Return stored numbers as floats (n,)."""
-    if kind == "f4" and processor == _DEC:  # swapped words, and an exponent that is larger by two
-        words = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
-        return np.ascontiguousarray(words).view("<f4").ravel().astype(float) / 4
-    return np.frombuffer(raw, f"{_BYTE_ORDER[processor]}{kind}").astype(float)
 
 
 def _count_long_files(header: _Layout, parameters: Parameters, last: int, size: int) -> _Layout:
@@ -258,15 +173,16 @@ def _count_long_files(header: _Layout, parameters: Parameters, last: int, size: 
 
 
 def _choose_layout(
-    path: Path, header: _Layout, parameters: Parameters, samples: int, first: int, size: int
+    path: Path, file: BinaryIO, header: _Layout, parameters: Parameters, evidence: _Evidence
 ) -> _Layout:
-    """Return the layout of the header, if the parameters agree or the file's length confirms it."""
-    other = _stated_layout(header, parameters, samples)
+    """Return the layout of the header, if the parameters agree or other statements confirm it."""
+    other = _stated_layout(header, parameters, evidence.samples)
     header = replace(header, start=header.start or other.start, scale=header.scale or other.scale)
-    _require_complete(path, header, first, size)
+    _require_complete(path, header, evidence.first, evidence.size)
     if header.agrees_with(other):
         return header
-    if 0 <= _spare(header, size) < BLOCK_BYTES and not 0 <= _spare(other, size) < BLOCK_BYTES:
+    is_fitting = [0 <= _spare(x, evidence.size) < BLOCK_BYTES for x in (header, other)]
+    if is_fitting == [True, False] and _is_confirmed(file, header, other, parameters, evidence):
         return header
     names = {
         "start": "the block of the data",
@@ -282,11 +198,37 @@ def _choose_layout(
         f" {by_parameters:g}",
         code="header-differs",
         where=path,
-        action="Export it again",
+        action="Copy it again; if that does not help, export it again",
         name=name,
         header=stated,
         parameters=by_parameters,
     )
+
+
+def _is_confirmed(
+    file: BinaryIO, header: _Layout, other: _Layout, parameters: Parameters, evidence: _Evidence
+) -> bool:
+    """Return whether other statements confirm a header that the parameters contradict.
+
+    Each size that differs needs its own confirmation. A number of frames needs none: those that
+    the file has are read right with either.
+    """
+    if header.start != other.start:
+        # Blocks before the data are empty, and the data are not.
+        low, high = sorted([header.start, other.start])
+        file.seek((low - 1) * BLOCK_BYTES)
+        is_empty = not any(file.read((high - low) * BLOCK_BYTES))
+        if header.start != evidence.section_end or is_empty != (header.start == high):
+            return False
+    if header.points != other.points and header.points != len(parameters.texts("POINT", "LABELS")):
+        return False
+    channels = len(parameters.texts("ANALOG", "LABELS"))
+    if header.analog != other.analog and header.analog != channels * evidence.samples:
+        return False
+    if replace(header, frames=other.frames).agrees_with(other):
+        return True
+    file.seek((header.start - 1) * BLOCK_BYTES)
+    return _has_valid_residuals(file.read(header.size), header, evidence.processor)
 
 
 def _stated_layout(header: _Layout, parameters: Parameters, samples: int) -> _Layout:
@@ -332,21 +274,34 @@ def _require_complete(path: Path, layout: _Layout, first: int, size: int) -> Non
         )
 
 
+@np.errstate(invalid="ignore")  # signaling NaN of other programs' memory
 def _read_points(data: bytes, layout: _Layout, processor: int) -> tuple[Float, Bool]:
     """Return positions (t, m, 3) and which are absent (t, m)."""
+    table = _read_table(data, layout, processor)
+    if layout.scale >= 0:
+        return table[..., :3] * layout.scale, table[..., 3] < 0
+    return table[..., :3].astype(float), ~(table[..., 3] >= 0)
+
+
+def _read_table(data: bytes, layout: _Layout, processor: int) -> Float:
+    """Return the four stored numbers of each point (t, m, 4): its place and its residual."""
     t, m = layout.frames, layout.points
     if not (t and m):
-        return np.empty((t, m, 3)), np.empty((t, m), bool)
-    order = _BYTE_ORDER[processor]
-    if layout.scale >= 0:
-        table = np.frombuffer(data, f"{order}i2").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
-        return table[..., :3] * layout.scale, table[..., 3] < 0
-    if processor == _DEC:
+        return np.empty((t, m, 4))
+    order = BYTE_ORDER[processor]
+    if layout.scale < 0 and processor == DEC:
         words = np.frombuffer(data, "<u2").reshape(t, -1, 2)[:, : 4 * m, ::-1]
-        values = np.ascontiguousarray(words).view("<f4").reshape(t, m, 4)
-        return values[..., :3].astype(float) / 4, ~(values[..., 3] >= 0)
-    table = np.frombuffer(data, f"{order}f4").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
-    return table[..., :3].astype(float), ~(table[..., 3] >= 0)
+        return np.ascontiguousarray(words).view("<f4").reshape(t, m, 4).astype(float) / 4
+    kind = "f4" if layout.scale < 0 else "i2"
+    return np.frombuffer(data, f"{order}{kind}").reshape(t, -1)[:, : 4 * m].reshape(t, m, 4)
+
+
+@np.errstate(invalid="ignore")
+def _has_valid_residuals(data: bytes, layout: _Layout, processor: int) -> bool:
+    """Return whether the fourth number of every point can be a residual with its cameras."""
+    residual = _read_table(data, layout, processor)[..., 3]
+    is_in_range = (residual >= -1) & (residual <= _MAX_RESIDUAL)
+    return bool(is_in_range.all() and (residual == np.rint(residual)).all())
 
 
 def _foreign(path: Path, reason: str) -> CaptureError:
@@ -355,12 +310,6 @@ def _foreign(path: Path, reason: str) -> CaptureError:
         code="not-a-c3d-file",
         where=path,
         action="Choose another file",
-    )
-
-
-def _damaged(path: Path) -> CaptureError:
-    return CaptureError(
-        "its parameters are damaged", code="file-damaged", where=path, action="Copy it again"
     )
 
 

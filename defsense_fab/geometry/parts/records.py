@@ -122,11 +122,20 @@ class Part:
     solid: Any = None
 
 
-def outward_normals(contacts: Sequence[Contact], index: int) -> list[Float]:
-    """Return the outward normals (3,) of a part's faces in contacts, largest first."""
+def outward_planes(contacts: Sequence[Contact], index: int) -> list[tuple[Float, float]]:
+    """Return the planes of a part's faces in contacts, largest face first.
+
+    Each is an outward normal (3,) and the offset of the plane along it, mm.
+    """
     faces = [c for c in contacts if index in (c.lower, c.upper)]
     faces.sort(key=lambda c: -c.area)
-    return [c.plane.normal if c.lower == index else -c.plane.normal for c in faces]
+    normals = [c.plane.normal if c.lower == index else -c.plane.normal for c in faces]
+    return [(n, float(n @ c.plane.origin)) for n, c in zip(normals, faces, strict=True)]
+
+
+def outward_normals(contacts: Sequence[Contact], index: int) -> list[Float]:
+    """Return the outward normals (3,) of a part's faces in contacts, largest first."""
+    return [normal for normal, _ in outward_planes(contacts, index)]
 
 
 @dataclass(frozen=True)
@@ -172,6 +181,13 @@ class PartSet:
         first.
         """
         return outward_normals(self.contacts, index)
+
+    def cut_planes(self, index: int) -> list[tuple[Float, float]]:
+        """Return the planes of the faces in which a part meets others, largest face first.
+
+        Each is an outward normal (3,) and the offset of the plane along it, mm.
+        """
+        return outward_planes(self.contacts, index)
 
     def tools(self, index: int) -> list[Tool]:
         """Return the tools that cut one part alone: its sockets and its number."""

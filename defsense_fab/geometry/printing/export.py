@@ -2,6 +2,7 @@
 
 Programs that read these files find the edges of a surface by the places of its corners. A file
 therefore keeps corners apart that are apart in the surface: a closed surface is closed in the file.
+Facets that are lines in the file's coordinates are replaced where the surface stays closed.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
+from .slivers import replace_lines
 
 #: Decimals of coordinates that lib3mf writes; it cuts the rest off.
 _DECIMALS_3MF = 6
@@ -30,7 +32,8 @@ def write_stl(surface: Surface, path: Path) -> None:
     vertices = _keep_corners_apart(
         surface.vertices, triangle_kernel.round_to_single, 0.0, path.stem
     )
-    corners = vertices[surface.faces].astype("<f4")
+    faces = replace_lines(Surface(triangle_kernel.round_to_single(vertices), surface.faces))
+    corners = vertices[faces].astype("<f4")
     record = np.zeros(
         len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("tag", "<u2")]
     )
@@ -71,7 +74,8 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
         mesh.SetUUID(_make_uuid(title, "object", name))
         corners = _keep_corners_apart(surface.vertices, _round_as_3mf, 10.0**-_DECIMALS_3MF, name)
         vertices = [_fill(lib3mf.Position(), "Coordinates", v) for v in corners.tolist()]
-        triangles = [_fill(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
+        faces = replace_lines(Surface(_round_as_3mf(corners), surface.faces))
+        triangles = [_fill(lib3mf.Triangle(), "Indices", f) for f in faces.tolist()]
         mesh.SetGeometry(vertices, triangles)
         if together:
             component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())

@@ -7,6 +7,7 @@ continues below it. A long ceiling between two close walls needs none, a slender
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +31,9 @@ MIN_HEIGHT_MM = 0.5  # above the bed: lower overhangs sag onto it, by no more th
 MIN_UNSUPPORTED_MM2 = 5.0  # beyond bridges; smaller areas print without supports
 SAMPLE_MM = 0.25  # distance of the points at which overhangs are measured
 MAX_SAMPLES = 50_000  # in a region
+PLANE_TOLERANCE_MM = (
+    1e-3  # of facets to the plane of a cut face: above the gap between mating faces
+)
 
 
 @dataclass(frozen=True)
@@ -41,20 +45,34 @@ class Overhang:
         height: Largest height above the bed, mm.
         volume: Volume between them and the bed, mm^3.
         point: Middle (3,) of their facets in the part's frame, mm, or None if there are none.
+        cut_area: Area of those facets that are in cut faces, mm^2.
     """
 
     area: float
     height: float
     volume: float
     point: Float | None
+    cut_area: float = 0.0
+
+    @property
+    def face(self) -> str:
+        """What the facets belong to, in words; areas that print without supports do not count."""
+        skin_area = self.area - self.cut_area
+        is_skin, is_cut = (a > MIN_UNSUPPORTED_MM2 for a in (skin_area, self.cut_area))
+        if is_skin and is_cut:
+            return "skin and cut face"
+        return "cut face" if self.cut_area > skin_area else "skin"
 
 
-def measure_overhang(solid: Any, down: Float) -> Overhang:
+def measure_overhang(
+    solid: Any, down: Float, cut_faces: Sequence[tuple[Float, float]] = ()
+) -> Overhang:
     """Measure the overhangs of a part that need supports.
 
     Args:
         solid: The part without its grooves and sockets, which need none (manifold3d solid, mm).
         down: Direction (3,) to the bed.
+        cut_faces: Planes of the part's cut faces as outward normal (3,) and offset, mm.
 
     Returns:
         The overhangs of which more than `MIN_UNSUPPORTED_MM2` are farther from the part below them
@@ -76,12 +94,23 @@ def measure_overhang(solid: Any, down: Float) -> Overhang:
         return Overhang(0.0, 0.0, 0.0, None)
     facets = np.concatenate([r.facets for r in regions])
     middles = corners[facets].mean(axis=1)
+    is_cut = _are_in_planes(corners[facets] @ axes.T, normals[facets] @ axes.T, cut_faces)
     return Overhang(
         area=float(areas[facets].sum()),
         height=float(corners[facets, :, 2].max() - bed),
         volume=float(-normals[facets, 2] @ (middles[:, 2] - bed)),
         point=axes @ np.average(middles, axis=0, weights=areas[facets]),
+        cut_area=float(areas[facets][is_cut].sum()),
     )
+
+
+def _are_in_planes(corners: Float, normals: Float, planes: Sequence[tuple[Float, float]]) -> Bool:
+    """Return which triangles (k, 3, 3) with `normals` (k, 3) are in a plane and face its way."""
+    is_inside = np.zeros(len(corners), bool)
+    for normal, offset in planes:
+        distance = np.abs(corners @ normal - offset).max(axis=1)
+        is_inside |= (distance < PLANE_TOLERANCE_MM) & (normals @ normal > 0)
+    return is_inside
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ class MidiOutput:
         self._flushed_at, self._time = time.monotonic(), 0.0
         self._mapping: list[MidiMapping] = list(settings.mapping)
         self._mapper = MidiMapper(self._mapping)
-        self._needs_mapping = not (settings.mapping or settings.learn)
+        self._needs_mapping = settings.has_default_mapping
         self._must_restart = False  # notes that may sound must end, and all values be sent again
         self._learn: MidiLearn | None = None
         self._last_learned: MidiMapping | None = None

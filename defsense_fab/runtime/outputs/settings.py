@@ -164,7 +164,9 @@ class MidiSettings(OutputSettings, frozen=True):
             default="the controls in their order become the control changes from 20 on",
         ),
     ] = ()
-    channel: Annotated[_Channel, key("Channel, without `mapping`.")] = 1
+    channel: Annotated[
+        _Channel, key("Channel; not with `mapping` or `learn`, which have channels.")
+    ] = 1
     program: Annotated[
         _MidiNumber | None,
         key(
@@ -180,6 +182,20 @@ class MidiSettings(OutputSettings, frozen=True):
         if len(given) > 1:
             text = f"{' and '.join(given)} exclude each other"
             yield Problem((), text, "keys-exclusive", "Give one of device, virtual and file")
+        if self.channel != 1 and not self.has_default_mapping:
+            other = "mapping" if self.mapping else "learn"
+            text = f"is {self.channel}, but applies only without {other}"
+            action = (
+                f"Give each entry of mapping its channel = {self.channel}, and leave it out here"
+            )
+            if not self.mapping:
+                action = "Leave it out: what is learned has the channel of its knob or key"
+            yield Problem(("channel",), text, "keys-exclusive", action)
+
+    @property
+    def has_default_mapping(self) -> bool:
+        """Whether all controls are sent, as control changes of `channel`."""
+        return not (self.mapping or self.learn)
 
 
 class LslSettings(OutputSettings, frozen=True):

@@ -6,6 +6,7 @@ import base64
 import html
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from ...workflow.starts.body_file import (
     BodyFile,
     load_body_content,
     notable_repairs,
+    scale_to_size,
 )
 from ...workflow.starts.first_device import create_first_device, default_material
 from ...workflow.starts.options import DEFAULT_PROCESS, UNITS, NewOptions
@@ -29,7 +31,7 @@ from ...workflow.starts.starting_devices import (
 from ...workflow.upload_limit import MAX_UPLOAD_BYTES
 from ...workflow.view import look_at_body
 from ..project.agreement import Agreement
-from ..workbench.controls import add_field, on_user
+from ..workbench.controls import add_field, add_option, on_user
 from ..workbench.latest_worker import LatestWorker
 
 _PICTURE_HTML = (
@@ -40,6 +42,8 @@ _UPLOAD_HINT = (
     f"Upload a body: a STEP file or a mesh ({FORMAT_NAMES}) of up to {MAX_UPLOAD_BYTES // 2**20} MB"
 )
 
+#: Choice of the unit for a file whose size is given instead.
+UNKNOWN_UNIT = "unknown"
 _BODY_COLOR = (230, 159, 0)
 
 
@@ -170,7 +174,8 @@ class BodyForm:
     Attributes:
         panel: Folder of the panel that holds the form.
         size_text: Text on the size of the body.
-        unit: Unit of the file.
+        unit: Unit of the file; `UNKNOWN_UNIT` if the size determines the scale of a mesh.
+        size: Longest side of the body, mm.
         name: Name of the device.
         material: Material of the body.
         edge: Edge length of the mesh, mm.
@@ -186,13 +191,18 @@ class BodyForm:
         self._server, self._folder = server, folder
         self._on_created, self._on_error = on_created, on_error
         self.body: BodyFile | None = None
+        self._options = NewOptions()
         gui = server.gui
         self.panel = gui.add_folder("Uploaded body", visible=False)
         with self.panel:
             self.size_text = gui.add_markdown("")
             self.unit = gui.add_dropdown(
-                "Unit", tuple(UNITS), hint="Set the unit of lengths in the file"
+                "Unit",
+                (*UNITS, UNKNOWN_UNIT),
+                hint=f"Set the unit of lengths in the file; if it is {UNKNOWN_UNIT}, set the"
+                " longest side",
             )
+            self.size = add_option(gui, NewOptions, "size", "Longest side (mm)", 1.0, 100.0)
             self.name = add_field(gui, "name", "")
             self.material = gui.add_dropdown(
                 "Material",
@@ -203,21 +213,61 @@ class BodyForm:
             self.edge = add_field(gui, "mesh.edge_length", 1.0, step=0.1)
             gui.add_button("Create the device", color="blue").on_click(lambda _: self.create())
         on_user(self.unit, self.choose_unit)
+        on_user(self.size, self.choose_size)
 
     def show(self, body: BodyFile) -> None:
         """Show the form for a body."""
         self.body = body
         self.name.value = body.name
-        self.unit.visible = body.key == "mesh"
+        self.unit.visible = self.size.visible = body.key == "mesh"
         self.panel.visible = True
         self.choose_unit(body.unit)
 
     def choose_unit(self, unit: str) -> None:
-        """Interpret the file in a unit, and show the body."""
-        body = self.body
-        if body is None:
+        """Interpret the file in a unit, and show the body; keep its size if that is unknown."""
+        if self.body is None:
             return
+        if unit == UNKNOWN_UNIT:
+            self.choose_size(float(self.size.value))
+            return
+        self._options = NewOptions(units=unit)
+        self.size.value = float(f"{self.body.size(unit).max():.4g}")
         self.unit.value = unit
+        self._show_body(self.body, unit)
+
+    def choose_size(self, size: float) -> None:
+        """Scale a mesh so that its longest side has a size in mm, and show the body."""
+        if self.body is None:
+            return
+        try:
+            self._options = NewOptions(size=size)
+            body = scale_to_size(self.body, size)
+        except DefsenseError as error:
+            self._on_error(error)
+            return
+        self.size.value = size
+        self.unit.value = UNKNOWN_UNIT
+        self._show_body(body, body.unit)
+
+    def create(self) -> None:
+        """Write the device."""
+        if self.body is None:
+            return
+        try:
+            options = replace(
+                self._options,
+                name=self.name.value.strip(),
+                material=self.material.value,
+                edge_length=float(self.edge.value),
+            )
+            create_first_device(self.body, self._folder, options, is_draft=True)
+        except DefsenseError as error:
+            self._on_error(error)
+            return
+        self._on_created()
+
+    def _show_body(self, body: BodyFile, unit: str) -> None:
+        """Show the body in a unit, and the default edge length for it."""
         self.edge.value = body.edge_length(unit)
         self.size_text.content = _describe(body, unit)
         vertices = body.in_mm(unit).vertices
@@ -231,23 +281,6 @@ class BodyForm:
         )
         scene.set_up_direction("+z")
         look_at_body(self._server, vertices)
-
-    def create(self) -> None:
-        """Write the device."""
-        if self.body is None:
-            return
-        try:
-            options = NewOptions(
-                name=self.name.value.strip(),
-                units=self.unit.value,
-                material=self.material.value,
-                edge_length=float(self.edge.value),
-            )
-            create_first_device(self.body, self._folder, options, is_draft=True)
-        except DefsenseError as error:
-            self._on_error(error)
-            return
-        self._on_created()
 
 
 def _describe(body: BodyFile, unit: str) -> str:

@@ -75,7 +75,9 @@ def field_hint(declared: Field, unset: tuple[float, str] | None = None) -> str:
     return " ".join(parts)
 
 
-def add_option(gui: Any, record: type, name: str, label: str, step: float) -> Any:
+def add_option(
+    gui: Any, record: type, name: str, label: str, step: float, value: float | None = None
+) -> Any:
     """Add the control of a number or choice of an options record, and return its handle.
 
     Args:
@@ -84,14 +86,14 @@ def add_option(gui: Any, record: type, name: str, label: str, step: float) -> An
         name: Name of the option.
         label: Label.
         step: Step of the arrows; not used for a choice.
+        value: Number that is shown; by default that of the option.
     """
     option = options_of(record)[name]
     hint = option.description.rstrip(".")
     if option.choices:
         return gui.add_dropdown(label, option.choices, initial_value=option.default, hint=hint)
-    return gui.add_number(
-        label, option.default, min=option.low, max=option.high, step=step, hint=hint
-    )
+    shown = option.default if value is None else value
+    return gui.add_number(label, shown, min=option.low, max=option.high, step=step, hint=hint)
 
 
 def on_user(control: Any, action: Callable[[Any], Any]) -> None:

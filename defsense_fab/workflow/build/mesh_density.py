@@ -21,7 +21,7 @@ from ...core.mesh import Surface, TetMesh
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
-from ...mechanics.solver.batch import solve_all
+from ...mechanics.solver.batch import Solve, solve_all
 from ...sensing.response import Response, cord_signals
 from .load_cases import Loading, prepare_jobs
 
@@ -31,6 +31,8 @@ EDGE_RATIO = 1.5  # between the edge lengths of successive meshes
 DEFAULT_ORDER = 1.5  # of convergence, until it is measured
 MAX_TETS = 40_000
 TETS_PER_CUBE = 8.5  # in the volume of a cube whose side is their edge length
+#: Digits of signals that do not depend on the number of threads of the linear solver.
+SIGNAL_DECIMALS = 10
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ def choose_mesh(
     accuracy: float,
     make: Callable[[float], TetMesh],
     report: Callable[[float, str], None],
+    solve: Solve = solve_all,
 ) -> DensityChoice:
     """Return the coarsest mesh whose estimated signal error is within an accuracy.
 
@@ -80,6 +83,7 @@ def choose_mesh(
         accuracy: Largest relative error of the signals.
         make: Makes a mesh with an edge length in mm.
         report: Receives the completed fraction and a message.
+        solve: `solve_all`, or a function that does the same elsewhere.
 
     Raises:
         MeshingError: A pose could not be solved on any mesh.
@@ -98,7 +102,7 @@ def choose_mesh(
         finer = edge / EDGE_RATIO
         is_last = TETS_PER_CUBE * surface.volume / finer**3 > MAX_TETS
         try:
-            signals = measure_signals(device, quadratic, locator, lines)
+            signals = measure_signals(device, quadratic, locator, lines, solve)
         except DeviceError:  # a region is too small for this mesh
             if is_last:
                 raise
@@ -200,7 +204,11 @@ def probing_lines(locator: PointLocator, rng: np.random.Generator) -> Float:
 
 
 def measure_signals(
-    device: Device, mesh: QuadraticMesh, locator: PointLocator, lines: Float
+    device: Device,
+    mesh: QuadraticMesh,
+    locator: PointLocator,
+    lines: Float,
+    solve: Solve = solve_all,
 ) -> Float:
     """Solve the poses of a device and return the relative elongation of each line.
 
@@ -209,13 +217,14 @@ def measure_signals(
         mesh: The mesh.
         locator: Finds points in the mesh.
         lines: Points on the lines (line, sample, 3) mm.
+        solve: `solve_all`, or a function that does the same elsewhere.
 
     Returns:
         Elongations (pose, line); NaN if a pose did not converge.
     """
     plan = [Loading({p.name: 1.0}, (1.0,), False) for p in device.poses]
     _, jobs, _ = prepare_jobs(device, mesh, plan)
-    solutions = solve_all(mesh, Material.from_spec(device.material), jobs)
+    solutions = solve(mesh, Material.from_spec(device.material), jobs)
     location = locator.find(lines.reshape(-1, 3))
     signals = np.full((len(plan), len(lines)), np.nan)
     for i, results in enumerate(solutions):
@@ -223,4 +232,4 @@ def measure_signals(
         if u is not None:
             moved = lines + locator.displacement(location, u[None])[0].reshape(lines.shape)
             signals[i] = cord_signals(lines, moved[None], Response.line(1.0))[0]
-    return signals
+    return np.asarray(np.round(signals, SIGNAL_DECIMALS))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 
@@ -16,28 +17,53 @@ from ...geometry.bodies.meshing.mesh_quality import measure_quality
 from ...geometry.bodies.meshing.meshers import FTETWILD
 from ...geometry.bodies.meshing.region_conforming import conform_to_regions
 from ...geometry.bodies.meshing.tetrahedra import Tetrahedra, tetrahedralize
+from ...mechanics.solver.batch import Solve, solve_all
+from ...mechanics.solver.solved_jobs import keep_solved_jobs
 from ...store.build import Build
 from ...store.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
 from . import mesh_density
-from .stages import Report
+from .stages import CODE_VERSION, Report
+
+MESHING_FRACTION = 0.3  # of the stage, at messages of the mesher and the solver
 
 
-def run(device: Device, build: Build, report: Report) -> None:
+def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) -> None:
     """Make the tetrahedra at the requested density, and tag the nodes of the regions.
+
+    Poses that are solved to find the density are kept until the mesh is saved.
 
     Args:
         device: The device.
         build: Results of the earlier stages.
         report: Receives the completed fraction and a message.
+        solve: `solve_all`, or a function that does the same elsewhere.
 
     Raises:
         DeviceError: A region contains no part of the body, or no node of the mesh.
         MeshingError: The body cannot be meshed.
     """
+    _check_regions(device, build.surface)
+    source = _MeshSource(device, build.surface, report)
+    with keep_solved_jobs(("mesh", CODE_VERSION), partial(report, MESHING_FRACTION)) as kept:
+        _save_mesh(device, build, source, report, partial(kept.solve, solve))
+    if source.lock_meshes():
+        report(
+            0.9,
+            f"{mesh_store.DEVICE_MESH} keeps the mesh, which cannot be made again. It belongs to"
+            " the device, as device.toml does",
+        )
+
+
+def _save_mesh(
+    device: Device, build: Build, source: _MeshSource, report: Report, solve: Solve
+) -> None:
+    """Make the mesh, tag the nodes of the regions, and save both.
+
+    Raises:
+        DeviceError: A region contains no node of the mesh.
+    """
     surface = build.surface
-    _check_regions(device, surface)
-    source = _MeshSource(device, surface, report)
-    mesh, edge_length, accuracy = _make_mesh(device, surface, source.make, report)
+    mesh, edge_length, accuracy = _make_mesh(device, surface, source.make, report, solve)
     report(0.8, "measuring quality")
     tags = {name: shape.contains(mesh.nodes) for name, shape in device.regions.items()}
     for name, inside in tags.items():
@@ -66,12 +92,6 @@ def run(device: Device, build: Build, report: Report) -> None:
     )
     build.mesh, build.region_nodes, build.mesh_record = mesh, tags, record
     save_mesh(build.folder, mesh, tags, record)
-    if source.lock_meshes():
-        report(
-            0.9,
-            f"{mesh_store.DEVICE_MESH} keeps the mesh, which cannot be made again. It belongs to"
-            " the device, as device.toml does",
-        )
 
 
 class _MeshSource:
@@ -99,7 +119,9 @@ class _MeshSource:
         else:
             tets = mesh_store.load_cached_mesh(surface, edge_length, limit)
         if tets is None:
-            tets = tetrahedralize(surface, edge_length, lambda m: self._report(0.3, m), limit)
+            tets = tetrahedralize(
+                surface, edge_length, partial(self._report, MESHING_FRACTION), limit
+            )
             mesh_store.cache_mesh(surface, edge_length, tets)
         self.used[edge_length] = tets
         return conform_to_regions(tets.mesh, list(self._device.regions.values()))
@@ -122,7 +144,11 @@ class _MeshSource:
 
 
 def _make_mesh(
-    device: Device, surface: Surface, make: Callable[[float], TetMesh], report: Report
+    device: Device,
+    surface: Surface,
+    make: Callable[[float], TetMesh],
+    report: Report,
+    solve: Solve,
 ) -> tuple[TetMesh, float | None, Accuracy | None]:
     """Return the mesh, its edge length in mm, and how it was chosen."""
     edge_length, accuracy = device.mesh.edge_length, device.mesh.accuracy
@@ -132,7 +158,7 @@ def _make_mesh(
         edge = mesh_density.coarse_edge(surface) / mesh_density.EDGE_RATIO
         return make(edge), None, None
     assert accuracy is not None
-    choice = mesh_density.choose_mesh(device, surface, accuracy, make, report)
+    choice = mesh_density.choose_mesh(device, surface, accuracy, make, report, solve)
     trials = tuple(
         DensityTrial(t.edge_length, len(t.mesh.tets), _finite(t.error)) for t in choice.trials
     )

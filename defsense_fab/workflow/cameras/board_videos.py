@@ -91,19 +91,24 @@ def _missing_error(
     images = (image for k, _, image in video.frames() if k % step == step // 2)
     reason = explain_missing_board(images, board)
     video.close()
-    size = f"{board.columns} x {board.rows}, {board.dictionary}"
     return CaptureError(
         f"the board was found in none of {frames} frames{': ' if reason else ''}{reason}",
         code="board-not-found",
         where=path,
-        action=(
-            f"Use the ChArUco board of board.json ({size}), or state yours with 'defsense capture"
-            " board'"
-            if reason
-            else f"Check that board.json describes this board ({size})"
-        ),
+        action=missing_board_action(board, reason),
         frames=frames,
         reason=reason,
+    )
+
+
+def missing_board_action(board: CharucoBoard, reason: str) -> str:
+    """Return what to do about a board that is not found, by what images show instead."""
+    size = f"{board.columns} x {board.rows}, {board.dictionary}"
+    if not reason:
+        return f"Check that board.json describes this board ({size})"
+    return (
+        f"Use the ChArUco board of board.json ({size}), or state yours with 'defsense capture"
+        " board'"
     )
 
 

@@ -21,6 +21,7 @@ from ...capture.cameras.view_selection import (
     measure_coverage,
 )
 from ...capture.tags.detection import BoardFinder, BoardView, Image
+from ...capture.tags.missing_board import explain_missing_board
 from ...capture.tags.tag_patterns import CharucoBoard
 from ...core.arrays import Float
 from ...core.guided_parts import Bars, Part, Picture
@@ -34,7 +35,8 @@ from ...core.guided_run import (
     RunState,
     Screen,
 )
-from .board_videos import check_sizes
+from ...core.progress import Notice
+from .board_videos import check_sizes, missing_board_action
 from .options import MAX_VIEWS
 from .recorded_views import (
     Calibrated,
@@ -50,6 +52,7 @@ MAX_TIME_DIFFERENCE_S = 0.04  # between simultaneous frames of several cameras
 MIN_COVERAGE = 0.9  # share of the image's cells with which a calibration ends automatically
 IMAGE_TIMEOUT_S = 1.0
 MAX_HINTS = 3
+EXPLANATION_INTERVAL_S = 3.0  # without a board, between searches for what images show instead
 VIEW_KEYS: Mapping[Phase, tuple[Key, ...]] = {
     "active": (Key("enter", "finish", "complete"), Key("q", "stop", "stop")),
 }
@@ -162,6 +165,34 @@ def _collect(work: BoardViews, screen: Screen) -> None:
         raise KeyboardInterrupt
 
 
+class _MissingBoard:
+    """Explains why a camera has not seen a board yet.
+
+    Args:
+        board: The board.
+
+    Attributes:
+        reason: What its images show instead; empty if there is no explanation, and once the board
+            was found.
+    """
+
+    def __init__(self, board: CharucoBoard) -> None:
+        self._board, self._was_found = board, False
+        self._explained_ns: int | None = None
+        self.reason = ""
+
+    def receive(self, view: BoardView | None, image: Image, stamp: int) -> None:
+        """Search an image without the board for what it shows, now and then."""
+        if view is not None or self._was_found:
+            self._was_found, self.reason = True, ""
+            return
+        if self._explained_ns is None:
+            self._explained_ns = stamp
+        elif stamp - self._explained_ns >= EXPLANATION_INTERVAL_S * 1e9:
+            self._explained_ns = stamp
+            self.reason = explain_missing_board([image], self._board)
+
+
 class BoardViews(GuidedWork):
     """Work of one view: to wait until the board is still and somewhere new.
 
@@ -193,6 +224,7 @@ class BoardViews(GuidedWork):
         self._finder = BoardFinder(board)
         self._frames: list[tuple[Image, int] | None] = [None] * len(sources)
         self._views: list[BoardView | None] = [None] * len(sources)
+        self._missing = [_MissingBoard(board) for _ in sources]
         self._descriptions: list[Float] = []
         self._has_new_view = False
         self._coverage = self._measure_coverage([]) if covers_image else None
@@ -206,6 +238,8 @@ class BoardViews(GuidedWork):
         if len(frames) < len(self._sources) or not any(new):
             return
         previous, self._views = self._views, [self._finder.find(image) for image, _ in frames]
+        for missing, view, frame in zip(self._missing, self._views, frames, strict=True):
+            missing.receive(view, *frame)
         motions = [
             0.0 if view is None else float(corner_motion([before, view])[1])
             for before, view in zip(previous, self._views, strict=True)
@@ -271,5 +305,16 @@ class BoardViews(GuidedWork):
             instruction=instruction,
             progress=min(count / self._target, 1.0),
             parts=tuple(parts),
+            notes=tuple(
+                Notice(
+                    "board-not-found",
+                    f"{name}: the board is not in its images: {missing.reason}."
+                    f" {missing_board_action(self._board, missing.reason)}.",
+                    name,
+                    {"reason": missing.reason},
+                )
+                for name, missing in zip(self._names, self._missing, strict=True)
+                if missing.reason
+            ),
             alert=self._has_new_view and state.phase != "done",
         )

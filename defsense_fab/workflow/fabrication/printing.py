@@ -135,8 +135,8 @@ def measure_part_supports(part_set: PartSet) -> dict[str, Overhang]:
     even if none of its overhangs does.
     """
     overhangs = {}
-    for part, bare in zip(part_set.parts, part_set.bare, strict=True):
-        overhang = measure_overhang(bare, part.down)
+    for index, (part, bare) in enumerate(zip(part_set.parts, part_set.bare, strict=True)):
+        overhang = measure_overhang(bare, part.down, part_set.cut_planes(index))
         solid = triangle_kernel.to_manifold(part.surface, part.name)
         if overhang.area or first_layer_area(solid, part.down) < MIN_FIRST_LAYER_MM2:
             overhangs[part.name] = overhang
@@ -161,13 +161,13 @@ def lying_notes(part_set: PartSet) -> dict[str, Float | None]:
     """Return a note for each part that lies on its skin to save supports, with its middle (3,)."""
     notes: dict[str, Float | None] = {}
     for index, (part, bare) in enumerate(zip(part_set.parts, part_set.bare, strict=True)):
-        faces = part_set.cut_faces(index)
-        if faces and not any(part.down @ face > MIN_SAME_SIDE_COSINE for face in faces):
-            saved = measure_overhang(bare, faces[0])
+        faces = part_set.cut_planes(index)
+        if faces and not any(part.down @ face > MIN_SAME_SIDE_COSINE for face, _ in faces):
+            saved = measure_overhang(bare, faces[0][0], faces)
             if saved.volume > measure_overhang(bare, part.down).volume:
                 text = (
                     f"{part.name} is printed on its skin: on its cut face {saved.area:.0f} mm2 of"
-                    " skin would need supports"
+                    f" {saved.face.replace('cut', 'another cut')} would need supports"
                 )
                 notes[text] = part.center
     return notes
@@ -192,9 +192,12 @@ def print_advice(device: Device, supports: Mapping[str, Overhang]) -> list[str]:
         " a note names another side. Grooves need no supports."
     ]
     if supports and feedstock not in ("jets", "powder"):
+        places = "skin"
+        if any("cut" in overhang.face for overhang in supports.values()):
+            places = "faces that are named"
         advice.append(
-            f"Print {_list_overhangs(supports)} with supports on the skin, none in grooves, pockets"
-            " and sockets: block them there, as their remains narrow the channels."
+            f"Print {_list_overhangs(supports)} with supports on the {places}, none in grooves,"
+            " pockets and sockets: block them there, as their remains narrow the channels."
         )
     if feedstock == "filament":
         advice += _advise_on_filament(device, bool(supports))
@@ -230,11 +233,17 @@ def print_advice(device: Device, supports: Mapping[str, Overhang]) -> list[str]:
 def _list_overhangs(supports: Mapping[str, Overhang]) -> str:
     """Return the names of parts that need supports, with the size of their overhangs."""
     return ", ".join(
-        f"{name} ({overhang.area:.0f} mm2 of overhang, up to {overhang.height:.0f} mm high)"
+        f"{name} ({overhang.area:.0f} mm2 of overhang{_name_cut_face(overhang)}, up to"
+        f" {overhang.height:.0f} mm high)"
         if overhang.area
         else f"{name} (no flat face to stand on)"
         for name, overhang in supports.items()
     )
+
+
+def _name_cut_face(overhang: Overhang) -> str:
+    """Return the faces of an overhang with a preposition; empty if it is all skin."""
+    return "" if overhang.face == "skin" else f" of its {overhang.face}"
 
 
 def _advise_on_filament(device: Device, has_supports: bool) -> list[str]:

@@ -125,7 +125,9 @@ def _move_on(settings: Settings, steps: int) -> Settings:
             file, virtual = settings.file, settings.virtual
             return replace(
                 settings,
-                channel=_next_channel(settings.channel, steps),
+                channel=_next_channel(
+                    settings.channel, steps if settings.has_default_mapping else 0
+                ),
                 mapping=mapping,
                 file=file and _numbered(Path(file), steps + 1),
                 virtual=virtual and f"{virtual} {steps + 1}",
@@ -162,7 +164,7 @@ def _midi_resources(settings: MidiSettings) -> set[Resource]:
     if settings.virtual:
         return {("midi virtual", settings.virtual)}
     played = {(entry.channel, entry.cc, entry.note) for entry in settings.mapping}
-    if not settings.mapping and not settings.learn:
+    if settings.has_default_mapping:
         played = {(settings.channel, cc, None) for cc in (*FREE, QUALITY)}
     port, resources = settings.device.lower(), set[Resource]()
     for channel, cc, note in played:

@@ -1,4 +1,8 @@
-"""Videos, folders of images, numbered images, and invalid files."""
+"""Videos, folders of images, numbered images, and invalid files.
+
+`DEFSENSE_VARIANTS=1000` reads that many folders in place of the few of the suite; `-s` shows how
+many were read and refused.
+"""
 
 import os
 import struct
@@ -14,6 +18,7 @@ from PIL import Image as PillowImage
 from defsense_fab.capture.cameras.image_sources import Timing, Video, measure_timing
 from defsense_fab.core.errors import CaptureError
 from tests.support.errors import raises
+from tests.support.tally import Tally
 
 RNG = np.random.default_rng(0)
 FRAMES = RNG.integers(0, 255, (20, 48, 64), dtype=np.uint8)
@@ -162,6 +167,14 @@ def test_images_are_turned_by_the_orientation_of_the_first(tmp_path, orientation
 VARIANTS = int(os.environ.get("DEFSENSE_VARIANTS", "40"))
 
 
+@pytest.fixture(scope="module")
+def folders():
+    """Count the outcomes of folders of images."""
+    tally = Tally()
+    yield tally
+    tally.show("folders of images")
+
+
 @settings(max_examples=VARIANTS, derandomize=True, deadline=None)
 @given(
     sizes=st.lists(
@@ -170,18 +183,26 @@ VARIANTS = int(os.environ.get("DEFSENSE_VARIANTS", "40"))
     suffix=st.sampled_from([".png", ".jpg", ".bmp", ".tif", ".pgm"]),
     is_pattern=st.booleans(),
 )
-def test_first_image_of_another_size_is_named(tmp_path_factory, sizes, suffix, is_pattern):
+def test_first_image_of_another_size_is_named(tmp_path_factory, folders, sizes, suffix, is_pattern):
     folder = tmp_path_factory.mktemp("sizes")
     for k, (width, height) in enumerate(sizes):
         cv2.imwrite(str(folder / f"{k}{suffix}"), np.full((height, width), 9 * k, np.uint8))
+    folders.add(lambda: read_images(folder, sizes, suffix, is_pattern))
+
+
+def read_images(folder, sizes, suffix, is_pattern):
+    """Check that images are read as written, or refused by the first of another size."""
     video = Video(folder / f"%d{suffix}" if is_pattern else folder, 10.0)
     other = next((k for k, size in enumerate(sizes) if size != sizes[0]), None)
     if other is None:
-        assert len(list(video.frames())) == len(sizes)
-        return
+        images = [image for *_, image in video.frames()]
+        assert [image.shape[1::-1] for image in images] == sizes
+        assert [round(image.mean()) for image in images] == [9 * k for k in range(len(sizes))]
+        return "read right"
     facts = {"file": f"{other}{suffix}", "size": sizes[other], "expected": sizes[0]}
     with raises(CaptureError, "image-sizes-differ", **facts):
         list(video.frames())
+    return "refused"
 
 
 #: Rows of the matrix in a track of an MP4 file that turn its pictures clockwise, by degrees.

@@ -392,7 +392,7 @@ def test_tables_of_motion_capture_programs_are_named(tmp_path, line, program):
 
 
 def test_header_and_parameters_that_disagree(tmp_path):
-    """The header is used if the file's length confirms it; otherwise the file is refused."""
+    """The header is used if its length and labels confirm it; otherwise the file is refused."""
     points = np.random.default_rng(0).normal(0, 50, (40, 3, 3))
     path, right = tmp_path / "a.c3d", c3d_format.build(points, ["tag_1", "tag_2", "tag_3"], 50.0)
     path.write_bytes(right.replace(b"USED\x07\0\x02\0\x03\0", b"USED\x07\0\x02\0\x05\0"))
@@ -402,3 +402,12 @@ def test_header_and_parameters_that_disagree(tmp_path):
     data[2:4] = struct.pack("<H", 2)
     path.write_bytes(data)
     refused(path, "header-differs", name="points", header=2, parameters=3)
+
+
+def test_cut_file_whose_length_fits_a_wrong_header(tmp_path):
+    points = np.random.default_rng(0).normal(0, 50, (40, 3, 3))
+    path = tmp_path / "a.c3d"
+    data = bytearray(c3d_format.build(points, ["tag_1", "tag_2", "tag_3"], 50.0))
+    data[16:18] = struct.pack("<H", 5)
+    path.write_bytes(data[: 512 * 4 + 40 * 3 * 16])
+    refused(path, "header-differs", name="start", header=5, parameters=6)

@@ -1,6 +1,7 @@
 """Solids of closed shells and loose faces, in variants of a few bodies.
 
-DEFSENSE_VARIANTS sets how many; 100 and more are written as STEP and read back as well.
+DEFSENSE_VARIANTS sets how many; 100 and more are written as STEP and read back as well. `-s` shows
+how many were read and refused.
 """
 
 import os
@@ -18,6 +19,7 @@ from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.cad_solid import make_cad_solid
 from defsense_fab.geometry.kernels import brep, occ
 from defsense_fab.geometry.kernels.stitching import STITCH_TOLERANCES_MM, collect_solids
+from tests.support.tally import Tally
 
 VARIANTS = int(os.environ.get("DEFSENSE_VARIANTS", "24"))
 FORMS = ("solid", "shell", "faces", "open", "several", "with surface")
@@ -119,14 +121,24 @@ def outcome(one, shapes):
     return "read"
 
 
+@pytest.fixture(scope="module")
+def tallies():
+    """Count the outcomes of shapes as they are, and of the same in STEP files."""
+    counted = {"shapes": Tally(), "STEP files": Tally()}
+    yield counted
+    for title, tally in counted.items():
+        tally.show(title)
+
+
 @pytest.mark.parametrize("number", range(VARIANTS))
-def test_variants_are_read_right_or_refused(number, tmp_path):
+def test_variants_are_read_right_or_refused(number, tmp_path, tallies):
     one = variant(number)
     expected = "read" if one.volume else "not-one-solid" if one.form == "several" else "no-solid"
-    assert outcome(one, pieces(one)) == expected
+    assert tallies["shapes"].add(lambda: outcome(one, pieces(one))) == expected
     if VARIANTS >= 100:
-        unit = ("MM", "INCH", "M")[number % 3]
-        assert outcome(one, through_step(one, tmp_path / "a.step", unit)) == expected
+        path, unit = tmp_path / "a.step", ("MM", "INCH", "M")[number % 3]
+        files = tallies["STEP files"]
+        assert files.add(lambda: outcome(one, through_step(one, path, unit))) == expected
 
 
 def test_a_closed_shell_in_step_is_a_solid(tmp_path):

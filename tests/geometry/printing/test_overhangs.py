@@ -144,6 +144,21 @@ def test_a_part_without_a_lower_side_lies_on_its_cut_face(solid):
     assert choose_side_down(triangle_kernel.to_surface(solid), [DOWN]) is DOWN
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_overhangs_of_cut_faces_and_of_skin_are_kept_apart(seed):
+    solid, down = turned(bridge(40, 30), np.random.default_rng(seed))
+    offset = float(down @ measure_overhang(solid, down).point)
+    under, away = (down, offset), (down, offset + 0.1)
+    skin, cut = measure_overhang(solid, down), measure_overhang(solid, down, [away, under])
+    assert (skin.face, skin.cut_area) == ("skin", 0)
+    assert cut.face == "cut face"
+    assert cut.cut_area == pytest.approx(cut.area) == pytest.approx(1200)
+    assert measure_overhang(solid, down, [away, (-down, -offset)]).face == "skin"
+    two = bridge(40, 30) + bridge(40, 30, 25.0).translate([70, 0, 0])
+    both = measure_overhang(two, DOWN, [(DOWN, -20.0)])
+    assert (both.face, both.cut_area) == ("skin and cut face", pytest.approx(1200))
+
+
 def test_grooves_do_not_turn_a_part_over():
     """A groove 6 mm wide with a level ceiling is no overhang of the skin."""
     block = box(60, 30, 40)

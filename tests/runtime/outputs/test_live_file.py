@@ -147,6 +147,18 @@ def test_an_empty_file(read):
             2,
         ),
         (
+            '[outputs.midi]\nchannel = 5\nmapping = [{ control = "a", cc = 1 }]',
+            "keys-exclusive",
+            "outputs.midi.channel",
+            2,
+        ),
+        (
+            '[outputs.midi]\nlearn = "Knobs"\nchannel = 5',
+            "keys-exclusive",
+            "outputs.midi.channel",
+            3,
+        ),
+        (
             '[outputs.gamepad]\nmapping = [{ control = "a", axis = "w" }]',
             "value-choice",
             "outputs.gamepad.mapping.1.axis",

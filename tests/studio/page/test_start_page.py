@@ -87,6 +87,65 @@ def test_an_uploaded_body_with_its_unit_becomes_a_device(open_studio, tmp_path, 
     assert sorted(p.name for p in tmp_path.iterdir() if p.is_file()) == ["device.toml", "grip.stl"]
 
 
+@pytest.fixture
+def uploaded_form(open_studio, tmp_path, monkeypatch):
+    """Return a function that uploads a box in a file and returns the studio and the form."""
+
+    def upload(suffix=".stl"):
+        surface = box_surface([0, 0, 0], [5, 1, 2])
+        body = BodyFile(b"content", "grip", suffix, surface, "inch", suffix == ".stl", ())
+        monkeypatch.setattr(start_page_module, "load_body_content", lambda name, content: body)
+        studio = open_studio(tmp_path)
+        studio.page.receive("grip" + suffix, b"content")
+        assert studio.page.wait(TIMEOUT_S)
+        return studio, studio.page.form
+
+    return upload
+
+
+def test_a_size_scales_an_uploaded_mesh_in_place_of_its_unit(uploaded_form):
+    studio, form = uploaded_form()
+    assert form.size.value == 127
+    form.choose_size(170.0)
+    assert form.unit.value == start_page_module.UNKNOWN_UNIT
+    assert "170 × 34 × 68 mm" in form.size_text.content
+    assert "guess" not in form.size_text.content
+    form.edge.value = 6.0
+    form.create()
+    assert isinstance(studio.page, StudioPage)
+    assert studio.page.bench.project.device.body.scale == 34
+
+
+def test_the_unit_or_size_that_was_chosen_last_counts(uploaded_form):
+    studio, form = uploaded_form()
+    form.choose_size(170.0)
+    form.choose_unit("cm")
+    assert form.size.value == 50
+    form.choose_unit(start_page_module.UNKNOWN_UNIT)
+    assert "50 × 10 × 20 mm" in form.size_text.content
+    form.choose_unit("cm")
+    form.create()
+    assert studio.page.bench.project.device.body.scale == 10
+
+
+def test_an_impossible_size_is_an_error_and_the_form_stays(uploaded_form):
+    studio, form = uploaded_form()
+    form.choose_size(0.0)
+    assert studio.page.error.code == "out-of-range"
+    form.choose_size(10_000.0)
+    form.create()
+    assert studio.page.error.code == "body-size-impossible"
+    form.choose_size(170.0)
+    form.create()
+    assert isinstance(studio.page, StudioPage)
+
+
+def test_a_step_file_has_neither_a_unit_nor_a_size_to_choose(uploaded_form):
+    _, form = uploaded_form(".step")
+    assert not form.unit.visible
+    assert not form.size.visible
+
+
 def test_refused_files_are_reported_and_the_page_stays_usable(open_studio, tmp_path):
     studio = open_studio(tmp_path)
     page = studio.page

@@ -346,8 +346,8 @@ def test_sources_must_fit_the_calibration(rig_file):
 class FilmedSource:
     """An `ImageSource` of the frames of a video."""
 
-    def __init__(self, path, delay_ns=0):
-        self.name, self.frames = path.stem, images(path)
+    def __init__(self, path, delay_ns=0, frames=None):
+        self.name, self.frames = path.stem, frames or images(path)
         self.size = self.frames[0].shape[1::-1]
         self.delay_ns, self.position, self.state = delay_ns, 0, "new"
 
@@ -438,3 +438,19 @@ def test_live_cameras_must_be_simultaneous_and_of_their_size(opener, tmp_path):
     write_rig(out, [LEFT, replace(RIGHT, size=(640, 480))], {})
     with raises(CaptureError, "image-size-differs"):
         check_live(["left", "right"], BOARD, out, 3, Screen(), opener())
+
+
+def test_live_view_names_a_chessboard_without_tags_until_the_board_is_seen(boards, tmp_path):
+    squares = np.kron(np.indices((6, 8)).sum(axis=0) % 2, np.ones((40, 40))) * 255
+    squares = cv2.copyMakeBorder(squares.astype(np.uint8), 20, 20, 60, 60, 0, value=255)
+    found = images(boards / "left.mkv")[:3]
+    squares = cv2.resize(cv2.cvtColor(squares, cv2.COLOR_GRAY2BGR), found[0].shape[1::-1])
+    source, screen = FilmedSource(Path("left"), frames=[squares] * 33 + found), Screen()
+    with raises(CaptureError, "camera-disconnected"):
+        calibrate_live(
+            "left", "mine", BOARD, tmp_path / "c.toml", 25, screen, lambda _: source, fisheye=False
+        )
+    reasons = [[note.data["reason"] for note in view.notes] for view in screen.views]
+    assert not any(reasons[:30])
+    assert ["they show squares, but no tags"] in reasons
+    assert reasons[-1] == []

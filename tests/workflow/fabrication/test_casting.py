@@ -93,6 +93,17 @@ def test_advice_names_exactly_the_parts_that_need_supports(process, material, is
     assert not any("No p" in sentence for sentence in advised)
 
 
+@pytest.mark.parametrize(
+    ("cut_area", "face"), [(0.0, None), (468.0, "cut face"), (200.0, "skin and cut face")]
+)
+def test_advice_names_the_face_that_needs_supports(cut_area, face):
+    printed = device('process = "fdm-tpu"', 'name = "tpu-85a"')
+    overhang = Overhang(468.0, 84.0, 30_000.0, np.zeros(3), cut_area)
+    (advice,) = [s for s in print_advice(printed, {"3-right": overhang}) if "3-right" in s]
+    assert ("supports on the skin" in advice) == (face is None)
+    assert (f"of its {face}," in advice) == (face is not None)
+
+
 def test_custom_process_gets_the_advice_for_all_processes():
     tpu = device('process = "fdm-tpu"', 'name = "tpu-85a"')
     custom = replace(tpu, fabrication=replace(tpu.fabrication, process="belt-tpu"))

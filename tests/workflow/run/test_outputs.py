@@ -76,6 +76,7 @@ def test_channels_of_one_midi_port():
     mapping = (MidiMapping("bend", cc=20, channel=16), MidiMapping("bend", note=60, channel=10))
     _, second, _ = shared(MidiSettings(mapping=mapping))
     assert [one.channel for one in second.mapping] == [1, 11]
+    assert [o.channel for o in shared(MidiSettings(learn="Knobs"))] == [1, 1, 1]
     cable = Cable("Synth")
     for settings in shared(MidiSettings(device="Synth", program=19), 2):
         MidiOutput(settings, cable).send(frame(1, controls={"bend": 1.0}))
