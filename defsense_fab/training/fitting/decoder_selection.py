@@ -301,14 +301,14 @@ def _fit_kernels(data: FitData, pasts: Sequence[Past]) -> list[FittedCandidate]:
 
 
 def _reduce(data: FitData) -> FitData:
-    """Return the main movements with equal weights, at no more frames than a search needs."""
+    """Return the main movements, weighted by frame, at no more frames than a search needs."""
     principal = _principal_outputs(data.outputs, data.weights)[:, None]
-    reduced = replace(data, outputs=principal, weights=np.ones((len(principal), 1)))
+    reduced = replace(data, outputs=principal, weights=data.weights.mean(axis=1, keepdims=True))
     return reduced.thin(_MAX_SEARCH_FRAMES)
 
 
 def _longest_time_constant(data: FitData) -> float:
-    """Return the duration of a typical recording, s: longer memories cannot be told apart."""
+    """Return the duration of a typical recording, s: longer memories cannot be distinguished."""
     time, index = data.frames.time, data.frames.recording_index
     return float(np.median([np.ptp(time[index == k]) for k in np.unique(index)]))
 
@@ -368,7 +368,7 @@ def _fit_time_constants(data: FitData) -> Past:
 
 
 def _are_distinct(times: Sequence[float]) -> bool:
-    """Return whether time constants differ by enough to be told apart."""
+    """Return whether time constants differ by enough to be distinguished."""
     ratios = np.diff(np.log(np.sort(times)))
     return bool((ratios >= np.log(_MIN_TIMES_RATIO)).all())
 

@@ -10,7 +10,6 @@ from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
 from ...decoding.expected_errors import ErrorMeasures
-from ...decoding.quantities import MARKER_UNIT
 from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
@@ -18,7 +17,7 @@ from ..options import TrainOptions
 from ..regression.candidates import AFFINE, FORMS
 from ..regression.frames import MIN_FRAMES, Frames, assign_folds, split_frames
 from ..regression.intervals import fit_intervals, fit_trained_range
-from ..regression.marker_weights import MIN_SCALE_MM, find_wrong_markers, weight_by_certainty
+from ..regression.marker_weights import find_wrong_markers, weight_by_certainty
 from ..regression.simulated_decoder import fit_simulated_decoder
 from ..regression.simulation_prior import Prior
 from .decoder_selection import (
@@ -29,7 +28,7 @@ from .decoder_selection import (
     fit_simulated_candidate,
     select_simplest,
 )
-from .errors_by_unit import UnitErrors, measure_test, select_unit, spread_of, target_scale
+from .errors_by_unit import UnitErrors, measure_test, select_unit, target_scale
 from .fault_limits import fit_fault_limits
 from .pose_signals import extract_pose_signals
 from .repeatability import Repeatability, measure_repeatability
@@ -39,7 +38,6 @@ from .useless_causes import judge_model
 _MANY_CHANNELS = 16
 _MAX_FRAMES_OF_MANY = 3000  # to which decoders without one of many channels are fitted
 _MIN_FOLD_S = 2.0
-_MIN_SCALE_SHARE = 1e-4  # of a target's spread, by which errors of targets differ at least
 _MIN_MARKER_FRAMES = 20  # in which a marker must be visible
 _RECORDING_GAP_S = 1e6  # between recordings on the common clock
 
@@ -237,15 +235,16 @@ def _common_time(frames: Frames) -> Float:
 
 
 def _weight_markers(frames: Frames, options: TrainOptions) -> tuple[Float, Bool]:
-    """Return weights of the markers (t, m), and which are wrong (t, m)."""
+    """Return weights of the markers (t, m), and which are wrong (t, m).
+
+    Other targets than markers are neither weighted nor found wrong: a frame has too few of them to
+    compare, and hysteresis of a sensor looks alike.
+    """
     visible = frames.visible
-    if not options.weighted:
+    if not options.weighted or frames.dataset.targets is not None:
         return visible.astype(float), np.zeros_like(visible)
     signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
-    floor = np.array([MIN_SCALE_MM if u == MARKER_UNIT else 0.0 for u in frames.dataset.units])
-    if frames.dataset.targets is not None:
-        floor = np.maximum(floor, _MIN_SCALE_SHARE * spread_of(frames.points))
-    is_wrong, scale = find_wrong_markers(signals, frames.points, _common_time(frames), floor)
+    is_wrong, scale = find_wrong_markers(signals, frames.points, _common_time(frames))
     return weight_by_certainty(frames.sigma, visible & ~is_wrong, scale), is_wrong
 
 

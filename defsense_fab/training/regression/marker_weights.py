@@ -18,7 +18,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from ...core.arrays import Bool, Float
-from ...decoding.input_decoder import InputFeatures, all_products
+from ...decoding.input_decoder import InputFeatures, all_products, no_products
+from .candidates import has_few_products
 from .weighted_ridge import Whitening, accumulate_sums, solve_ridge
 
 #: Robust standard deviations beyond which a marker is wrong.
@@ -27,9 +28,7 @@ WRONG_MARKER_SIGMAS = 8.0
 _WINDOW_S = 2.0  # around a frame
 _RESIDUAL_RATIO = 4.0  # of a wrong marker's residual over that of the others
 _HUBER_SIGMAS, _MAX_ROUNDS, _INPUT_NOISE = 2.5, 12, 2e-3
-MIN_SCALE_MM = 0.02  # so that exact data have no wrong markers
-#: Medians of the length of normal errors with a standard deviation of 1 along each axis.
-_MEDIAN_LENGTH = {1: 0.6745, 3: 1.538}
+_MIN_SCALE_MM = 0.02  # so that exact data have no wrong markers
 
 
 def weight_by_certainty(sigma: Float, visible: Bool, error: Float) -> Float:
@@ -54,17 +53,13 @@ def weight_by_certainty(sigma: Float, visible: Bool, error: Float) -> Float:
     return np.where(visible, np.where(is_known, weights, 1.0), 0.0)
 
 
-def find_wrong_markers(
-    inputs: Float, points: Float, time: Float, min_scale: Float | float = MIN_SCALE_MM
-) -> tuple[Bool, Float]:
+def find_wrong_markers(inputs: Float, points: Float, time: Float) -> tuple[Bool, Float]:
     """Find markers whose positions contradict the signals.
 
     Args:
         inputs: Signals at the frames, shape (t, c).
         points: Marker positions, shape (t, m, 3), mm; NaN in gaps.
         time: Times of the frames, shape (t,), s.
-        min_scale: Smallest scale of the residuals along an axis, mm, or for each marker (m,) in
-            the unit of its target.
 
     Returns:
         Which markers are wrong, shape (t, m), and the scale of the other markers' residuals, shape
@@ -72,7 +67,8 @@ def find_wrong_markers(
     """
     t, c = inputs.shape
     visible = np.isfinite(points[..., 0])
-    features = InputFeatures(c, all_products(c), np.zeros((0, c)), np.ones(c))
+    products = all_products(c) if has_few_products(c, t) else no_products()
+    features = InputFeatures(c, products, np.zeros((0, c)), np.ones(c))
     _, x = Whitening.fit(features, inputs)
     outputs = np.where(visible[..., None], points, 0.0)
     weights, one_fold = visible.astype(float), np.zeros(t, np.int64)
@@ -82,10 +78,7 @@ def find_wrong_markers(
         beta, constant = solve_ridge(sums, np.array([_INPUT_NOISE]))
         predicted = (x @ beta[0] + constant[0]).reshape(outputs.shape)
         residual = np.linalg.norm(predicted - outputs, axis=2)
-        scale = np.array(
-            [_axis_scale(o[s], points.shape[2]) for o, s in zip(residual.T, visible.T, strict=True)]
-        )
-        scale = np.maximum(scale, min_scale)
+        scale = np.array([_axis_scale(o[s]) for o, s in zip(residual.T, visible.T, strict=True)])
         previous = is_wrong
         is_wrong = visible & _stands_out(np.where(visible, residual / scale, np.nan), time)
         if (is_wrong == previous).all() and not is_wrong.any():
@@ -112,10 +105,11 @@ def _stands_out(residual: Float, time: Float) -> Bool:
     return np.asarray((residual > WRONG_MARKER_SIGMAS) & (residual > _RESIDUAL_RATIO * others))
 
 
-def _axis_scale(distance: Float, axes: int) -> float:
-    """Return the scale along an axis of distances (n,); 0 without any.
+def _axis_scale(distance: Float) -> float:
+    """Return the scale along an axis of distances (n,), whose median in theory is 1.538 times it.
 
-    The errors are taken to be normal along each axis, so that distances have a Maxwell distribution
-    for three axes.
+    The distances are taken to have a Maxwell distribution.
     """
-    return float(np.median(distance)) / _MEDIAN_LENGTH[axes] if len(distance) else 0.0
+    return (
+        max(float(np.median(distance)) / 1.538, _MIN_SCALE_MM) if len(distance) else _MIN_SCALE_MM
+    )
