@@ -67,6 +67,8 @@ class InputFeatures:
         Args:
             inputs: Inputs (t, d).
         """
+        if not len(self.centers) and not len(self.products):
+            return np.eye(self.inputs)
         if not len(self.centers):
             flat = np.ascontiguousarray(np.moveaxis(self._slopes(inputs), 2, 1))
             flat = flat.reshape(-1, self.count)
