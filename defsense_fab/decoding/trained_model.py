@@ -170,7 +170,7 @@ class TrainedModel:
         readings: Units and reference of the channels; None for resistances of a device's cords.
     """
 
-    SCHEMA: ClassVar[int] = 1
+    SCHEMA: ClassVar[int] = 2
 
     device: str
     layout: str

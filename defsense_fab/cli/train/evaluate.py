@@ -69,7 +69,7 @@ def _evaluate(
         _print_errors(evaluation)
         print_lines(_describe_first(evaluation))
         if evaluation.result.likeness is not None:
-            print_lines(f"cords: {text}" for text in evaluation.result.likeness.sentences)
+            print_lines(f"signals: {text}" for text in evaluation.result.likeness.sentences)
         print_lines(f"note: {note}" for note in evaluation.result.notes)
         print_lines([f"Look at: {evaluation.page}"])
 
