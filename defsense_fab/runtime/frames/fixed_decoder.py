@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...core.errors import LiveError
 from ...decoding.quantities import Readings
 from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
-from .live_decoder import IMPLAUSIBLE_DISTANCE, NO_DECODER, UNTRAINED, UNTRAINED_DISTANCE, Reading
+from .live_decoder import (
+    IMPLAUSIBLE_DISTANCE,
+    NO_DECODER,
+    UNTRAINED,
+    UNTRAINED_DISTANCE,
+    Reading,
+    require_channels,
+)
 from .live_faults import LiveFaults, fault_note
 from .live_frame import LiveFrame, Note, Quality
 
@@ -50,17 +56,8 @@ class FixedDecoder:
         Raises:
             LiveError: The reading has another number of channels than the model.
         """
-        model, c = self.model, len(self.model.channels)
-        if reading.ohms.shape != (c,):
-            raise LiveError(
-                f"the sample has {reading.ohms.size} channels, the model was trained on {c}"
-                f" ({', '.join(model.channels)})",
-                code="channels-differ",
-                where=model.device,
-                action="Send the channels that the model was trained on, and no others",
-                count=reading.ohms.size,
-                expected=c,
-            )
+        model = self.model
+        require_channels(reading, model)
         if not reading.time > self._last_time:
             return None
         self._last_time = reading.time

@@ -68,6 +68,21 @@ class Reading:
     arrived: float
 
 
+def require_channels(reading: Reading, model: TrainedModel) -> None:
+    """Raise a LiveError if a reading has another number of channels than the model."""
+    c = len(model.channels)
+    if reading.ohms.shape != (c,):
+        raise LiveError(
+            f"the sample has {reading.ohms.size} channels, the model was trained on {c}"
+            f" ({', '.join(model.channels)})",
+            code="channels-differ",
+            where=model.device,
+            action="Connect the channels that the model was trained on, and no others",
+            count=reading.ohms.size,
+            expected=c,
+        )
+
+
 class LiveDecoder:
     """Decode readings one after another.
 
@@ -137,17 +152,7 @@ class LiveDecoder:
         Raises:
             LiveError: The reading has another number of channels than the model.
         """
-        model, c = self.model, len(self.model.channels)
-        if reading.ohms.shape != (c,):
-            raise LiveError(
-                f"the sample has {reading.ohms.size} channels, the model was trained on {c}"
-                f" ({', '.join(model.channels)})",
-                code="channels-differ",
-                where=model.device,
-                action="Connect the cords that the model was trained on, and no others",
-                count=reading.ohms.size,
-                expected=c,
-            )
+        require_channels(reading, self.model)
         if not reading.time > self._last_time:
             return None
         since, self._last_time = reading.time - self._last_time, reading.time

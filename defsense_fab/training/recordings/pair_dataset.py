@@ -145,7 +145,7 @@ def dataset_of_series(
         )
     series = _select_increasing(series)
     time, error, offset_text = _synchronize(series, tracks, source, info.offset)
-    _require_common_time(series, time, tracks, source)
+    require_common_time(series.source, time, source, tracks.time)
     start = max(float(tracks.time[0]), float(time[0]))
     is_initial = np.asarray(tracks.time <= start + _INITIAL_REST_S)
     tracks, rest_points, rest_notes = _find_rest(tracks, source, is_initial, info)
@@ -192,16 +192,26 @@ def dataset_of_series(
     )
 
 
-def _require_common_time(series: Series, time: Float, tracks: Tracks, source: str) -> None:
-    """Raise an error if the samples at times (n,) s and the tracks have no time in common."""
-    if time[-1] < tracks.time[0] or time[0] > tracks.time[-1]:
+def require_common_time(signals: str, time: Float, targets: str, frames: Float) -> None:
+    """Raise an error if samples and targets have no time in common.
+
+    Args:
+        signals: Name of the signals' file.
+        time: Times of the samples, shape (n,), s, on the targets' clock.
+        targets: Name of the targets' file.
+        frames: Times of the targets, shape (t,), s.
+
+    Raises:
+        TrainingError: If they do not overlap.
+    """
+    if time[-1] < frames[0] or time[0] > frames[-1]:
         raise TrainingError(
-            f"{series.source} and {source} have no time in common ({time[0]:.1f} to"
-            f" {time[-1]:.1f} s, {tracks.time[0]:.1f} to {tracks.time[-1]:.1f} s)",
+            f"{signals} and {targets} have no time in common ({time[0]:.1f} to {time[-1]:.1f} s,"
+            f" {frames[0]:.1f} to {frames[-1]:.1f} s)",
             code="no-common-time",
             action="Give the offset between them, or let it be found (auto)",
             signals=(float(time[0]), float(time[-1])),
-            tracks=(float(tracks.time[0]), float(tracks.time[-1])),
+            tracks=(float(frames[0]), float(frames[-1])),
         )
 
 

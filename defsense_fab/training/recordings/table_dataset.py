@@ -16,7 +16,7 @@ from ...core.errors import CaptureError, TrainingError
 from ...decoding.quantities import COUNTS, RELATIVE, Readings, Targets
 from ..data.dataset import Dataset, Recording
 from .column_units import Column, find_time, parse_column
-from .pair_dataset import RecordingInfo
+from .pair_dataset import RecordingInfo, require_common_time
 from .series import OTHER_COLUMNS, RUN, increasing_times, read_table
 
 #: Name of the sensor of tables that belong to no device.
@@ -87,7 +87,7 @@ def table_dataset(
         points = truth.values[:, order].reshape(len(truth.time), -1, kinds.axes)
         points = np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
         time, error, offset = _synchronize(table, truth, points, info)
-        _require_common_time(table, time, truth)
+        require_common_time(str(table.path), time, str(truth.path), truth.time)
         if readings is None:
             readings = make_readings(units, table.values, f"the first half of {name}")
         runs.append(
@@ -343,19 +343,6 @@ def _match_columns(table: _Table, first: _Table) -> _Table:
             )
     columns = tuple(table.columns[k] for k in order)
     return replace(table, columns=columns, values=table.values[:, order])
-
-
-def _require_common_time(table: _Table, time: Float, truth: _Table) -> None:
-    """Raise an error if samples at times (n,) s and targets have no time in common."""
-    if time[-1] < truth.time[0] or time[0] > truth.time[-1]:
-        raise TrainingError(
-            f"{table.path} and {truth.path} have no time in common ({time[0]:.1f} to"
-            f" {time[-1]:.1f} s, {truth.time[0]:.1f} to {truth.time[-1]:.1f} s)",
-            code="no-common-time",
-            action="Give the offset between them, or let it be found (auto)",
-            signals=(float(time[0]), float(time[-1])),
-            targets=(float(truth.time[0]), float(truth.time[-1])),
-        )
 
 
 def _synchronize(
