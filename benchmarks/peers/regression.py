@@ -28,7 +28,7 @@ INPUTS = (STATIC, LAGS, *MEMORIES_S)
 
 RIDGE_PENALTIES = (1e-2, 1.0, 100.0)
 KERNEL_SCALES, KERNEL_PENALTIES = (0.03, 0.1, 0.3), (0.03, 0.3)
-MAX_KERNEL_FRAMES = 2000  # evenly spaced; kernel ridge solves a system of this size
+MAX_KERNEL_FRAMES = 1500  # evenly spaced; kernel ridge solves a system of this size
 TREES, MIN_LEAF = 100, 3
 BOOSTING_ROUNDS = 150
 STATES = (16, 32)  # of the recurrent network

@@ -100,28 +100,11 @@ def main(arguments: list[str] | None = None) -> int:
     start = time.process_time()
     rows, runs, failed = list[Row](), list[Row](), list[str]()
     warnings, shifts = dict[str, list[str]](), dict[str, list[ShiftResult]]()
-    for source in sources:
-        try:
-            if options.shifts:
-                warnings[source.name], shifts[source.name] = measure_shifts(source.read())
-            else:
-                row, rows_of_runs = measure_recording(source, options.seed, options.out)
-                rows.append(row)
-                runs += rows_of_runs
-        except DefsenseError as error:
-            failed.append(f"{source.name}: {error}")
-            continue
-        print(f"{source.name}: done, {time.process_time() - start:.0f} CPU s in all", flush=True)
-    if shifts:
-        print(f"\n{shift_table(shifts)}")
-        for name, each in warnings.items():
-            print("\n".join([f"\n{name}: {len(each)} warnings on its clocks", *each]))
-    for part in (rows, runs):
-        if part:
-            print_tables(part)
-    for message in failed:
-        print(f"Failed: {message}")
-    if options.json is not None:
+
+    def save() -> None:
+        """Write what is measured so far."""
+        if options.json is None:
+            return
         results = {
             "seed": options.seed,
             "cpu_s": time.process_time() - start,
@@ -133,6 +116,30 @@ def main(arguments: list[str] | None = None) -> int:
         }
         options.json.parent.mkdir(parents=True, exist_ok=True)
         options.json.write_text(json.dumps(results, indent=1, default=_plain), encoding="utf-8")
+
+    for source in sources:
+        try:
+            if options.shifts:
+                warnings[source.name], shifts[source.name] = measure_shifts(source.read())
+            else:
+                row, rows_of_runs = measure_recording(source, options.seed, options.out)
+                rows.append(row)
+                runs += rows_of_runs
+        except DefsenseError as error:
+            failed.append(f"{source.name}: {error}")
+            continue
+        save()
+        print(f"{source.name}: done, {time.process_time() - start:.0f} CPU s in all", flush=True)
+    if shifts:
+        print(f"\n{shift_table(shifts)}")
+        for name, each in warnings.items():
+            print("\n".join([f"\n{name}: {len(each)} warnings on its clocks", *each]))
+    for part in (rows, runs):
+        if part:
+            print_tables(part)
+    for message in failed:
+        print(f"Failed: {message}")
+    save()
     return 1 if failed else 0
 
 
