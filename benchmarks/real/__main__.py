@@ -28,6 +28,7 @@ from benchmarks.real.report import (
     draw,
     error_table,
     interval_table,
+    published_text,
     shift_table,
     summary,
     time_table,
@@ -71,7 +72,7 @@ def measure_recording(source: Source, seed: int, out: Path | None) -> tuple[Row,
 
 def print_tables(rows: list[Row]) -> None:
     """Print all tables of rows."""
-    for table in (error_table, interval_table, channel_table, time_table, summary):
+    for table in (error_table, published_text, interval_table, channel_table, time_table, summary):
         print(f"\n{table(rows)}", flush=True)
 
 

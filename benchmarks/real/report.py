@@ -93,15 +93,20 @@ def error_table(rows: Sequence[Row]) -> str:
                 *of_peers,
                 f"{best.family} ({best.choice})",
                 f"{r.ratio:.2f}",
-                r.published or "-",
             ]
         )
     peers = " | ".join(f"{f} CV / test" for f in FAMILIES)
     return _table(
         "| recording | unit | s | frames | mean | ours: CV / test | "
-        f"{peers} | best peer by folds | ours / best | published |",
+        f"{peers} | best peer by folds | ours / best |",
         body,
     )
+
+
+def published_text(rows: Sequence[Row]) -> str:
+    """Return a line for each recording whose sensor's paper states an error."""
+    lines = [f"{r.name}, published: {r.published}" for r in rows if r.published]
+    return "\n".join(lines or ["No published errors are known."])
 
 
 def time_table(rows: Sequence[Row]) -> str:
@@ -154,14 +159,13 @@ def shift_table(results: dict[str, list[ShiftResult]]) -> str:
             verdicts = [r.verdict for r in of_shift]
             counts = [f"{v} {verdicts.count(v)}" for v in dict.fromkeys(verdicts)]
             known = [f"{r.found_s:+.2f}" for r in of_shift if r.found_s is not None]
-            errors = [r for r in of_shift if r.is_error and r.verdict != "unknown"]
             body.append(
                 [
                     name,
                     f"{put_in:+.1f}",
                     ", ".join(counts),
                     ", ".join(known[:10]) or "-",
-                    str(len(errors)),
+                    str(sum(r.is_error for r in of_shift)),
                     f"{of_shift[0].cpu_s:.1f}",
                 ]
             )

@@ -40,7 +40,7 @@ class ShiftResult:
     @property
     def is_error(self) -> bool:
         """Whether the report is false."""
-        return self.verdict == "wrong" or (self.verdict == "in step") != (self.put_in_s == 0)
+        return self.verdict == "wrong" or (self.verdict == "in step" and self.put_in_s != 0)
 
 
 def judge(shift: TimeShift | None, put_in: float) -> str:
@@ -49,7 +49,7 @@ def judge(shift: TimeShift | None, put_in: float) -> str:
         return "unknown"
     if not shift.is_significant:
         return "in step"
-    if abs(shift.seconds + put_in) <= TOLERANCE_S and put_in:
+    if put_in and abs(shift.seconds + put_in) <= TOLERANCE_S:
         return "found"
     return "wrong" if shift.is_applicable or not put_in else "unknown"
 

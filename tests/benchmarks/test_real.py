@@ -155,5 +155,5 @@ def test_a_shift_of_the_clocks_is_judged(tmp_path):
     assert verdicts.pop(0.0) == "in step"
     assert set(verdicts) == set(SHIFTS_S)
     assert set(verdicts.values()) <= {"found", "unknown"}
-    assert not any(r.is_error for r in results if r.verdict == "found")
+    assert not any(r.is_error for r in results)
     assert judge(None, 0.3) == "unknown"
