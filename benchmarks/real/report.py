@@ -151,25 +151,32 @@ def channel_table(rows: Sequence[Row]) -> str:
 
 
 def shift_table(results: dict[str, list[ShiftResult]]) -> str:
-    """Return the table of shifts that were put in: how many runs are found, unknown, or wrong."""
+    """Return the table of shifts that were put in: how many runs are found, unknown, or wrong.
+
+    Runs that are judged together have the same correction, which is listed once.
+    """
     body = []
     for name, each in results.items():
         for put_in in dict.fromkeys(r.put_in_s for r in each):
             of_shift = [r for r in each if r.put_in_s == put_in]
             verdicts = [r.verdict for r in of_shift]
             counts = [f"{v} {verdicts.count(v)}" for v in dict.fromkeys(verdicts)]
-            known = [f"{r.found_s:+.2f}" for r in of_shift if r.found_s is not None]
+            known = {f"{r.found_s:+.2f}": None for r in of_shift if r.found_s is not None}
+            changes = {f"{r.change_s:+.2f}": None for r in of_shift if r.change_s is not None}
             body.append(
                 [
                     name,
                     f"{put_in:+.1f}",
                     ", ".join(counts),
-                    ", ".join(known[:10]) or "-",
+                    ", ".join(known) or "-",
+                    ", ".join(changes) or "-",
                     str(sum(r.is_error for r in of_shift)),
                     f"{of_shift[0].cpu_s:.1f}",
                 ]
             )
-    return _table("| recording | put in, s | runs | correction found, s | false | CPU s |", body)
+    return _table(
+        "| recording | put in, s | runs | correction found, s | change, s | false | CPU s |", body
+    )
 
 
 def summary(rows: Sequence[Row]) -> str:

@@ -23,6 +23,8 @@ class ShiftResult:
         found_s: The correction that is found, s, to be added; None if it cannot be compared.
         low_s: Smallest correction that explains the data as well, s.
         high_s: Largest one, s.
+        change_s: The correction that is found minus that for the recording as it is, s. A recording
+            may have a small shift of its own, from filters, boards or slipping fabric.
         verdict: "found": certain, and within 0.05 s. "unknown": reported as not known, or not exact
             enough to be applied. "in step": reported as in step. "wrong": certain, but not within
             0.05 s.
@@ -34,6 +36,7 @@ class ShiftResult:
     found_s: float | None
     low_s: float | None
     high_s: float | None
+    change_s: float | None
     verdict: str
     cpu_s: float
 
@@ -57,7 +60,7 @@ def judge(shift: TimeShift | None, put_in: float) -> str:
 def measure_shifts(dataset: Dataset) -> tuple[list[str], list[ShiftResult]]:
     """Return the warnings on the clocks of a recording, and what is found with shifts put in."""
     warnings = [str(p) for p in check_dataset(dataset) if p.code in CLOCK_CODES]
-    results = []
+    results, own = list[ShiftResult](), dict[str, float]()
     for put_in in (0.0, *SHIFTS_S):
         runs = tuple(replace(r, sample_time=r.sample_time + put_in) for r in dataset.recordings)
         start = time.process_time()
@@ -65,6 +68,14 @@ def measure_shifts(dataset: Dataset) -> tuple[list[str], list[ShiftResult]]:
         cpu_s = time.process_time() - start
         for r in runs:
             s = found.get(r.name)
-            numbers = (None,) * 3 if s is None else (s.seconds, s.low, s.high)
-            results.append(ShiftResult(r.name, put_in, *numbers, judge(s, put_in), cpu_s))
+            if s is None:
+                results.append(
+                    ShiftResult(r.name, put_in, None, None, None, None, judge(s, put_in), cpu_s)
+                )
+                continue
+            change = s.seconds - own.setdefault(r.name, s.seconds)
+            verdict = judge(s, put_in)
+            results.append(
+                ShiftResult(r.name, put_in, s.seconds, s.low, s.high, change, verdict, cpu_s)
+            )
     return warnings, results
