@@ -67,12 +67,8 @@ class InputFeatures:
         Args:
             inputs: Inputs (t, d).
         """
-        if not len(self.centers) and not len(self.products):
-            return np.eye(self.inputs)
         if not len(self.centers):
-            flat = np.ascontiguousarray(np.moveaxis(self._slopes(inputs), 2, 1))
-            flat = flat.reshape(-1, self.count)
-            return np.asarray(flat.T @ flat / len(inputs))
+            return self._noise_variance(inputs)
         out = np.zeros((self.count, self.count))
         k = len(self.centers)
         i, j = self.products.T
@@ -82,14 +78,22 @@ class InputFeatures:
         out[-k:, -k:] += _JITTER * np.eye(k)
         return out
 
-    def _slopes(self, inputs: Float) -> Float:
-        """Return the derivatives (t, f, d) of polynomials by the inputs (t, d)."""
-        t, d = inputs.shape
-        out = np.zeros((t, self.count, d))
-        out[:, np.arange(d), np.arange(d)] = 1.0
-        for row, (i, j) in enumerate(self.products, d):
-            out[:, row, i] += inputs[:, j]
-            out[:, row, j] += inputs[:, i]
+    def _noise_variance(self, inputs: Float) -> Float:
+        """Return the mean of J J^T (f, f) of polynomials, from the moments of inputs (t, d)."""
+        d = self.inputs
+        out = np.eye(self.count)
+        if not len(self.products):
+            return out
+        mean, second = inputs.mean(axis=0), inputs.T @ inputs / len(inputs)
+        unit = np.eye(d)
+        i, j = self.products.T
+        out[d:, :d] = unit[i] * mean[j][:, None] + unit[j] * mean[i][:, None]
+        out[:d, d:] = out[d:, :d].T
+        out[d:, d:] = sum(
+            (a[:, None] == b) * second[np.ix_(c, e)]
+            for a, c in ((i, j), (j, i))
+            for b, e in ((i, j), (j, i))
+        )
         return out
 
     def _radial(self, inputs: Float) -> Float:
