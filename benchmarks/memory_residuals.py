@@ -44,6 +44,12 @@ LARGEST_RANGE = (0.04, 0.2)  # of the signals of devices in fixtures and example
 NOMINAL_OHM = 1500.0
 REST_S = 5.0
 QUANTILES = (0.05, 0.5, 0.95)
+MAX_CORDS = 4
+#: Seeds of devices with one cord and with several; a seed sets the number of cords.
+SEEDS = {
+    "one": list(range(0, 400, MAX_CORDS)),
+    "several": [seed for seed in range(400) if seed % MAX_CORDS],
+}
 KINDS = {
     TRAINED: TrainOptions(),
     AFFINE: TrainOptions(decoder="affine", memory=False),
@@ -53,7 +59,7 @@ KINDS = {
 def residuals(family: CordFamilyName, seed: int, minutes: float) -> dict[str, Float]:
     """Return the residual shares (c,) of the cords of a drawn device, by kind of decoder."""
     rng = np.random.default_rng([seed, 54])
-    cords = 1 + seed % 4
+    cords = 1 + seed % MAX_CORDS
     traits = replace(RubberTraits(CORD_FAMILIES[family]()), contact=0.0)
     time = np.arange(0.0, 60 * minutes, 1 / RATE_HZ)
     names = [f"pose{k}" for k in range(cords)]
@@ -92,6 +98,29 @@ def residuals(family: CordFamilyName, seed: int, minutes: float) -> dict[str, Fl
     return out
 
 
+def measure_rows(
+    family: CordFamilyName, count: str, seeds: list[int], options: argparse.Namespace
+) -> list[list[str]]:
+    """Print and return the rows of the table for one or several cords of a family."""
+    shares: dict[str, list[float]] = {kind: [] for kind in KINDS}
+    for seed in seeds:
+        for kind, values in residuals(family, seed, options.minutes).items():
+            shares[kind] += values.tolist()
+        if len(shares[TRAINED]) >= options.pieces:
+            break
+    rows = []
+    for kind, found in shares.items():
+        quantiles = [f"{x:.3f}" for x in np.quantile(found, QUANTILES)]
+        source = (
+            f"benchmarks/memory_residuals.py: {options.pieces} pieces, {options.minutes:g} minutes"
+            f" of random movement of the twin's cords `{family}`"
+        )
+        name = f"{family}-{count}-{kind}"
+        rows.append([name, family, "any", count, kind, "simulated", *quantiles, source])
+        print(*rows[-1][:-1], flush=True)
+    return rows
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -101,19 +130,9 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     rows = []
-    title = f"benchmarks/memory_residuals.py: {options.pieces} pieces, {options.minutes:g} minutes"
     for family in get_args(CordFamilyName):
-        shares: dict[str, list[float]] = {kind: [] for kind in KINDS}
-        seed = 0
-        while len(shares[TRAINED]) < options.pieces:
-            for kind, values in residuals(family, seed, options.minutes).items():
-                shares[kind] += values.tolist()
-            seed += 1
-        for kind, values in shares.items():
-            quantiles = [f"{x:.3f}" for x in np.quantile(values, QUANTILES)]
-            source = f"{title} of random movement of the twin's cords `{family}`"
-            rows.append([f"{family}-{kind}", family, "any", kind, "simulated", *quantiles, source])
-            print(*rows[-1], flush=True)
+        for count, seeds in SEEDS.items():
+            rows += measure_rows(family, count, seeds, options)
     if options.write:
         with TABLE.open(newline="", encoding="utf-8") as file:
             header, *present = csv.reader(file)

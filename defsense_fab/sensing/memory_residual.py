@@ -20,6 +20,7 @@ TRAINED, AFFINE = "trained", "affine"
 
 _TABLE = "memory_residuals.csv"
 _SIMULATED = "simulated"
+_ONE, _SEVERAL = "one", "several"
 _ANY_CORD = "any"
 _SCORE_90 = 1.645  # standard deviations of a normal distribution at its 5 % and 95 % quantiles
 
@@ -47,12 +48,15 @@ class MemoryResidual:
         return np.asarray(np.maximum(self.median + score * spread, 0.0))
 
 
-def memory_residuals(cord: str, decoder: str) -> tuple[MemoryResidual, ...]:
+def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidual, ...]:
     """Return the simulated residuals of a cord, one for each family of simulated memories.
+
+    Several cords in one device know more of each other's memory than a single cord does.
 
     Args:
         cord: Name of the cord, a row of `data/cords.csv`; others have the rows of any cord.
         decoder: TRAINED or AFFINE.
+        count: Number of cords of the device.
 
     Returns:
         The residuals.
@@ -60,7 +64,9 @@ def memory_residuals(cord: str, decoder: str) -> tuple[MemoryResidual, ...]:
     rows = [
         row
         for row in read_rows(_TABLE).values()
-        if row["basis"] == _SIMULATED and row["decoder"] == decoder
+        if row["basis"] == _SIMULATED
+        and row["decoder"] == decoder
+        and row["cords"] == (_ONE if count == 1 else _SEVERAL)
     ]
     of_cord = [row for row in rows if row["cord"] == cord]
     chosen = of_cord or [row for row in rows if row["cord"] == _ANY_CORD]

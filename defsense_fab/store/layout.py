@@ -241,8 +241,8 @@ class BandRecord:
         t = self.trained
         position = "inside" if t.low <= measured <= t.high else "outside"
         return (
-            f"The design expects {self.describe_trained()}. Measured: {measured:.2f} mm,"
-            f" {position} of this range; expected / measured {t.median / measured:.2f}."
+            f"By the design, {self.describe_trained()}. Measured: {measured:.2f} mm, {position}"
+            f" this range; expected / measured {t.median / measured:.2f}."
         )
 
 

@@ -15,16 +15,18 @@ from defsense_fab.sensing.memory_residual import (
 )
 
 
+@pytest.mark.parametrize("count", [1, 2, 8])
 @pytest.mark.parametrize("cord", [*read_rows("cords.csv"), "custom"])
-def test_each_cord_has_residuals_of_both_families(cord):
+def test_each_cord_has_residuals_of_both_families(cord, count):
     for decoder in (TRAINED, AFFINE):
-        families = [r.family for r in memory_residuals(cord, decoder)]
+        families = [r.family for r in memory_residuals(cord, decoder, count)]
         assert families == ["viscoelastic", "hysteretic"]
 
 
-def test_training_removes_part_of_the_memory():
-    pairs = zip(memory_residuals("any", TRAINED), memory_residuals("any", AFFINE), strict=True)
-    for trained, affine in pairs:
+@pytest.mark.parametrize("count", [1, 2])
+def test_training_removes_part_of_the_memory(count):
+    rows = (memory_residuals("any", decoder, count) for decoder in (TRAINED, AFFINE))
+    for trained, affine in zip(*rows, strict=True):
         assert 0 <= trained.low < trained.median < trained.high
         assert trained.median < affine.median
 

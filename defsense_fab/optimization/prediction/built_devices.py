@@ -42,8 +42,13 @@ def predict_built_devices(
         cords: The cords as built in.
     """
     name, affine_task = device.cord.name, task.with_decoder(_AFFINE_DECODER)
-    trained = {r.family: _sample(device, task, cords, r) for r in memory_residuals(name, TRAINED)}
-    affine = [_sample(device, affine_task, cords, r) for r in memory_residuals(name, AFFINE)]
+    trained = {
+        r.family: _sample(device, task, cords, r)
+        for r in memory_residuals(name, TRAINED, len(cords))
+    }
+    affine = [
+        _sample(device, affine_task, cords, r) for r in memory_residuals(name, AFFINE, len(cords))
+    ]
     return BandRecord(
         **asdict(tolerance_band(device, task, cords)),
         trained=_range(list(trained.values())),

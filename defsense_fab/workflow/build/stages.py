@@ -179,7 +179,7 @@ def _optimize_inputs(d: Device) -> Any:
             d.converter,
             _layout_inputs(d.fabrication),
             None if silicone is None else silicone.shrinkage,
-            [memory_residuals(d.cord.name, kind) for kind in (TRAINED, AFFINE)],
+            [memory_residuals(d.cord.name, k, n) for k in (TRAINED, AFFINE) for n in (1, 2)],
             *(() if has_default_search else (d.seed, d.searches)),
         )
     )

@@ -100,7 +100,7 @@ class LayoutJudge:
     def __init__(self, device: Device, build: Build) -> None:
         self._task: DesignTask = load_task(device, build)
         self._largest_states = _largest_states(self._task.weights)
-        self._residuals = memory_residuals(device.cord.name, TRAINED)
+        self._cord = device.cord.name
         kinds = candidate_decoders(device, self._task)
         self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
         self.surface = build.surface
@@ -142,6 +142,7 @@ class LayoutJudge:
                 code="not-finite",
                 action="Check that they lie inside the body",
             )
+        residuals = memory_residuals(self._cord, TRAINED, len(cords))
         errors, names = {**p.per_state, **p.held_out}, self._task.names
         largest = {pose: k for pose, k in self._largest_states.items() if names[k] in errors}
         return JudgedLayout(
@@ -150,7 +151,7 @@ class LayoutJudge:
             {pose: errors[names[k]] for pose, k in largest.items()},
             {pose: best.signals[k] for pose, k in largest.items()},
             best.signals,
-            None if quick else trained_error(task, cords, self._residuals),
+            None if quick else trained_error(task, cords, residuals),
         )
 
     def compare(
